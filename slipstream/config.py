@@ -1,0 +1,97 @@
+"""TOML in, checked settings out: the one place where settings files are read."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from slipstream.errors import InputError
+
+
+class Settings(BaseModel):
+    """Base of all settings: unknown keys are refused, values are not coerced across types."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+S = TypeVar("S", bound=Settings)
+
+
+class BusSettings(Settings):
+    """How to reach the other daemons over zenoh."""
+
+    connect: tuple[str, ...] = Field(
+        default=("tcp/127.0.0.1:7447",), description="Endpoints of the zenoh router."
+    )
+    config_file: Path | None = Field(
+        default=None,
+        description="A zenoh configuration (JSON5) used instead: TLS, access control, several sites.",
+    )
+
+
+class ServiceSettings(Settings):
+    """What every daemon has beside its own job."""
+
+    metrics_port: int = Field(
+        default=0, ge=0, le=65535, description="Prometheus metrics on 127.0.0.1; 0: not served."
+    )
+    log_level: str = Field(default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$")
+
+
+def read_toml(path: Path) -> dict[str, object]:
+    """Read a TOML file.
+
+    Raises:
+        InputError: the file is missing, not readable or not TOML.
+    """
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except FileNotFoundError:
+        raise InputError(path, "no such file", "check the path") from None
+    except OSError as error:
+        raise InputError(path, error.strerror or "not readable", "check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(path, f"not TOML: {error}", "mend the file") from None
+
+
+def check(data: object, model: type[S], source: str | Path) -> S:
+    """Check plain data against a settings model.
+
+    Raises:
+        InputError: naming the first offending key and what it should be.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise _as_input_error(error, model, source) from None
+
+
+def load(path: Path, model: type[S]) -> S:
+    """Read and check a settings file; relative paths in it are taken from its own folder.
+
+    Raises:
+        InputError: see `read_toml` and `check`.
+    """
+    return check(read_toml(path), model, path)
+
+
+def _as_input_error(
+    error: ValidationError, model: type[BaseModel], source: str | Path
+) -> InputError:
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"]) or None
+    problem = first["msg"][0].lower() + first["msg"][1:]
+    if first["type"] == "extra_forbidden":
+        known = ", ".join(sorted(model.model_fields)) if len(first["loc"]) == 1 else ""
+        mend = f"remove it or use one of: {known}" if known else "remove it or mend its spelling"
+        return InputError(source, "unknown key", mend, key=key)
+    if first["type"] == "missing":
+        return InputError(source, "missing key", "add it", key=key)
+    shown = repr(first.get("input"))
+    if len(shown) > 60:
+        shown = shown[:57] + "..."
+    return InputError(source, f"{problem} (got {shown})", "mend the value", key=key)

@@ -1,0 +1,39 @@
+"""The one error that a user's mistake may raise, and the line that it becomes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InputError(Exception):
+    """Bad input from outside: a file, an option, a setting, a port, a message.
+
+    The command line prints it as one line and exits with status 2.
+
+    Args:
+        source: the file, option or address that holds the fault.
+        problem: what is wrong with it.
+        mend: what the user can do about it.
+        key: the key, column or line inside the source; None where it has no such parts.
+    """
+
+    def __init__(
+        self, source: str | Path, problem: str, mend: str, *, key: str | None = None
+    ) -> None:
+        self.source = str(source)
+        self.key = key
+        self.problem = problem
+        self.mend = mend
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        where = f"{self.source}: {self.key}" if self.key else self.source
+        line = f"{where}: {self.problem}; {self.mend}"
+        return " ".join(line.split())
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return (_rebuild, (self.source, self.problem, self.mend, self.key))
+
+
+def _rebuild(source: str, problem: str, mend: str, key: str | None) -> InputError:
+    return InputError(source, problem, mend, key=key)

@@ -1,0 +1,280 @@
+"""What goes over the wire: one pydantic model a message, JSON in UTF-8, and the key expressions.
+
+All models refuse unknown fields and wrong types, so that a message that is not what its key
+promises is noticed where it arrives. Times are UTC in nanoseconds since 1970; units are in names.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal, Self, TypeVar
+from urllib.parse import quote
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from slipstream.errors import InputError
+
+ROOT: Final = "slipstream/v1"
+
+Identifier = Annotated[str, Field(min_length=1, max_length=200)]
+"""A name of an RSU, road segment, vehicle or order; any characters, percent-encoded in keys."""
+
+TimeNs = Annotated[int, Field(ge=0, lt=2**63)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Message(BaseModel):
+    """Base of everything on the bus."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    def to_bytes(self) -> bytes:
+        """Encode as UTF-8 JSON."""
+        return self.model_dump_json().encode()
+
+
+M = TypeVar("M", bound=Message)
+
+
+def decode(model: type[M], payload: bytes, source: str) -> M:
+    """Read one message.
+
+    Args:
+        model: the message type that the key promises.
+        payload: UTF-8 JSON.
+        source: the key it came on, for the error line.
+
+    Raises:
+        InputError: the payload is not such a message.
+    """
+    try:
+        return model.model_validate_json(payload)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        key = ".".join(str(part) for part in first["loc"]) or None
+        raise InputError(
+            source, f"not a {model.__name__}: {first['msg']}", "check the sender's version", key=key
+        ) from None
+
+
+class Estimate(Message):
+    """A measured quantity with its standard error, in the unit that its field names."""
+
+    value: Finite
+    standard_error: NonNegative | None = None
+
+
+class KinematicFeatures(Message):
+    """The paper's six features of a road segment over one window (paper, section V-A)."""
+
+    mean_speed_mps: Estimate
+    mean_acceleration_mps2: Estimate
+    density_veh_per_m: Estimate
+    speed_std_mps: Estimate
+    acceleration_variance_m2ps4: Estimate
+    mean_gap_m: Estimate | None = Field(
+        default=None, description="None where no vehicle followed another in its lane."
+    )
+
+
+UnknownReason = Literal[
+    "no_frames",
+    "too_few_vehicles",
+    "window_not_covered",
+    "uncertain",
+    "stale",
+    "frozen",
+    "dark",
+    "bright",
+    "camera_moved",
+]
+
+
+class SegmentState(Message):
+    """What an RSU saw on one road segment in the last window.
+
+    ``y_e`` is 1 (stable), 0 (turbulent) or None (unknown, with ``reason``). Unknown gates like 0.
+    """
+
+    rsu: Identifier
+    segment: Identifier
+    sequence: Annotated[int, Field(ge=0)]
+    time_ns: TimeNs = Field(description="UTC at the end of the window.")
+    window_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    features: KinematicFeatures | None
+    y_e: Literal[0, 1] | None
+    reason: UnknownReason | None
+    vehicles: Annotated[int, Field(ge=0, description="Vehicles with a usable track.")]
+    frames: Annotated[int, Field(ge=0, description="Frames processed in the window.")]
+    coverage: Annotated[float, Field(ge=0, le=1, description="Share of the window with frames.")]
+
+    @model_validator(mode="after")
+    def _flag_and_reason_agree(self) -> Self:
+        if (self.y_e is None) != (self.reason is not None):
+            raise ValueError("reason is given exactly when y_e is null")
+        if self.y_e is not None and self.features is None:
+            raise ValueError("a known y_e needs features")
+        return self
+
+
+class RsuHealth(Message):
+    """How an edge daemon is doing; counters run from its start."""
+
+    rsu: Identifier
+    time_ns: TimeNs
+    started_ns: TimeNs
+    source: str
+    segments: tuple[Identifier, ...]
+    status: Literal["ok", "starting", "no_signal", "ended"]
+    frames: Annotated[int, Field(ge=0)]
+    frames_skipped: Annotated[int, Field(ge=0)]
+    decode_errors: Annotated[int, Field(ge=0)]
+    reconnects: Annotated[int, Field(ge=0)]
+    states: Annotated[int, Field(ge=0)]
+    fps: NonNegative
+    latency_ms_p50: NonNegative | None = Field(
+        description="Frame captured to tracks updated, over the last ten seconds."
+    )
+    latency_ms_p95: NonNegative | None
+    vehicles_in_view: Annotated[int, Field(ge=0)]
+    rss_mb: NonNegative
+
+
+class PlannedSegment(Message):
+    """One road segment of a vehicle's route."""
+
+    segment: Identifier
+    entry_ns: TimeNs
+    exit_ns: TimeNs
+    speed_mps: NonNegative
+    platoon: Identifier | None = Field(description="Platoon to drive in here; None: alone.")
+    place: Annotated[int, Field(ge=0)] | None = Field(description="0 is the leader.")
+    gap_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
+        description="Advised gap to the vehicle ahead; None for the leader and for vehicles alone."
+    )
+    leg: Annotated[int, Field(ge=0, description="Which leg between two stops it belongs to.")]
+
+
+class PlannedStop(Message):
+    """One stop of a vehicle's route."""
+
+    stop: Identifier
+    node: Identifier
+    arrival_ns: TimeNs
+    departure_ns: TimeNs
+
+
+class VehiclePlan(Message):
+    """The advice that one vehicle gets from one dispatch cycle."""
+
+    vehicle: Identifier
+    cycle: Annotated[int, Field(ge=0)]
+    issued_ns: TimeNs
+    valid_until_ns: TimeNs
+    depart_ns: TimeNs
+    stops: tuple[PlannedStop, ...]
+    segments: tuple[PlannedSegment, ...]
+    distance_m: NonNegative
+    energy_kwh: NonNegative
+
+
+class SolverReport(Message):
+    """What one solver did in one cycle. Energies of the model are re-evaluated, never taken over."""
+
+    solver: Identifier
+    status: Literal["optimal", "feasible", "infeasible", "timeout", "failed", "skipped"]
+    objective_kwh: Finite | None = Field(description="H_cost − H_platoon of the plan it led to.")
+    repaired: bool = Field(description="True if post-processing was needed to get a valid plan.")
+    p_feasible_raw: Annotated[float, Field(ge=0, le=1)] | None = None
+    p_optimal_raw: Annotated[float, Field(ge=0, le=1)] | None = None
+    p_feasible_repaired: Annotated[float, Field(ge=0, le=1)] | None = None
+    qubits: Annotated[int, Field(ge=0)] | None = None
+    shots: Annotated[int, Field(ge=0)] | None = None
+    wall_s: NonNegative
+    reason: str | None = None
+
+
+class Gate(Message):
+    """Why platooning was open or closed on one watched segment in one cycle."""
+
+    segment: Identifier
+    y_e: Literal[0, 1] | None
+    reason: str | None
+    age_s: NonNegative | None
+    speed_mps: NonNegative | None
+    open: bool
+
+
+class EnergySummary(Message):
+    """Physical energy of a plan set against the named baseline, and where the saving comes from."""
+
+    baseline: str
+    baseline_kwh: NonNegative
+    cooperative_kwh: NonNegative
+    saved_distance_kwh: Finite
+    saved_drag_kwh: Finite
+    saved_acceleration_kwh: Finite
+    platooned_distance_m: NonNegative
+
+
+class CycleReport(Message):
+    """One dispatch cycle as the dashboard and the supervisor see it."""
+
+    cycle: Annotated[int, Field(ge=0)]
+    started_ns: TimeNs
+    wall_s: NonNegative
+    status: Literal["ok", "baseline", "failed"]
+    reason: str | None
+    solver: Identifier | None
+    objective_kwh: Finite | None
+    variables: Annotated[int, Field(ge=0)]
+    solvers: tuple[SolverReport, ...]
+    gates: tuple[Gate, ...]
+    energy: EnergySummary | None
+    plans: Annotated[int, Field(ge=0, description="Plans stored and published.")]
+
+
+class DispatcherHealth(Message):
+    """How the dispatcher is doing; counters run from its start."""
+
+    time_ns: TimeNs
+    started_ns: TimeNs
+    cycles: Annotated[int, Field(ge=0)]
+    cycles_failed: Annotated[int, Field(ge=0)]
+    states_received: Annotated[int, Field(ge=0)]
+    bad_messages: Annotated[int, Field(ge=0)]
+    next_cycle_ns: TimeNs | None
+    rss_mb: NonNegative
+
+
+def _chunk(name: str) -> str:
+    """One chunk of a key expression: percent-encoded, as zenoh forbids ``* $ ? # /`` in chunks."""
+    return quote(name, safe="")
+
+
+def state_key(rsu: str, segment: str) -> str:
+    """Key of a SegmentState."""
+    return f"{ROOT}/rsu/{_chunk(rsu)}/segment/{_chunk(segment)}/state"
+
+
+def rsu_health_key(rsu: str) -> str:
+    """Key of an RsuHealth."""
+    return f"{ROOT}/rsu/{_chunk(rsu)}/health"
+
+
+def preview_key(rsu: str) -> str:
+    """Key of an RSU's annotated preview picture (JPEG bytes)."""
+    return f"{ROOT}/rsu/{_chunk(rsu)}/preview"
+
+
+def plan_key(vehicle: str) -> str:
+    """Key of a VehiclePlan."""
+    return f"{ROOT}/fleet/{_chunk(vehicle)}/plan"
+
+
+ALL_STATES: Final = f"{ROOT}/rsu/*/segment/*/state"
+ALL_RSU_HEALTH: Final = f"{ROOT}/rsu/*/health"
+ALL_PREVIEWS: Final = f"{ROOT}/rsu/*/preview"
+ALL_PLANS: Final = f"{ROOT}/fleet/*/plan"
+CYCLE_KEY: Final = f"{ROOT}/dispatcher/cycle"
+DISPATCHER_HEALTH_KEY: Final = f"{ROOT}/dispatcher/health"

@@ -1,0 +1,165 @@
+"""The road network: directed segments between junctions, read from a SUMO net."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from xml.sax import SAXParseException
+
+import numpy as np
+import numpy.typing as npt
+
+from slipstream.errors import InputError
+
+DEMO_NETWORK = "demo"
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One directed road segment (an edge of a SUMO net).
+
+    Attributes:
+        id: name of the segment, the edge's id.
+        start: junction that it leaves.
+        end: junction that it enters.
+        length_m: driven length in m, > 0.
+        speed_limit_mps: free-flow speed in m/s, > 0.
+        lanes: number of lanes.
+        shape: points of its centre line, m, from start to end; at least two.
+    """
+
+    id: str
+    start: str
+    end: str
+    length_m: float
+    speed_limit_mps: float
+    lanes: int
+    shape: tuple[tuple[float, float], ...]
+
+    @property
+    def free_flow_s(self) -> float:
+        """Seconds to drive it at the speed limit."""
+        return self.length_m / self.speed_limit_mps
+
+
+@dataclass(frozen=True)
+class RoadNetwork:
+    """Segments by id and junction positions in m; immutable.
+
+    ``follows`` maps a segment to the segments that a vehicle may turn into at its end.
+    """
+
+    name: str
+    segments: Mapping[str, Segment]
+    junctions: Mapping[str, tuple[float, float]]
+    follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def leaving(self) -> Mapping[str, tuple[Segment, ...]]:
+        """Segments that leave each junction, by junction id."""
+        leaving: dict[str, list[Segment]] = {name: [] for name in self.junctions}
+        for segment in self.segments.values():
+            leaving[segment.start].append(segment)
+        return MappingProxyType({name: tuple(group) for name, group in leaving.items()})
+
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) over all segment shapes, m."""
+        points: npt.NDArray[np.float64] = np.array(
+            [point for segment in self.segments.values() for point in segment.shape]
+        )
+        low, high = points.min(axis=0), points.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def load_network(reference: str | Path) -> RoadNetwork:
+    """Read a road network.
+
+    Args:
+        reference: path of a SUMO net (``.net.xml`` or ``.net.xml.gz``), or ``"demo"`` for the
+            network that is built in.
+
+    Raises:
+        InputError: the file is missing, no SUMO net, or holds a segment without a length or speed.
+    """
+    if str(reference) == DEMO_NETWORK:
+        with resources.as_file(resources.files("slipstream") / "data" / "demo.net.xml") as path:
+            return _read_sumo_net(path, DEMO_NETWORK)
+    path = Path(reference).absolute()
+    return _read_sumo_net(path, path.name.removesuffix(".gz").removesuffix(".net.xml"))
+
+
+def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
+    # Imported here: sumolib costs 0.2 s, which a process that only sends messages need not pay.
+    import sumolib
+
+    if not path.is_file():
+        raise InputError(path, "no such file", "give a SUMO net, or 'demo'")
+    try:
+        net = sumolib.net.readNet(str(path))
+    except (SAXParseException, OSError, ValueError, KeyError, UnicodeDecodeError) as error:
+        raise InputError(path, f"not a SUMO net: {error}", "build one with netconvert") from None
+    edges = [edge for edge in net.getEdges() if not edge.isSpecial()]
+    if not edges:
+        raise InputError(path, "no road segment in it", "build one with netconvert")
+    segments = [
+        Segment(
+            id=edge.getID(),
+            start=edge.getFromNode().getID(),
+            end=edge.getToNode().getID(),
+            length_m=float(edge.getLength()),
+            speed_limit_mps=float(edge.getSpeed()),
+            lanes=edge.getLaneNumber(),
+            shape=tuple((float(x), float(y)) for x, y in edge.getShape()),
+        )
+        for edge in edges
+    ]
+    follows = {edge.getID(): tuple(sorted(out.getID() for out in edge.getOutgoing())) for edge in edges}
+    junctions = {
+        node.getID(): (float(node.getCoord()[0]), float(node.getCoord()[1]))
+        for node in net.getNodes()
+    }
+    return build_network(name, segments, junctions, follows, source=str(path))
+
+
+def build_network(
+    name: str,
+    segments: Iterable[Segment],
+    junctions: Mapping[str, tuple[float, float]],
+    follows: Mapping[str, tuple[str, ...]] | None = None,
+    *,
+    source: str = "network",
+) -> RoadNetwork:
+    """Check the parts and put them together.
+
+    Args:
+        follows: allowed turns; None allows every turn but the U-turn onto the way back.
+
+    Raises:
+        InputError: duplicate ids, unknown junctions, or a length or speed that is not positive.
+    """
+    by_id: dict[str, Segment] = {}
+    for segment in segments:
+        if segment.id in by_id:
+            raise InputError(source, "two segments with this id", "rename one", key=segment.id)
+        for end in (segment.start, segment.end):
+            if end not in junctions:
+                raise InputError(source, f"unknown junction {end!r}", "add it", key=segment.id)
+        for value, what in ((segment.length_m, "length"), (segment.speed_limit_mps, "speed")):
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(source, f"{what} is {value}", "give it > 0", key=segment.id)
+        by_id[segment.id] = segment
+    if follows is None:
+        follows = {
+            a.id: tuple(
+                sorted(b.id for b in by_id.values() if b.start == a.end and b.end != a.start)
+            )
+            for a in by_id.values()
+        }
+    return RoadNetwork(
+        name, MappingProxyType(by_id), MappingProxyType(dict(junctions)), MappingProxyType(dict(follows))
+    )
