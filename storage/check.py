@@ -1,0 +1,92 @@
+"""Is a stored database whole? For `slipstream db check`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, func, select
+from sqlalchemy.exc import DBAPIError
+
+from slipstream.errors import InputError
+from storage import schema
+from storage.database import unusable
+from storage.engine import is_sqlite, parse_url, reader_engine, shown, sqlite_path
+from storage.models import CycleRow
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What `check` found.
+
+    Attributes:
+        database: the file, or the URL without its password.
+        schema_version: revision of its schema; None where it was never set up.
+        schema_head: revision that this program writes.
+        faults: what the integrity and foreign key checks found; empty where all is well.
+        cycles: cycles stored.
+        first_ns: UTC ns at which the oldest of them began; None where there is none.
+        last_ns: UTC ns at which the newest of them began.
+        size_bytes: size of the SQLite file; None for other databases.
+    """
+
+    database: str
+    schema_version: str | None
+    schema_head: str
+    faults: tuple[str, ...]
+    cycles: int
+    first_ns: int | None
+    last_ns: int | None
+    size_bytes: int | None
+
+    @property
+    def ok(self) -> bool:
+        """True where the schema is current and no fault was found."""
+        return self.schema_version == self.schema_head and not self.faults
+
+
+def check(url: str) -> CheckReport:
+    """Read the whole database once and say whether it is sound; changes nothing.
+
+    Raises:
+        InputError: there is no such file, it is not a database or not ours, or it is of a newer
+            version.
+    """
+    parsed = parse_url(url)
+    source = shown(parsed)
+    size = None
+    if is_sqlite(parsed):
+        path = sqlite_path(parsed)
+        if not path.is_file():
+            what = "is a directory" if path.is_dir() else "no such file"
+            raise InputError(source, what, "check the path")
+        size = path.stat().st_size
+    engine = reader_engine(parsed)
+    version, faults, cycles, first, last = None, [], 0, None, None
+    try:
+        with engine.begin() as connection:
+            schema.refuse_foreign(connection, source)
+            version = schema.current(connection)
+            if is_sqlite(parsed):
+                faults = _sqlite_faults(connection)
+            if version is not None and not faults:
+                cycles, first, last = connection.execute(
+                    select(
+                        func.count(), func.min(CycleRow.started_ns), func.max(CycleRow.started_ns)
+                    ).select_from(CycleRow)
+                ).one()
+    except DBAPIError as error:
+        if "malformed" not in str(error.orig):
+            raise unusable(source, error) from None
+        faults = [str(error.orig)]
+    finally:
+        engine.dispose()
+    return CheckReport(source, version, schema.head(), tuple(faults), cycles, first, last, size)
+
+
+def _sqlite_faults(connection: Connection) -> list[str]:
+    faults: list[str] = []
+    for row in connection.exec_driver_sql("PRAGMA integrity_check"):
+        faults += [line for line in str(row[0]).splitlines() if line != "ok"]
+    for row in connection.exec_driver_sql("PRAGMA foreign_key_check"):
+        faults.append(f"row {row[1]} of {row[0]} belongs to no row of {row[2]}")
+    return faults

@@ -1,0 +1,133 @@
+"""Connections: where a database URL leads, and how SQLite has to be opened to be durable."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from sqlalchemy import Engine, create_engine, event
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.exc import ArgumentError, NoSuchModuleError
+from sqlalchemy.pool import NullPool
+
+from slipstream.errors import InputError
+
+BUSY_TIMEOUT_MS: Final = 10_000
+
+
+class StorageError(Exception):
+    """The database could not be read or written now: disk full, locked, damaged, gone."""
+
+
+def parse_url(url: str) -> URL:
+    """Read a database URL.
+
+    Raises:
+        InputError: it is no URL, names no file, or asks for a database kept in memory.
+    """
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        raise InputError(
+            url, "not a database URL", "write it like sqlite:////var/lib/slipstream/slipstream.db"
+        ) from None
+    if is_sqlite(parsed) and (
+        not parsed.database or parsed.database == ":memory:" or parsed.database.startswith("file:")
+    ):
+        raise InputError(
+            url, "names no file", "write it like sqlite:////var/lib/slipstream/slipstream.db"
+        )
+    return parsed
+
+
+def is_sqlite(url: URL) -> bool:
+    """True where the database is an SQLite file."""
+    return url.get_backend_name() == "sqlite"
+
+
+def sqlite_path(url: URL) -> Path:
+    """The file that an SQLite URL names."""
+    assert url.database is not None
+    return Path(url.database)
+
+
+def shown(url: URL) -> str:
+    """How to name the database to a user: the file, or the URL without its password."""
+    return str(sqlite_path(url)) if is_sqlite(url) else url.render_as_string(hide_password=True)
+
+
+def writer_engine(url: URL) -> Engine:
+    """Engine of the one writer; every transaction takes the write lock when it begins.
+
+    ``synchronous`` is FULL: under WAL, NORMAL survives the death of the process, but syncs the
+    log at checkpoints only, so a power cut can take the last commits with it. FULL syncs the log
+    at each commit, which is what "committed means durable" asks for; at one commit a cycle the
+    price does not matter.
+
+    Raises:
+        InputError: the driver of the URL is not installed.
+    """
+    engine = _create(url)
+    if is_sqlite(url):
+
+        @event.listens_for(engine, "connect")
+        def _prepare(connection: sqlite3.Connection, _record: object) -> None:
+            # The driver must not open transactions of its own: it would begin them DEFERRED.
+            connection.isolation_level = None
+            _pragmas(
+                connection,
+                f"busy_timeout={BUSY_TIMEOUT_MS}",
+                "journal_mode=WAL",
+                "synchronous=FULL",
+                "foreign_keys=ON",
+            )
+
+        @event.listens_for(engine, "begin")
+        def _begin(connection: object) -> None:
+            connection.exec_driver_sql("BEGIN IMMEDIATE")  # type: ignore[attr-defined]
+
+    return engine
+
+
+def reader_engine(url: URL) -> Engine:
+    """Engine that cannot write and keeps no connection open between two reads.
+
+    Raises:
+        InputError: the driver of the URL is not installed.
+    """
+    if not is_sqlite(url):
+        return _create(url).execution_options(postgresql_readonly=True)
+    address = f"file:{quote(str(sqlite_path(url).absolute()))}?mode=ro"
+
+    def connect() -> sqlite3.Connection:
+        connection = sqlite3.connect(address, uri=True, timeout=BUSY_TIMEOUT_MS / 1000)
+        connection.isolation_level = None
+        _pragmas(connection, f"busy_timeout={BUSY_TIMEOUT_MS}", "query_only=ON")
+        return connection
+
+    engine = create_engine("sqlite://", creator=connect, poolclass=NullPool)
+
+    @event.listens_for(engine, "begin")
+    def _begin(connection: object) -> None:
+        # One snapshot for all the queries of a read.
+        connection.exec_driver_sql("BEGIN")  # type: ignore[attr-defined]
+
+    return engine
+
+
+def _create(url: URL) -> Engine:
+    try:
+        return create_engine(url)
+    except (NoSuchModuleError, ModuleNotFoundError) as error:
+        raise InputError(
+            shown(url),
+            f"no driver for it: {error}",
+            "use sqlite:///FILE, or install slipstream[postgres] for postgresql://",
+        ) from None
+
+
+def _pragmas(connection: sqlite3.Connection, *settings: str) -> None:
+    for setting in settings:
+        connection.execute(f"PRAGMA {setting}").close()

@@ -1,0 +1,142 @@
+"""The tables: one row a cycle, and under it its solver runs, gates, plans and segment states.
+
+Times are UTC nanoseconds. Parts that are only ever read together with their row (a plan's stops
+and segments, a state's features) are JSON in the shape of `slipstream.messages`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import JSON, BigInteger, Double, ForeignKey, MetaData
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+
+# Named constraints, so that later migrations can drop or alter them on every database.
+NAMING = {
+    "ix": "ix_%(column_0_label)s",
+    "uq": "uq_%(table_name)s_%(column_0_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
+    "pk": "pk_%(table_name)s",
+}
+
+
+class Base(DeclarativeBase):
+    """Base of all tables."""
+
+    metadata = MetaData(naming_convention=NAMING)
+    type_annotation_map = {  # noqa: RUF012
+        int: BigInteger,
+        float: Double,
+        dict[str, Any]: JSON,
+        list[Any]: JSON,
+    }
+
+
+def _cycle_key() -> Mapped[int]:
+    return mapped_column(ForeignKey("cycles.cycle", ondelete="CASCADE"), primary_key=True)
+
+
+class CycleRow(Base):
+    """One dispatch cycle: the scalar fields of a CycleReport and of its EnergySummary."""
+
+    __tablename__ = "cycles"
+
+    cycle: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    started_ns: Mapped[int] = mapped_column(index=True)
+    wall_s: Mapped[float]
+    status: Mapped[str]
+    reason: Mapped[str | None]
+    solver: Mapped[str | None]
+    objective_kwh: Mapped[float | None]
+    variables: Mapped[int]
+    plan_count: Mapped[int]
+    baseline: Mapped[str | None]
+    baseline_kwh: Mapped[float | None]
+    cooperative_kwh: Mapped[float | None]
+    saved_distance_kwh: Mapped[float | None]
+    saved_drag_kwh: Mapped[float | None]
+    saved_acceleration_kwh: Mapped[float | None]
+    platooned_distance_m: Mapped[float | None]
+
+    solver_runs: Mapped[list[SolverRunRow]] = relationship(
+        cascade="all, delete-orphan", order_by="SolverRunRow.position", passive_deletes=True
+    )
+    gates: Mapped[list[GateRow]] = relationship(
+        cascade="all, delete-orphan", order_by="GateRow.position", passive_deletes=True
+    )
+    plans: Mapped[list[PlanRow]] = relationship(
+        cascade="all, delete-orphan", order_by="PlanRow.vehicle", passive_deletes=True
+    )
+    states: Mapped[list[StateRow]] = relationship(
+        cascade="all, delete-orphan", order_by="StateRow.segment", passive_deletes=True
+    )
+
+
+class SolverRunRow(Base):
+    """What one solver did in one cycle (a SolverReport)."""
+
+    __tablename__ = "solver_runs"
+
+    cycle: Mapped[int] = _cycle_key()
+    position: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    solver: Mapped[str]
+    status: Mapped[str]
+    objective_kwh: Mapped[float | None]
+    repaired: Mapped[bool]
+    p_feasible_raw: Mapped[float | None]
+    p_optimal_raw: Mapped[float | None]
+    p_feasible_repaired: Mapped[float | None]
+    qubits: Mapped[int | None]
+    shots: Mapped[int | None]
+    wall_s: Mapped[float]
+    reason: Mapped[str | None]
+
+
+class GateRow(Base):
+    """Why platooning was open or closed on one segment in one cycle (a Gate)."""
+
+    __tablename__ = "gates"
+
+    cycle: Mapped[int] = _cycle_key()
+    position: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    segment: Mapped[str]
+    y_e: Mapped[int | None]
+    reason: Mapped[str | None]
+    age_s: Mapped[float | None]
+    speed_mps: Mapped[float | None]
+    open: Mapped[bool]
+
+
+class PlanRow(Base):
+    """The plan that one vehicle got from one cycle (a VehiclePlan)."""
+
+    __tablename__ = "plans"
+
+    cycle: Mapped[int] = _cycle_key()
+    vehicle: Mapped[str] = mapped_column(primary_key=True)
+    issued_ns: Mapped[int]
+    valid_until_ns: Mapped[int]
+    depart_ns: Mapped[int]
+    distance_m: Mapped[float]
+    energy_kwh: Mapped[float]
+    stops: Mapped[list[Any]]
+    segments: Mapped[list[Any]]
+
+
+class StateRow(Base):
+    """What an RSU had last said of a segment when the cycle began (a SegmentState)."""
+
+    __tablename__ = "segment_states"
+
+    cycle: Mapped[int] = _cycle_key()
+    segment: Mapped[str] = mapped_column(primary_key=True)
+    rsu: Mapped[str] = mapped_column(primary_key=True)
+    sequence: Mapped[int]
+    time_ns: Mapped[int]
+    window_s: Mapped[float]
+    y_e: Mapped[int | None]
+    reason: Mapped[str | None]
+    vehicles: Mapped[int]
+    frames: Mapped[int]
+    coverage: Mapped[float]
+    features: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))

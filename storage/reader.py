@@ -1,0 +1,119 @@
+"""The readers' side: never writes, never makes the file, waits for one that is not there yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, Self
+
+from sqlalchemy import Engine, Select, func, select
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session, selectinload
+
+from slipstream.errors import InputError
+from slipstream.messages import CycleReport, SegmentState, VehiclePlan
+from storage import schema
+from storage.engine import (
+    StorageError,
+    is_sqlite,
+    parse_url,
+    reader_engine,
+    shown,
+    sqlite_path,
+)
+from storage.models import CycleRow, PlanRow, StateRow
+from storage.rows import cycle_report, segment_state, vehicle_plan
+
+
+class Reader:
+    """What is stored, as messages; a context manager.
+
+    Each call sees one committed state of the database. While the file does not exist, or its
+    writer has not yet set it up, there is nothing to read and that is what the calls answer.
+    Every call raises `StorageError` where the database cannot be read.
+    """
+
+    def __init__(self, engine: Engine, url: str) -> None:
+        self._engine = engine
+        self._url = parse_url(url)
+
+    def latest_cycle(self) -> CycleReport | None:
+        """The cycle with the highest number; None before the first."""
+        cycles = self.cycles(limit=1)
+        return cycles[-1] if cycles else None
+
+    def latest_plans(self) -> tuple[VehiclePlan, ...]:
+        """The plans of the latest cycle that made any, by vehicle."""
+        latest = select(func.max(PlanRow.cycle)).scalar_subquery()
+        query = select(PlanRow).where(PlanRow.cycle == latest).order_by(PlanRow.vehicle)
+        with self._reading() as session:
+            return tuple(vehicle_plan(row) for row in _all(session, query))
+
+    def cycles(self, limit: int) -> tuple[CycleReport, ...]:
+        """The last ``limit`` cycles, oldest first."""
+        query = (
+            select(CycleRow)
+            .options(selectinload(CycleRow.solver_runs), selectinload(CycleRow.gates))
+            .order_by(CycleRow.cycle.desc())
+            .limit(limit)
+        )
+        with self._reading() as session:
+            return tuple(cycle_report(row) for row in reversed(_all(session, query)))
+
+    def states(self, cycle: int) -> tuple[SegmentState, ...]:
+        """The segment states that a cycle was decided on, by segment."""
+        query = (
+            select(StateRow).where(StateRow.cycle == cycle).order_by(StateRow.segment, StateRow.rsu)
+        )
+        with self._reading() as session:
+            return tuple(segment_state(row) for row in _all(session, query))
+
+    def close(self) -> None:
+        """Let go of the database."""
+        self._engine.dispose()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @contextmanager
+    def _reading(self) -> Iterator[Session | None]:
+        """A session in one read transaction; None while there is nothing to read yet."""
+        if is_sqlite(self._url) and not sqlite_path(self._url).exists():
+            yield None
+            return
+        source = shown(self._url)
+        try:
+            with Session(self._engine) as session:
+                schema.refuse_foreign(session.connection(), source)
+                revision = schema.current(session.connection())
+                if revision is None:
+                    yield None
+                elif revision != schema.head():
+                    raise StorageError(f"{source}: its writer has not upgraded it yet")
+                else:
+                    yield session
+        except (DBAPIError, InputError) as error:
+            reason = error.orig if isinstance(error, DBAPIError) else error
+            raise StorageError(f"{source}: {reason}") from error
+
+
+def _all(session: Session | None, query: Select[Any]) -> Sequence[Any]:
+    return session.scalars(query).all() if session is not None else ()
+
+
+def open_reader(url: str) -> Reader:
+    """Open a database for reading; it need not exist yet.
+
+    Raises:
+        InputError: the URL is none, or its driver is not installed.
+    """
+    return Reader(reader_engine(parse_url(url)), url)

@@ -1,0 +1,86 @@
+"""Messages to rows and back; the two directions are exact inverses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from slipstream.messages import (
+    CycleReport,
+    EnergySummary,
+    Gate,
+    SegmentState,
+    SolverReport,
+    VehiclePlan,
+)
+from storage.models import CycleRow, GateRow, PlanRow, SolverRunRow, StateRow
+
+_CYCLE_FIELDS = (
+    "cycle",
+    "started_ns",
+    "wall_s",
+    "status",
+    "reason",
+    "solver",
+    "objective_kwh",
+    "variables",
+)
+_ENERGY_FIELDS = tuple(EnergySummary.model_fields)
+_SOLVER_FIELDS = tuple(SolverReport.model_fields)
+_GATE_FIELDS = tuple(Gate.model_fields)
+_PLAN_FIELDS = tuple(VehiclePlan.model_fields)
+_STATE_FIELDS = tuple(SegmentState.model_fields)
+
+
+def cycle_row(
+    report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
+) -> CycleRow:
+    """Build the row of a cycle with everything that hangs under it."""
+    energy = report.energy.model_dump() if report.energy else {}
+    return CycleRow(
+        **report.model_dump(include=set(_CYCLE_FIELDS)),
+        **energy,
+        plan_count=report.plans,
+        solver_runs=[
+            SolverRunRow(position=position, **run.model_dump())
+            for position, run in enumerate(report.solvers)
+        ],
+        gates=[
+            GateRow(position=position, **gate.model_dump())
+            for position, gate in enumerate(report.gates)
+        ],
+        plans=[PlanRow(**plan.model_dump(mode="json")) for plan in plans],
+        states=[StateRow(**state.model_dump(mode="json")) for state in states],
+    )
+
+
+def cycle_report(row: CycleRow) -> CycleReport:
+    """Read a CycleReport back from its row."""
+    energy = None
+    if row.baseline is not None:
+        energy = EnergySummary.model_validate(_fields(row, _ENERGY_FIELDS))
+    return CycleReport.model_validate(
+        {
+            **_fields(row, _CYCLE_FIELDS),
+            "plans": row.plan_count,
+            "solvers": tuple(
+                SolverReport.model_validate(_fields(run, _SOLVER_FIELDS)) for run in row.solver_runs
+            ),
+            "gates": tuple(Gate.model_validate(_fields(gate, _GATE_FIELDS)) for gate in row.gates),
+            "energy": energy,
+        }
+    )
+
+
+def vehicle_plan(row: PlanRow) -> VehiclePlan:
+    """Read a VehiclePlan back from its row."""
+    # Not strict: JSON has lists where the message has tuples.
+    return VehiclePlan.model_validate(_fields(row, _PLAN_FIELDS), strict=False)
+
+
+def segment_state(row: StateRow) -> SegmentState:
+    """Read a SegmentState back from its row."""
+    return SegmentState.model_validate(_fields(row, _STATE_FIELDS), strict=False)
+
+
+def _fields(row: object, names: Sequence[str]) -> dict[str, object]:
+    return {name: getattr(row, name) for name in names}

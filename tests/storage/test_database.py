@@ -1,0 +1,249 @@
+"""The writer: round trips, atomic cycles, numbering, pruning, and one clear line for bad files."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+from pathlib import Path
+
+import pytest
+from sqlalchemy import event, text
+from sqlalchemy.exc import OperationalError
+
+import storage
+from slipstream.errors import InputError
+from slipstream.messages import CycleReport
+from storage.engine import parse_url, writer_engine
+from storage.models import StateRow
+
+DAY_NS = 86_400_000_000_000
+
+
+def _file_of(url: str) -> Path:
+    return Path(url.removeprefix("sqlite:///"))
+
+
+def _count(url: str, table: str) -> int:
+    connection = sqlite3.connect(_file_of(url))
+    try:
+        return int(connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0])
+    finally:
+        connection.close()
+
+
+def test_round_trip(url, make_cycle):
+    """Reports, plans and states come back equal to what was recorded, field by field."""
+    first, second = make_cycle(1), make_cycle(2)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(*first)
+        database.record_cycle(*second)
+        assert reader.cycles(limit=10) == (first[0], second[0])
+        assert reader.latest_cycle() == second[0]
+        assert reader.latest_plans() == tuple(second[1])
+        assert reader.states(1) == tuple(first[2])
+
+
+def test_failed_cycle_round_trip(url, make_cycle):
+    """A cycle without energy, solver or plans is stored as such; older plans stay the latest."""
+    report, plans, _ = make_cycle(1)
+    failed = CycleReport(
+        cycle=2,
+        started_ns=report.started_ns + 1,
+        wall_s=0.1,
+        status="failed",
+        reason="no orders",
+        solver=None,
+        objective_kwh=None,
+        variables=0,
+        solvers=(),
+        gates=(),
+        energy=None,
+        plans=0,
+    )
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(report, plans, [])
+        database.record_cycle(failed, [], [])
+        assert reader.latest_cycle() == failed
+        assert reader.latest_plans() == tuple(plans)
+
+
+def test_a_fault_in_the_middle_leaves_nothing(url, make_cycle):
+    """A cycle whose last table cannot be written leaves no row in any table."""
+    with storage.open_database(url) as database:
+        database.record_cycle(*make_cycle(1))
+
+        @event.listens_for(database._engine, "before_cursor_execute", retval=True)
+        def _break_the_last_table(_c, _cursor, statement, parameters, _context, _many):
+            if statement.startswith(f"INSERT INTO {StateRow.__tablename__}"):
+                statement = statement.replace(StateRow.__tablename__, "no_such_table")
+            return statement, parameters
+
+        with pytest.raises(storage.StorageError, match="no such table"):
+            database.record_cycle(*make_cycle(2))
+        event.remove(database._engine, "before_cursor_execute", _break_the_last_table)
+        for table, rows in (("cycles", 1), ("plans", 2), ("solver_runs", 2), ("gates", 2)):
+            assert _count(url, table) == rows
+        database.record_cycle(*make_cycle(2))
+        assert _count(url, "segment_states") == 4
+
+
+def test_numbers_go_on(url, make_cycle):
+    """Cycle numbers start at 1 and go on above the highest stored one after a restart."""
+    with storage.open_database(url) as database:
+        assert database.next_cycle_number() == 1
+        database.record_cycle(*make_cycle(1))
+        database.record_cycle(*make_cycle(7))
+    with storage.open_database(url) as database:
+        assert database.next_cycle_number() == 8
+
+
+def test_a_cycle_is_recorded_once(url, make_cycle):
+    """A number that is taken, and plans of another cycle, are refused and change nothing."""
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(*make_cycle(1))
+        with pytest.raises(ValueError, match="cycle 1 is refused"):
+            database.record_cycle(*make_cycle(1))
+        with pytest.raises(ValueError, match="another cycle"):
+            database.record_cycle(make_cycle(2)[0], make_cycle(3)[1], [])
+        assert [cycle.cycle for cycle in reader.cycles(limit=9)] == [1]
+
+
+def test_prune_in_batches(url, make_cycle, monkeypatch):
+    """Old cycles go with all that hangs under them; newer ones and the very latest stay."""
+    monkeypatch.setattr("storage.database.PRUNE_BATCH", 3)
+    with storage.open_database(url) as database:
+        for number in range(1, 11):
+            database.record_cycle(*make_cycle(number))
+        now_ns = make_cycle(8)[0].started_ns + DAY_NS
+        assert database.prune(keep_days=1.0, now_ns=now_ns) == 7
+        assert database.prune(keep_days=1.0, now_ns=now_ns) == 0
+        for table in ("plans", "solver_runs", "gates", "segment_states"):
+            assert _count(url, table) == 6
+        assert database.prune(keep_days=0.0, now_ns=now_ns + DAY_NS) == 2
+        assert database.next_cycle_number() == 11
+        with pytest.raises(ValueError, match="keep_days"):
+            database.prune(keep_days=-1.0, now_ns=now_ns)
+
+
+def test_reading_while_writing(url, make_cycle):
+    """A reader beside a busy writer sees only whole cycles and never an error."""
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        done = threading.Event()
+
+        def write() -> None:
+            for number in range(1, 61):
+                database.record_cycle(*make_cycle(number))
+            done.set()
+
+        writer = threading.Thread(target=write)
+        writer.start()
+        seen = 0
+        while not done.is_set():
+            latest = reader.latest_cycle()
+            if latest is not None:
+                assert latest == make_cycle(latest.cycle)[0]
+                assert latest.cycle >= seen
+                seen = latest.cycle
+                assert len(reader.states(latest.cycle)) == 2
+        writer.join()
+        assert reader.latest_cycle() == make_cycle(60)[0]
+
+
+def test_writer_connections_are_durable(url):
+    """The writer runs in WAL mode with synchronous FULL and checks foreign keys."""
+    storage.open_database(url).close()
+    with writer_engine(parse_url(url)).connect() as connection:
+        assert connection.scalar(text("PRAGMA journal_mode")) == "wal"
+        assert connection.scalar(text("PRAGMA synchronous")) == 2
+        assert connection.scalar(text("PRAGMA foreign_keys")) == 1
+
+
+def test_readers_cannot_write(url):
+    """A reader's connection refuses to write."""
+    storage.open_database(url).close()
+    with (
+        storage.open_reader(url) as reader,
+        reader._engine.connect() as connection,
+        pytest.raises(OperationalError, match="readonly"),
+    ):
+        connection.execute(text("DELETE FROM cycles"))
+
+
+def _not_a_database(path: Path) -> None:
+    path.write_text("Dear diary, today the vans drove in a platoon.\n" * 100)
+
+
+def _truncated(path: Path) -> None:
+    storage.open_database(f"sqlite:///{path}").close()
+    with path.open("r+b") as file:
+        file.truncate(path.stat().st_size // 2)
+
+
+def _newer(path: Path) -> None:
+    storage.open_database(f"sqlite:///{path}").close()
+    _execute(path, "UPDATE alembic_version SET version_num = '9999'")
+
+
+def _another_programs(path: Path) -> None:
+    _execute(path, "CREATE TABLE bookmarks (page TEXT)")
+
+
+def _execute(path: Path, statement: str) -> None:
+    connection = sqlite3.connect(path)
+    connection.execute(statement)
+    connection.commit()
+    connection.close()
+
+
+@pytest.mark.parametrize(
+    ("make", "line"),
+    [
+        (_not_a_database, "file is not a database"),
+        (_truncated, "malformed"),
+        (_newer, "newer Slipstream .schema 9999, known up to"),
+        (_another_programs, "another program's tables .bookmarks"),
+        (Path.mkdir, "is a directory"),
+    ],
+)
+def test_bad_files(tmp_path, make, line):
+    """A file that cannot be our database is refused in one line that names it, and left alone."""
+    path = tmp_path / "slipstream.db"
+    make(path)
+    before = path.read_bytes() if path.is_file() else None
+    with pytest.raises(InputError, match=line) as caught:
+        storage.open_database(f"sqlite:///{path}")
+    assert caught.value.source == str(path)
+    assert "\n" not in str(caught.value)
+    if before is not None:
+        assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("url", "line"),
+    [
+        ("sqlite:////proc/slipstream/x.db", "cannot make this folder"),
+        ("sqlite:////proc/slipstream.db", "unable to open database file"),
+        ("sqlite://", "names no file"),
+        ("sqlite:///:memory:", "names no file"),
+        ("slipstream.db", "not a database URL"),
+        ("oracle9://host/name", "no driver"),
+    ],
+)
+def test_bad_urls(url, line):
+    """A URL that leads nowhere is refused in one line."""
+    with pytest.raises(InputError, match=line):
+        storage.open_database(url)
+
+
+def test_locked_by_another_writer(url, monkeypatch):
+    """A database that another program keeps locked is refused after the busy timeout."""
+    storage.open_database(url).close()
+    monkeypatch.setattr("storage.engine.BUSY_TIMEOUT_MS", 100)
+    other = sqlite3.connect(_file_of(url), isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    try:
+        with pytest.raises(InputError, match="database is locked; stop the other program"):
+            storage.open_database(url)
+    finally:
+        other.close()
+    storage.open_database(url).close()
