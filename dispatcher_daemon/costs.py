@@ -1,0 +1,49 @@
+"""Travel costs c_ij over segments (paper section III-C), with an answer for turbulent traffic."""
+
+from __future__ import annotations
+
+import math
+
+from dispatcher_daemon.traffic import SegmentTraffic
+from slipstream.energy import JOULE_PER_KWH, PAPER_CAR, VehicleParameters, steady_energy_kwh
+from slipstream.roads import Segment
+
+
+def expected_traction_n(mean_n: float, std_n: float) -> float:
+    """E[max(0, X)] for X ~ N(mean, std²): μΦ(μ/σ) + σφ(μ/σ).
+
+    Braking gives nothing back, so the mean of the positive part counts, not the part of the mean.
+    """
+    if std_n <= 0:
+        return max(0.0, mean_n)
+    z = mean_n / std_n
+    cumulative = 0.5 * math.erfc(-z / math.sqrt(2))
+    density = math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+    return mean_n * cumulative + std_n * density
+
+
+def segment_cost_kwh(
+    segment: Segment, traffic: SegmentTraffic, vehicle: VehicleParameters = PAPER_CAR
+) -> float:
+    """Energy that a vehicle alone is expected to need for a segment, kWh, > 0.
+
+    Where traffic is not known to be turbulent, the vehicle holds the planning speed: the paper's
+    c_ij with a = 0. A mean acceleration seen in a camera's short view is not one that a whole
+    segment can have, and its noise of some cm/s² would outweigh drag.
+
+    In turbulent traffic the vehicle is carried along, with a ~ N(ā, σ²_a), and the expected
+    tractive force is paid. There |ā| is limited to v²_limit/2d, the most that speeds between
+    standstill and the limit allow over the segment's length d.
+    """
+    speed = traffic.speed_mps
+    if traffic.y_e != 0 or traffic.measured_speed_mps is None:
+        return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle)
+    bound = segment.speed_limit_mps**2 / (2 * segment.length_m)
+    mean_acceleration = min(bound, max(-bound, traffic.mean_acceleration_mps2))
+    resistance_n = vehicle.rolling_force_n + vehicle.drag_force_n(speed)
+    force_n = expected_traction_n(
+        vehicle.mass_kg * mean_acceleration + resistance_n,
+        vehicle.mass_kg * math.sqrt(traffic.acceleration_variance_m2ps4),
+    )
+    joule = max(force_n, 1.0) * segment.length_m
+    return joule / (JOULE_PER_KWH * vehicle.powertrain_efficiency)

@@ -1,0 +1,192 @@
+"""Candidate arcs over the roads, predicted entry times, and the timetable of finished routes."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from dispatcher_daemon.costs import segment_cost_kwh
+from dispatcher_daemon.drive import Drive, plan_drive
+from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.paths import Path, least_cost_paths
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.traffic import TrafficSnapshot
+
+
+@dataclass(frozen=True)
+class Leg:
+    """The way between two places (stops or the depot): segments, expected cost, drive."""
+
+    start: str
+    end: str
+    path: Path
+    cost_kwh: float
+    drive: Drive
+
+
+@dataclass(frozen=True)
+class RoutedArc:
+    """A candidate arc with its way and its predicted times.
+
+    Attributes:
+        vehicle: k.
+        leg: the way from i to j.
+        depart_s: predicted departure from i, s after the cycle's reference time.
+        exact: True if no choice of route can change that departure.
+    """
+
+    vehicle: str
+    leg: Leg
+    depart_s: float
+    exact: bool
+
+    def entries_s(self) -> dict[str, float]:
+        """Predicted entry time t̂_{e,k} into each segment under the arc."""
+        return {
+            segment: self.depart_s + entry
+            for segment, entry in zip(self.leg.path, self.leg.drive.entry_s, strict=True)
+        }
+
+
+@dataclass(frozen=True)
+class StopVisit:
+    """Arrival at and departure from a place, s after the reference time."""
+
+    place: str
+    arrival_s: float
+    departure_s: float
+
+
+@dataclass(frozen=True)
+class Route:
+    """A vehicle's finished route: depot, stops, depot, with its exact timetable."""
+
+    vehicle: str
+    visits: tuple[StopVisit, ...]
+    legs: tuple[Leg, ...]
+
+    def entries_s(self) -> list[tuple[int, int, str, float, float]]:
+        """(leg, position in it, segment, entry, exit) of all segments, s, in driving order."""
+        entries = []
+        for number, (leg, visit) in enumerate(zip(self.legs, self.visits, strict=False)):
+            times = [*leg.drive.entry_s, leg.drive.duration_s]
+            for position, segment in enumerate(leg.path):
+                begin, end = times[position], times[position + 1]
+                entries.append(
+                    (
+                        number,
+                        position,
+                        segment,
+                        visit.departure_s + begin,
+                        visit.departure_s + end,
+                    )
+                )
+        return entries
+
+
+def least_energy_legs(
+    problem: RoutingProblem, snapshot: TrafficSnapshot
+) -> dict[tuple[str, str], Leg]:
+    """Least-energy way of every candidate arc, by (from, to); pairs without a way are left out."""
+    network, fleet = problem.network, problem.fleet
+    cost = {
+        name: segment_cost_kwh(segment, snapshot.segments[name], problem.vehicle)
+        for name, segment in network.segments.items()
+    }
+    wanted = sorted({pair for vehicle in fleet.vehicles for pair in fleet.legs(vehicle)})
+    starts = sorted({fleet.node(start) for start, _ in wanted})
+    ends = sorted({fleet.node(end) for _, end in wanted})
+    paths = least_cost_paths(network, cost, starts, ends)
+    legs = {}
+    for start, end in wanted:
+        path = paths.get((fleet.node(start), fleet.node(end)))
+        if path is None:
+            continue
+        drive = plan_drive(
+            [network.segments[name].length_m for name in path],
+            [snapshot.segments[name].speed_mps for name in path],
+            problem.style,
+        )
+        legs[start, end] = Leg(start, end, path, sum(cost[name] for name in path), drive)
+    return legs
+
+
+def candidate_arcs(
+    problem: RoutingProblem, legs: Mapping[tuple[str, str], Leg], reference_s: float = 0.0
+) -> tuple[RoutedArc, ...]:
+    """All candidate arcs with predicted departures, vehicle by vehicle.
+
+    The departure from a stop depends on the stops before it, which are not chosen yet (FINDINGS,
+    "The paper", 2). The earliest one is predicted; it is exact for arcs from the depot and wherever
+    a stop has only one possible predecessor all the way.
+
+    Args:
+        reference_s: when a vehicle that is ready at once leaves the depot.
+    """
+    arcs = []
+    for vehicle in problem.fleet.vehicles:
+        pairs = [pair for pair in problem.fleet.legs(vehicle) if pair in legs]
+        departures = _earliest_departures(problem, vehicle, pairs, legs, reference_s)
+        arcs += [
+            RoutedArc(vehicle.id, legs[pair], *departures[pair[0]])
+            for pair in pairs
+            if pair[0] in departures
+        ]
+    return tuple(arcs)
+
+
+def _earliest_departures(
+    problem: RoutingProblem,
+    vehicle: Vehicle,
+    pairs: Sequence[tuple[str, str]],
+    legs: Mapping[tuple[str, str], Leg],
+    reference_s: float,
+) -> dict[str, tuple[float, bool]]:
+    fleet, depot = problem.fleet, problem.fleet.depot.id
+    before: dict[str, list[str]] = {}
+    for start, end in pairs:
+        before.setdefault(end, []).append(start)
+
+    earliest: dict[str, float] = {}
+    queue = [(reference_s + vehicle.ready_s, depot)]
+    while queue:
+        time, place = heapq.heappop(queue)
+        if place in earliest:
+            continue
+        earliest[place] = time
+        for start, end in pairs:
+            if start == place and end != depot:
+                arrival = time + legs[start, end].drive.duration_s
+                heapq.heappush(queue, (arrival + fleet.service_s(end), end))
+
+    def is_exact(place: str) -> bool:
+        seen = set()
+        while place != depot and place not in seen:
+            seen.add(place)
+            if len(before[place]) != 1:
+                return False
+            place = before[place][0]
+        return True
+
+    return {place: (time, is_exact(place)) for place, time in earliest.items()}
+
+
+def timetable(
+    problem: RoutingProblem,
+    legs: Mapping[tuple[str, str], Leg],
+    vehicle: Vehicle,
+    stops: Sequence[str],
+    reference_s: float = 0.0,
+) -> Route:
+    """Exact times of one vehicle's route over its stops in order."""
+    fleet, depot = problem.fleet, problem.fleet.depot.id
+    clock = reference_s + vehicle.ready_s
+    visits, driven = [StopVisit(depot, clock, clock)], []
+    for start, end in zip((depot, *stops), (*stops, depot), strict=True):
+        leg = legs[start, end]
+        arrival = clock + leg.drive.duration_s
+        clock = arrival + fleet.service_s(end)
+        visits.append(StopVisit(end, arrival, clock))
+        driven.append(leg)
+    return Route(vehicle.id, tuple(visits), tuple(driven))

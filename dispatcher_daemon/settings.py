@@ -1,0 +1,91 @@
+"""Settings of the dispatcher."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from slipstream.config import BusSettings, ServiceSettings, Settings
+
+SolverName = Literal["exact", "lc-qaoa"]
+
+
+class LcQaoaSettings(Settings):
+    """Linear-chain QAOA with linear-ramp angles."""
+
+    layers: int = Field(default=2, ge=1, le=20, description="Depth p.")
+    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    delta_beta: float = Field(
+        default=0.3, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
+    )
+    delta_gamma: float = Field(
+        default=0.6, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
+    )
+
+
+class DispatcherSettings(Settings):
+    """Everything that the dispatcher can be told; the defaults run the built-in demo."""
+
+    bus: BusSettings = BusSettings()
+    service: ServiceSettings = ServiceSettings()
+    network: str = Field(default="demo", min_length=1, description="A SUMO net, or 'demo'.")
+    fleet: str = Field(default="demo", min_length=1, description="A fleet file, or 'demo'.")
+    database_url: str = Field(default="sqlite:///slipstream.db", min_length=1)
+    keep_days: float = Field(
+        default=90.0, gt=0, allow_inf_nan=False, description="Older cycles are deleted."
+    )
+    interval_s: float = Field(
+        default=30.0, gt=0, allow_inf_nan=False, description="From one cycle's start to the next's."
+    )
+    deadline_s: float = Field(
+        default=10.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="What the solvers get of a cycle. Vehicles leave no sooner than this after it "
+        "starts, so that plans are out before.",
+    )
+    sync_window_s: float = Field(
+        default=3.0,
+        ge=0,
+        allow_inf_nan=False,
+        description="Vehicles whose entry times into a segment differ by no more can platoon there.",
+    )
+    stale_after_s: float = Field(
+        default=5.0, gt=0, allow_inf_nan=False, description="An older SegmentState counts for nothing."
+    )
+    future_tolerance_s: float = Field(
+        default=1.0,
+        ge=0,
+        allow_inf_nan=False,
+        description="A SegmentState dated further ahead of this clock is refused.",
+    )
+    gap_m: float = Field(
+        default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers."
+    )
+    solvers: tuple[SolverName, ...] = Field(
+        default=("exact", "lc-qaoa"), min_length=1, description="Asked side by side, best one wins."
+    )
+    gamma: float | None = Field(
+        default=None,
+        gt=0,
+        allow_inf_nan=False,
+        description="Penalty weight of the QUBO, kWh; None: computed per instance.",
+    )
+    lc_qaoa: LcQaoaSettings = LcQaoaSettings()
+    seed: int = Field(default=1, ge=0, lt=2**32)
+
+    @field_validator("solvers")
+    @classmethod
+    def _each_solver_once(cls, solvers: tuple[SolverName, ...]) -> tuple[SolverName, ...]:
+        if len(set(solvers)) < len(solvers):
+            raise ValueError("a solver is named twice")
+        return solvers
+
+    @model_validator(mode="after")
+    def _deadline_fits(self) -> Self:
+        if self.deadline_s >= self.interval_s:
+            raise ValueError(
+                f"deadline_s ({self.deadline_s:g}) must be below interval_s ({self.interval_s:g})"
+            )
+        return self

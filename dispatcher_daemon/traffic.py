@@ -1,0 +1,206 @@
+"""The traffic as the dispatcher knows it: latest state a segment, freshness, gates.
+
+A gate opens on one thing only: a fresh SegmentState that says y_e = 1, and no fresh one that says 0.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Literal
+
+from slipstream.messages import Gate, SegmentState
+from slipstream.roads import RoadNetwork, Segment
+
+MIN_SPEED_MPS = 1.0
+"""Planning speed is no lower: a standing queue still has to give finite travel times."""
+
+MAX_RSUS_PER_SEGMENT = 16
+
+
+@dataclass(frozen=True)
+class SegmentTraffic:
+    """What one cycle assumes about one segment.
+
+    Attributes:
+        speed_mps: planning speed: measured mean where fresh, free flow otherwise, within
+            [`MIN_SPEED_MPS`, speed limit].
+        y_e: the flag that the gate was judged by; None: unknown.
+        open: True if close gaps are allowed.
+        reason: why the gate is closed; None if it is open.
+        age_s: age of the state it was judged by; None if there is none.
+        measured_speed_mps: mean speed in that state, m/s.
+        mean_acceleration_mps2: ā of the traffic there, 0 where not measured.
+        acceleration_variance_m2ps4: σ²_a of the traffic there, 0 where not measured.
+    """
+
+    segment: str
+    speed_mps: float
+    y_e: Literal[0, 1] | None = None
+    open: bool = False
+    reason: str | None = "unwatched"
+    age_s: float | None = None
+    measured_speed_mps: float | None = None
+    mean_acceleration_mps2: float = 0.0
+    acceleration_variance_m2ps4: float = 0.0
+
+
+@dataclass(frozen=True)
+class TrafficSnapshot:
+    """The traffic on every segment of the network at one moment.
+
+    Attributes:
+        now_ns: the moment, UTC.
+        segments: traffic of each segment of the network, by id.
+        states: the SegmentStates that it was made from, in (segment, rsu) order.
+    """
+
+    now_ns: int
+    segments: Mapping[str, SegmentTraffic]
+    states: tuple[SegmentState, ...]
+
+    def gates(self) -> tuple[Gate, ...]:
+        """Gates of all segments that an RSU has ever reported on, by id."""
+        watched = sorted({state.segment for state in self.states})
+        return tuple(
+            Gate(
+                segment=t.segment,
+                y_e=t.y_e,
+                reason=t.reason,
+                age_s=t.age_s,
+                speed_mps=t.measured_speed_mps,
+                open=t.open,
+            )
+            for t in (self.segments[name] for name in watched)
+        )
+
+
+def take_snapshot(
+    network: RoadNetwork,
+    states: Iterable[SegmentState],
+    now_ns: int,
+    *,
+    stale_after_s: float,
+    future_tolerance_s: float = 1.0,
+) -> TrafficSnapshot:
+    """Judge the latest states at one moment; same input, same snapshot.
+
+    Where several RSUs watch a segment, one that sees turbulence closes it, and otherwise one that
+    sees stable flow opens it. States of segments outside the network are left out.
+
+    Args:
+        states: at most the latest state of each (segment, rsu).
+        now_ns: UTC.
+        stale_after_s: age limit.
+        future_tolerance_s: a state dated further ahead than this is as good as stale: a clock is
+            wrong somewhere.
+    """
+    known = sorted(
+        (s for s in states if s.segment in network.segments), key=lambda s: (s.segment, s.rsu)
+    )
+    by_segment: dict[str, list[SegmentState]] = {}
+    for state in known:
+        by_segment.setdefault(state.segment, []).append(state)
+    traffic = {
+        name: _judge(segment, by_segment.get(name, []), now_ns, stale_after_s, future_tolerance_s)
+        for name, segment in network.segments.items()
+    }
+    return TrafficSnapshot(now_ns, MappingProxyType(traffic), tuple(known))
+
+
+def _judge(
+    segment: Segment,
+    states: list[SegmentState],
+    now_ns: int,
+    stale_after_s: float,
+    future_tolerance_s: float,
+) -> SegmentTraffic:
+    if not states:
+        return SegmentTraffic(segment.id, segment.speed_limit_mps)
+
+    def age(state: SegmentState) -> float:
+        return (now_ns - state.time_ns) * 1e-9
+
+    fresh = [s for s in states if -future_tolerance_s <= age(s) <= stale_after_s]
+    if not fresh:
+        latest = max(states, key=lambda s: s.time_ns)
+        reason = "stale" if age(latest) > stale_after_s else "future"
+        return SegmentTraffic(
+            segment.id, segment.speed_limit_mps, reason=reason, age_s=max(0.0, age(latest))
+        )
+    severity: dict[int | None, int] = {None: 0, 1: 1, 0: 2}
+    decisive = max(fresh, key=lambda s: (severity[s.y_e], s.features is not None, s.time_ns, s.rsu))
+    if decisive.y_e is None:
+        reason = f"unknown: {decisive.reason}"
+    else:
+        reason = "turbulent"
+    is_open = decisive.y_e == 1
+    features = decisive.features
+    measured = None if features is None else max(0.0, features.mean_speed_mps.value)
+    limit = segment.speed_limit_mps
+    return SegmentTraffic(
+        segment=segment.id,
+        speed_mps=limit if measured is None else min(limit, max(MIN_SPEED_MPS, measured)),
+        y_e=decisive.y_e,
+        open=is_open,
+        reason=None if is_open else reason,
+        age_s=max(0.0, age(decisive)),
+        measured_speed_mps=measured,
+        mean_acceleration_mps2=0.0 if features is None else features.mean_acceleration_mps2.value,
+        acceleration_variance_m2ps4=(
+            0.0 if features is None else max(0.0, features.acceleration_variance_m2ps4.value)
+        ),
+    )
+
+
+class Verdict(StrEnum):
+    """What became of a received state."""
+
+    ACCEPTED = "accepted"
+    DUPLICATE = "duplicate"
+    OUT_OF_ORDER = "out_of_order"
+    FUTURE = "future"
+    UNKNOWN_SEGMENT = "unknown_segment"
+    TOO_MANY_RSUS = "too_many_rsus"
+
+
+class TrafficBook:
+    """Latest state of each (segment, rsu); written by the bus's thread, read by the cycle's.
+
+    States are ordered by their time, not by their sequence number, which starts again when an RSU
+    does. Its size is bounded by the network's segments and `MAX_RSUS_PER_SEGMENT`.
+    """
+
+    def __init__(self, network: RoadNetwork, *, future_tolerance_s: float = 1.0) -> None:
+        self._network = network
+        self._future_tolerance_ns = round(future_tolerance_s * 1e9)
+        self._lock = threading.Lock()
+        self._latest: dict[str, dict[str, SegmentState]] = {}
+
+    def accept(self, state: SegmentState, now_ns: int) -> Verdict:
+        """Take in one state unless it is a duplicate, late, dated ahead or of an unknown road."""
+        if state.segment not in self._network.segments:
+            return Verdict.UNKNOWN_SEGMENT
+        if state.time_ns > now_ns + self._future_tolerance_ns:
+            return Verdict.FUTURE
+        with self._lock:
+            rsus = self._latest.setdefault(state.segment, {})
+            held = rsus.get(state.rsu)
+            if held is None and len(rsus) >= MAX_RSUS_PER_SEGMENT:
+                return Verdict.TOO_MANY_RSUS
+            # A clock that was set back leaves a held state in the future; it must not block.
+            if held is not None and held.time_ns <= now_ns + self._future_tolerance_ns:
+                if (state.time_ns, state.sequence) == (held.time_ns, held.sequence):
+                    return Verdict.DUPLICATE
+                if state.time_ns <= held.time_ns:
+                    return Verdict.OUT_OF_ORDER
+            rsus[state.rsu] = state
+            return Verdict.ACCEPTED
+
+    def latest(self) -> tuple[SegmentState, ...]:
+        """All held states, for `take_snapshot`."""
+        with self._lock:
+            return tuple(state for rsus in self._latest.values() for state in rsus.values())
