@@ -1,3 +1,3 @@
-"""The language that all Slipstream daemons share: roads, messages, bus, energy, settings, service life."""
+"""What all Slipstream daemons share: roads, messages, bus, energy, settings, service life."""
 
 __version__ = "0.1.0"

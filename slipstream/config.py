@@ -28,7 +28,7 @@ class BusSettings(Settings):
     )
     config_file: Path | None = Field(
         default=None,
-        description="A zenoh configuration (JSON5) used instead: TLS, access control, several sites.",
+        description="A zenoh configuration (JSON5) used instead: for TLS or several sites.",
     )
 
 

@@ -129,7 +129,7 @@ def steady_energy_kwh(
     mean_acceleration_mps2: float = 0.0,
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> float:
-    """Energy to drive a distance at one speed, kWh: the paper's travel cost c_ij (section III-C)."""
+    """Energy to drive a distance at one speed, kWh: the paper's travel cost c_ij (III-C)."""
     force = (
         vehicle.mass_kg * mean_acceleration_mps2
         + vehicle.rolling_force_n

@@ -179,7 +179,7 @@ class VehiclePlan(Message):
 
 
 class SolverReport(Message):
-    """What one solver did in one cycle. Energies of the model are re-evaluated, never taken over."""
+    """What one solver did in one cycle; its objective is re-evaluated, never taken over."""
 
     solver: Identifier
     status: Literal["optimal", "feasible", "infeasible", "timeout", "failed", "skipped"]

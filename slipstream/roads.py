@@ -118,7 +118,9 @@ def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
         )
         for edge in edges
     ]
-    follows = {edge.getID(): tuple(sorted(out.getID() for out in edge.getOutgoing())) for edge in edges}
+    follows = {
+        edge.getID(): tuple(sorted(out.getID() for out in edge.getOutgoing())) for edge in edges
+    }
     junctions = {
         node.getID(): (float(node.getCoord()[0]), float(node.getCoord()[1]))
         for node in net.getNodes()
@@ -161,5 +163,8 @@ def build_network(
             for a in by_id.values()
         }
     return RoadNetwork(
-        name, MappingProxyType(by_id), MappingProxyType(dict(junctions)), MappingProxyType(dict(follows))
+        name,
+        MappingProxyType(by_id),
+        MappingProxyType(dict(junctions)),
+        MappingProxyType(dict(follows)),
     )

@@ -1,0 +1,261 @@
+"""The zenoh session that daemons talk over: publish, subscribe, recover.
+
+A daemon connects to a router and listens nowhere. It starts without the router and comes back when
+the router does; late subscribers get the last samples from the publishers' caches.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import queue
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from slipstream.config import BusSettings
+from slipstream.errors import InputError
+from slipstream.messages import Message
+
+log = logging.getLogger(__name__)
+
+Handler = Callable[[str, bytes], None]
+
+_HEARTBEAT_S = 1.0
+_QUEUE_SAMPLES = 256
+
+
+class Publisher:
+    """Publishes on one key."""
+
+    def __init__(self, declared: Any) -> None:
+        self._declared = declared
+
+    def put(self, message: Message | bytes) -> None:
+        """Publish a message, or raw bytes for pictures; returns at once, dropping if congested."""
+        self._declared.put(message.to_bytes() if isinstance(message, Message) else message)
+
+    def has_subscribers(self) -> bool:
+        """True if somebody listens: spares the work of making pictures nobody looks at."""
+        return bool(self._declared.matching_status.matching)
+
+    def close(self) -> None:
+        """Stop publishing on this key."""
+        self._declared.undeclare()
+
+
+class _Inbox:
+    """Carries samples from zenoh's thread to one of ours; full, it drops the oldest."""
+
+    def __init__(self, name: str, handler: Handler) -> None:
+        self._queue: queue.Queue[tuple[str, bytes] | None] = queue.Queue(_QUEUE_SAMPLES)
+        self._handler = handler
+        self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
+        self._thread.start()
+
+    def accept(self, sample: Any) -> None:
+        self._offer((str(sample.key_expr), sample.payload.to_bytes()))
+
+    def _offer(self, item: tuple[str, bytes] | None) -> None:
+        while True:
+            try:
+                self._queue.put_nowait(item)
+                return
+            except queue.Full:
+                with contextlib.suppress(queue.Empty):
+                    self._queue.get_nowait()
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None:
+            try:
+                self._handler(*item)
+            except Exception:
+                log.exception("handler for %s failed", item[0])
+
+    def close(self) -> None:
+        self._offer(None)
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout=2.0)
+
+
+class Bus:
+    """A zenoh session; open it with `Bus.open`, close it or use it as a context manager."""
+
+    def __init__(self, session: Any) -> None:
+        self._session = session
+        self._subscriptions: list[tuple[Any, _Inbox]] = []
+
+    @classmethod
+    def open(cls, settings: BusSettings) -> Self:
+        """Open a session. It returns at once, also while no router answers.
+
+        Raises:
+            InputError: an endpoint or the configuration file is not understood by zenoh.
+        """
+        return cls(_open_session(_client_config(settings), ", ".join(settings.connect)))
+
+    def publisher(self, key: str, *, history: int = 1, best_effort: bool = False) -> Publisher:
+        """Declare a publisher.
+
+        Args:
+            key: a concrete key, from `slipstream.messages`.
+            history: samples kept for subscribers that come late or lost some; at least 1.
+            best_effort: no cache, no repair, low priority: for pictures.
+        """
+        if best_effort:
+            return Publisher(
+                self._session.declare_publisher(
+                    key,
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    priority=zenoh.Priority.DATA_LOW,
+                    reliability=zenoh.Reliability.BEST_EFFORT,
+                )
+            )
+        return Publisher(
+            zenoh.ext.declare_advanced_publisher(
+                self._session,
+                key,
+                congestion_control=zenoh.CongestionControl.DROP,
+                reliability=zenoh.Reliability.RELIABLE,
+                cache=zenoh.ext.CacheConfig(max_samples=history),
+                sample_miss_detection=zenoh.ext.MissDetectionConfig(
+                    heartbeat=_HEARTBEAT_S, sporadic_heartbeat=None
+                ),
+                publisher_detection=True,
+            )
+        )
+
+    def subscribe(self, key_expression: str, handler: Handler, *, history: bool = True) -> None:
+        """Call ``handler(key, payload)`` for each sample, on a thread of the bus's own.
+
+        zenoh's callbacks must not block or call zenoh again; this thread may. What the handler
+        raises is logged and survived.
+
+        Args:
+            history: also get what publishers sent before, and repair gaps.
+        """
+        inbox = _Inbox(key_expression, handler)
+        if history:
+            subscriber = zenoh.ext.declare_advanced_subscriber(
+                self._session,
+                key_expression,
+                inbox.accept,
+                history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+                recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+            )
+        else:
+            subscriber = self._session.declare_subscriber(key_expression, inbox.accept)
+        self._subscriptions.append((subscriber, inbox))
+
+    def close(self) -> None:
+        """Close the session; no handler runs once it has returned."""
+        for subscriber, inbox in self._subscriptions:
+            subscriber.undeclare()
+            inbox.close()
+        self._session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class Router:
+    """An in-process zenoh router on loopback: for one machine, where no zenohd is wanted.
+
+    Attributes:
+        endpoint: the address that clients connect to.
+    """
+
+    def __init__(self, port: int = 0) -> None:
+        """Start it; port 0 takes a free one.
+
+        Raises:
+            InputError: the port is taken.
+        """
+        self.endpoint = f"tcp/127.0.0.1:{port or free_port()}"
+        config = zenoh.Config()
+        for key, value in {
+            "mode": "router",
+            "listen/endpoints": [self.endpoint],
+            "listen/exit_on_failure": True,
+            "scouting/multicast/enabled": False,
+        }.items():
+            config.insert_json5(key, json.dumps(value))
+        self._session = _open_session(config, self.endpoint)
+
+    def close(self) -> None:
+        """Stop it; clients wait for the next one."""
+        self._session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def free_port() -> int:
+    """A TCP port on loopback that is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _client_config(settings: BusSettings) -> Any:
+    if settings.config_file is not None:
+        return _config_from(settings.config_file)
+    config = zenoh.Config()
+    for key, value in {
+        # A client's open() blocks until a router answers, and a router does not pass messages
+        # between peers; a router that listens nowhere is a leaf that does neither.
+        "mode": "router",
+        "listen/endpoints": [],
+        "connect/endpoints": list(settings.connect),
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 500, "period_max_ms": 4000},
+        "scouting/multicast/enabled": False,
+        "timestamping/enabled": True,
+    }.items():
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError:
+            raise InputError(
+                "bus", f"{value!r} is not understood", "give tcp/HOST:PORT", key="connect"
+            ) from None
+    return config
+
+
+def _config_from(path: Path) -> Any:
+    try:
+        return zenoh.Config.from_file(str(path))
+    except zenoh.ZError as error:
+        raise InputError(path, f"not a zenoh configuration: {error}", "mend the file") from None
+
+
+def _open_session(config: Any, where: str) -> Any:
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        reason = str(error).split(" at ")[0]
+        raise InputError(
+            where, f"zenoh: {reason}", "give a free port or a valid endpoint"
+        ) from None

@@ -1,0 +1,161 @@
+"""Life of a daemon: signals, systemd notification and watchdog, logs, metrics, memory."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from types import FrameType, TracebackType
+from typing import Self
+
+import psutil
+from prometheus_client import start_http_server
+
+from slipstream.config import ServiceSettings
+from slipstream.errors import InputError
+
+log = logging.getLogger(__name__)
+
+SUPERVISED = "SLIPSTREAM_SUPERVISED"
+"""Set by `slipstream run`: daemons then end with the supervisor, however it ends."""
+
+_PR_SET_PDEATHSIG = 1
+
+
+def configure_logging(name: str, level: str) -> None:
+    """Send log lines to standard error; the journal and the supervisor add their own time stamps.
+
+    Args:
+        name: the daemon's name, shown in each line.
+        level: DEBUG, INFO, WARNING or ERROR.
+    """
+    stamped = "JOURNAL_STREAM" not in os.environ and SUPERVISED not in os.environ
+    logging.basicConfig(
+        level=level,
+        format=("%(asctime)s " if stamped else "") + f"{name} %(levelname)s %(message)s",
+        stream=sys.stderr,
+        force=True,
+    )
+
+
+def notify(state: str) -> None:
+    """Tell systemd (sd_notify protocol); nothing happens where no socket is named."""
+    address = os.environ.get("NOTIFY_SOCKET")
+    if not address:
+        return
+    if address.startswith("@"):
+        address = "\0" + address[1:]
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sock:
+            sock.sendto(state.encode(), address)
+    except OSError as error:
+        log.warning("sd_notify: %s", error)
+
+
+def die_with_parent(signal_number: int = signal.SIGKILL) -> None:
+    """Have Linux end this process when its parent thread ends, however that happens."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal_number), 0, 0, 0)
+
+
+def rss_mb() -> float:
+    """Resident memory of this process, MB (10^6 bytes)."""
+    return float(psutil.Process().memory_info().rss) / 1e6
+
+
+class Service:
+    """One daemon's life; use it as a context manager around the main loop.
+
+    Attributes:
+        stopping: set when SIGTERM or SIGINT has arrived.
+    """
+
+    def __init__(self, name: str, settings: ServiceSettings) -> None:
+        self.name = name
+        self.stopping = threading.Event()
+        self._settings = settings
+        self._watchdog_s = int(os.environ.get("WATCHDOG_USEC", "0")) / 1e6 / 4
+        self._last_progress = 0.0
+        self._previous: dict[int, object] = {}
+
+    def __enter__(self) -> Self:
+        """Raises InputError if the metrics port is taken."""
+        if os.environ.get(SUPERVISED):
+            die_with_parent()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            self._previous[number] = signal.signal(number, self._stop)
+        port = self._settings.metrics_port
+        if port:
+            try:
+                start_http_server(port, addr="127.0.0.1")
+            except OSError as error:
+                raise InputError(
+                    f"127.0.0.1:{port}",
+                    f"cannot serve metrics: {error.strerror}",
+                    "choose a free port",
+                    key="service.metrics_port",
+                ) from None
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        notify("STOPPING=1")
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def _stop(self, number: int, _frame: FrameType | None) -> None:
+        self.stopping.set()
+
+    def ready(self) -> None:
+        """Say that the daemon serves."""
+        notify("READY=1")
+        log.info("ready")
+
+    def progress(self, status: str | None = None) -> None:
+        """Say that the pipeline has moved on; call it from the work itself, as often as you like.
+
+        It feeds systemd's watchdog, so a pipeline that is stuck is restarted.
+
+        Args:
+            status: one line for ``systemctl status``.
+        """
+        now = time.monotonic()
+        if now - self._last_progress < (self._watchdog_s or 10.0):
+            return
+        self._last_progress = now
+        notify("WATCHDOG=1" + (f"\nSTATUS={status}" if status else ""))
+
+    def wait(self, seconds: float) -> bool:
+        """Sleep, but wake up to stop; True if the daemon has to stop."""
+        return self.stopping.wait(seconds)
+
+
+class LogLimiter:
+    """Lets one log line a minute through for each key and counts what it held back."""
+
+    def __init__(self, period_s: float = 60.0) -> None:
+        self._period_s = period_s
+        self._last: dict[str, float] = {}
+        self._held: dict[str, int] = {}
+
+    def allow(self, key: str) -> bool:
+        """True if a line for this key may be written now."""
+        now = time.monotonic()
+        if now - self._last.get(key, -1e9) < self._period_s:
+            self._held[key] = self._held.get(key, 0) + 1
+            return False
+        self._last[key] = now
+        return True
+
+    def held(self, key: str) -> int:
+        """How many lines were held back since the last one; resets the count."""
+        return self._held.pop(key, 0)
