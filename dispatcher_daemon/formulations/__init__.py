@@ -1,0 +1,1 @@
+"""Routing problems as models that solvers take: arc-form QUBO, linearised MILP."""

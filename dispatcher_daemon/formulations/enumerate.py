@@ -1,0 +1,134 @@
+"""Exactness of an arc-form QUBO by looking at every one of its states."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dispatcher_daemon.decode import decode
+from dispatcher_daemon.formulations.arc import ArcModel
+
+MAX_VARIABLES = 30
+BLOCK_BITS = 18
+
+
+def all_energies(
+    bqm: Any, order: Sequence[Hashable], block_bits: int = BLOCK_BITS
+) -> Iterator[npt.NDArray[np.float64]]:
+    """Energies of all 2^n states, in blocks of 2^min(n, block_bits), by doubling.
+
+    State s sets variable ``order[i]`` to bit i of s; blocks come in the order of s. With variable i
+    added to states of the i before it, E(2^i + s) = E(s) + h_i + Σ_{j<i} J_ij s_j, so a state
+    costs two additions.
+
+    Raises:
+        ValueError: more than `MAX_VARIABLES` variables.
+    """
+    n = len(order)
+    if n > MAX_VARIABLES:
+        raise ValueError(f"{n} variables are too many to enumerate, the most is {MAX_VARIABLES}")
+    low = min(n, block_bits)
+    index = {name: i for i, name in enumerate(order)}
+    h = np.array([float(bqm.get_linear(name)) for name in order])
+    coupling = np.zeros((n, n))
+    for (u, v), value in bqm.quadratic.items():
+        coupling[index[u], index[v]] = coupling[index[v], index[u]] = value
+    fields = [_sums(coupling[i, :i]) for i in range(low)]
+    energies = np.empty(1 << low)
+    for high in range(1 << (n - low)):
+        on = low + np.flatnonzero([(high >> bit) & 1 for bit in range(n - low)])
+        energies[0] = bqm.offset + h[on].sum() + coupling[np.ix_(on, on)].sum() / 2
+        linear = h[:low] + coupling[:low, on].sum(axis=1)
+        for i in range(low):
+            size = 1 << i
+            np.add(energies[:size], fields[i], out=energies[size : 2 * size])
+            energies[size : 2 * size] += linear[i]
+        yield energies.copy()
+
+
+def _sums(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Sum of the values that each bit pattern selects, shape (2^len(values),)."""
+    sums = np.zeros(1)
+    for value in values:
+        sums = np.concatenate([sums, sums + value])
+    return sums
+
+
+@dataclass(frozen=True)
+class Exactness:
+    """What the enumeration of a model found.
+
+    Attributes:
+        states: number of states looked at.
+        feasible_states: states with zero penalty.
+        valid_selections: arc selections that the independent decoder accepts.
+        mismatches: arc selections that the decoder and the penalty judge differently.
+        minimum_kwh: lowest H_total of all states.
+        minimum_selected: arcs of that state.
+        highest_feasible_kwh: highest H_total with zero penalty; −inf if there is none.
+        lowest_infeasible_kwh: lowest H_total with a penalty; inf if there is none.
+    """
+
+    states: int
+    feasible_states: int
+    valid_selections: int
+    mismatches: int
+    minimum_kwh: float
+    minimum_selected: frozenset[int]
+    highest_feasible_kwh: float
+    lowest_infeasible_kwh: float
+
+    @property
+    def separated(self) -> bool:
+        """True if every infeasible state lies above every feasible one."""
+        return self.lowest_infeasible_kwh > self.highest_feasible_kwh
+
+
+def enumerate_model(model: ArcModel) -> Exactness:
+    """Look at every state of a model.
+
+    A selection of arcs counts as accepted by the penalty if some setting of order and slack bits
+    brings the penalty to zero; the decoder looks at the arcs alone.
+    """
+    arcs = len(model.problem.arcs)
+    width = max(arcs, BLOCK_BITS)
+    best_penalty = np.full(1 << arcs, np.inf)
+    minimum, minimum_state = np.inf, 0
+    highest, lowest = -np.inf, np.inf
+    feasible = states = 0
+    blocks = zip(
+        all_energies(model.penalty, model.variables, width),
+        all_energies(model.objective, model.variables, width),
+        strict=True,
+    )
+    for penalty, total in blocks:
+        total += model.gamma * penalty
+        np.minimum(best_penalty, penalty.reshape(-1, 1 << arcs).min(axis=0), out=best_penalty)
+        at = int(total.argmin())
+        if total[at] < minimum:
+            minimum, minimum_state = float(total[at]), states + at
+        zero = penalty < 0.5
+        feasible += int(zero.sum())
+        highest = max(highest, float(total.max(where=zero, initial=-np.inf)))
+        lowest = min(lowest, float(total.min(where=~zero, initial=np.inf)))
+        states += len(total)
+    valid = np.array(
+        [
+            decode(model.problem, [i for i in range(arcs) if s >> i & 1]).routes is not None
+            for s in range(1 << arcs)
+        ]
+    )
+    return Exactness(
+        states=states,
+        feasible_states=feasible,
+        valid_selections=int(valid.sum()),
+        mismatches=int((valid != (best_penalty < 0.5)).sum()),
+        minimum_kwh=minimum,
+        minimum_selected=frozenset(i for i in range(arcs) if minimum_state >> i & 1),
+        highest_feasible_kwh=highest,
+        lowest_infeasible_kwh=lowest,
+    )
