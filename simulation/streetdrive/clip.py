@@ -1,0 +1,319 @@
+"""Renders a StreetDrive clip: video, ground truth and calibration in one folder."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from simulation.streetdrive.calibration import MonitoredSegment, camera_toml
+from simulation.streetdrive.camera import Camera
+from simulation.streetdrive.ground import Palette
+from simulation.streetdrive.light import Light, draw_light
+from simulation.streetdrive.mesh import Mesh
+from simulation.streetdrive.painter import Image, Placed, Seen
+from simulation.streetdrive.road import Road
+from simulation.streetdrive.scenery import Density
+from simulation.streetdrive.sensor import Sensor, SensorSettings
+from simulation.streetdrive.stage import Stage
+from simulation.streetdrive.traffic import SCENARIOS, Track, simulate
+from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, build_vehicle
+from slipstream.errors import InputError
+
+Progress = Callable[[int, int], None]
+"""Called with the number of frames done and the number of frames in all."""
+
+SEGMENT_NEAR_M, SEGMENT_FAR_M = 20.0, 80.0
+
+TRUTH_COLUMNS = (
+    "frame",
+    "time_s",
+    "vehicle_id",
+    "class",
+    "x_m",
+    "y_m",
+    "speed_mps",
+    "acceleration_mps2",
+    "x1_px",
+    "y1_px",
+    "x2_px",
+    "y2_px",
+    "visible_fraction",
+    "length_m",
+    "width_m",
+)
+
+_SHAPE_SHARES = {
+    "saloon": 0.27,
+    "hatch": 0.22,
+    "suv": 0.19,
+    "van": 0.12,
+    "truck": 0.07,
+    "lorry": 0.04,
+    "bus": 0.04,
+    "motorcycle": 0.05,
+}
+_SEGMENT_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+
+
+@dataclass(frozen=True)
+class ClipSettings:
+    """What to render.
+
+    Args:
+        seconds: length, up to an hour.
+        fps: frames per second, 5 to 60.
+        scenario: one of SCENARIOS.
+        seed: same settings and seed, same bytes.
+        segment_id: identity of the monitored incoming lanes.
+        reverse_segment_id: identity of the outgoing lanes; monitored when it is given, and in the
+            `mixed` scenario always (there it is "departure" unless given).
+
+    Raises:
+        InputError: a value is out of range.
+    """
+
+    seconds: float = 30.0
+    fps: float = 30.0
+    scenario: str = "stable"
+    seed: int = 1
+    segment_id: str = "approach"
+    reverse_segment_id: str | None = None
+
+    def __post_init__(self) -> None:
+        def refuse(key: str, problem: str, mend: str) -> None:
+            raise InputError("clip settings", problem, mend, key=key)
+
+        if not (math.isfinite(self.seconds) and 0.1 <= self.seconds <= 3600):
+            refuse("seconds", f"{self.seconds} is out of range", "give 0.1 to 3600")
+        if not (math.isfinite(self.fps) and 5 <= self.fps <= 60):
+            refuse("fps", f"{self.fps} is out of range", "give 5 to 60")
+        if self.scenario not in SCENARIOS:
+            refuse(
+                "scenario", f"{self.scenario!r} is unknown", "give one of " + ", ".join(SCENARIOS)
+            )
+        if self.seed < 0:
+            refuse("seed", f"{self.seed} is negative", "give 0 or more")
+        for key, value in (
+            ("segment_id", self.segment_id),
+            ("reverse_segment_id", self.reverse_segment_id),
+        ):
+            if value is not None and not _SEGMENT_ID.fullmatch(value):
+                refuse(key, f"{value!r} is no identity", "use letters, digits, '_', '-' and '.'")
+        if self.reverse_segment_id == self.segment_id:
+            refuse("reverse_segment_id", "equals segment_id", "give another one")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of the clip."""
+        return max(1, round(self.seconds * self.fps))
+
+    @property
+    def segments(self) -> tuple[MonitoredSegment, ...]:
+        """The monitored stretches."""
+        incoming = MonitoredSegment(self.segment_id, -1, SEGMENT_NEAR_M, SEGMENT_FAR_M)
+        reverse = self.reverse_segment_id
+        if reverse is None and self.scenario == "mixed":
+            reverse = "departure"
+        if reverse is None:
+            return (incoming,)
+        return (incoming, MonitoredSegment(reverse, 1, SEGMENT_NEAR_M, SEGMENT_FAR_M))
+
+
+@dataclass(frozen=True)
+class ClipSummary:
+    """What was written."""
+
+    video: Path
+    truth: Path
+    camera: Path
+    frames: int
+    vehicles: int
+    truth_rows: int
+
+
+class Fleet:
+    """The meshes of a clip's vehicles, built when first asked for; number and seed decide each."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._meshes: dict[int, Mesh] = {}
+        self._sway_m: dict[int, float] = {}
+
+    def mesh(self, vehicle_id: int) -> Mesh:
+        """The vehicle's mesh."""
+        if vehicle_id not in self._meshes:
+            rng = np.random.default_rng([self._seed, 2, vehicle_id])
+            shapes = tuple(_SHAPE_SHARES)
+            shape = shapes[int(rng.choice(len(shapes), p=list(_SHAPE_SHARES.values())))]
+            self._meshes[vehicle_id] = build_vehicle(shape, rng)
+        return self._meshes[vehicle_id]
+
+    def length_m(self, vehicle_id: int) -> float:
+        """The vehicle's length in metres."""
+        return self.mesh(vehicle_id).length_m
+
+    def sway_m(self, vehicle_id: int) -> float:
+        """How far the vehicle keeps from its lane's centre line, in metres."""
+        if vehicle_id not in self._sway_m:
+            rng = np.random.default_rng([self._seed, 3, vehicle_id])
+            self._sway_m[vehicle_id] = float(rng.uniform(-0.25, 0.25))
+        return self._sway_m[vehicle_id]
+
+
+def draw_clip_camera(rng: np.random.Generator, road: Road) -> Camera:
+    """A pole beside the incoming lanes that sees both directions from 13 m to the horizon."""
+    height, focal = float(rng.uniform(9.5, 11.5)), float(rng.uniform(960, 1100))
+    lateral = road.left_edge_m + float(rng.uniform(0.3, 1.6))
+    horizon = float(rng.uniform(55, 95))
+    return Camera(
+        height_m=height,
+        lateral_m=lateral,
+        pitch_rad=math.atan((360.0 - horizon) / focal),
+        yaw_rad=math.atan2(-lateral, float(rng.uniform(36, 46))),
+        focal_px=focal,
+        roll_rad=math.radians(float(rng.uniform(-0.6, 0.6))),
+    )
+
+
+def _frames(tracks: list[Track], frames: int) -> Iterator[list[tuple[Track, int]]]:
+    """For each frame the tracks that exist in it, with the index of their sample."""
+    for frame in range(frames):
+        yield [
+            (track, frame - track.first_frame)
+            for track in tracks
+            if 0 <= frame - track.first_frame < len(track.x_m)
+        ]
+
+
+def _truth_row(
+    frame: int, fps: float, track: Track, sample: int, placed: Placed, seen: Seen
+) -> list[str]:
+    box = (f"{value:.2f}" for value in seen.box_px)
+    return [
+        str(frame),
+        f"{frame / fps:.6f}",
+        str(track.vehicle_id),
+        CLASS_OF_SHAPE[placed.mesh.kind],
+        f"{placed.x_m:.4f}",
+        f"{placed.y_m:.4f}",
+        f"{track.speed_mps[sample]:.4f}",
+        f"{track.acceleration_mps2[sample]:.4f}",
+        *box,
+        f"{seen.visible_fraction:.3f}",
+        f"{placed.mesh.length_m:.3f}",
+        f"{placed.mesh.width_m:.3f}",
+    ]
+
+
+class ClipRenderer:
+    """One clip's world: iterate over `frames` to get picture and truth rows of each frame."""
+
+    def __init__(self, settings: ClipSettings) -> None:
+        self.settings = settings
+        self.road = Road()
+        rng = np.random.default_rng([settings.seed, 0])
+        self.camera = draw_clip_camera(rng, self.road)
+        self._fleet = Fleet(settings.seed)
+        light: Light = draw_light(rng)
+        self._stage = Stage(
+            self.camera, self.road, light, Palette(), rng, density=Density(7.0, 12.0, 5.0)
+        )
+        self._sensor = Sensor(
+            SensorSettings(rng.uniform(0.4, 0.7), rng.uniform(0.1, 0.25), rng.uniform(1.5, 3.0)),
+            self.camera.width_px,
+            self.camera.height_px,
+            rng,
+        )
+        self._tracks = simulate(
+            settings.scenario,
+            self.road,
+            seconds=settings.frames / settings.fps,
+            fps=settings.fps,
+            seed=settings.seed,
+            length_of=self._fleet.length_m,
+        )
+
+    def frames(self) -> Iterator[tuple[Image, list[list[str]]]]:
+        """Pictures (720, 1280, 3) BGR with their truth rows in the order of TRUTH_COLUMNS."""
+        settings = self.settings
+        for frame, present in enumerate(_frames(self._tracks, settings.frames)):
+            placed = [
+                Placed(
+                    self._fleet.mesh(track.vehicle_id),
+                    float(track.x_m[sample]),
+                    track.lane.y_m + self._fleet.sway_m(track.vehicle_id),
+                    track.lane.direction,
+                )
+                for track, sample in present
+            ]
+            image, seen = self._stage.render(placed)
+            rows = [
+                _truth_row(frame, settings.fps, track, sample, vehicle, what)
+                for (track, sample), vehicle, what in zip(present, placed, seen, strict=True)
+                if what is not None
+            ]
+            yield self._sensor.expose(image), rows
+
+
+def render_clip(
+    settings: ClipSettings, out_dir: Path, progress: Progress | None = None
+) -> ClipSummary:
+    """Write video.mp4, truth.csv and camera.toml into a folder (made if missing).
+
+    The files appear under their names only when complete. The video is MPEG-4 part 2.
+
+    Raises:
+        InputError: the folder cannot be written, or OpenCV has no MPEG-4 encoder.
+    """
+    out_dir = Path(out_dir)
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            out_dir, f"cannot be made ({error.strerror})", "give a writable folder"
+        ) from error
+    renderer = ClipRenderer(settings)
+    camera = renderer.camera
+    video, truth, calibration = (out_dir / n for n in ("video.mp4", "truth.csv", "camera.toml"))
+    part_video, part_truth = out_dir / "video.part.mp4", out_dir / "truth.part.csv"
+    writer = cv2.VideoWriter(
+        str(part_video),
+        cv2.VideoWriter.fourcc(*"mp4v"),
+        settings.fps,
+        (camera.width_px, camera.height_px),
+    )
+    if not writer.isOpened():
+        raise InputError(
+            part_video,
+            "no video can be written here",
+            "give a writable folder and an OpenCV with FFmpeg",
+        )
+    identities: set[str] = set()
+    rows_written = 0
+    try:
+        with part_truth.open("w", newline="", encoding="ascii") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(TRUTH_COLUMNS)
+            for done, (image, rows) in enumerate(renderer.frames(), start=1):
+                writer.write(image)
+                table.writerows(rows)
+                rows_written += len(rows)
+                identities.update(row[2] for row in rows)
+                if progress is not None:
+                    progress(done, settings.frames)
+    finally:
+        writer.release()
+    name = f"streetdrive-{settings.scenario}-{settings.seed}"
+    calibration.write_text(
+        camera_toml(name, camera, renderer.road, settings.segments), encoding="ascii"
+    )
+    part_truth.replace(truth)
+    part_video.replace(video)
+    return ClipSummary(video, truth, calibration, settings.frames, len(identities), rows_written)

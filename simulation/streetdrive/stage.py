@@ -1,0 +1,84 @@
+"""A still scene with a camera: paints vehicles into it and measures them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simulation.streetdrive.camera import Camera
+from simulation.streetdrive.ground import Palette, shade_ground, shade_sky
+from simulation.streetdrive.light import Light
+from simulation.streetdrive.mesh import Colour, Floats
+from simulation.streetdrive.painter import (
+    Image,
+    Placed,
+    Seen,
+    fill,
+    measure,
+    paint_shadow,
+    paint_vehicle,
+)
+from simulation.streetdrive.road import Road
+from simulation.streetdrive.scenery import Density, paint_scenery, paint_tree_shadows
+
+
+@dataclass(frozen=True)
+class Cover:
+    """A polygon in pixels (n, 2) that stands in front of everything, such as a sign post."""
+
+    pixels: Floats
+    colour: Colour
+
+
+class Stage:
+    """The background, painted once, on which vehicles move."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        road: Road,
+        light: Light,
+        palette: Palette,
+        rng: np.random.Generator,
+        *,
+        density: Density | None = None,
+        tree_shadows: int = 3,
+        covers: Sequence[Cover] = (),
+    ) -> None:
+        self.camera = camera
+        self.road = road
+        self.light = light
+        self._covers = tuple(covers)
+        sky = shade_sky(camera, light, rng)
+        ground, hits = shade_ground(camera, road, palette, light, rng)
+        if light.shadow_strength > 0.15:
+            paint_tree_shadows(ground, camera, light, road, rng, tree_shadows)
+        picture = np.where(hits[..., None], ground, sky)
+        self._background: Image = np.clip(picture, 0, 255).astype(np.uint8)
+        paint_scenery(self._background, camera, light, road, palette, rng, density or Density())
+
+    def render(self, vehicles: Sequence[Placed]) -> tuple[Image, list[Seen | None]]:
+        """The picture (h, w, 3) BGR and what is seen of each vehicle, in the order given."""
+        position = self.camera.position_m
+        order = sorted(
+            range(len(vehicles)),
+            key=lambda i: (
+                -float(np.hypot(vehicles[i].x_m - position[0], vehicles[i].y_m - position[1]))
+            ),
+        )
+        sorted_vehicles = [vehicles[i] for i in order]
+        sorted_seen = measure(self.camera, sorted_vehicles, [c.pixels for c in self._covers])
+        image = self._background.copy()
+        shown = [v for v, s in zip(sorted_vehicles, sorted_seen, strict=True) if s is not None]
+        for vehicle in shown:
+            paint_shadow(image, self.camera, self.light, vehicle)
+        for vehicle in shown:
+            paint_vehicle(image, self.camera, self.light, vehicle)
+        for cover in self._covers:
+            fill(image, cover.pixels, cover.colour)
+        seen: list[Seen | None] = [None] * len(vehicles)
+        for i, what in zip(order, sorted_seen, strict=True):
+            seen[i] = what
+        return image, seen

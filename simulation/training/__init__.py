@@ -1,0 +1,1 @@
+"""Domain-randomised scenes and the training of the detector (the `train` extra)."""

@@ -1,0 +1,100 @@
+"""Average precision of boxes, by COCO's rule: greedy matching and 101-point interpolation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+IOU_THRESHOLDS = tuple(round(0.5 + 0.05 * i, 2) for i in range(10))
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Boxes of one picture: corners (n, 4) as x1, y1, x2, y2, classes (n,), scores (n,)."""
+
+    corners: Floats
+    classes: NDArray[np.int64]
+    scores: Floats
+
+
+def iou(a: Floats, b: Floats) -> Floats:
+    """Intersection over union (n, m) of boxes (n, 4) and (m, 4)."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
+    inter = np.prod(np.clip(high - low, 0, None), axis=2)
+    areas = [np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) for boxes in (a, b)]
+    return np.asarray(inter / np.maximum(areas[0][:, None] + areas[1] - inter, 1e-9))
+
+
+def _matches(found: Floats, true: Floats, threshold: float) -> NDArray[np.bool_]:
+    """Which found boxes, best score first, take a true box that none before them took."""
+    hit = np.zeros(len(found), dtype=np.bool_)
+    if not len(true):
+        return hit
+    overlap = iou(found, true)
+    free = np.ones(len(true), dtype=np.bool_)
+    for i in range(len(found)):
+        candidates = np.where(free, overlap[i], -1.0)
+        best = int(candidates.argmax())
+        if candidates[best] >= threshold:
+            free[best] = False
+            hit[i] = True
+    return hit
+
+
+def average_precision(
+    found: Sequence[Boxes], true: Sequence[Boxes], number: int, threshold: float
+) -> float:
+    """AP of one class over pictures at one IoU threshold; nan where the class never occurs."""
+    scores: list[Floats] = []
+    hits: list[NDArray[np.bool_]] = []
+    total = 0
+    for f, t in zip(found, true, strict=True):
+        wanted = t.corners[t.classes == number]
+        total += len(wanted)
+        chosen = f.classes == number
+        order = np.argsort(-f.scores[chosen], kind="stable")
+        scores.append(f.scores[chosen][order])
+        hits.append(_matches(f.corners[chosen][order], wanted, threshold))
+    if total == 0:
+        return float("nan")
+    order = np.argsort(-np.concatenate(scores), kind="stable")
+    hit = np.concatenate(hits)[order]
+    recall = np.cumsum(hit) / total
+    precision = np.cumsum(hit) / np.arange(1, len(hit) + 1)
+    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    at = np.searchsorted(recall, np.linspace(0, 1, 101), side="left")
+    return float(
+        np.where(
+            at < len(envelope), np.append(envelope, 0.0)[np.minimum(at, len(envelope))], 0.0
+        ).mean()
+    )
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Mean average precisions, the AP50 of each class, and how many true boxes each class has."""
+
+    map50: float
+    map50_95: float
+    ap50: tuple[float, ...]
+    boxes: tuple[int, ...]
+
+
+def evaluate(found: Sequence[Boxes], true: Sequence[Boxes], classes: int) -> Figures:
+    """mAP50 and mAP50-95 over classes that occur."""
+    table = np.array(
+        [[average_precision(found, true, c, t) for t in IOU_THRESHOLDS] for c in range(classes)]
+    )
+    counts = tuple(int(sum((t.classes == c).sum() for t in true)) for c in range(classes))
+    return Figures(
+        map50=float(np.nanmean(table[:, 0])),
+        map50_95=float(np.nanmean(table)),
+        ap50=tuple(float(v) for v in table[:, 0]),
+        boxes=counts,
+    )

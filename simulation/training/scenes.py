@@ -1,0 +1,293 @@
+"""Domain-randomised StreetDrive scenes with YOLO labels, for training and for holding out.
+
+The two splits share no seed, no camera (heights and focal lengths come from disjoint bins) and no
+palette (paints and surfaces come from disjoint lists), so the held-out figures are not recall.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from simulation.streetdrive.camera import Camera
+from simulation.streetdrive.ground import Palette
+from simulation.streetdrive.light import draw_light
+from simulation.streetdrive.mesh import Colour
+from simulation.streetdrive.painter import Image, Placed, Seen
+from simulation.streetdrive.road import Road
+from simulation.streetdrive.scenery import Density
+from simulation.streetdrive.sensor import Sensor, SensorSettings
+from simulation.streetdrive.stage import Cover, Stage
+from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
+from simulation.training.distractors import build_distractor
+
+TRAIN, HELD_OUT = "train", "val"
+SPLITS = (TRAIN, HELD_OUT)
+IMAGE_WIDTH, IMAGE_HEIGHT = 640, 360
+MIN_VISIBLE_FRACTION = 0.4
+MIN_HEIGHT_PX = 8.0
+"""A label's least height, in pixels of a picture 640 wide."""
+
+_HELD_OUT_PAINTS: tuple[Colour, ...] = (
+    (220, 225, 215),
+    (175, 170, 178),
+    (120, 122, 112),
+    (65, 62, 68),
+    (50, 80, 190),
+    (60, 40, 90),
+    (120, 110, 40),
+    (90, 70, 60),
+    (120, 175, 205),
+)
+_TRAIN_SURFACES = (
+    Palette(),
+    Palette(
+        asphalt=(92, 90, 92),
+        verge=(70, 118, 122),
+        pavement=(140, 150, 158),
+        buildings=((205, 210, 212), (95, 110, 140)),
+        foliage=(38, 100, 80),
+    ),
+    Palette(
+        asphalt=(138, 138, 140),
+        verge=(58, 92, 72),
+        pavement=(180, 182, 184),
+        marking=(210, 222, 228),
+        buildings=((140, 150, 150), (110, 95, 90), (90, 105, 150)),
+        foliage=(60, 88, 50),
+    ),
+    Palette(
+        asphalt=(122, 128, 134),
+        verge=(105, 140, 160),
+        pavement=(150, 160, 175),
+        buildings=((170, 185, 205), (200, 195, 185)),
+        foliage=(48, 80, 78),
+    ),
+)
+_HELD_OUT_SURFACES = (
+    Palette(
+        asphalt=(104, 108, 112),
+        verge=(46, 104, 74),
+        pavement=(166, 158, 152),
+        buildings=((130, 145, 165), (185, 180, 190)),
+        foliage=(34, 92, 58),
+    ),
+    Palette(
+        asphalt=(128, 122, 118),
+        verge=(82, 120, 140),
+        pavement=(135, 142, 150),
+        marking=(200, 215, 220),
+        buildings=((110, 130, 150), (160, 150, 140)),
+        foliage=(56, 96, 66),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One rendered picture (360, 640, 3) BGR with boxes as (class, x1, y1, x2, y2) in pixels."""
+
+    image: Image
+    labels: tuple[tuple[int, float, float, float, float], ...]
+
+
+def keeps_label(seen: Seen, scale: float) -> bool:
+    """The label rule: visible fraction >= 0.4 and box height >= 8 px at 640 wide.
+
+    Args:
+        seen: the vehicle's box in the rendered picture.
+        scale: labelled picture's width over the rendered picture's width.
+    """
+    height = (seen.box_px[3] - seen.box_px[1]) * scale
+    return seen.visible_fraction >= MIN_VISIBLE_FRACTION and height >= MIN_HEIGHT_PX
+
+
+def _reserved(value: float, bin_size: float) -> bool:
+    """Whether a camera parameter lies in one of the bins kept for the held-out split."""
+    return int(value / bin_size) % 4 == 3
+
+
+def _uniform_in_split(
+    rng: np.random.Generator, low: float, high: float, bin_size: float, held_out: bool
+) -> float:
+    while True:
+        value = float(rng.uniform(low, high))
+        if _reserved(value, bin_size) == held_out:
+            return value
+
+
+def draw_camera(rng: np.random.Generator, road: Road, split: str) -> Camera:
+    """A camera pose of one split: 6 to 14 m up, beside or above the road, road in view."""
+    held_out = split == HELD_OUT
+    height = _uniform_in_split(rng, 6.0, 14.0, 0.4, held_out)
+    focal = _uniform_in_split(rng, 780.0, 1420.0, 40.0, held_out)
+    lateral = rng.uniform(road.right_edge_m - 3.0, road.left_edge_m + 4.0)
+    horizon = rng.uniform(-60.0, 190.0)
+    target_x = rng.uniform(28.0, 75.0)
+    target_y = rng.uniform(road.right_edge_m * 0.6, road.left_edge_m * 0.8)
+    return Camera(
+        height_m=height,
+        lateral_m=float(lateral),
+        pitch_rad=math.atan((360.0 - horizon) / focal),
+        yaw_rad=math.atan2(target_y - lateral, target_x),
+        focal_px=focal,
+        roll_rad=math.radians(float(rng.normal(0.0, 1.2))),
+    )
+
+
+def draw_road(rng: np.random.Generator) -> Road:
+    """A road of one to three lanes a side."""
+    return Road(
+        incoming_lanes=int(rng.choice([1, 2, 2, 3])),
+        outgoing_lanes=int(rng.choice([1, 2, 2, 3])),
+        lane_width_m=float(rng.uniform(3.1, 3.75)),
+        median_m=float(rng.choice([0.3, 0.6, 2.0])),
+        pavement_m=float(rng.choice([0.0, 2.0, 3.0])),
+    )
+
+
+def draw_vehicles(
+    rng: np.random.Generator, road: Road, camera: Camera, paints: Sequence[Colour]
+) -> list[Placed]:
+    """Vehicles along all lanes with a drawn mix and density; none overlap."""
+    shares = rng.dirichlet([5.0, 5.0, 4.5, 3.5, 2.8, 2.2, 3.0, 3.5])
+    shapes = tuple(CLASS_OF_SHAPE)
+    # Where a car of 1.5 m falls under the label's least height.
+    label_end = camera.focal_px / 2 * 1.5 / MIN_HEIGHT_PX
+    end = float(rng.uniform(0.8, 1.1) * label_end if rng.random() < 0.7 else rng.uniform(120, 320))
+    placed: list[Placed] = []
+    for lane in road.lanes:
+        gap = float(rng.choice([3.0, 9.0, 18.0, 40.0], p=[0.2, 0.3, 0.3, 0.2]))
+        x = float(rng.uniform(0.0, 10.0 + gap))
+        while x < end:
+            shape = shapes[int(rng.choice(len(shapes), p=shares))]
+            mesh = build_vehicle(shape, rng, paints)
+            x += mesh.length_m / 2
+            sway = rng.normal(0.0, 0.6 if shape == "motorcycle" else 0.2)
+            placed.append(
+                Placed(mesh, x, lane.y_m + float(np.clip(sway, -0.9, 0.9)), lane.direction)
+            )
+            x += mesh.length_m / 2 + 1.5 + float(rng.exponential(gap))
+    return placed
+
+
+def draw_distractors(rng: np.random.Generator, road: Road) -> list[Placed]:
+    """Upright things beside the carriageway that are no vehicles."""
+    placed = []
+    for _ in range(int(rng.poisson(5.0))):
+        side = 1.0 if rng.random() < 0.5 else -1.0
+        edge = road.left_edge_m if side > 0 else -road.right_edge_m
+        y = side * (edge + rng.uniform(0.5, 4.0))
+        placed.append(Placed(build_distractor(rng), float(rng.uniform(10, 90)), float(y), 1))
+    return placed
+
+
+def draw_covers(rng: np.random.Generator) -> list[Cover]:
+    """Now and then a post or a panel close to the camera that hides part of the road."""
+    if rng.random() > 0.25:
+        return []
+    u, wide = rng.uniform(50, 1230), rng.uniform(6, 40)
+    tone = float(rng.uniform(40, 150))
+    lean = rng.uniform(-30, 30)
+    post = np.array([[u, 0.0], [u + wide, 0.0], [u + wide + lean, 720.0], [u + lean, 720.0]])
+    covers = [Cover(post, (tone, tone, tone))]
+    if rng.random() < 0.5:
+        w, h, v = rng.uniform(40, 140), rng.uniform(40, 120), rng.uniform(0, 300)
+        panel = np.array([[u - w / 2, v], [u + w / 2, v], [u + w / 2, v + h], [u - w / 2, v + h]])
+        b, g, r = (float(c) for c in rng.uniform(30, 220, 3))
+        covers.append(Cover(panel, (b, g, r)))
+    return covers
+
+
+def _degrade(image: Image, rng: np.random.Generator) -> Image:
+    """Contrast, colour cast, gamma and haze of a cheap camera, at the label's picture size."""
+    tone = image.astype(np.float32) / 255
+    tone = np.clip((tone - 0.5) * rng.uniform(0.7, 1.25) + 0.5 + rng.uniform(-0.1, 0.1), 0, 1)
+    tone = tone ** rng.uniform(0.7, 1.35) * rng.uniform(0.92, 1.08, 3).astype(np.float32)
+    if rng.random() < 0.15:
+        grey = tone.mean(axis=2, keepdims=True)
+        tone = grey + (tone - grey) * rng.uniform(0.0, 0.5)
+    return np.asarray(np.clip(tone * 255, 0, 255), dtype=np.uint8)
+
+
+def render_scene(split: str, index: int, seed: int) -> Scene:
+    """Draw and render scene number `index` of a split; the same arguments give the same scene."""
+    rng = np.random.default_rng([seed, SPLITS.index(split), index])
+    surfaces = _HELD_OUT_SURFACES if split == HELD_OUT else _TRAIN_SURFACES
+    paints = _HELD_OUT_PAINTS if split == HELD_OUT else PAINTS
+    road = draw_road(rng)
+    camera = draw_camera(rng, road, split)
+    stage = Stage(
+        camera,
+        road,
+        draw_light(rng),
+        surfaces[int(rng.integers(len(surfaces)))],
+        rng,
+        density=Density(rng.uniform(0, 9), rng.uniform(0, 16), rng.uniform(0, 8)),
+        tree_shadows=int(rng.integers(0, 7)),
+        covers=draw_covers(rng),
+    )
+    vehicles = draw_vehicles(rng, road, camera, paints)
+    picture, seen = stage.render([*vehicles, *draw_distractors(rng, road)])
+    lens = SensorSettings(rng.uniform(0.3, 1.6), rng.uniform(0, 0.4), rng.uniform(0, 9))
+    picture = Sensor(lens, camera.width_px, camera.height_px, rng).expose(picture)
+    method = cv2.INTER_AREA if rng.random() < 0.5 else cv2.INTER_LINEAR
+    small = np.asarray(
+        cv2.resize(picture, (IMAGE_WIDTH, IMAGE_HEIGHT), interpolation=method), dtype=np.uint8
+    )
+    small = _degrade(small, rng)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(45, 98))]
+    coded = cv2.imencode(".jpg", small, quality)[1]
+    small = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), dtype=np.uint8)
+    scale = IMAGE_WIDTH / camera.width_px
+    labels = []
+    for vehicle, what in zip(vehicles, seen, strict=False):
+        if what is not None and keeps_label(what, scale):
+            number = CLASSES.index(CLASS_OF_SHAPE[vehicle.mesh.kind])
+            x1, y1, x2, y2 = (value * scale for value in what.box_px)
+            labels.append((number, x1, y1, x2, y2))
+    return Scene(small, tuple(labels))
+
+
+def yolo_lines(scene: Scene) -> str:
+    """The scene's labels as YOLO text: class, centre x, centre y, width, height, all relative."""
+    lines = []
+    for number, x1, y1, x2, y2 in scene.labels:
+        cx, cy = (x1 + x2) / 2 / IMAGE_WIDTH, (y1 + y2) / 2 / IMAGE_HEIGHT
+        w, h = (x2 - x1) / IMAGE_WIDTH, (y2 - y1) / IMAGE_HEIGHT
+        lines.append(f"{number} {cx:.6f} {cy:.6f} {w:.6f} {h:.6f}\n")
+    return "".join(lines)
+
+
+def _write_one(index: int, split: str, seed: int, out: Path) -> int:
+    cv2.setNumThreads(1)
+    scene = render_scene(split, index, seed)
+    name = f"{index:05d}"
+    cv2.imwrite(str(out / "images" / split / f"{name}.png"), scene.image)
+    (out / "labels" / split / f"{name}.txt").write_text(yolo_lines(scene), encoding="ascii")
+    return len(scene.labels)
+
+
+def write_dataset(out: Path, *, train: int, held_out: int, seed: int, workers: int = 2) -> Path:
+    """Render both splits under `out` in the YOLO layout and return the path of its data.yaml."""
+    for split, count in ((TRAIN, train), (HELD_OUT, held_out)):
+        (out / "images" / split).mkdir(parents=True, exist_ok=True)
+        (out / "labels" / split).mkdir(parents=True, exist_ok=True)
+        task = partial(_write_one, split=split, seed=seed, out=out)
+        with ProcessPoolExecutor(max_workers=workers) as pool:
+            boxes = sum(pool.map(task, range(count), chunksize=4))
+        print(f"{split}: {count} pictures, {boxes} boxes", flush=True)
+    names = "".join(f"  {i}: {name}\n" for i, name in enumerate(CLASSES))
+    data = out / "data.yaml"
+    data.write_text(
+        f"path: {out.resolve()}\ntrain: images/{TRAIN}\nval: images/{HELD_OUT}\nnames:\n{names}",
+        encoding="utf-8",
+    )
+    return data

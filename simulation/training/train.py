@@ -1,0 +1,131 @@
+"""Trains YOLO11n from its architecture on rendered scenes and exports it to OpenVINO.
+
+Everything that needs torch is imported inside the functions: an RSU has none of it.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from simulation.training.scenes import IMAGE_WIDTH
+
+INPUT_SHAPE = (384, 640)
+"""Height and width of the network's input; a picture 640 x 360 gets grey bars of 12 rows each."""
+
+WEIGHTS_NAME = "yolo11n-streetdrive"
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """What a training run is told."""
+
+    epochs: int
+    seed: int
+    batch: int = 4
+    learning_rate: float = 1e-3
+    threads: int = 2
+
+    def __post_init__(self) -> None:
+        if min(self.epochs, self.batch, self.threads) < 1:
+            raise ValueError("epochs, batch and threads are at least 1")
+        if not 0 < self.learning_rate < 1:
+            raise ValueError("the learning rate lies between 0 and 1")
+
+
+def train(data: Path, out: Path, settings: TrainSettings) -> Path:
+    """Train from random weights and return the last epoch's weights (moving average, .pt).
+
+    The last epoch is taken rather than the best one on the held-out scenes, so that these choose
+    nothing and their figures stay clean.
+    """
+    import torch
+    from ultralytics import YOLO
+
+    def use_all_threads(trainer: Any) -> None:
+        # Ultralytics leaves one core out; channels-last convolutions are faster on x86-64.
+        torch.set_num_threads(settings.threads)
+        trainer.model.to(memory_format=torch.channels_last)
+
+    model = YOLO("yolo11n.yaml", task="detect")
+    model.add_callback("on_train_start", use_all_threads)
+    model.train(
+        data=str(data),
+        epochs=settings.epochs,
+        imgsz=IMAGE_WIDTH,
+        rect=True,
+        batch=settings.batch,
+        nbs=settings.batch,
+        optimizer="AdamW",
+        lr0=settings.learning_rate,
+        lrf=0.01,
+        cos_lr=True,
+        weight_decay=5e-4,
+        warmup_epochs=1.0,
+        warmup_bias_lr=0.0,
+        hsv_h=0.03,
+        hsv_s=0.5,
+        hsv_v=0.35,
+        fliplr=0.5,
+        translate=0.08,
+        scale=0.25,
+        erasing=0.0,
+        amp=False,
+        pretrained=False,
+        cache="ram",
+        workers=1,
+        device="cpu",
+        seed=settings.seed,
+        deterministic=True,
+        plots=False,
+        patience=0,
+        project=str(out.resolve()),
+        name="run",
+        exist_ok=True,
+        verbose=False,
+    )
+    return out / "run" / "weights" / "last.pt"
+
+
+def ultralytics_map(weights: Path, data: Path) -> tuple[float, float]:
+    """mAP50 and mAP50-95 of a .pt on the held-out split, by Ultralytics' own validator."""
+    from ultralytics import YOLO
+
+    figures = YOLO(str(weights)).val(
+        data=str(data), imgsz=IMAGE_WIDTH, rect=True, device="cpu", plots=False, verbose=False
+    )
+    return float(figures.box.map50), float(figures.box.map)
+
+
+def export(weights: Path, target: Path, work: Path) -> tuple[Path, Path]:
+    """Ship a checkpoint: stripped half-precision .pt and OpenVINO model with FP16 weights.
+
+    Args:
+        weights: checkpoint of the training run; it is not changed.
+        target: folder that receives `yolo11n-streetdrive.{pt,xml,bin}` and
+            `yolo11n-streetdrive.metadata.yaml`.
+        work: folder for intermediate files.
+
+    Returns:
+        Paths of the .pt and the .xml.
+    """
+    from ultralytics import YOLO
+    from ultralytics.utils.torch_utils import strip_optimizer
+
+    target.mkdir(parents=True, exist_ok=True)
+    work.mkdir(parents=True, exist_ok=True)
+    stripped = work / f"{WEIGHTS_NAME}.pt"
+    shutil.copyfile(weights, stripped)
+    strip_optimizer(str(stripped))
+    model = YOLO(str(stripped))
+    folder = Path(
+        model.export(format="openvino", imgsz=list(INPUT_SHAPE), quantize=16, batch=1, device="cpu")
+    )
+    xml = next(folder.glob("*.xml"))
+    shutil.copyfile(stripped, target / stripped.name)
+    shutil.copyfile(xml, target / f"{WEIGHTS_NAME}.xml")
+    shutil.copyfile(xml.with_suffix(".bin"), target / f"{WEIGHTS_NAME}.bin")
+    shutil.copyfile(folder / "metadata.yaml", target / f"{WEIGHTS_NAME}.metadata.yaml")
+    return target / stripped.name, target / f"{WEIGHTS_NAME}.xml"
