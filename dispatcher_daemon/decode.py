@@ -39,9 +39,11 @@ def decode(problem: ArcProblem, selected: Collection[int]) -> Decoded:
             routes[vehicle] = stops
     visits = [stop for stops in routes.values() for stop in stops]
     if not violations:
-        for stop in problem.customers:
-            if visits.count(stop) != 1:
-                violations.append(f"{stop}: served {visits.count(stop)} times")
+        violations += [
+            f"{stop}: served {visits.count(stop)} times"
+            for stop in problem.customers
+            if visits.count(stop) != 1
+        ]
     return Decoded(None, tuple(violations)) if violations else Decoded(routes, ())
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,7 +67,7 @@ def plan_drive(
     """
     up, down = style.acceleration_mps2, style.braking_mps2
     count = len(lengths_m)
-    node = [0.0, *(min(a, b) for a, b in zip(speeds_mps, speeds_mps[1:], strict=False)), 0.0]
+    node = [0.0, *(min(a, b) for a, b in pairwise(speeds_mps)), 0.0]
     for i in range(count):
         node[i + 1] = min(node[i + 1], math.sqrt(node[i] ** 2 + 2 * up * lengths_m[i]))
     for i in reversed(range(count)):

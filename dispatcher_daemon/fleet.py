@@ -131,7 +131,10 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path) -> None:
     _no_duplicates(source, "vehicles", "id", (v.id for v in fleet.vehicles))
     if fleet.depot.id in fleet.stop_by_id:
         raise InputError(source, "a stop has the depot's id", "rename it", key=fleet.depot.id)
-    for place, node in (("depot", fleet.depot.node), *((f"stops.{s.id}", s.node) for s in fleet.stops)):
+    for place, node in (
+        ("depot", fleet.depot.node),
+        *((f"stops.{s.id}", s.node) for s in fleet.stops),
+    ):
         if node not in network.junctions:
             raise InputError(
                 source,

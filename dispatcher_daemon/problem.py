@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 from dispatcher_daemon.drive import DrivingStyle
 from dispatcher_daemon.fleet import Fleet
@@ -102,13 +103,13 @@ class ArcProblem:
         )
         return cost - saving
 
-    def selection(self, routes: dict[str, Sequence[str]]) -> frozenset[int] | None:
+    def selection(self, routes: Mapping[str, Sequence[str]]) -> frozenset[int] | None:
         """Arcs of given routes (stops in order, without the depot); None if one does not exist."""
         index = {(a.vehicle, a.start, a.end): i for i, a in enumerate(self.arcs)}
         chosen = set()
         for vehicle, stops in routes.items():
             places = [self.depot, *stops, self.depot]
-            for leg in zip(places, places[1:], strict=False):
+            for leg in pairwise(places):
                 if (vehicle, *leg) not in index:
                     return None
                 chosen.add(index[vehicle, *leg])

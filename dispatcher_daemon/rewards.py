@@ -46,9 +46,7 @@ class JudgedPair:
         return f"{self.segment}: {who}: {what}"
 
 
-def pair_saving_kwh(
-    segment: Segment, traffic: SegmentTraffic, vehicle: VehicleParameters
-) -> float:
+def pair_saving_kwh(segment: Segment, traffic: SegmentTraffic, vehicle: VehicleParameters) -> float:
     """What a leader and a follower save on a segment together, gate and timing aside, kWh."""
     return sum(
         drag_saving_kwh(segment.length_m, traffic.speed_mps, eta, vehicle)
@@ -72,9 +70,9 @@ def judge_pairs(
     """
     users: dict[str, list[tuple[int, float]]] = {}
     for index, arc in enumerate(arcs):
-        for segment, entry in arc.entries_s().items():
-            if not watched_only or snapshot.segments[segment].reason != "unwatched":
-                users.setdefault(segment, []).append((index, entry))
+        for name, entry in arc.entries_s().items():
+            if not watched_only or snapshot.segments[name].reason != "unwatched":
+                users.setdefault(name, []).append((index, entry))
     for name in sorted(users):
         segment, traffic = problem.network.segments[name], snapshot.segments[name]
         for position, (first, first_entry) in enumerate(users[name]):

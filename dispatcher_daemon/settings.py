@@ -49,10 +49,13 @@ class DispatcherSettings(Settings):
         default=3.0,
         ge=0,
         allow_inf_nan=False,
-        description="Vehicles whose entry times into a segment differ by no more can platoon there.",
+        description="Vehicles that enter a segment no further apart than this can platoon there.",
     )
     stale_after_s: float = Field(
-        default=5.0, gt=0, allow_inf_nan=False, description="An older SegmentState counts for nothing."
+        default=5.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="An older SegmentState counts for nothing.",
     )
     future_tolerance_s: float = Field(
         default=1.0,

@@ -1,6 +1,6 @@
 """The traffic as the dispatcher knows it: latest state a segment, freshness, gates.
 
-A gate opens on one thing only: a fresh SegmentState that says y_e = 1, and no fresh one that says 0.
+A gate opens on one thing only: a fresh SegmentState with y_e = 1 and no fresh one with y_e = 0.
 """
 
 from __future__ import annotations
@@ -133,10 +133,7 @@ def _judge(
         )
     severity: dict[int | None, int] = {None: 0, 1: 1, 0: 2}
     decisive = max(fresh, key=lambda s: (severity[s.y_e], s.features is not None, s.time_ns, s.rsu))
-    if decisive.y_e is None:
-        reason = f"unknown: {decisive.reason}"
-    else:
-        reason = "turbulent"
+    reason = f"unknown: {decisive.reason}" if decisive.y_e is None else "turbulent"
     is_open = decisive.y_e == 1
     features = decisive.features
     measured = None if features is None else max(0.0, features.mean_speed_mps.value)

@@ -70,9 +70,9 @@ class ArcModel:
     gamma: float
 
     @cached_property
-    def total(self) -> dimod.BinaryQuadraticModel:
-        """H_total, kWh."""
-        bqm = self.penalty.copy()
+    def total(self) -> Any:
+        """H_total, kWh: a `dimod.BinaryQuadraticModel`."""
+        bqm: Any = dimod.BinaryQuadraticModel(self.penalty)
         bqm.scale(self.gamma)
         bqm.update(self.objective)
         return bqm
@@ -132,12 +132,12 @@ def sufficient_gamma(problem: ArcProblem) -> float:
     for arc in problem.arcs:
         key = (arc.end, arc.vehicle if arc.end == problem.depot else "")
         into.setdefault(key, []).append(arc.cost_kwh)
-    above = sum(max(costs) for costs in into.values())
+    above = sum((max(costs) for costs in into.values()), 0.0)
     reduced = [arc.cost_kwh for arc in problem.arcs]
     for (first, second), saving in problem.pair_savings.items():
         reduced[first] -= saving / 2
         reduced[second] -= saving / 2
-    below = sum(min(0.0, value) for value in reduced)
+    below = sum((min(0.0, value) for value in reduced), 0.0)
     # The margin keeps "greater than" true in floating point.
     return 1.01 * (above - below) + 1e-6
 

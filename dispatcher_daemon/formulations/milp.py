@@ -7,7 +7,7 @@ classical Miller–Tucker–Zemlin inequalities with continuous orders, products
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import highspy
 import numpy as np
@@ -103,7 +103,7 @@ def solve_milp(problem: ArcProblem, deadline_s: float, seed: int = 0) -> MilpRes
     Raises:
         RuntimeError: HiGHS refused the model or ended in an unexpected way.
     """
-    solver = highspy.Highs()
+    solver: Any = highspy.Highs()  # type: ignore[no-untyped-call]
     for option, value in (
         ("output_flag", False),
         ("threads", 1),

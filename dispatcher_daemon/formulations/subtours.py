@@ -1,7 +1,7 @@
 """Which order rows the arc form needs, and no more.
 
-A row is a linear equality over order variables u_j ≥ 0, arc sums x_ij = Σ_k x_ijk and slack bits; its
-square is the penalty. `order_rows` gives rows that every valid route set can satisfy and no set
+A row is a linear equality over order variables u_j ≥ 0, arc sums x_ij = Σ_k x_ijk and slack bits;
+its square is the penalty. `order_rows` gives rows that every valid route set can satisfy and no set
 with a cycle apart from the depot can. Reasons and proofs: docs/formulation.md.
 """
 

@@ -1,0 +1,317 @@
+"""The dispatcher as a service: states in, cycles on time, plans out once they are stored."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from dispatcher_daemon import metrics
+from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.schedule import CycleScheduler
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.pool import Solve, SolverPool
+from dispatcher_daemon.solvers.registry import configured_solvers
+from dispatcher_daemon.traffic import TrafficBook, Verdict, take_snapshot
+from slipstream.bus import Bus
+from slipstream.errors import InputError
+from slipstream.messages import (
+    ALL_STATES,
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+    CycleReport,
+    DispatcherHealth,
+    Message,
+    SegmentState,
+    VehiclePlan,
+    decode,
+    plan_key,
+    state_key,
+)
+from slipstream.roads import load_network
+from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
+from storage import open_database
+
+log = logging.getLogger(__name__)
+
+PRUNE_EVERY_S = 3600.0
+HEALTH_EVERY_S = 1.0
+
+
+class CycleStore(Protocol):
+    """What the dispatcher needs of the database."""
+
+    def record_cycle(
+        self, report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
+    ) -> None:
+        """Store one cycle durably, or raise."""
+        ...
+
+    def next_cycle_number(self) -> int:
+        """Number of the cycle to come."""
+        ...
+
+    def prune(self, keep_days: float, now_ns: int) -> int:
+        """Delete old cycles."""
+        ...
+
+
+class Outlet(Protocol):
+    """A declared publisher of the bus."""
+
+    def put(self, message: Message | bytes) -> None:
+        """Publish."""
+        ...
+
+
+class Inlet(Protocol):
+    """The part of the bus that the dispatcher publishes through."""
+
+    def publisher(self, key: str) -> Outlet:
+        """Declare a publisher."""
+        ...
+
+
+class Dispatcher:
+    """State of the running dispatcher; the bus's thread feeds it, the scheduler's runs cycles.
+
+    Args:
+        settings: checked settings.
+        problem: roads and fleet.
+        bus: to publish through.
+        store: database.
+        solve: solver pool.
+    """
+
+    def __init__(
+        self,
+        settings: DispatcherSettings,
+        problem: RoutingProblem,
+        bus: Inlet,
+        store: CycleStore,
+        solve: Solve,
+    ) -> None:
+        self._settings = settings
+        self._problem = problem
+        self._store = store
+        self._solve = solve
+        self._book = TrafficBook(problem.network, future_tolerance_s=settings.future_tolerance_s)
+        self._limiter = LogLimiter()
+        self._plan_outlets = {v.id: bus.publisher(plan_key(v.id)) for v in problem.fleet.vehicles}
+        self._cycle_outlet = bus.publisher(CYCLE_KEY)
+        self._health_outlet = bus.publisher(DISPATCHER_HEALTH_KEY)
+        self._cycle = store.next_cycle_number()
+        self._pruned_at = -PRUNE_EVERY_S
+        self.stopping = threading.Event()
+        self.cycle_began: float | None = None
+        self.started_ns = time.time_ns()
+        self.cycles = 0
+        self.cycles_failed = 0
+        self.states_received = 0
+        self.bad_messages = 0
+
+    def on_state(self, key: str, payload: bytes) -> None:
+        """Take in one message from `ALL_STATES`; what is not a SegmentState is counted."""
+        try:
+            state = decode(SegmentState, payload, key)
+            if state_key(state.rsu, state.segment) != key:
+                raise InputError(key, "not the RSU or segment of its key", "check the sender")
+        except InputError as error:
+            self.bad_messages += 1
+            metrics.BAD_MESSAGES.inc()
+            self._warn("bad message", str(error))
+            return
+        self.states_received += 1
+        verdict = self._book.accept(state, time.time_ns())
+        metrics.STATES.labels(verdict.value).inc()
+        if verdict not in (Verdict.ACCEPTED, Verdict.DUPLICATE, Verdict.OUT_OF_ORDER):
+            what = verdict.value.replace("_", " ")
+            self._warn(what, f"{key}: state refused: {what}")
+
+    def run_cycle(self) -> None:
+        """One cycle: snapshot, solve, store, publish. A fault makes it a failed cycle, no more."""
+        self.cycle_began = time.monotonic()
+        try:
+            self._run_cycle()
+        except Exception as error:
+            self.cycles_failed += 1
+            metrics.CYCLES.labels("lost").inc()
+            log.exception("cycle %d could not be stored or published: %s", self._cycle, error)
+        finally:
+            self.cycle_began = None
+
+    def _run_cycle(self) -> None:
+        number, began, now_ns = self._cycle, time.monotonic(), time.time_ns()
+        plans: tuple[VehiclePlan, ...] = ()
+        states: tuple[SegmentState, ...] = ()
+        try:
+            snapshot = take_snapshot(
+                self._problem.network,
+                self._book.latest(),
+                now_ns,
+                stale_after_s=self._settings.stale_after_s,
+                future_tolerance_s=self._settings.future_tolerance_s,
+            )
+            states = snapshot.states
+            metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
+            result = run_cycle(
+                self._problem,
+                snapshot,
+                self._settings,
+                self._solve,
+                now_ns,
+                number,
+                cycle_seed(self._settings.seed, number),
+            )
+            report, plans = result.report, result.plans
+        except Exception as error:
+            log.exception("cycle %d failed", number)
+            report = failed_report(number, now_ns, time.monotonic() - began, error)
+        if self.stopping.is_set():
+            log.info("cycle %d given up: stopping", number)
+            return
+        self._cycle += 1
+        self._store.record_cycle(report, plans, states)
+        for plan in plans:
+            self._plan_outlets[plan.vehicle].put(plan)
+        self._cycle_outlet.put(report)
+        self._count(report)
+        self._prune(now_ns)
+
+    def _count(self, report: CycleReport) -> None:
+        self.cycles += 1
+        self.cycles_failed += report.status == "failed"
+        metrics.CYCLES.labels(report.status).inc()
+        metrics.CYCLE_SECONDS.observe(report.wall_s)
+        metrics.PLANS.inc(report.plans)
+        metrics.LAST_CYCLE.set(report.started_ns * 1e-9)
+        for solver in report.solvers:
+            metrics.SOLVER_RUNS.labels(solver.solver, solver.status).inc()
+            metrics.SOLVER_SECONDS.labels(solver.solver).observe(solver.wall_s)
+        saved = "no energy figures"
+        if report.energy is not None:
+            energy = report.energy
+            metrics.SAVED_KWH.labels("distance").set(energy.saved_distance_kwh)
+            metrics.SAVED_KWH.labels("drag").set(energy.saved_drag_kwh)
+            metrics.SAVED_KWH.labels("acceleration").set(energy.saved_acceleration_kwh)
+            saved = f"{energy.cooperative_kwh:.3f} kWh against {energy.baseline_kwh:.3f}"
+        log.info(
+            "cycle %d %s: %d plans by %s, %s, %.2f s%s",
+            report.cycle,
+            report.status,
+            report.plans,
+            report.solver,
+            saved,
+            report.wall_s,
+            f" ({report.reason})" if report.reason else "",
+        )
+
+    def _prune(self, now_ns: int) -> None:
+        if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
+            return
+        self._pruned_at = time.monotonic()
+        try:
+            pruned = self._store.prune(self._settings.keep_days, now_ns)
+        except Exception as error:
+            log.warning("old cycles could not be deleted: %s", error)
+        else:
+            if pruned:
+                log.info("%d old cycles deleted", pruned)
+
+    def publish_health(self, next_cycle_ns: int | None) -> None:
+        """Publish a DispatcherHealth."""
+        self._health_outlet.put(
+            DispatcherHealth(
+                time_ns=time.time_ns(),
+                started_ns=self.started_ns,
+                cycles=self.cycles,
+                cycles_failed=self.cycles_failed,
+                states_received=self.states_received,
+                bad_messages=self.bad_messages,
+                next_cycle_ns=next_cycle_ns,
+                rss_mb=rss_mb(),
+            )
+        )
+
+    def moves_on(self, next_cycle_ns: int | None) -> bool:
+        """True unless a cycle hangs or none comes any more: what the watchdog hangs on."""
+        began, settings = self.cycle_began, self._settings
+        if began is not None:
+            return time.monotonic() - began < settings.deadline_s + 60.0
+        if next_cycle_ns is None:
+            return False
+        return time.time_ns() - next_cycle_ns < 2e9 * settings.interval_s
+
+    def _warn(self, kind: str, line: str) -> None:
+        if self._limiter.allow(kind):
+            held = self._limiter.held(kind)
+            log.warning("%s%s", line, f" ({held} more of this kind)" if held else "")
+
+
+def cycle_seed(seed: int, cycle: int) -> int:
+    """Seed of one cycle: of its own, yet the same whenever the cycle is run again."""
+    return int(np.random.SeedSequence([seed, cycle]).generate_state(1)[0])
+
+
+def failed_report(cycle: int, started_ns: int, wall_s: float, error: Exception) -> CycleReport:
+    """The report of a cycle that raised."""
+    reason = " ".join(f"{type(error).__name__}: {error}".split())[:500]
+    return CycleReport(
+        cycle=cycle,
+        started_ns=started_ns,
+        wall_s=wall_s,
+        status="failed",
+        reason=reason,
+        solver=None,
+        objective_kwh=None,
+        variables=0,
+        solvers=(),
+        gates=(),
+        energy=None,
+        plans=0,
+    )
+
+
+def run_dispatcher(settings: DispatcherSettings) -> None:
+    """Run until SIGTERM or SIGINT.
+
+    Raises:
+        InputError: the network, fleet, database, bus or metrics port cannot be used.
+    """
+    configure_logging("dispatcher", settings.service.log_level)
+    network = load_network(settings.network)
+    problem = RoutingProblem(network, load_fleet(settings.fleet, network))
+    with (
+        Service("dispatcher", settings.service) as service,
+        open_database(settings.database_url) as database,
+        Bus.open(settings.bus) as bus,
+        SolverPool(configured_solvers(settings)) as pool,
+    ):
+        for name, reason in pool.warm_up().items():
+            log.warning("solver %s is not ready: %s", name, reason)
+        dispatcher = Dispatcher(settings, problem, bus, database, pool)
+        bus.subscribe(ALL_STATES, dispatcher.on_state)
+        scheduler = CycleScheduler(
+            dispatcher.run_cycle,
+            settings.interval_s,
+            lambda kind: metrics.CYCLE_FAULTS.labels(kind).inc(),
+        )
+        scheduler.start()
+        service.ready()
+        try:
+            while not service.wait(HEALTH_EVERY_S):
+                next_cycle_ns = scheduler.next_run_ns
+                dispatcher.publish_health(next_cycle_ns)
+                if dispatcher.moves_on(next_cycle_ns):
+                    service.progress(f"{dispatcher.cycles} cycles")
+        finally:
+            # Workers first: a cycle that waits for them must not hold up the end.
+            dispatcher.stopping.set()
+            pool.close()
+            scheduler.stop()

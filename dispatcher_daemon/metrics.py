@@ -1,0 +1,40 @@
+"""Prometheus metrics of the dispatcher."""
+
+from __future__ import annotations
+
+from prometheus_client import Counter, Gauge, Histogram
+
+STATES = Counter(
+    "slipstream_dispatcher_states", "Segment states received, by what became of them.", ["verdict"]
+)
+BAD_MESSAGES = Counter(
+    "slipstream_dispatcher_bad_messages", "Messages that were not what their key promises."
+)
+CYCLES = Counter("slipstream_dispatcher_cycles", "Dispatch cycles, by how they ended.", ["status"])
+CYCLE_FAULTS = Counter(
+    "slipstream_dispatcher_schedule_faults", "Cycles overlapped, missed or raised.", ["kind"]
+)
+CYCLE_SECONDS = Histogram(
+    "slipstream_dispatcher_cycle_seconds",
+    "Wall time of a cycle, from snapshot to verified plans.",
+    buckets=(0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 30, 60),
+)
+SOLVER_RUNS = Counter(
+    "slipstream_dispatcher_solver_runs", "Solver runs, by how they ended.", ["solver", "status"]
+)
+SOLVER_SECONDS = Histogram(
+    "slipstream_dispatcher_solver_seconds",
+    "Wall time of a solver in a cycle.",
+    ["solver"],
+    buckets=(0.01, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 30),
+)
+PLANS = Counter("slipstream_dispatcher_plans", "Vehicle plans published.")
+GATES_OPEN = Gauge("slipstream_dispatcher_gates_open", "Segments open for platooning.")
+SAVED_KWH = Gauge(
+    "slipstream_dispatcher_saved_kwh",
+    "Energy saved against the baseline in the last cycle.",
+    ["part"],
+)
+LAST_CYCLE = Gauge(
+    "slipstream_dispatcher_last_cycle_timestamp_seconds", "UTC of the last stored cycle's start."
+)

@@ -1,0 +1,104 @@
+"""When cycles run: at a fixed interval, never two at once, come what may."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+from apscheduler.events import EVENT_JOB_ERROR, EVENT_JOB_MAX_INSTANCES, EVENT_JOB_MISSED, JobEvent
+from apscheduler.executors.pool import ThreadPoolExecutor
+from apscheduler.schedulers.background import BackgroundScheduler
+from apscheduler.triggers.interval import IntervalTrigger
+
+log = logging.getLogger(__name__)
+
+_JOB = "cycle"
+
+
+class CycleScheduler:
+    """Calls a function at once and then every ``interval_s``, on one thread of its own.
+
+    A run that is due while the last one is still going is left out and counted as overlapped; runs
+    that could not start in time are made up for by one, and counted as missed if they are later
+    than a whole interval. A run that raises is logged and counted; the next one comes.
+
+    Args:
+        run: the cycle.
+        interval_s: from start to start, s.
+        on_fault: called with "overlapped", "missed" or "raised".
+    """
+
+    def __init__(
+        self,
+        run: Callable[[], None],
+        interval_s: float,
+        on_fault: Callable[[str], None] = lambda kind: None,
+    ) -> None:
+        self._on_fault = on_fault
+        self._lock = threading.Lock()
+        self._faults = {"overlapped": 0, "missed": 0, "raised": 0}
+        self._scheduler = BackgroundScheduler(
+            timezone=UTC, executors={"default": ThreadPoolExecutor(1)}
+        )
+        self._scheduler.add_listener(
+            self._note, EVENT_JOB_MAX_INSTANCES | EVENT_JOB_MISSED | EVENT_JOB_ERROR
+        )
+        self._scheduler.add_job(
+            run,
+            IntervalTrigger(seconds=interval_s, timezone=UTC),
+            id=_JOB,
+            max_instances=1,
+            coalesce=True,
+            misfire_grace_time=max(1, int(interval_s)),
+            next_run_time=datetime.now(UTC),
+        )
+
+    def _note(self, event: JobEvent) -> None:
+        kind = {EVENT_JOB_MAX_INSTANCES: "overlapped", EVENT_JOB_MISSED: "missed"}.get(
+            event.code, "raised"
+        )
+        with self._lock:
+            self._faults[kind] += 1
+        if kind == "raised":
+            log.error("cycle raised %r", event.exception)
+        else:
+            log.warning(
+                "a cycle was %s",
+                "left out: the last one still runs" if kind == "overlapped" else kind,
+            )
+        self._on_fault(kind)
+
+    @property
+    def overlapped(self) -> int:
+        """Runs left out because the one before was still going."""
+        return self._faults["overlapped"]
+
+    @property
+    def missed(self) -> int:
+        """Runs that could not start within an interval."""
+        return self._faults["missed"]
+
+    @property
+    def raised(self) -> int:
+        """Runs that ended in an exception."""
+        return self._faults["raised"]
+
+    @property
+    def next_run_ns(self) -> int | None:
+        """UTC of the next run; None if none is planned."""
+        job = self._scheduler.get_job(_JOB)
+        if job is None or job.next_run_time is None:
+            return None
+        return int(job.next_run_time.timestamp() * 1e9)
+
+    def start(self) -> None:
+        """Begin; the first run is due at once."""
+        self._scheduler.start()
+
+    def stop(self) -> None:
+        """Plan no more runs and wait for the one that is going."""
+        if self._scheduler.running:
+            self._scheduler.remove_all_jobs()
+            self._scheduler.shutdown(wait=True)

@@ -1,0 +1,1 @@
+"""Solvers behind one protocol, and the worker processes that they run in."""

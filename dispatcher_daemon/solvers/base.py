@@ -1,0 +1,78 @@
+"""The protocol of all solvers, and what they answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from dispatcher_daemon.problem import ArcProblem
+
+Status = Literal["optimal", "feasible", "infeasible", "timeout", "failed"]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Statistics of a sampling solver; raw samples and post-processed ones apart.
+
+    Attributes:
+        qubits: width of the circuit.
+        shots: number of samples.
+        raw: shots by objective value, kWh, of the samples that decode to valid routes as they are.
+        repaired: the same after post-processing of each sample.
+    """
+
+    qubits: int
+    shots: int
+    raw: tuple[tuple[float, int], ...]
+    repaired: tuple[tuple[float, int], ...]
+
+    def share(self, which: tuple[tuple[float, int], ...], best_kwh: float | None = None) -> float:
+        """Share of the shots in ``raw`` or ``repaired``, or of those with the best objective."""
+        hits = sum(n for value, n in which if best_kwh is None or value <= best_kwh + 1e-9)
+        return hits / self.shots
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a solver answers; the dispatcher re-evaluates and verifies all of it.
+
+    Attributes:
+        solver: its name.
+        status: "optimal" only from an exact solver that proved it.
+        selected: indices of the chosen arcs; None without an answer.
+        wall_s: time from the request to the answer.
+        repaired: True if the answer only came out of post-processing.
+        samples: statistics of a sampling solver.
+        reason: why there is no answer.
+    """
+
+    solver: str
+    status: Status
+    selected: frozenset[int] | None
+    wall_s: float
+    repaired: bool = False
+    samples: Samples | None = None
+    reason: str | None = None
+
+
+class Solver(Protocol):
+    """A solver of arc problems; picklable, as it runs in a worker process."""
+
+    @property
+    def name(self) -> str:
+        """Its name in settings, reports and on the dashboard."""
+        ...
+
+    def warm_up(self) -> None:
+        """Import what it needs, so that no cycle pays for it."""
+        ...
+
+    def solve(self, problem: ArcProblem, deadline_s: float, seed: int) -> Outcome:
+        """Solve within the deadline; the worker is killed a little after it.
+
+        Args:
+            problem: the arc problem.
+            deadline_s: time to answer in, s.
+            seed: of everything random in it.
+        """
+        ...

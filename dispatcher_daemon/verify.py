@@ -1,0 +1,173 @@
+"""Is a set of plans sound? Checked on the messages themselves, right before they leave.
+
+It trusts nothing that made the plans: it knows the roads, the fleet, the open gates, the rules.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import pairwise
+
+from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.paths import turns
+from slipstream.messages import PlannedSegment, VehiclePlan
+from slipstream.roads import RoadNetwork
+
+_TOLERANCE_NS = 1_000_000
+_SPEED_TOLERANCE = 1e-3
+
+
+def verify_plans(
+    plans: Sequence[VehiclePlan],
+    network: RoadNetwork,
+    fleet: Fleet,
+    open_segments: Collection[str],
+    sync_window_s: float,
+) -> tuple[str, ...]:
+    """Check the plans of one cycle.
+
+    Args:
+        open_segments: segments whose gate was open in the cycle.
+        sync_window_s: largest difference of entry times within a platoon.
+
+    Returns:
+        What is wrong, one line each; empty if the plans may leave.
+    """
+    return (
+        *_fleet_faults(plans, fleet),
+        *(f"{p.vehicle}: {f}" for p in plans for f in _stop_faults(p, fleet)),
+        *(f"{p.vehicle}: {f}" for p in plans for f in _path_faults(p, network)),
+        *(f"{p.vehicle}: {f}" for p in plans for f in _time_faults(p, network, fleet)),
+        *_platoon_faults(plans, open_segments, sync_window_s),
+    )
+
+
+def _fleet_faults(plans: Sequence[VehiclePlan], fleet: Fleet) -> Iterator[str]:
+    count = Counter(plan.vehicle for plan in plans)
+    for vehicle in fleet.vehicles:
+        if count.pop(vehicle.id, 0) != 1:
+            yield f"{vehicle.id}: has not exactly one plan"
+    for stranger in count:
+        yield f"{stranger}: not in the fleet"
+    served = Counter(stop.stop for plan in plans for stop in plan.stops[1:-1])
+    for stop in fleet.stops:
+        if served[stop.id] != 1:
+            yield f"stop {stop.id}: served {served[stop.id]} times"
+    if len({(plan.cycle, plan.issued_ns) for plan in plans}) > 1:
+        yield "plans of different cycles"
+
+
+def _stop_faults(plan: VehiclePlan, fleet: Fleet) -> Iterator[str]:
+    if len(plan.stops) < 3:
+        yield "serves no stop"
+        return
+    for where, stop in (("start", plan.stops[0]), ("end", plan.stops[-1])):
+        if (stop.stop, stop.node) != (fleet.depot.id, fleet.depot.node):
+            yield f"does not {where} at the depot"
+    for stop in plan.stops[1:-1]:
+        known = fleet.stop_by_id.get(stop.stop)
+        if known is None or known.node != stop.node:
+            yield f"no stop {stop.stop} at node {stop.node}"
+    for vehicle in fleet.vehicles:
+        if vehicle.id == plan.vehicle and vehicle.first_stop not in (None, plan.stops[1].stop):
+            yield f"does not serve {vehicle.first_stop} first"
+
+
+def _legs(plan: VehiclePlan) -> list[list[PlannedSegment]]:
+    legs: list[list[PlannedSegment]] = [[] for _ in plan.stops[1:]]
+    for segment in plan.segments:
+        if segment.leg < len(legs):
+            legs[segment.leg].append(segment)
+    return legs
+
+
+def _path_faults(plan: VehiclePlan, network: RoadNetwork) -> Iterator[str]:
+    numbers = [segment.leg for segment in plan.segments]
+    if numbers != sorted(numbers) or set(numbers) != set(range(len(plan.stops) - 1)):
+        yield "its legs are not one after another between its stops"
+        return
+    unknown = [s.segment for s in plan.segments if s.segment not in network.segments]
+    if unknown:
+        yield f"unknown segments {unknown}"
+        return
+    for number, leg in enumerate(_legs(plan)):
+        roads = [network.segments[segment.segment] for segment in leg]
+        if (
+            roads[0].start != plan.stops[number].node
+            or roads[-1].end != plan.stops[number + 1].node
+        ):
+            yield f"leg {number} does not join its stops"
+        for a, b in pairwise(roads):
+            if a.end != b.start or b.id not in turns(network, a.id):
+                yield f"no turn from {a.id} into {b.id}"
+    driven = sum(network.segments[s.segment].length_m for s in plan.segments)
+    if abs(driven - plan.distance_m) > 1.0:
+        yield f"distance is {driven:.0f} m, not {plan.distance_m:.0f} m"
+
+
+def _time_faults(plan: VehiclePlan, network: RoadNetwork, fleet: Fleet) -> Iterator[str]:
+    if not plan.stops:
+        return
+    if not plan.issued_ns <= plan.depart_ns == plan.stops[0].departure_ns:
+        yield "leaves before its plan is issued, or at another time than its first stop says"
+    if plan.valid_until_ns <= plan.issued_ns:
+        yield "is valid until before it is issued"
+    for stop in plan.stops:
+        known = fleet.stop_by_id.get(stop.stop)
+        needed_ns = 0 if known is None else round(known.service_s * 1e9)
+        if stop.departure_ns - stop.arrival_ns < needed_ns - _TOLERANCE_NS:
+            yield f"leaves {stop.stop} before it is served"
+    for number, leg in enumerate(_legs(plan)):
+        if not leg:
+            continue
+        begins = [segment.entry_ns for segment in leg]
+        ends = [segment.exit_ns for segment in leg]
+        expected = [plan.stops[number].departure_ns, *ends[:-1]]
+        if begins != expected or ends[-1] != plan.stops[number + 1].arrival_ns:
+            yield f"the times of leg {number} do not join up"
+    for segment in plan.segments:
+        road = network.segments.get(segment.segment)
+        if road is None:
+            continue
+        limit = road.speed_limit_mps * (1 + _SPEED_TOLERANCE)
+        seconds = (segment.exit_ns - segment.entry_ns) * 1e-9
+        if segment.speed_mps > limit or seconds <= 0 or road.length_m / seconds > limit:
+            yield f"faster than allowed on {segment.segment}"
+
+
+def _platoon_faults(
+    plans: Sequence[VehiclePlan], open_segments: Collection[str], sync_window_s: float
+) -> Iterator[str]:
+    groups: dict[tuple[str, str], list[tuple[str, PlannedSegment]]] = {}
+    for plan in plans:
+        for segment in plan.segments:
+            where = f"{plan.vehicle} on {segment.segment}"
+            if segment.platoon is None:
+                if segment.place is not None or segment.gap_m is not None:
+                    yield f"{where}: a place or gap without a platoon"
+                continue
+            if segment.segment not in open_segments:
+                yield f"{where}: platoon where the gate is closed"
+            if segment.place is None or (segment.place > 0) != (segment.gap_m is not None):
+                yield f"{where}: a gap is for followers, and for each of them"
+            groups.setdefault((segment.segment, segment.platoon), []).append(
+                (plan.vehicle, segment)
+            )
+    for (road, name), members in groups.items():
+        yield from (f"platoon {name} on {road}: {f}" for f in _group_faults(members, sync_window_s))
+
+
+def _group_faults(
+    members: Sequence[tuple[str, PlannedSegment]], sync_window_s: float
+) -> Iterable[str]:
+    ordered = sorted(members, key=lambda m: -1 if m[1].place is None else m[1].place)
+    if len({vehicle for vehicle, _ in members}) < max(2, len(members)):
+        yield "fewer than two vehicles, or one of them twice"
+    if [segment.place for _, segment in ordered] != list(range(len(members))):
+        yield "places are not 0, 1, 2 ..."
+    entries = [segment.entry_ns for _, segment in ordered]
+    if entries != sorted(entries):
+        yield "places are not in the order of entry"
+    if max(entries) - min(entries) > sync_window_s * 1e9 + _TOLERANCE_NS:
+        yield f"entry times more than {sync_window_s:g} s apart"
