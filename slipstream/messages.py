@@ -82,11 +82,6 @@ UnknownReason = Literal[
     "too_few_vehicles",
     "window_not_covered",
     "uncertain",
-    "stale",
-    "frozen",
-    "dark",
-    "bright",
-    "camera_moved",
 ]
 
 

@@ -1,0 +1,1 @@
+"""The daemon of one roadside unit: video in, stability flags of road segments out."""

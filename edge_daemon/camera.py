@@ -1,0 +1,224 @@
+"""The calibrated camera: image ↔ road plane, and the road segments that it watches.
+
+The road is a plane with coordinates in metres; a 3×3 homography maps it to the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from slipstream.config import Settings, load
+from slipstream.errors import InputError
+
+Array = npt.NDArray[np.float64]
+Pair = tuple[float, float]
+
+
+class CalibrationPoint(Settings):
+    """A point known both in the picture and on the road."""
+
+    image: Pair = Field(description="(u, v) in px, origin at the top left.")
+    road: Pair = Field(description="(x, y) in m.")
+
+
+class ImageSize(Settings):
+    """Size of the picture that the calibration was made on, px."""
+
+    width: Annotated[int, Field(gt=0)]
+    height: Annotated[int, Field(gt=0)]
+
+
+class SegmentSettings(Settings):
+    """The part of a road segment that the camera watches."""
+
+    id: Annotated[str, Field(min_length=1)]
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, description="m on the road plane.")]
+    direction: Pair = Field(description="Direction of travel on the road plane.")
+    lanes: Annotated[int, Field(ge=1)] = 1
+    lane_width_m: Annotated[float, Field(gt=0)] = 3.5
+
+
+class CameraSettings(Settings):
+    """The content of a ``camera.toml``."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    name: str
+    image: ImageSize
+    points: Annotated[tuple[CalibrationPoint, ...], Field(min_length=4)]
+    segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class WatchedSegment:
+    """A watched part of a road segment in its own coordinates.
+
+    Attributes:
+        id: the road segment.
+        polygon_m: outline on the road plane, m, shape (n, 2).
+        direction: unit vector of travel, shape (2,).
+        length_m: extent along the direction.
+        lanes: number of lanes.
+        lane_width_m: width of a lane.
+    """
+
+    id: str
+    polygon_m: Array
+    direction: Array
+    length_m: float
+    lanes: int
+    lane_width_m: float
+
+    def contains(self, points_m: Array) -> npt.NDArray[np.bool_]:
+        """Which points (n, 2), m, lie inside the outline."""
+        contour = self.polygon_m.astype(np.float32).reshape(-1, 1, 2)
+        return np.array(
+            [cv2.pointPolygonTest(contour, (float(x), float(y)), False) >= 0 for x, y in points_m],
+            dtype=np.bool_,
+        )
+
+    def along(self, points_m: Array) -> Array:
+        """Position along the direction of travel, m, shape (n,)."""
+        return np.asarray(points_m @ self.direction)
+
+    def lane(self, points_m: Array) -> npt.NDArray[np.int_]:
+        """Lane index of points (n, 2), counted from the right edge of the outline."""
+        left = np.array([-self.direction[1], self.direction[0]])
+        offset = points_m @ left - (self.polygon_m @ left).min()
+        lanes = np.clip(np.floor(offset / self.lane_width_m), 0, self.lanes - 1)
+        return np.asarray(lanes, dtype=np.int_)
+
+
+class Camera:
+    """A fixed camera over a road plane.
+
+    Attributes:
+        name: its name.
+        size: (width, height) of its pictures, px.
+        segments: the watched segments.
+        reprojection_error_px: root mean square over the calibration points.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        size: tuple[int, int],
+        road_to_image: Array,
+        segments: tuple[WatchedSegment, ...],
+        reprojection_error_px: float,
+    ) -> None:
+        self.name = name
+        self.size = size
+        self.segments = segments
+        self.reprojection_error_px = reprojection_error_px
+        self._to_image = road_to_image
+        self._to_road: Array = np.asarray(np.linalg.inv(road_to_image), dtype=np.float64)
+
+    def to_image(self, points_m: npt.ArrayLike) -> Array:
+        """Road points (n, 2), m, to pixels (n, 2)."""
+        return _project(self._to_image, np.asarray(points_m, dtype=np.float64))
+
+    def to_road(self, points_px: npt.ArrayLike) -> Array:
+        """Pixels (n, 2) to road points (n, 2), m; NaN at and above the horizon."""
+        points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
+        scale = points @ self._to_road[2, :2] + self._to_road[2, 2]
+        road = _project(self._to_road, points)
+        road[scale * self._sign_below_horizon <= 1e-9] = np.nan
+        return road
+
+    @property
+    def _sign_below_horizon(self) -> float:
+        centre = self.segments[0].polygon_m.mean(axis=0)
+        pixel = self.to_image(centre.reshape(1, 2))[0]
+        return float(np.sign(pixel @ self._to_road[2, :2] + self._to_road[2, 2]))
+
+    def jacobian(self, points_px: npt.ArrayLike) -> Array:
+        """∂(x, y)/∂(u, v) of `to_road`, m/px, shape (n, 2, 2)."""
+        points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
+        h = self._to_road
+        homogeneous = points @ h[:, :2].T + h[:, 2]
+        scale = homogeneous[:, 2:3]
+        road = homogeneous[:, :2] / scale
+        return np.asarray(
+            (h[None, :2, :2] - road[:, :, None] * h[None, 2:3, :2]) / scale[:, :, None]
+        )
+
+
+def load_camera(path: Path) -> Camera:
+    """Read a ``camera.toml``.
+
+    Raises:
+        InputError: an unknown key, a wrong type, points that fix no homography, a calibration that
+            does not fit its own points, a segment out of the picture, a direction of length zero.
+    """
+    settings = load(path, CameraSettings)
+    image = np.array([point.image for point in settings.points])
+    road = np.array([point.road for point in settings.points])
+    homography = _fit(road, image, path)
+    error = float(np.sqrt(np.mean(np.sum((_project(homography, road) - image) ** 2, axis=1))))
+    if error > 0.01 * settings.image.width:
+        raise InputError(
+            path,
+            f"the calibration misses its own points by {error:.1f} px",
+            "check for swapped or mistyped points",
+            key="points",
+        )
+    camera = Camera(
+        settings.name,
+        (settings.image.width, settings.image.height),
+        homography,
+        tuple(_watched(segment, path) for segment in settings.segments),
+        error,
+    )
+    for segment in camera.segments:
+        u, v = camera.to_image(segment.polygon_m).T
+        if (u.max() < 0) | (u.min() > camera.size[0]) | (v.max() < 0) | (v.min() > camera.size[1]):
+            raise InputError(
+                path, "outside the picture", "give it in road metres", key=f"segments.{segment.id}"
+            )
+    return camera
+
+
+def _fit(road: Array, image: Array, path: Path) -> Array:
+    for points, key in ((road, "points.road"), (image, "points.image")):
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if spread[1] < 1e-3 * spread[0]:
+            raise InputError(path, "all points on one line", "spread them over the road", key=key)
+    homography, _ = cv2.findHomography(road, image)
+    if homography is None or not np.isfinite(homography).all():
+        raise InputError(path, "no homography fits the points", "give other points", key="points")
+    matrix = np.asarray(homography, dtype=np.float64)
+    if np.linalg.cond(matrix) > 1e12:
+        raise InputError(path, "the points fix no homography", "spread them", key="points")
+    return matrix
+
+
+def _watched(segment: SegmentSettings, path: Path) -> WatchedSegment:
+    direction = np.array(segment.direction)
+    norm = float(np.linalg.norm(direction))
+    if not norm > 0:
+        raise InputError(
+            path, "direction has no length", "give a vector", key=f"segments.{segment.id}"
+        )
+    polygon = np.array(segment.polygon)
+    along = polygon @ (direction / norm)
+    return WatchedSegment(
+        segment.id,
+        polygon,
+        direction / norm,
+        float(along.max() - along.min()),
+        segment.lanes,
+        segment.lane_width_m,
+    )
+
+
+def _project(matrix: Array, points: Array) -> Array:
+    homogeneous = points.reshape(-1, 2) @ matrix[:, :2].T + matrix[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(homogeneous[:, :2] / homogeneous[:, 2:3])

@@ -1,0 +1,181 @@
+"""The pipeline as a service: frames in, states on the bus once a second, health beside them."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+
+import cv2
+import numpy as np
+
+from edge_daemon import metrics
+from edge_daemon.camera import Camera, load_camera
+from edge_daemon.detection import open_detector
+from edge_daemon.frame import Frame
+from edge_daemon.pipeline import Pipeline
+from edge_daemon.preview import annotate
+from edge_daemon.settings import EdgeSettings
+from edge_daemon.sources import FrameSource, open_source
+from slipstream.bus import Bus, Publisher
+from slipstream.messages import RsuHealth, SegmentState, preview_key, rsu_health_key, state_key
+from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
+
+log = logging.getLogger(__name__)
+
+_RECENT_S = 10.0
+
+
+def run_edge(settings: EdgeSettings) -> None:
+    """Run until stopped, or until a clip that does not loop has ended.
+
+    Raises:
+        InputError: the camera file, the model, the clip or the bus settings are unusable.
+    """
+    configure_logging(f"edge {settings.rsu}", settings.service.log_level)
+    camera = load_camera(settings.camera)
+    pipeline = Pipeline(
+        settings.rsu,
+        camera,
+        open_detector(settings.detector),
+        settings.tracker,
+        settings.stability,
+        settings.window_s,
+    )
+    with Service("edge", settings.service) as service, Bus.open(settings.bus) as bus:
+        source = open_source(settings.source)
+        try:
+            EdgeDaemon(settings, camera, pipeline, source, bus, service).run()
+        finally:
+            source.close()
+
+
+class EdgeDaemon:
+    """Moves frames through the pipeline and tells the bus."""
+
+    def __init__(
+        self,
+        settings: EdgeSettings,
+        camera: Camera,
+        pipeline: Pipeline,
+        source: FrameSource,
+        bus: Bus,
+        service: Service,
+    ) -> None:
+        self._settings = settings
+        self._camera = camera
+        self._pipeline = pipeline
+        self._source = source
+        self._service = service
+        self._state_publishers = {
+            segment.id: bus.publisher(state_key(settings.rsu, segment.id))
+            for segment in camera.segments
+        }
+        self._health_publisher = bus.publisher(rsu_health_key(settings.rsu))
+        self._preview_publisher: Publisher | None = (
+            bus.publisher(preview_key(settings.rsu), best_effort=True)
+            if settings.preview.fps > 0
+            else None
+        )
+        self._started_ns = time.time_ns()
+        self._frames = 0
+        self._states = 0
+        self._recent: deque[tuple[float, float]] = deque()
+        self._latest: dict[str, SegmentState] = {}
+        self._last_frame: Frame | None = None
+        self._limiter = LogLimiter()
+
+    def run(self) -> None:
+        """Process frames until the service stops or the source ends."""
+        self._service.ready()
+        due_s = preview_due_s = time.monotonic()
+        for frame in self._source.frames():
+            if self._service.stopping.is_set():
+                break
+            if frame is not None:
+                self._take(frame)
+            now = self._now_s(frame)
+            if now >= due_s:
+                self._tell("ok" if frame is not None else "no_signal")
+                due_s = max(due_s + self._settings.every_s, now)
+            if frame is not None and now >= preview_due_s:
+                self._show(frame)
+                preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
+        self._tell("ended")
+
+    def _now_s(self, frame: Frame | None) -> float:
+        """What the once-a-second beat follows: a fast clip's own time, else the wall's."""
+        if self._settings.source.pace == "fast" and frame is not None:
+            return frame.media_time_s
+        return time.monotonic()
+
+    def _take(self, frame: Frame) -> None:
+        self._pipeline.process(frame)
+        done = time.monotonic()
+        self._frames += 1
+        self._last_frame = frame
+        self._recent.append((done, done - frame.captured_s))
+        while self._recent[0][0] < done - _RECENT_S:
+            self._recent.popleft()
+        metrics.FRAMES.inc()
+        metrics.LATENCY.observe(done - frame.captured_s)
+
+    def _tell(self, status: str) -> None:
+        last = self._last_frame
+        idle_s = time.monotonic() - last.captured_s if last and status == "no_signal" else 0.0
+        time_ns = last.captured_ns if last and status == "ok" else time.time_ns()
+        for state in self._pipeline.states(time_ns, idle_s):
+            self._state_publishers[state.segment].put(state)
+            self._latest[state.segment] = state
+            self._states += 1
+            metrics.STATES.labels(state.segment, str(state.y_e)).inc()
+        if status == "no_signal" and self._limiter.allow("no signal"):
+            log.warning("no picture for %.0f s", idle_s)
+        health = self._health(status)
+        self._health_publisher.put(health)
+        metrics.SKIPPED.set(health.frames_skipped)
+        metrics.DECODE_ERRORS.set(health.decode_errors)
+        metrics.RECONNECTS.set(health.reconnects)
+        # Waiting for an absent camera is work too: a restart would not bring it back.
+        self._service.progress(f"{status}, {health.fps:.1f} frames a second")
+
+    def _health(self, status: str) -> RsuHealth:
+        latencies = [1e3 * latency for _, latency in self._recent]
+        p50, p95 = np.percentile(latencies, (50, 95)) if latencies else (None, None)
+        counters = self._source.counters
+        began = self._recent[0][0] if self._recent else 0.0
+        span = self._recent[-1][0] - began if self._recent else 0.0
+        return RsuHealth(
+            rsu=self._settings.rsu,
+            time_ns=time.time_ns(),
+            started_ns=self._started_ns,
+            source=str(self._settings.source.clip or "camera"),
+            segments=tuple(self._state_publishers),
+            status=status,  # type: ignore[arg-type]
+            frames=self._frames,
+            frames_skipped=counters.skipped,
+            decode_errors=counters.decode_errors,
+            reconnects=counters.reconnects,
+            states=self._states,
+            fps=(len(self._recent) - 1) / span if span > 0 and status == "ok" else 0.0,
+            latency_ms_p50=None if p50 is None else float(p50),
+            latency_ms_p95=None if p95 is None else float(p95),
+            vehicles_in_view=len(self._pipeline.tracks),
+            rss_mb=rss_mb(),
+        )
+
+    def _show(self, frame: Frame) -> None:
+        publisher = self._preview_publisher
+        if publisher is None or not publisher.has_subscribers():
+            return
+        picture = annotate(
+            frame.image,
+            self._camera,
+            self._pipeline.tracks,
+            self._latest,
+            self._settings.preview.width,
+        )
+        quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.preview.jpeg_quality]
+        ok, data = cv2.imencode(".jpg", picture, quality)
+        if ok:
+            publisher.put(data.tobytes())

@@ -1,0 +1,112 @@
+"""What a detector is and which one a model file asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from edge_daemon.frame import Image
+from slipstream.config import Settings
+from slipstream.errors import InputError
+
+VEHICLE_CLASSES: Final = ("car", "truck", "bus", "motorcycle")
+BUILTIN_MODEL: Final = "builtin"
+
+
+class DetectorSettings(Settings):
+    """How vehicles are found."""
+
+    model: str = Field(
+        default=BUILTIN_MODEL,
+        description="'builtin' (trained on renders), an OpenVINO .xml or folder, or a .pt file.",
+    )
+    min_score: Annotated[float, Field(gt=0, lt=1)] = Field(
+        default=0.1, description="Boxes below are dropped; the tracker has its own higher bar."
+    )
+    max_overlap: Annotated[float, Field(gt=0, lt=1)] = Field(
+        default=0.6, description="Boxes that overlap a better one by more (IoU) are dropped."
+    )
+    threads: Annotated[int, Field(ge=0)] = Field(
+        default=0, description="Inference threads; 0: as many as the machine has cores."
+    )
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Vehicles found in one picture.
+
+    Attributes:
+        boxes: x1, y1, x2, y2 in px of the picture, shape (n, 4).
+        scores: in (0, 1], shape (n,).
+        classes: index into VEHICLE_CLASSES, shape (n,).
+    """
+
+    boxes: npt.NDArray[np.float32]
+    scores: npt.NDArray[np.float32]
+    classes: npt.NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+
+class Detector(Protocol):
+    """Finds vehicles in a picture."""
+
+    def detect(self, image: Image) -> Detections:
+        """Vehicles in a BGR picture (height, width, 3)."""
+        ...
+
+
+def open_detector(settings: DetectorSettings) -> Detector:
+    """Open the detector that the model file asks for.
+
+    Raises:
+        InputError: the file is missing, not a YOLO11 export, knows no vehicle class, or needs
+            an extra that is not installed.
+    """
+    if settings.model == BUILTIN_MODEL:
+        path = Path(str(resources.files("edge_daemon") / "weights" / "yolo11n-streetdrive.xml"))
+    else:
+        path = Path(settings.model)
+    if path.is_dir():
+        models = sorted(path.glob("*.xml"))
+        if len(models) != 1:
+            raise InputError(path, f"{len(models)} .xml files in the folder", "name the one to use")
+        path = models[0]
+    if not path.is_file():
+        raise InputError(path, "no such model", "give an OpenVINO .xml or a .pt file")
+    # Imported here, so that an RSU loads only the runtime that it uses.
+    if path.suffix == ".xml":
+        from edge_daemon.detection.openvino import OpenVinoDetector
+
+        return OpenVinoDetector(path, settings)
+    if path.suffix in {".pt", ".engine"}:
+        from edge_daemon.detection.ultralytics import UltralyticsDetector
+
+        return UltralyticsDetector(path, settings)
+    raise InputError(path, f"unknown model type {path.suffix!r}", "give .xml, .pt or .engine")
+
+
+def vehicle_class_of(names: list[str], source: str | Path) -> npt.NDArray[np.int64]:
+    """Map a model's classes to VEHICLE_CLASSES; −1 for what is no vehicle.
+
+    Raises:
+        InputError: none of the names is a vehicle class.
+    """
+    mapping = np.array(
+        [VEHICLE_CLASSES.index(name) if name in VEHICLE_CLASSES else -1 for name in names],
+        dtype=np.int64,
+    )
+    if (mapping < 0).all():
+        raise InputError(
+            source,
+            f"none of its {len(names)} classes is a vehicle",
+            f"give a model with {', '.join(VEHICLE_CLASSES)}",
+        )
+    return mapping

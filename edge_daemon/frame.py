@@ -1,0 +1,29 @@
+"""A picture with its times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Image = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture of a source.
+
+    Attributes:
+        image: BGR, shape (height, width, 3), uint8.
+        media_time_s: time on the source's own clock; never runs back, also when a clip loops.
+        captured_ns: UTC when it was taken or read.
+        captured_s: the same moment on this machine's monotonic clock, for latencies.
+        cut: True if the scene before it is another one (a loop, a reconnect).
+    """
+
+    image: Image
+    media_time_s: float
+    captured_ns: int
+    captured_s: float
+    cut: bool = False

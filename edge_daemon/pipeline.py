@@ -1,0 +1,127 @@
+"""One frame's way: detect, place on the road, track, keep the window, judge each segment.
+
+No I/O and no clock of its own: the same frames give the same states.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from edge_daemon.camera import Camera, WatchedSegment
+from edge_daemon.detection import Detector
+from edge_daemon.frame import Frame
+from edge_daemon.kinematics import features_of
+from edge_daemon.measurement import to_road_points
+from edge_daemon.stability import StabilitySettings, classify
+from edge_daemon.tracking import Sighting, Track, Tracker, TrackerSettings
+from slipstream.errors import InputError
+from slipstream.messages import SegmentState
+
+_LONGEST_GAP_S = 0.5
+
+
+@dataclass(frozen=True)
+class _Seen:
+    time_s: float
+    gap_s: float
+
+
+class Pipeline:
+    """Turns the frames of one camera into the states of its segments."""
+
+    def __init__(
+        self,
+        rsu: str,
+        camera: Camera,
+        detector: Detector,
+        tracker: TrackerSettings,
+        stability: StabilitySettings,
+        window_s: float,
+    ) -> None:
+        self._rsu = rsu
+        self._camera = camera
+        self._detector = detector
+        self._tracker = Tracker(tracker)
+        self._stability = stability
+        self._window_s = window_s
+        self._sightings: deque[Sighting] = deque()
+        self._frames: deque[_Seen] = deque()
+        self._sequence = 0
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """Vehicles followed now."""
+        return self._tracker.tracks
+
+    def process(self, frame: Frame) -> None:
+        """Take one frame in.
+
+        Raises:
+            InputError: the picture has another size than the calibration.
+        """
+        height, width = frame.image.shape[:2]
+        if (width, height) != self._camera.size:
+            raise InputError(
+                self._camera.name,
+                f"the picture is {width}×{height}, the calibration is for "
+                f"{self._camera.size[0]}×{self._camera.size[1]}",
+                "calibrate this camera",
+                key="image",
+            )
+        now = frame.media_time_s
+        if frame.cut:
+            self._tracker.reset()
+        found = to_road_points(self._detector.detect(frame.image), self._camera)
+        self._sightings.extend(self._tracker.update(now, found))
+        last = self._frames[-1].time_s if self._frames else now
+        self._frames.append(_Seen(now, now - last))
+        self._forget(now - self._window_s)
+
+    def _forget(self, before_s: float) -> None:
+        while self._sightings and self._sightings[0].time_s < before_s:
+            self._sightings.popleft()
+        while self._frames and self._frames[0].time_s < before_s:
+            self._frames.popleft()
+
+    def states(self, time_ns: int, idle_s: float = 0.0) -> list[SegmentState]:
+        """The state of each segment over the window that ends now.
+
+        Args:
+            time_ns: UTC of the last frame, or of now if none has come.
+            idle_s: time since the last frame: that much of the window is empty.
+        """
+        if idle_s > 0 and self._frames:
+            self._forget(self._frames[-1].time_s + idle_s - self._window_s)
+        # A frame stands for the time since the one before it, unless the source paused.
+        observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _LONGEST_GAP_S)
+        coverage = min(1.0, observed_s / self._window_s)
+        return [
+            self._state(segment, time_ns, observed_s, coverage) for segment in self._camera.segments
+        ]
+
+    def _state(
+        self, segment: WatchedSegment, time_ns: int, observed_s: float, coverage: float
+    ) -> SegmentState:
+        measured = (
+            features_of(self._sightings, segment, observed_s)
+            if self._sightings and observed_s > 0
+            else None
+        )
+        features = measured.features if measured else None
+        vehicles = measured.vehicles if measured else 0
+        flag = classify(features, vehicles, len(self._frames), coverage, self._stability)
+        self._sequence += 1
+        return SegmentState(
+            rsu=self._rsu,
+            segment=segment.id,
+            sequence=self._sequence,
+            time_ns=time_ns,
+            window_s=self._window_s,
+            features=features,
+            y_e=flag.y_e,
+            reason=flag.reason,
+            vehicles=vehicles,
+            frames=len(self._frames),
+            coverage=coverage,
+        )

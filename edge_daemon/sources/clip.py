@@ -1,0 +1,123 @@
+"""Recorded clips: once or in a loop, in real time or every frame as fast as it goes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+
+from edge_daemon.frame import Frame
+from edge_daemon.sources.live import LiveSource, Offer
+from edge_daemon.sources.protocol import SourceCounters
+from slipstream.errors import InputError
+
+log = logging.getLogger(__name__)
+
+_MAX_FPS = 480.0
+
+
+class ClipReader:
+    """Decodes a video file, with times that go on where a loop starts again."""
+
+    def __init__(self, path: Path, capture: cv2.VideoCapture, *, loop: bool) -> None:
+        self.path = path
+        self._capture = capture
+        self._loop = loop
+        fps = float(capture.get(cv2.CAP_PROP_FPS))
+        self.fps = fps if 0 < fps <= _MAX_FPS else 30.0
+        self._expected = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        self.counters = SourceCounters()
+
+    def read_all(self) -> Iterator[tuple[float, bool, cv2.typing.MatLike]]:
+        """(media time in s, cut, picture) of each frame; ends with the clip unless it loops."""
+        start = 0.0
+        while True:
+            shown, last = 0, start - 1 / self.fps
+            while True:
+                position = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                ok, image = self._capture.read()
+                if not ok or image is None:
+                    break
+                # A stream without usable time stamps is taken to run at its nominal rate.
+                at = start + position if start + position > last else last + 1 / self.fps
+                yield at, shown == 0 and start > 0, image
+                last = at
+                shown += 1
+            if shown < 0.98 * self._expected:
+                self.counters.decode_errors += 1
+                log.warning(
+                    "%s: %d of %d frames could be read; the rest is lost",
+                    self.path,
+                    shown,
+                    self._expected,
+                )
+            if not self._loop or shown == 0:
+                return
+            start = last + 1 / self.fps
+            self._capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+
+    def close(self) -> None:
+        """Release the file."""
+        self._capture.release()
+
+
+def open_clip(path: Path, *, loop: bool) -> ClipReader:
+    """Open a video file.
+
+    Raises:
+        InputError: it is missing, no video, or its first frame cannot be decoded.
+    """
+    if not path.is_file():
+        raise InputError(path, "no such video", "check the path")
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    ok = capture.isOpened() and capture.read()[0]
+    if not ok:
+        capture.release()
+        raise InputError(
+            path, "not a readable video (truncated, or no video stream)", "record or copy it again"
+        )
+    capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+    return ClipReader(path, capture, loop=loop)
+
+
+class FastClip:
+    """Every frame of a clip, as fast as the reader takes them; nothing is skipped."""
+
+    def __init__(self, reader: ClipReader) -> None:
+        self._reader = reader
+        self._closed = False
+        self.counters = reader.counters
+
+    def frames(self) -> Iterator[Frame]:
+        """All frames in order."""
+        for media_time_s, cut, image in self._reader.read_all():
+            if self._closed:
+                break
+            yield Frame(image, media_time_s, time.time_ns(), time.monotonic(), cut)  # type: ignore[arg-type]
+        self._reader.close()
+
+    def close(self) -> None:
+        """End `frames` at the next one."""
+        self._closed = True
+
+
+def paced_clip(reader: ClipReader) -> LiveSource:
+    """Play a clip at its own speed, as a camera would send it."""
+
+    def capture(offer: Offer, stopping: threading.Event, counters: SourceCounters) -> None:
+        reader.counters = counters
+        began = time.monotonic()
+        for media_time_s, cut, image in reader.read_all():
+            ahead = began + media_time_s - time.monotonic()
+            if ahead < -1.0:  # the machine stood still: go on from here, do not race
+                began -= ahead
+            if stopping.wait(max(0.0, ahead)):
+                break
+            offer(Frame(image, media_time_s, time.time_ns(), time.monotonic(), cut))  # type: ignore[arg-type]
+        reader.close()
+
+    return LiveSource(capture, reader.path.name)

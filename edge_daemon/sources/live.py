@@ -1,0 +1,73 @@
+"""A source with a capture thread: the reader gets the newest frame, older ones are counted."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+
+from edge_daemon.frame import Frame
+from edge_daemon.sources.protocol import SourceCounters
+
+log = logging.getLogger(__name__)
+
+Offer = Callable[[Frame], None]
+Capture = Callable[[Offer, threading.Event, SourceCounters], None]
+
+
+class LiveSource:
+    """Runs a capture function in a thread and hands on what it offers, the newest frame first."""
+
+    def __init__(self, capture: Capture, name: str) -> None:
+        """Start capturing.
+
+        Args:
+            capture: called as ``capture(offer, stopping, counters)``; the source ends when it
+                returns.
+            name: for the log.
+        """
+        self.counters = SourceCounters()
+        self._changed = threading.Condition()
+        self._newest: Frame | None = None
+        self._ended = False
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(
+            target=self._run, args=(capture, name), name=f"capture {name}", daemon=True
+        )
+        self._thread.start()
+
+    def _run(self, capture: Capture, name: str) -> None:
+        try:
+            capture(self._offer, self._stopping, self.counters)
+        except Exception:
+            log.exception("capture of %s failed", name)
+        finally:
+            with self._changed:
+                self._ended = True
+                self._changed.notify()
+
+    def _offer(self, frame: Frame) -> None:
+        with self._changed:
+            if self._newest is not None:
+                self.counters.skipped += 1
+                if self._newest.cut:
+                    frame = Frame(
+                        frame.image, frame.media_time_s, frame.captured_ns, frame.captured_s, True
+                    )
+            self._newest = frame
+            self._changed.notify()
+
+    def frames(self) -> Iterator[Frame | None]:
+        """Frames as they come; None once a second while there is none."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._newest is not None or self._ended, timeout=1.0)
+                frame, self._newest = self._newest, None
+                if frame is None and (self._ended or self._stopping.is_set()):
+                    return
+            yield frame
+
+    def close(self) -> None:
+        """Stop the capture thread; `frames` ends."""
+        self._stopping.set()
+        self._thread.join(timeout=5.0)

@@ -1,0 +1,85 @@
+"""What a source of frames is, its settings and counters."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, Protocol, Self
+
+from pydantic import Field, model_validator
+
+from edge_daemon.frame import Frame
+from slipstream.config import Settings
+from slipstream.errors import InputError
+
+# FFmpeg writes its complaints about broken streams to standard error; ours are one line each.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
+
+
+class SourceSettings(Settings):
+    """Which pictures to watch: a recorded clip or a camera."""
+
+    clip: Path | None = Field(default=None, description="Path of a video file.")
+    url: str | None = Field(
+        default=None, pattern=r"^(rtsp|rtsps|http|https)://", description="RTSP or HTTP MJPEG."
+    )
+    loop: bool = Field(default=False, description="Start a clip again at its end.")
+    pace: Literal["real_time", "fast"] = Field(
+        default="real_time", description="Play a clip at its own speed, or every frame at once."
+    )
+    stall_s: Annotated[float, Field(gt=0)] = Field(
+        default=5.0, description="A camera that sends nothing for so long is reconnected."
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.clip is None) == (self.url is None):
+            raise ValueError("give either clip or url")
+        if self.url is not None and (self.loop or self.pace == "fast"):
+            raise ValueError("loop and pace are for clips")
+        return self
+
+
+@dataclass
+class SourceCounters:
+    """What happened to the frames of a source since its start."""
+
+    skipped: int = 0
+    decode_errors: int = 0
+    reconnects: int = 0
+
+
+class FrameSource(Protocol):
+    """An endless or finite stream of frames, newest first where the reader is too slow."""
+
+    counters: SourceCounters
+
+    def frames(self) -> Iterator[Frame | None]:
+        """Frames as they come; None about once a second while there is none."""
+        ...
+
+    def close(self) -> None:
+        """Release the camera or file; `frames` ends."""
+        ...
+
+
+def open_source(settings: SourceSettings) -> FrameSource:
+    """Open the source that the settings ask for.
+
+    Raises:
+        InputError: a clip that is missing or no video. An absent camera is waited for.
+    """
+    # Imported here, after the environment is set: OpenCV reads it once.
+    if settings.clip is not None:
+        from edge_daemon.sources.clip import FastClip, open_clip, paced_clip
+
+        reader = open_clip(settings.clip, loop=settings.loop)
+        return FastClip(reader) if settings.pace == "fast" else paced_clip(reader)
+    if settings.url is None:
+        raise InputError("source", "neither clip nor url", "give one of them")
+    from edge_daemon.sources.camera import open_camera
+
+    return open_camera(settings.url, settings.stall_s)
