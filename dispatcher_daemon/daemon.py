@@ -285,6 +285,8 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         InputError: the network, fleet, database, bus or metrics port cannot be used.
     """
     configure_logging("dispatcher", settings.service.log_level)
+    # The scheduler's own faults are counted and logged by CycleScheduler.
+    logging.getLogger("apscheduler").setLevel(logging.CRITICAL)
     network = load_network(settings.network)
     problem = RoutingProblem(network, load_fleet(settings.fleet, network))
     with (

@@ -7,6 +7,7 @@ legs around it: entry times within it are exact once its departure is known.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -100,14 +101,13 @@ def drive_energy(
     Args:
         drag_reductions: η_drag on each segment.
     """
-    steps = max(1, math.ceil(drive.duration_s / step_s))
-    sample_s = np.linspace(0.0, drive.duration_s, steps + 1)
-    speed = np.interp(sample_s, drive.times_s, drive.speeds_mps)
-    middle_s = 0.5 * (sample_s[1:] + sample_s[:-1])
-    segment = np.searchsorted(drive.entry_s, middle_s, side="right") - 1
-    return trace_energy(
-        speed,
-        drive.duration_s / steps,
-        np.asarray(drag_reductions, dtype=np.float64)[segment],
-        vehicle,
-    )
+    # Phase by phase: a step that straddles pulling and braking would set one against the other.
+    parts = []
+    phases = zip(pairwise(drive.times_s), pairwise(drive.speeds_mps), strict=True)
+    for (begin_s, end_s), (v0, v1) in phases:
+        segment = bisect_right(drive.entry_s, 0.5 * (begin_s + end_s)) - 1
+        steps = math.ceil((end_s - begin_s) / step_s)
+        speeds = np.linspace(v0, v1, steps + 1)
+        step = (end_s - begin_s) / steps
+        parts.append(trace_energy(speeds, step, drag_reductions[segment], vehicle))
+    return Energy(*(sum(values) for values in zip(*parts, strict=True)))

@@ -116,8 +116,9 @@ def build_arc_model(problem: ArcProblem, gamma: float | None = None) -> ArcModel
         objective.add_linear(variable, arc.cost_kwh)
     for (first, second), saving in problem.pair_savings.items():
         objective.add_quadratic(x[first], x[second], -saving)
-    weight = sufficient_gamma(problem) if gamma is None else gamma
-    return ArcModel(problem, variables, objective, penalty, weight)
+    if gamma is None:
+        gamma = sufficient_gamma(problem)
+    return ArcModel(problem, variables, objective, penalty, gamma)
 
 
 def sufficient_gamma(problem: ArcProblem) -> float:

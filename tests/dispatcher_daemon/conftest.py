@@ -1,0 +1,135 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+
+from dispatcher_daemon.dispatch import arc_problem
+from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.problem import ArcProblem, RoutingProblem
+from dispatcher_daemon.rewards import judge_pairs
+from dispatcher_daemon.routes import candidate_arcs, least_energy_legs
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from slipstream.messages import Estimate, KinematicFeatures, SegmentState
+from slipstream.roads import load_network
+
+NOW_NS = 1_800_000_000_000_000_000
+LIMIT_MPS = 16.67
+
+
+def make_state(
+    segment: str,
+    y_e: int | None,
+    *,
+    time_ns: int = NOW_NS,
+    rsu: str | None = None,
+    sequence: int = 1,
+    speed_mps: float = LIMIT_MPS,
+    mean_acceleration_mps2: float = 0.0,
+    acceleration_variance_m2ps4: float = 0.1,
+    features: bool = True,
+) -> SegmentState:
+    """A SegmentState of traffic at the speed limit unless told otherwise."""
+
+    def estimate(value: float) -> Estimate:
+        return Estimate(value=value, standard_error=0.1)
+
+    measured = KinematicFeatures(
+        mean_speed_mps=estimate(speed_mps),
+        mean_acceleration_mps2=estimate(mean_acceleration_mps2),
+        density_veh_per_m=estimate(0.02),
+        speed_std_mps=estimate(0.5),
+        acceleration_variance_m2ps4=estimate(acceleration_variance_m2ps4),
+    )
+    return SegmentState(
+        rsu=rsu or f"rsu-{segment}",
+        segment=segment,
+        sequence=sequence,
+        time_ns=time_ns,
+        window_s=10.0,
+        features=measured if features else None,
+        y_e=y_e,
+        reason="uncertain" if y_e is None else None,
+        vehicles=8,
+        frames=300,
+        coverage=1.0,
+    )
+
+
+@pytest.fixture(scope="session")
+def state() -> Callable[..., SegmentState]:
+    """Factory of segment states."""
+    return make_state
+
+
+@pytest.fixture(scope="session")
+def now_ns() -> int:
+    """A moment."""
+    return NOW_NS
+
+
+@pytest.fixture(scope="session")
+def demo() -> RoutingProblem:
+    """The built-in network and fleet."""
+    network = load_network("demo")
+    return RoutingProblem(network, load_fleet("demo", network))
+
+
+@pytest.fixture(scope="session")
+def traffic(demo: RoutingProblem) -> Callable[..., TrafficSnapshot]:
+    """Factory of snapshots from y_e by segment, at the speed limit; None has no features."""
+
+    def make(**flags: int | None) -> TrafficSnapshot:
+        states = [make_state(s, y, features=y is not None) for s, y in flags.items()]
+        return take_snapshot(demo.network, states, NOW_NS, stale_after_s=5.0)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def demo_arcs(
+    demo: RoutingProblem, traffic: Callable[..., TrafficSnapshot]
+) -> Callable[..., ArcProblem]:
+    """Factory of the demo's arc problem for flags as in `traffic`."""
+
+    def make(**flags: int | None) -> ArcProblem:
+        snapshot = traffic(**flags)
+        arcs = candidate_arcs(demo, least_energy_legs(demo, snapshot))
+        return arc_problem(demo, arcs, list(judge_pairs(demo, arcs, snapshot, 3.0)))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def random_arcs() -> Callable[..., ArcProblem]:
+    """Factory of random arc problems: sparse, some infeasible, some rewards above their costs."""
+    import numpy as np
+
+    from dispatcher_daemon.problem import ArcReward, CandidateArc
+
+    def make(seed: int, customers: int, vehicles: int, most_arcs: int) -> ArcProblem:
+        rng = np.random.default_rng(seed)
+        names = [f"c{i}" for i in range(customers)]
+        fleet = [f"v{k}" for k in range(vehicles)]
+        places = ["d", *names]
+        pairs = [(k, i, j) for k in fleet for i in places for j in places if i != j]
+        wanted: list[tuple[str, str, str]] = []
+        if customers >= vehicles and rng.random() < 0.8:
+            # The arcs of some valid route set come first, so that most instances are feasible.
+            parts = np.array_split(rng.permutation(names), vehicles)
+            for vehicle, part in zip(fleet, parts, strict=True):
+                stops = ["d", *map(str, part), "d"]
+                wanted += [(vehicle, i, j) for i, j in pairwise(stops)]
+        others = [pairs[n] for n in rng.permutation(len(pairs)) if pairs[n] not in wanted]
+        keep = sorted((wanted + others)[: max(most_arcs, len(wanted))])
+        arcs = tuple(CandidateArc(*key, cost_kwh=float(rng.uniform(0.05, 0.4))) for key in keep)
+        rewards = tuple(
+            ArcReward(a, b, f"e{rng.integers(2)}", float(rng.uniform(0.01, 0.3)))
+            for a in range(len(arcs))
+            for b in range(a + 1, len(arcs))
+            if arcs[a].vehicle != arcs[b].vehicle and rng.random() < 0.3
+        )
+        return ArcProblem("d", tuple(names), tuple(fleet), arcs, rewards)
+
+    return make

@@ -1,0 +1,125 @@
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dispatcher_daemon.formulations.arc import (
+    ArcModel,
+    ArcVariable,
+    OrderBit,
+    SlackBit,
+    build_arc_model,
+    sufficient_gamma,
+)
+from dispatcher_daemon.problem import ArcProblem, ArcReward, CandidateArc
+
+Demo = Callable[..., ArcProblem]
+
+
+def test_demo_has_exactly_25_variables(demo_arcs: Demo) -> None:
+    """16 arcs, 8 order bits shared by the vehicles and 1 slack bit, the paper's counts."""
+    model = build_arc_model(demo_arcs(avenue_east=1, avenue_west=1))
+    kinds = Counter(type(v) for v in model.variables)
+    assert kinds == {ArcVariable: 16, OrderBit: 8, SlackBit: 1}
+    assert len(set(map(str, model.variables))) == 25
+    touched = {v for pair in model.penalty.quadratic for v in pair}
+    assert touched == set(model.variables)
+
+
+def penalty_in_words(model: ArcModel, state: dict[object, int]) -> int:
+    """H_constraints of the demo written out rule by rule, without the builder."""
+
+    def x(vehicle: str | None, start: str | None, end: str | None) -> int:
+        return sum(
+            state[v]
+            for v in model.variables
+            if isinstance(v, ArcVariable)
+            and (vehicle in (None, v.vehicle))
+            and (start in (None, v.start))
+            and (end in (None, v.end))
+        )
+
+    def u(customer: str) -> int:
+        return state[OrderBit(customer, 0)] + 2 * state[OrderBit(customer, 1)]
+
+    customers, vans = ("c1", "c2", "c3", "c4"), ("van-a", "van-b")
+    cust = sum((x(None, None, c) - 1) ** 2 for c in customers)
+    flow = sum((x(k, None, c) - x(k, c, None)) ** 2 for k in vans for c in customers)
+    depot = sum((x(k, "depot", None) - 1) ** 2 + (x(k, None, "depot") - 1) ** 2 for k in vans)
+    w = state[SlackBit("c2", "c4", 0)]
+    order = (
+        (u("c2") - u("c4") + 2 * x(None, "c2", "c4") - 1 + 2 * w) ** 2
+        + (u("c4") - u("c2") + 2 * x(None, "c4", "c2") - 1) ** 2
+        + (u("c1") - u("c2") + x(None, "c1", "c2")) ** 2
+        + (u("c3") - u("c2") + x(None, "c3", "c2")) ** 2
+    )
+    return cust + flow + depot + order
+
+
+@given(bits=st.lists(st.integers(0, 1), min_size=25, max_size=25))
+def test_demo_model_is_the_formula(demo_arcs: Demo, bits: list[int]) -> None:
+    """In any state the QUBO's parts equal the formulas written out by hand."""
+    problem = demo_arcs(avenue_east=1, avenue_west=1)
+    model = build_arc_model(problem)
+    state: dict[object, int] = dict(zip(model.variables, bits, strict=True))
+    penalty = penalty_in_words(model, state)
+    objective = problem.objective_kwh(model.selected(bits))
+    assert model.penalty.energy(state) == pytest.approx(penalty, abs=1e-9)
+    assert model.objective.energy(state) == pytest.approx(objective, abs=1e-12)
+    assert model.total.energy(state) == pytest.approx(objective + model.gamma * penalty, abs=1e-9)
+
+
+def test_gamma_can_be_set(demo_arcs: Demo) -> None:
+    """The paper's γ = 50 is kept if asked for."""
+    problem = demo_arcs(avenue_east=1)
+    assert build_arc_model(problem, 50.0).gamma == 50.0
+    assert build_arc_model(problem).gamma == sufficient_gamma(problem)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_computed_gamma_exceeds_any_spread_of_the_objective(random_arcs: Demo, seed: int) -> None:
+    """γ is more than the dearest possible route set costs over the cheapest selection of all."""
+    problem = random_arcs(seed, 3, 2, 12)
+    n = len(problem.arcs)
+    values = np.zeros(1)
+    chosen = np.zeros((1, n), dtype=bool)
+    for i in range(n):
+        on = chosen.copy()
+        on[:, i] = True
+        partners = [
+            (b if a == i else a, s) for (a, b), s in problem.pair_savings.items() if i in (a, b)
+        ]
+        extra = problem.arcs[i].cost_kwh - sum(
+            (chosen[:, j] * s for j, s in partners), np.zeros(len(chosen))
+        )
+        values = np.concatenate([values, values + extra])
+        chosen = np.concatenate([chosen, on])
+    degree_ok = np.all(
+        [chosen[:, [a.end == c for a in problem.arcs]].sum(axis=1) == 1 for c in problem.customers]
+        + [
+            chosen[:, [(a.vehicle, a.end) == (k, "d") for a in problem.arcs]].sum(axis=1) == 1
+            for k in problem.vehicles
+        ],
+        axis=0,
+    )
+    if degree_ok.any():
+        assert sufficient_gamma(problem) > values[degree_ok].max() - values.min()
+
+
+def test_rewards_beyond_costs_raise_gamma() -> None:
+    """Where platooning could pay more than driving costs, the bound takes it into account."""
+    arcs = (
+        CandidateArc("v", "d", "a", 0.1),
+        CandidateArc("v", "a", "d", 0.1),
+        CandidateArc("w", "d", "b", 0.1),
+        CandidateArc("w", "b", "d", 0.1),
+    )
+    plain = ArcProblem("d", ("a", "b"), ("v", "w"), arcs)
+    rich = ArcProblem("d", ("a", "b"), ("v", "w"), arcs, (ArcReward(0, 2, "e", 5.0),))
+    assert sufficient_gamma(rich) > sufficient_gamma(plain) + 4.5

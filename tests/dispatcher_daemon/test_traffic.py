@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.traffic import MAX_RSUS_PER_SEGMENT, TrafficBook, Verdict, take_snapshot
+from slipstream.messages import SegmentState
+
+State = Callable[..., SegmentState]
+SECOND = 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("y_e", "age_s", "is_open", "reason"),
+    [
+        (1, 0.0, True, None),
+        (1, 5.0, True, None),
+        (1, 5.1, False, "stale"),
+        (0, 1.0, False, "turbulent"),
+        (0, 60.0, False, "stale"),
+        (None, 1.0, False, "unknown: uncertain"),
+        (1, -0.5, True, None),
+        (1, -2.0, False, "future"),
+    ],
+)
+def test_gate_opens_only_for_a_fresh_stable_state(
+    demo: RoutingProblem,
+    state: State,
+    now_ns: int,
+    y_e: int | None,
+    age_s: float,
+    is_open: bool,
+    reason: str | None,
+) -> None:
+    """y_e = 1 within the age limit opens the gate; everything else closes it with its reason."""
+    seen = state("avenue_east", y_e, time_ns=now_ns - round(age_s * 1e9))
+    snapshot = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0)
+    traffic = snapshot.segments["avenue_east"]
+    assert (traffic.open, traffic.reason) == (is_open, reason)
+    (gate,) = snapshot.gates()
+    assert (gate.segment, gate.open, gate.reason) == ("avenue_east", is_open, reason)
+
+
+def test_unwatched_segments_are_closed_at_free_flow(demo: RoutingProblem, now_ns: int) -> None:
+    """Without any state every gate is closed, speeds are the limits and no gate is listed."""
+    snapshot = take_snapshot(demo.network, [], now_ns, stale_after_s=5.0)
+    assert snapshot.gates() == ()
+    for name, traffic in snapshot.segments.items():
+        assert (traffic.open, traffic.reason) == (False, "unwatched")
+        assert traffic.speed_mps == demo.network.segments[name].speed_limit_mps
+
+
+@pytest.mark.parametrize(
+    ("measured", "planned"), [(12.0, 12.0), (30.0, 16.67), (0.1, 1.0), (-3.0, 1.0)]
+)
+def test_planning_speed_is_measured_but_legal_and_moving(
+    demo: RoutingProblem, state: State, now_ns: int, measured: float, planned: float
+) -> None:
+    """Fresh speeds are used within the speed limit and a floor."""
+    seen = state("avenue_east", 1, speed_mps=measured)
+    snapshot = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0)
+    assert snapshot.segments["avenue_east"].speed_mps == planned
+
+
+def test_stale_and_unknown_states_give_free_flow_speed(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """An old measurement, or a state without features, says nothing about speed."""
+    for seen in (
+        state("avenue_east", 1, speed_mps=5.0, time_ns=now_ns - 60 * SECOND),
+        state("avenue_east", None, features=False),
+    ):
+        snapshot = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0)
+        assert snapshot.segments["avenue_east"].speed_mps == 16.67
+
+
+@pytest.mark.parametrize(
+    ("flags", "is_open"),
+    [((1, 0), False), ((0, 1), False), ((1, None), True), ((None, None), False), ((1, 1), True)],
+)
+def test_two_rsus_on_one_segment_agree_on_the_safe_side(
+    demo: RoutingProblem, state: State, now_ns: int, flags: tuple[int | None, ...], is_open: bool
+) -> None:
+    """One RSU that sees turbulence closes the gate whatever another sees."""
+    states = [state("avenue_east", y, rsu=f"rsu-{i}") for i, y in enumerate(flags)]
+    snapshot = take_snapshot(demo.network, states, now_ns, stale_after_s=5.0)
+    assert snapshot.segments["avenue_east"].open is is_open
+
+
+def test_book_tells_duplicates_late_and_wrong_states(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """Duplicates, out-of-order, future-dated and unknown-road states change nothing."""
+    book = TrafficBook(demo.network)
+    newest = state("avenue_east", 1, sequence=9)
+    assert book.accept(newest, now_ns) is Verdict.ACCEPTED
+    assert book.accept(newest, now_ns) is Verdict.DUPLICATE
+    late = state("avenue_east", 0, time_ns=now_ns - SECOND, sequence=8)
+    assert book.accept(late, now_ns) is Verdict.OUT_OF_ORDER
+    ahead = state("avenue_east", 0, time_ns=now_ns + 2 * SECOND)
+    assert book.accept(ahead, now_ns) is Verdict.FUTURE
+    assert book.accept(state("elsewhere", 1), now_ns) is Verdict.UNKNOWN_SEGMENT
+    assert book.latest() == (newest,)
+
+
+def test_restarted_rsu_is_heard_again(demo: RoutingProblem, state: State, now_ns: int) -> None:
+    """A sequence number that starts again does not make a newer state late."""
+    book = TrafficBook(demo.network)
+    book.accept(state("avenue_east", 1, sequence=900), now_ns)
+    after = state("avenue_east", 0, sequence=0, time_ns=now_ns + SECOND)
+    assert book.accept(after, now_ns + SECOND) is Verdict.ACCEPTED
+    assert book.latest() == (after,)
+
+
+def test_clock_set_back_does_not_block_the_book(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """A held state that a clock step has left in the future gives way to the next one."""
+    book = TrafficBook(demo.network)
+    book.accept(state("avenue_east", 1, sequence=5), now_ns)
+    earlier = now_ns - 3600 * SECOND
+    fresh = state("avenue_east", 0, sequence=6, time_ns=earlier)
+    assert book.accept(fresh, earlier) is Verdict.ACCEPTED
+
+
+def test_book_is_bounded(demo: RoutingProblem, state: State, now_ns: int) -> None:
+    """Made-up RSU names cannot fill the memory."""
+    book = TrafficBook(demo.network)
+    verdicts = [
+        book.accept(state("avenue_east", 1, rsu=f"rsu-{i}"), now_ns)
+        for i in range(MAX_RSUS_PER_SEGMENT + 3)
+    ]
+    assert verdicts[-3:] == [Verdict.TOO_MANY_RSUS] * 3
+    assert len(book.latest()) == MAX_RSUS_PER_SEGMENT
+
+
+@given(order=st.permutations(range(6)))
+def test_latest_state_wins_in_any_order_of_arrival(
+    demo: RoutingProblem, state: State, now_ns: int, order: list[int]
+) -> None:
+    """Whatever order states arrive in, the newest is kept."""
+    book = TrafficBook(demo.network)
+    for i in order:
+        seen = state("avenue_east", i % 2, sequence=i, time_ns=now_ns - (6 - i) * SECOND)
+        book.accept(seen, now_ns)
+    (held,) = book.latest()
+    assert held.sequence == 5
