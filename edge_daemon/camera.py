@@ -18,7 +18,8 @@ from slipstream.config import Settings, load
 from slipstream.errors import InputError
 
 Array = npt.NDArray[np.float64]
-Pair = tuple[float, float]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Pair = tuple[Finite, Finite]
 
 
 class CalibrationPoint(Settings):
@@ -42,7 +43,7 @@ class SegmentSettings(Settings):
     polygon: Annotated[tuple[Pair, ...], Field(min_length=3, description="m on the road plane.")]
     direction: Pair = Field(description="Direction of travel on the road plane.")
     lanes: Annotated[int, Field(ge=1)] = 1
-    lane_width_m: Annotated[float, Field(gt=0)] = 3.5
+    lane_width_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 3.5
 
 
 class CameraSettings(Settings):
@@ -188,7 +189,7 @@ def load_camera(path: Path) -> Camera:
 def _fit(road: Array, image: Array, path: Path) -> Array:
     for points, key in ((road, "points.road"), (image, "points.image")):
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if spread[1] < 1e-3 * spread[0]:
+        if spread[1] <= 1e-3 * spread[0]:
             raise InputError(path, "all points on one line", "spread them over the road", key=key)
     homography, _ = cv2.findHomography(road, image)
     if homography is None or not np.isfinite(homography).all():

@@ -37,7 +37,7 @@ class TrackerSettings(Settings):
         default=1.0, description="A track without a detection for so long ends."
     )
     jerk_mps3: Annotated[float, Field(gt=0)] = Field(
-        default=3.0, description="Spread of the jerk that the filter allows for, m/s³."
+        default=1.0, description="Spread of the jerk that the filter allows for, m/s³."
     )
     max_speed_mps: Annotated[float, Field(gt=0)] = Field(
         default=45.0, description="Spread of the speed of a vehicle just found is half of it."

@@ -82,7 +82,9 @@ def load(path: Path, model: type[S]) -> S:
 def _as_input_error(
     error: ValidationError, model: type[BaseModel], source: str | Path
 ) -> InputError:
-    first = error.errors(include_url=False)[0]
+    # A misspelt key is also a missing one; the misspelling is what helps.
+    found = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+    first = found[0]
     key = ".".join(str(part) for part in first["loc"]) or None
     problem = first["msg"][0].lower() + first["msg"][1:]
     if first["type"] == "extra_forbidden":

@@ -38,10 +38,10 @@ class ClipReader:
         while True:
             shown, last = 0, start - 1 / self.fps
             while True:
-                position = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
                 ok, image = self._capture.read()
                 if not ok or image is None:
                     break
+                position = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
                 # A stream without usable time stamps is taken to run at its nominal rate.
                 at = start + position if start + position > last else last + 1 / self.fps
                 yield at, shown == 0 and start > 0, image

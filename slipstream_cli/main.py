@@ -1,0 +1,72 @@
+"""The command `slipstream` and what all sub-commands share: errors, exit statuses."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Final
+
+from slipstream import __version__
+from slipstream.errors import InputError
+
+COMMANDS: Final = ("run", "edge", "dispatcher", "dashboard", "check", "clip", "db")
+
+EXIT_BAD_INPUT: Final = 2
+_EXIT_INTERRUPTED: Final = 130
+_EXTRA_OF: Final = {
+    "alembic": "dispatcher",
+    "apscheduler": "dispatcher",
+    "cv2": "edge",
+    "dimod": "dispatcher",
+    "dwave": "dispatcher",
+    "highspy": "dispatcher",
+    "openvino": "edge",
+    "pebble": "dispatcher",
+    "qiskit": "dispatcher",
+    "qiskit_aer": "dispatcher",
+    "scipy": "edge",
+    "sqlalchemy": "dispatcher",
+    "viser": "dashboard",
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line; sub-commands load their daemons only when they run."""
+    top = argparse.ArgumentParser(
+        prog="slipstream",
+        description="Platoons where traffic is calm: roadside perception, cooperative routing.",
+        epilog="Exit status: 0 on success, 2 on bad input, 1 on other faults.",
+    )
+    top.add_argument("--version", action="version", version=f"slipstream {__version__}")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name in COMMANDS:
+        import_module(f"slipstream_cli.{name}").add_to(commands)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit status."""
+    options = parser().parse_args(arguments)
+    try:
+        return int(options.run(options))
+    except InputError as error:
+        print(f"slipstream: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except ModuleNotFoundError as error:
+        extra = _EXTRA_OF.get((error.name or "").split(".")[0])
+        if extra is None:
+            raise
+        print(
+            f"slipstream: {error.name} is not installed; pip install 'slipstream[{extra}]'",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        return _EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output is gone; Python must not complain about it once more.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1

@@ -1,0 +1,156 @@
+"""`slipstream run`: everything on one machine, with embedded defaults."""
+
+from __future__ import annotations
+
+import argparse
+import fcntl
+import json
+import signal
+import socket
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from slipstream.bus import Bus, Router
+from slipstream.config import BusSettings
+from slipstream.errors import InputError
+from slipstream_cli.demo import make_clips, write_settings
+from slipstream_cli.supervisor import Supervisor
+from slipstream_cli.tally import Tally
+
+_POLL_S = 0.1
+
+
+def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    command = commands.add_parser(
+        "run", help="the demo on this machine: two RSUs on video, dispatcher, dashboard"
+    )
+    command.add_argument("--port", type=int, default=8080, help="dashboard's port (default 8080)")
+    command.add_argument(
+        "--state", type=Path, default=Path(".slipstream"), help="folder for clips and database"
+    )
+    command.add_argument("--interval", type=float, default=30.0, help="seconds between cycles")
+    command.add_argument("--seconds", type=float, help="stop after so long (default: run on)")
+    command.add_argument("--json", action="store_true", help="print one JSON object at the end")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run until Ctrl-C, or for ``--seconds``."""
+    if not 1 <= options.port <= 65535:
+        raise InputError("--port", f"{options.port} is no port", "give 1 to 65535")
+    if not 1.0 <= options.interval <= 86400.0:
+        raise InputError("--interval", f"{options.interval:g} is out of range", "give 1 to 86400")
+    if options.seconds is not None and not options.seconds > 0:
+        raise InputError("--seconds", f"{options.seconds:g} is out of range", "give more than 0")
+    stopping = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopping.set())
+    with _locked(options.state):
+        _check_port_is_free(options.port)
+        return _run(options, stopping)
+
+
+def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
+    supervisor = Supervisor(sys.stderr)
+    supervisor.say("slipstream", "making the roadside clips (once, under a minute)")
+    clips = make_clips(options.state / "clips")
+    if stopping.is_set():
+        return 0
+    with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
+        tally = Tally()
+        tally.listen(bus)
+        files = write_settings(
+            options.state / "settings",
+            clips,
+            bus_endpoint=router.endpoint,
+            database=options.state / "slipstream.db",
+            dashboard_port=options.port,
+            interval_s=options.interval,
+        )
+        address = f"http://127.0.0.1:{options.port}"
+        try:
+            for name, (command, path) in files.items():
+                supervisor.start(name, (command, "--config", str(path)))
+            status = _watch(supervisor, address, options.seconds, stopping)
+        finally:
+            supervisor.stop()
+    if options.json:
+        figures = tally.summary() | {
+            "dashboard_http": status,
+            "processes_restarted": supervisor.restarted,
+        }
+        print(json.dumps(figures))
+    return 2 if supervisor.refused else 0
+
+
+def _watch(
+    supervisor: Supervisor, address: str, seconds: float | None, stopping: threading.Event
+) -> int | None:
+    """Look after the processes until the end; returns the page's last HTTP status."""
+    began = time.monotonic()
+    status: int | None = None
+    announced = False
+    asked_s = 0.0
+    while not stopping.is_set() and supervisor.refused is None:
+        elapsed = time.monotonic() - began
+        if seconds is not None and elapsed >= seconds:
+            return _http_status(address)
+        if not announced and elapsed - asked_s >= 1.0:
+            asked_s = elapsed
+            status = _http_status(address)
+            if status == 200:
+                announced = True
+                supervisor.say("slipstream", f"the dashboard is at {address} (Ctrl-C stops all)")
+        supervisor.poll()
+        stopping.wait(_POLL_S)
+    return status
+
+
+def _http_status(address: str) -> int | None:
+    try:
+        with urllib.request.urlopen(address, timeout=2.0) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return int(error.code)
+    except OSError:
+        return None
+
+
+def _check_port_is_free(port: int) -> None:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise InputError(
+                f"127.0.0.1:{port}", f"{error.strerror}".lower(), "choose another with --port"
+            ) from None
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the state folder: two runs must not share a database.
+
+    Raises:
+        InputError: it cannot be made, or another run holds it.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / "lock").open("w")
+    except OSError as error:
+        raise InputError(folder, f"{error.strerror}".lower(), "choose --state elsewhere") from None
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                folder, "another `slipstream run` uses it", "stop that one or choose --state"
+            ) from None
+        yield

@@ -1,0 +1,217 @@
+"""Clips and cameras as sources of frames."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from edge_daemon.frame import Frame
+from edge_daemon.sources import FrameSource, SourceSettings, open_source
+from edge_daemon.sources.camera import open_camera, without_password
+from slipstream.config import check
+from slipstream.errors import InputError
+
+FRAMES, FPS = 45, 30
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A video of 1.5 s whose brightness tells the frame."""
+    path = tmp_path_factory.mktemp("clip") / "video.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), FPS, (320, 180))
+    for number in range(FRAMES):
+        writer.write(np.full((180, 320, 3), 20 + 4 * number, dtype=np.uint8))
+    writer.release()
+    return path
+
+
+def taken(source: FrameSource, limit: int = 10**6) -> list[Frame]:
+    """Frames until the source ends or enough have come."""
+    frames = []
+    for frame in source.frames():
+        if frame is not None:
+            frames.append(frame)
+        if len(frames) >= limit:
+            break
+    source.close()
+    return frames
+
+
+def test_a_fast_clip_gives_every_frame_once(clip: Path) -> None:
+    """All frames, in order, at their media times."""
+    frames = taken(open_source(SourceSettings(clip=clip, pace="fast")))
+    assert [round(f.media_time_s * FPS) for f in frames] == list(range(FRAMES))
+    brightness = [float(f.image.mean()) for f in frames]
+    assert brightness == sorted(brightness)
+    assert not any(f.cut for f in frames)
+
+
+def test_a_loop_goes_on_in_time_and_marks_the_cut(clip: Path) -> None:
+    """Media time never runs back, and the first frame of each round is a cut."""
+    frames = taken(open_source(SourceSettings(clip=clip, loop=True, pace="fast")), 100)
+    times = np.array([f.media_time_s for f in frames])
+    assert np.allclose(np.diff(times), 1 / FPS, atol=2e-3)
+    assert [i for i, f in enumerate(frames) if f.cut] == [45, 90]
+
+
+def test_real_time_plays_at_the_clips_own_speed(clip: Path) -> None:
+    """1.5 s of video take 1.5 s, and a reader that keeps up loses nothing."""
+    began = time.monotonic()
+    source = open_source(SourceSettings(clip=clip))
+    frames = taken(source)
+    assert 1.4 < time.monotonic() - began < 3.0
+    assert len(frames) + source.counters.skipped == FRAMES
+
+
+def test_a_slow_reader_gets_the_newest_frame_and_the_skipped_are_counted(clip: Path) -> None:
+    """Realtime over completeness: no queue builds up."""
+    source = open_source(SourceSettings(clip=clip))
+    frames = []
+    for frame in source.frames():
+        if frame is not None:
+            frames.append(frame)
+            assert time.monotonic() - frame.captured_s < 0.2 + 0.1  # its own nap, and little more
+            time.sleep(0.2)
+    source.close()
+    assert len(frames) < 15
+    assert len(frames) + source.counters.skipped == FRAMES
+
+
+def test_unreadable_clips_are_bad_input(tmp_path: Path, clip: Path) -> None:
+    """Missing, empty, truncated, not a video: one line with the file's name."""
+    truncated = tmp_path / "truncated.mp4"
+    truncated.write_bytes(clip.read_bytes()[:-2000])
+    text = tmp_path / "text.mp4"
+    text.write_text("not a video")
+    empty = tmp_path / "empty.mp4"
+    empty.touch()
+    for path in (truncated, text, empty, tmp_path / "missing.mp4", tmp_path):
+        with pytest.raises(InputError, match=path.name) as caught:
+            open_source(SourceSettings(clip=path))
+        assert "\n" not in str(caught.value)
+
+
+def test_a_clip_that_breaks_off_is_counted_and_goes_round(tmp_path: Path) -> None:
+    """A stream that ends before its header says is noticed; the loop goes on."""
+    path = tmp_path / "broken.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), FPS, (320, 180))
+    noise = np.random.default_rng(1)
+    for _ in range(FRAMES):
+        writer.write(noise.integers(0, 255, (180, 320, 3), dtype=np.uint8))
+    writer.release()
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    source = open_source(SourceSettings(clip=path, loop=True, pace="fast"))
+    assert len(taken(source, 60)) == 60
+    assert source.counters.decode_errors >= 1
+
+
+@pytest.mark.parametrize(
+    ("data", "problem"),
+    [
+        ({}, "either clip or url"),
+        ({"clip": "a.mp4", "url": "rtsp://x"}, "either clip or url"),
+        ({"url": "rtsp://x", "loop": True}, "for clips"),
+        ({"url": "file:///etc/passwd"}, "url"),
+        ({"clip": "a.mp4", "pace": "slow"}, "pace"),
+    ],
+)
+def test_contradicting_settings_are_refused(data: dict[str, object], problem: str) -> None:
+    """Exactly one source, and clip options only for clips."""
+    with pytest.raises(InputError, match=problem):
+        check(data, SourceSettings, "edge.toml")
+
+
+class MjpegCamera:
+    """An HTTP MJPEG camera on loopback that can be switched off and on."""
+
+    def __init__(self) -> None:
+        camera = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                self.send_response(200)
+                self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=f")
+                self.end_headers()
+                while camera.sending:
+                    ok, data = cv2.imencode(".jpg", np.full((180, 320, 3), 128, dtype=np.uint8))
+                    assert ok
+                    part = b"--f\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
+                    try:
+                        self.wfile.write(part % len(data) + data.tobytes() + b"\r\n")
+                    except OSError:
+                        return
+                    time.sleep(1 / 25)
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        self.sending = True
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._server.daemon_threads = True
+        self.url = f"http://user:secret@127.0.0.1:{self._server.server_port}/stream"
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def close(self) -> None:
+        self.sending = False
+        self._server.shutdown()
+        self._server.server_close()
+
+
+@pytest.fixture
+def mjpeg() -> Iterator[MjpegCamera]:
+    """A running camera."""
+    camera = MjpegCamera()
+    yield camera
+    camera.close()
+
+
+def test_a_camera_that_goes_away_is_found_again(mjpeg: MjpegCamera) -> None:
+    """Frames come, stop, and come again, the first of them marked as a cut."""
+    source = open_camera(mjpeg.url, stall_s=2.0)
+    frames = source.frames()
+    first = _next_frames(frames, 5)
+    assert all(f.image.shape == (180, 320, 3) for f in first)
+    mjpeg.sending = False
+    deadline = time.monotonic() + 15
+    while source.counters.reconnects == 0 and time.monotonic() < deadline:
+        next(frames)
+    assert source.counters.reconnects >= 1
+    mjpeg.sending = True
+    again = _next_frames(frames, 3)
+    assert any(f.cut for f in again)
+    assert again[-1].media_time_s > first[-1].media_time_s
+    source.close()
+
+
+def _next_frames(frames: Iterator[Frame | None], count: int, seconds: float = 20) -> list[Frame]:
+    deadline = time.monotonic() + seconds
+    got: list[Frame] = []
+    while len(got) < count:
+        assert time.monotonic() < deadline, "no frames came"
+        frame = next(frames)
+        if frame is not None:
+            got.append(frame)
+    return got
+
+
+def test_an_absent_camera_is_waited_for_without_a_crash() -> None:
+    """The reader hears None about once a second meanwhile."""
+    source = open_camera("http://127.0.0.1:9/none", stall_s=1.0)
+    began = time.monotonic()
+    frames = source.frames()
+    assert next(frames) is None
+    assert time.monotonic() - began < 3
+    source.close()
+
+
+def test_passwords_do_not_reach_the_log() -> None:
+    """Neither user, password nor query is shown."""
+    assert without_password("rtsp://u:p@cam:554/s?token=1") == "rtsp://cam:554/s"

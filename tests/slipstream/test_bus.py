@@ -1,0 +1,108 @@
+"""The bus: delivery, late joiners, recovery."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from slipstream.bus import Bus, Router, free_port
+from slipstream.config import BusSettings
+from slipstream.errors import InputError
+
+
+class Inbox:
+    """Collects payloads and waits for one."""
+
+    def __init__(self) -> None:
+        self.got: list[bytes] = []
+        self._changed = threading.Condition()
+
+    def __call__(self, key: str, payload: bytes) -> None:
+        with self._changed:
+            self.got.append(payload)
+            self._changed.notify_all()
+
+    def wait_for(self, payload: bytes, seconds: float = 10.0) -> bool:
+        """True once the payload has come."""
+        with self._changed:
+            return self._changed.wait_for(lambda: payload in self.got, seconds)
+
+
+def test_late_subscribers_get_the_last_samples(router: Router, bus: Bus) -> None:
+    """A publisher's cache serves those who come later, no more than asked for."""
+    publisher = bus.publisher("slipstream/v1/x/state", history=2)
+    for number in range(4):
+        publisher.put(str(number).encode())
+    with Bus.open(BusSettings(connect=(router.endpoint,))) as late:
+        inbox = Inbox()
+        late.subscribe("slipstream/v1/*/state", inbox)
+        assert inbox.wait_for(b"3")
+        assert inbox.got == [b"2", b"3"]
+
+
+def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
+    """Order of start does not matter, and a router that comes back is found again."""
+    port = free_port()
+    settings = BusSettings(connect=(f"tcp/127.0.0.1:{port}",))
+    began = time.monotonic()
+    with Bus.open(settings) as sender, Bus.open(settings) as receiver:
+        assert time.monotonic() - began < 5
+        inbox = Inbox()
+        receiver.subscribe("slipstream/v1/x", inbox)
+        publisher = sender.publisher("slipstream/v1/x")
+        publisher.put(b"before the router")
+        with Router(port):
+            assert inbox.wait_for(b"before the router", 20)
+        publisher.put(b"while it is gone")
+        with Router(port):
+            assert inbox.wait_for(b"while it is gone", 20)
+
+
+def test_a_handler_that_raises_does_not_end_delivery(bus: Bus) -> None:
+    """A fault in one message leaves the next ones alone."""
+    inbox = Inbox()
+
+    def handler(key: str, payload: bytes) -> None:
+        if payload == b"bad":
+            raise RuntimeError("boom")
+        inbox(key, payload)
+
+    bus.subscribe("slipstream/v1/x", handler)
+    publisher = bus.publisher("slipstream/v1/x", history=5)
+    for payload in (b"bad", b"good"):
+        publisher.put(payload)
+    assert inbox.wait_for(b"good")
+
+
+def test_pictures_know_whether_anybody_looks(router: Router, bus: Bus) -> None:
+    """has_subscribers follows the subscribers."""
+    publisher = bus.publisher("slipstream/v1/p", best_effort=True)
+    assert not publisher.has_subscribers()
+    inbox = Inbox()
+    with Bus.open(BusSettings(connect=(router.endpoint,))) as viewer:
+        viewer.subscribe("slipstream/v1/p", inbox, history=False)
+        deadline = time.monotonic() + 10
+        while not publisher.has_subscribers() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert publisher.has_subscribers()
+        publisher.put(b"picture")
+        assert inbox.wait_for(b"picture")
+
+
+def test_a_taken_port_and_a_nonsense_endpoint_are_bad_input(router: Router) -> None:
+    """One clear line each."""
+    port = int(router.endpoint.rpartition(":")[2])
+    with pytest.raises(InputError, match=str(port)):
+        Router(port)
+    with pytest.raises(InputError, match="nonsense"):
+        Bus.open(BusSettings(connect=("nonsense",)))
+
+
+def test_close_ends_all_threads(router: Router) -> None:
+    """Nothing of a closed session runs on."""
+    session = Bus.open(BusSettings(connect=(router.endpoint,)))
+    session.subscribe("slipstream/v1/x", lambda *_: None)
+    session.close()
+    assert not [t for t in threading.enumerate() if t.name.startswith("bus ")]

@@ -1,0 +1,65 @@
+"""Settings files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from slipstream.config import BusSettings, ServiceSettings, Settings, load
+from slipstream.errors import InputError
+
+
+class Example(Settings):
+    """A settings model."""
+
+    name: str
+    bus: BusSettings = BusSettings()
+    service: ServiceSettings = ServiceSettings()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("nam = 'x'", "nam: unknown key"),
+        ("", "name: missing key"),
+        ("name = 3", "name: "),
+        ("name = 'x'\n[service]\nmetrics_port = 70000", "service.metrics_port: "),
+        ("name = 'x'\n[bus]\nconnekt = []", "bus.connekt: unknown key"),
+        ("name = ", "not TOML"),
+    ],
+)
+def test_faults_are_one_line_with_file_key_and_mend(
+    tmp_path: Path, text: str, expected: str
+) -> None:
+    """Each fault names the file and the key and says what to do."""
+    path = tmp_path / "example.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load(path, Example)
+    line = str(caught.value)
+    assert line.startswith(str(path))
+    assert expected in line
+    assert "; " in line
+    assert "\n" not in line
+
+
+def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:
+    """A path that cannot be read is bad input, not a crash."""
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(InputError, match=str(path)):
+            load(path, Example)
+
+
+def test_binary_is_not_toml(tmp_path: Path) -> None:
+    """A file that is no text is refused."""
+    path = tmp_path / "x.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not TOML"):
+        load(path, Example)
+
+
+def test_defaults_listen_and_talk_on_loopback_only() -> None:
+    """Nothing is open to the world by default."""
+    assert all("127.0.0.1" in endpoint for endpoint in BusSettings().connect)
+    assert ServiceSettings().metrics_port == 0

@@ -1,0 +1,61 @@
+"""The road network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from slipstream.errors import InputError
+from slipstream.roads import Segment, build_network, load_network
+
+
+def test_the_demo_network_is_whole() -> None:
+    """Every segment has its way back, and its ends are junctions."""
+    network = load_network("demo")
+    assert len(network.segments) == 22
+    for segment in network.segments.values():
+        assert segment.start in network.junctions
+        assert segment.end in network.junctions
+        assert any(back.end == segment.start for back in network.leaving[segment.end])
+        for following in network.follows[segment.id]:
+            assert network.segments[following].start == segment.end
+
+
+@pytest.mark.parametrize("content", [b"", b"not xml", b"<net></net>", b"<routes/>", b"\xff\x00"])
+def test_what_is_no_sumo_net_is_refused(tmp_path: Path, content: bytes) -> None:
+    """One clear line with the file's name."""
+    path = tmp_path / "x.net.xml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"x\.net\.xml"):
+        load_network(path)
+    with pytest.raises(InputError, match="no such file"):
+        load_network(tmp_path / "none.net.xml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"length_m": 0.0}, "length"),
+        ({"length_m": float("nan")}, "length"),
+        ({"speed_limit_mps": -1.0}, "speed"),
+        ({"end": "nowhere"}, "unknown junction"),
+    ],
+)
+def test_impossible_segments_are_refused(changes: dict[str, object], problem: str) -> None:
+    """The segment is named."""
+    fields: dict[str, object] = {
+        "id": "ab",
+        "start": "a",
+        "end": "b",
+        "length_m": 10.0,
+        "speed_limit_mps": 10.0,
+        "lanes": 1,
+        "shape": ((0.0, 0.0), (10.0, 0.0)),
+    }
+    segment = Segment(**(fields | changes))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=f"ab: .*{problem}"):
+        build_network("n", [segment], {"a": (0, 0), "b": (10, 0)})
+    sound = Segment(**fields)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="two segments"):
+        build_network("n", [sound, sound], {"a": (0, 0), "b": (10, 0)})

@@ -1,0 +1,121 @@
+"""Life of a daemon."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from slipstream.bus import free_port
+from slipstream.config import ServiceSettings
+from slipstream.errors import InputError
+from slipstream.service import LogLimiter, Service, notify
+
+
+def test_systemd_hears_ready_progress_and_stopping(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The notifications go to the named socket, the watchdog's at most four times a period."""
+    path = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(str(path))
+        receiver.settimeout(2)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(path))
+        monkeypatch.setenv("WATCHDOG_USEC", "40000000")
+        with Service("test", ServiceSettings()) as service:
+            service.ready()
+            service.progress("working")
+            service.progress("working")
+        heard = [receiver.recv(100).decode() for _ in range(3)]
+    assert heard == ["READY=1", "WATCHDOG=1\nSTATUS=working", "STOPPING=1"]
+
+
+def test_without_systemd_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No socket, no fault; a dead socket, no fault either."""
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    notify("READY=1")
+    monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
+    notify("READY=1")
+
+
+def test_sigterm_asks_the_daemon_to_stop() -> None:
+    """The first signal sets `stopping`; the handlers are given back."""
+    before = signal.getsignal(signal.SIGTERM)
+    with Service("test", ServiceSettings()) as service:
+        assert not service.wait(0.0)
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert service.wait(2.0)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_taken_metrics_port_is_bad_input() -> None:
+    """The line names the address and the key."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        settings = ServiceSettings(metrics_port=taken.getsockname()[1])
+        with pytest.raises(InputError, match=r"service\.metrics_port"), Service("t", settings):
+            pass
+
+
+def test_metrics_are_served_on_loopback() -> None:
+    """A scrape gets the process's figures."""
+    import urllib.request
+
+    port = free_port()
+    with (
+        Service("t", ServiceSettings(metrics_port=port)),
+        urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as answer,
+    ):
+        assert b"process_resident_memory_bytes" in answer.read()
+
+
+def test_a_supervised_daemon_ends_with_its_supervisor() -> None:
+    """Also when the supervisor is killed outright."""
+    child = (
+        "from slipstream.service import *; from slipstream.config import ServiceSettings\n"
+        "import time\n"
+        "with Service('c', ServiceSettings()): print('up', flush=True); time.sleep(60)"
+    )
+    parent = (
+        "import subprocess, sys, time\n"
+        f"p = subprocess.Popen([sys.executable, '-c', {child!r}], stdout=subprocess.PIPE)\n"
+        "p.stdout.readline(); print(p.pid, flush=True); time.sleep(60)"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", parent],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"SLIPSTREAM_SUPERVISED": "1"},
+    )
+    assert process.stdout is not None
+    orphan = int(process.stdout.readline())
+    process.kill()
+    process.wait()
+    process.stdout.close()
+    deadline = time.monotonic() + 5
+    while _runs(orphan) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _runs(orphan)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return "zombie" not in Path(f"/proc/{pid}/status").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def test_the_limiter_lets_one_line_a_period_through() -> None:
+    """What it held back is counted."""
+    limiter = LogLimiter(period_s=60)
+    assert [limiter.allow("a") for _ in range(3)] == [True, False, False]
+    assert limiter.allow("b")
+    assert limiter.held("a") == 2
+    assert limiter.held("a") == 0
