@@ -15,7 +15,7 @@ import numpy as np
 from simulation.streetdrive.calibration import MonitoredSegment, camera_toml
 from simulation.streetdrive.camera import Camera
 from simulation.streetdrive.ground import Palette
-from simulation.streetdrive.light import Light, draw_light
+from simulation.streetdrive.light import draw_light
 from simulation.streetdrive.mesh import Mesh
 from simulation.streetdrive.painter import Image, Placed, Seen
 from simulation.streetdrive.road import Road
@@ -59,6 +59,12 @@ _SHAPE_SHARES = {
     "bus": 0.04,
     "motorcycle": 0.05,
 }
+_PALETTE = Palette(
+    asphalt=(112.0, 111.0, 110.0),
+    verge=(66.0, 112.0, 100.0),
+    pavement=(160.0, 166.0, 170.0),
+    foliage=(46.0, 96.0, 70.0),
+)
 _SEGMENT_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
@@ -221,9 +227,9 @@ class ClipRenderer:
         rng = np.random.default_rng([settings.seed, 0])
         self.camera = draw_clip_camera(rng, self.road)
         self._fleet = Fleet(settings.seed)
-        light: Light = draw_light(rng)
+        light = draw_light(rng).exposed(float(rng.uniform(1.12, 1.25)))
         self._stage = Stage(
-            self.camera, self.road, light, Palette(), rng, density=Density(7.0, 12.0, 5.0)
+            self.camera, self.road, light, _PALETTE, rng, density=Density(7.0, 14.0, 5.0)
         )
         self._sensor = Sensor(
             SensorSettings(rng.uniform(0.4, 0.7), rng.uniform(0.1, 0.25), rng.uniform(1.5, 3.0)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,11 @@ class Light:
         """Share of the light on level ground that a cast shadow takes away, 0..1."""
         direct = self.sun_strength * max(self.sun[2], 0.0)
         return direct / (direct + self.ambient)
+
+    def exposed(self, level: float) -> Light:
+        """The same light, exposed so that level ground in the open has this illumination factor."""
+        factor = level / (self.sun_strength * max(self.sun[2], 0.0) + self.ambient)
+        return replace(self, sun_strength=self.sun_strength * factor, ambient=self.ambient * factor)
 
     def lambert(self, normals: Floats) -> Floats:
         """Illumination factor (n, 3) in BGR for unit normals (n, 3), Lambert's law plus sky light.

@@ -206,8 +206,8 @@ def _calm_driver(rng: np.random.Generator) -> Driver:
 def _hasty_driver(rng: np.random.Generator) -> Driver:
     return Driver(
         desired_speed_mps=15.0 * float(rng.normal(1.0, 0.05)),
-        time_headway_s=float(rng.uniform(0.7, 0.9)),
-        max_acceleration_mps2=3.0,
+        time_headway_s=float(rng.uniform(0.6, 0.8)),
+        max_acceleration_mps2=3.5,
         comfortable_braking_mps2=4.0,
     )
 
@@ -221,12 +221,12 @@ def _stop_and_go(lane: Lane, rng: np.random.Generator) -> LanePlan:
     origin = FAR_M + 20.0 if lane.direction < 0 else 115.0 - NEAR_M
     wave = Wave(
         mean_mps=float(rng.uniform(6.2, 7.0)),
-        swing_mps=float(rng.uniform(8.0, 9.0)),
-        period_s=float(rng.uniform(16.0, 19.0)),
+        swing_mps=float(rng.uniform(9.0, 10.0)),
+        period_s=float(rng.uniform(14.0, 17.0)),
         phase_rad=float(rng.uniform(0, 2 * math.pi)),
         from_m=origin,
     )
-    return LanePlan(lane, Inflow(10.0, 1.4, 2.2), _hasty_driver, wave, warm_up_s=120.0)
+    return LanePlan(lane, Inflow(10.0, 1.4, 2.2), _hasty_driver, wave)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ Everything that needs torch is imported inside the functions: an RSU has none of
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,6 +100,20 @@ def ultralytics_map(weights: Path, data: Path) -> tuple[float, float]:
     return float(figures.box.map50), float(figures.box.map)
 
 
+def _forget_paths(checkpoint: Path) -> None:
+    """Drop the folders of the training machine from a checkpoint's record of its arguments."""
+    import torch
+
+    content = torch.load(checkpoint, map_location="cpu", weights_only=False)
+    for arguments in (content["train_args"], content["model"].args):
+        for key in ("data", "project", "save_dir"):
+            if key in arguments:
+                arguments[key] = Path(str(arguments[key])).name
+    for key in ("git", "train_results"):
+        content.pop(key, None)
+    torch.save(content, checkpoint)
+
+
 def export(weights: Path, target: Path, work: Path) -> tuple[Path, Path]:
     """Ship a checkpoint: stripped half-precision .pt and OpenVINO model with FP16 weights.
 
@@ -119,6 +134,7 @@ def export(weights: Path, target: Path, work: Path) -> tuple[Path, Path]:
     stripped = work / f"{WEIGHTS_NAME}.pt"
     shutil.copyfile(weights, stripped)
     strip_optimizer(str(stripped))
+    _forget_paths(stripped)
     model = YOLO(str(stripped))
     folder = Path(
         model.export(format="openvino", imgsz=list(INPUT_SHAPE), quantize=16, batch=1, device="cpu")
@@ -127,5 +143,8 @@ def export(weights: Path, target: Path, work: Path) -> tuple[Path, Path]:
     shutil.copyfile(stripped, target / stripped.name)
     shutil.copyfile(xml, target / f"{WEIGHTS_NAME}.xml")
     shutil.copyfile(xml.with_suffix(".bin"), target / f"{WEIGHTS_NAME}.bin")
-    shutil.copyfile(folder / "metadata.yaml", target / f"{WEIGHTS_NAME}.metadata.yaml")
+    metadata = (folder / "metadata.yaml").read_text(encoding="utf-8")
+    (target / f"{WEIGHTS_NAME}.metadata.yaml").write_text(
+        re.sub(r"(?m)^description:.*$", f"description: {WEIGHTS_NAME}", metadata), encoding="utf-8"
+    )
     return target / stripped.name, target / f"{WEIGHTS_NAME}.xml"
