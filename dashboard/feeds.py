@@ -1,0 +1,127 @@
+"""Where live data comes from: the bus, and the dispatcher's database for what came before."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Final
+
+import storage
+from dashboard import metrics
+from dashboard.live import LiveData
+from slipstream.bus import Bus
+from slipstream.config import BusSettings
+from slipstream.errors import InputError
+from slipstream.messages import (
+    ALL_PLANS,
+    ALL_PREVIEWS,
+    ALL_RSU_HEALTH,
+    ALL_STATES,
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+)
+from slipstream.service import LogLimiter
+
+log = logging.getLogger(__name__)
+
+HISTORY_PERIOD_S: Final = 5.0
+
+
+def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
+    """Have all messages but pictures go from the bus to the live data."""
+    for kind, key_expression, take in (
+        ("state", ALL_STATES, live.on_state),
+        ("rsu_health", ALL_RSU_HEALTH, live.on_rsu_health),
+        ("plan", ALL_PLANS, live.on_plan),
+        ("cycle", CYCLE_KEY, live.on_cycle),
+        ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
+    ):
+        bus.subscribe(key_expression, _checked(kind, take, limiter))
+
+
+class PreviewFeed:
+    """Asks for camera pictures only while somebody is looking at the page.
+
+    RSUs make pictures only for subscribers, so a page that nobody looks at costs them nothing.
+    The pictures have a session of their own, which can be closed without touching the rest.
+    """
+
+    def __init__(self, settings: BusSettings, live: LiveData, limiter: LogLimiter) -> None:
+        self._settings = settings
+        self._live = live
+        self._limiter = limiter
+        self._bus: Bus | None = None
+
+    def watch(self, wanted: bool) -> None:
+        """Start or stop asking."""
+        if wanted and self._bus is None:
+            self._bus = Bus.open(self._settings)
+            handler = _checked("preview", self._live.on_preview, self._limiter)
+            self._bus.subscribe(ALL_PREVIEWS, handler, history=False)
+        elif not wanted and self._bus is not None:
+            self._bus.close()
+            self._bus = None
+
+
+class HistoryFeed(threading.Thread):
+    """Reads what the dispatcher has stored, at the start and whenever there is a new cycle.
+
+    It has a thread of its own: a busy database may keep a reader waiting for seconds.
+
+    Raises:
+        InputError: the database URL is none.
+    """
+
+    def __init__(self, url: str, live: LiveData, cycles: int, limiter: LogLimiter) -> None:
+        super().__init__(name="history", daemon=True)
+        self._reader = storage.open_reader(url)
+        self._live = live
+        self._cycles = cycles
+        self._limiter = limiter
+        self._latest: tuple[int, int] | None = None
+        self._stopping = threading.Event()
+
+    def run(self) -> None:
+        """Read until stopped."""
+        while True:
+            self.refresh()
+            if self._stopping.wait(HISTORY_PERIOD_S):
+                break
+        self._reader.close()
+
+    def refresh(self) -> None:
+        """Read once; a database that cannot be read is told on the page and tried again."""
+        try:
+            latest = self._reader.latest_cycle()
+            if latest is not None and (latest.cycle, latest.started_ns) != self._latest:
+                history = self._reader.cycles(limit=self._cycles)
+                self._live.add_history(history, self._reader.latest_plans())
+                self._latest = (latest.cycle, latest.started_ns)
+            self._live.set_history_problem(None)
+        except (storage.StorageError, ValueError) as error:
+            self._live.set_history_problem(f"No stored history: {error}")
+            if self._limiter.allow("history"):
+                log.warning("no stored history: %s", error)
+
+    def stop(self) -> None:
+        """Stop reading, without waiting for a read under way."""
+        self._stopping.set()
+
+
+def _checked(
+    kind: str, take: Callable[[str, bytes], None], limiter: LogLimiter
+) -> Callable[[str, bytes], None]:
+    messages = metrics.MESSAGES.labels(kind)
+    bad_messages = metrics.BAD_MESSAGES.labels(kind)
+
+    def handle(key: str, payload: bytes) -> None:
+        messages.inc()
+        try:
+            take(key, payload)
+        except InputError as error:
+            bad_messages.inc()
+            if limiter.allow(kind):
+                log.warning("%s (%d more like it)", error, limiter.held(kind))
+
+    return handle

@@ -1,0 +1,107 @@
+"""Lines on the map: offset to the side, cut into dashes, measured, marked with arrows.
+
+Arrays of points have the shape (N, 2), arrays of strokes (N, 2, 2): start and end of each, in m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+_MITRE_LIMIT = 3.0
+
+
+def without_repeats(points: Sequence[tuple[float, float]] | Array) -> Array:
+    """The points without those that repeat the one before; at least two are kept."""
+    array = np.asarray(points, dtype=np.float64)
+    keep = np.concatenate(([True], np.any(np.diff(array, axis=0) != 0.0, axis=1)))
+    kept = array[keep]
+    # A road of no length still needs a direction.
+    return kept if len(kept) >= 2 else np.vstack((kept, kept + np.array([1e-3, 0.0])))
+
+
+def offset(points: Array, distance_m: float) -> Array:
+    """The line moved to its right by a distance, corners mitred."""
+    direction = np.diff(points, axis=0)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    right = np.column_stack((direction[:, 1], -direction[:, 0]))
+    before, after = np.vstack((right[:1], right)), np.vstack((right, right[-1:]))
+    middle = before + after
+    length = np.linalg.norm(middle, axis=1, keepdims=True)
+    # A U-turn has no mitre; there the corner is cut square.
+    middle = np.where(length > 1e-9, middle / np.maximum(length, 1e-9), before)
+    stretch = 1.0 / np.maximum(np.sum(middle * before, axis=1, keepdims=True), 1.0 / _MITRE_LIMIT)
+    moved: Array = points + distance_m * stretch * middle
+    return moved
+
+
+def strokes(points: Array) -> Array:
+    """The line as separate strokes."""
+    return np.stack((points[:-1], points[1:]), axis=1)
+
+
+def length_m(points: Array) -> float:
+    """Length of the line."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def at(points: Array, share: float) -> tuple[Array, Array]:
+    """The point at a share (0 to 1) of the line's length, and the line's direction there."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    goal = min(max(share, 0.0), 1.0) * lengths.sum()
+    ends = np.cumsum(lengths)
+    index = min(int(np.searchsorted(ends, goal)), len(steps) - 1)
+    rest = goal - (ends[index] - lengths[index])
+    direction: Array = steps[index] / lengths[index]
+    return points[index] + rest * direction, direction
+
+
+def dashes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
+    """The line cut into dashes of about the same length.
+
+    Returns:
+        Strokes, and for each of them the number of its dash; a dash around a corner has several.
+    """
+    total = length_m(points)
+    count = max(1, round(total / dash_m))
+    corners = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+    cuts = np.unique(np.concatenate((np.linspace(0.0, total, count + 1), corners)))
+    # Cuts nearer than a thousandth of a dash are the same one, apart by rounding.
+    cuts = cuts[np.concatenate(([True], np.diff(cuts) > total / count * 1e-3))]
+    if len(cuts) < 2:
+        cuts = np.array([0.0, total])
+    xy = np.column_stack([np.interp(cuts, corners, points[:, axis]) for axis in (0, 1)])
+    middles = (cuts[:-1] + cuts[1:]) / 2
+    return strokes(xy), np.minimum((middles / total * count).astype(np.int64), count - 1)
+
+
+def arrowheads(points: Array, every_m: float, size_m: float) -> Array:
+    """Strokes of arrowheads along the line, pointing the way it runs."""
+    total = length_m(points)
+    count = max(1, int(total // every_m))
+    heads = []
+    for index in range(count):
+        tip, ahead = at(points, (index + 0.5) / count)
+        side = np.array((-ahead[1], ahead[0]))
+        tip = tip + ahead * size_m / 2
+        heads += [(tip - size_m * (ahead + 0.7 * side), tip)]
+        heads += [(tip - size_m * (ahead - 0.7 * side), tip)]
+    return np.array(heads).reshape(-1, 2, 2)
+
+
+def near_each_other(points: Array, distance_m: float) -> list[list[int]]:
+    """Indices of points grouped so that each lies within a distance of its group's first one."""
+    groups: list[list[int]] = []
+    for index, point in enumerate(points):
+        for group in groups:
+            if np.linalg.norm(points[group[0]] - point) <= distance_m:
+                group.append(index)
+                break
+        else:
+            groups.append([index])
+    return groups

@@ -1,0 +1,178 @@
+"""The latest message of each kind, kept in bounded memory between bus threads and the page."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, TypeVar
+from urllib.parse import unquote
+
+from slipstream.errors import InputError
+from slipstream.messages import (
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+    CycleReport,
+    DispatcherHealth,
+    RsuHealth,
+    SegmentState,
+    VehiclePlan,
+    decode,
+    plan_key,
+    preview_key,
+    rsu_health_key,
+    state_key,
+)
+
+MAX_ENTRIES: Final = 2000
+"""Segments, RSUs and vehicles remembered, each; the ones not heard of for longest go first."""
+MAX_PREVIEWS: Final = 16
+MAX_PREVIEW_BYTES: Final = 512 * 1024
+
+_K = TypeVar("_K")
+_V = TypeVar("_V")
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything known at one moment.
+
+    Attributes:
+        states: latest SegmentState by segment and RSU.
+        rsus: latest RsuHealth by RSU.
+        plans: latest VehiclePlan by vehicle.
+        cycles: reports by age, the oldest first.
+        dispatcher: latest DispatcherHealth.
+        previews: latest JPEG and the UTC ns of its arrival, by RSU.
+        history_problem: why the stored history cannot be read; None where it can.
+    """
+
+    states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
+    rsus: Mapping[str, RsuHealth] = field(default_factory=dict)
+    plans: Mapping[str, VehiclePlan] = field(default_factory=dict)
+    cycles: Sequence[CycleReport] = ()
+    dispatcher: DispatcherHealth | None = None
+    previews: Mapping[str, tuple[bytes, int]] = field(default_factory=dict)
+    history_problem: str | None = None
+
+
+class LiveData:
+    """Takes messages from any thread and gives consistent snapshots of the latest.
+
+    Args:
+        history_cycles: how many cycle reports to keep.
+        clock_ns: UTC in ns; stamps pictures, which carry no time of their own.
+    """
+
+    def __init__(self, history_cycles: int, clock_ns: Callable[[], int]) -> None:
+        self._clock_ns = clock_ns
+        self._history_cycles = history_cycles
+        self._lock = threading.Lock()
+        self._states: OrderedDict[tuple[str, str], SegmentState] = OrderedDict()
+        self._rsus: OrderedDict[str, RsuHealth] = OrderedDict()
+        self._plans: OrderedDict[str, VehiclePlan] = OrderedDict()
+        self._cycles: dict[int, CycleReport] = {}
+        self._previews: OrderedDict[str, tuple[bytes, int]] = OrderedDict()
+        self._dispatcher: DispatcherHealth | None = None
+        self._history_problem: str | None = None
+
+    def on_state(self, key: str, payload: bytes) -> None:
+        """Take a SegmentState. Like its siblings: raises InputError for what is none."""
+        state = decode(SegmentState, payload, key)
+        _require(key, state_key(state.rsu, state.segment))
+        name = (state.segment, state.rsu)
+        self._put(self._states, name, state, state.time_ns, lambda old: old.time_ns)
+
+    def on_rsu_health(self, key: str, payload: bytes) -> None:
+        """Take an RsuHealth."""
+        health = decode(RsuHealth, payload, key)
+        _require(key, rsu_health_key(health.rsu))
+        self._put(self._rsus, health.rsu, health, health.time_ns, lambda old: old.time_ns)
+
+    def on_plan(self, key: str, payload: bytes) -> None:
+        """Take a VehiclePlan."""
+        plan = decode(VehiclePlan, payload, key)
+        _require(key, plan_key(plan.vehicle))
+        self._add_plan(plan)
+
+    def on_cycle(self, key: str, payload: bytes) -> None:
+        """Take a CycleReport."""
+        report = decode(CycleReport, payload, key)
+        _require(key, CYCLE_KEY)
+        self.add_history((report,), ())
+
+    def on_dispatcher_health(self, key: str, payload: bytes) -> None:
+        """Take a DispatcherHealth."""
+        health = decode(DispatcherHealth, payload, key)
+        _require(key, DISPATCHER_HEALTH_KEY)
+        with self._lock:
+            self._dispatcher = health
+
+    def on_preview(self, key: str, payload: bytes) -> None:
+        """Take an RSU's picture: a JPEG of a size that a browser takes easily."""
+        rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
+        _require(key, preview_key(rsu))
+        if not (payload.startswith(b"\xff\xd8\xff") and payload.endswith(b"\xff\xd9")):
+            raise InputError(key, "not a JPEG picture", "check the sender's version")
+        if len(payload) > MAX_PREVIEW_BYTES:
+            raise InputError(key, f"picture of {len(payload)} bytes", "send smaller previews")
+        with self._lock:
+            self._previews[rsu] = (payload, self._clock_ns())
+            self._previews.move_to_end(rsu)
+            if len(self._previews) > MAX_PREVIEWS:
+                self._previews.popitem(last=False)
+
+    def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
+        """Add cycles and plans, from the bus or from storage; what is newer stays."""
+        with self._lock:
+            self._cycles.update((report.cycle, report) for report in cycles)
+            by_age = sorted(self._cycles, key=lambda n: self._cycles[n].started_ns)
+            for number in by_age[: -self._history_cycles]:
+                del self._cycles[number]
+        for plan in plans:
+            self._add_plan(plan)
+
+    def set_history_problem(self, problem: str | None) -> None:
+        """Say why the stored history cannot be read, or that it can again."""
+        with self._lock:
+            self._history_problem = problem
+
+    def snapshot(self) -> Snapshot:
+        """What is known now."""
+        with self._lock:
+            return Snapshot(
+                states=dict(self._states),
+                rsus=dict(self._rsus),
+                plans=dict(self._plans),
+                cycles=tuple(sorted(self._cycles.values(), key=lambda report: report.started_ns)),
+                dispatcher=self._dispatcher,
+                previews=dict(self._previews),
+                history_problem=self._history_problem,
+            )
+
+    def _add_plan(self, plan: VehiclePlan) -> None:
+        self._put(self._plans, plan.vehicle, plan, plan.issued_ns, lambda old: old.issued_ns)
+
+    def _put(
+        self,
+        entries: OrderedDict[_K, _V],
+        name: _K,
+        value: _V,
+        time_ns: int,
+        time_of: Callable[[_V], int],
+    ) -> None:
+        with self._lock:
+            old = entries.get(name)
+            # Repaired gaps arrive late: an older sample must not replace a newer one.
+            if old is not None and time_of(old) > time_ns:
+                return
+            entries[name] = value
+            entries.move_to_end(name)
+            if len(entries) > MAX_ENTRIES:
+                entries.popitem(last=False)
+
+
+def _require(key: str, expected: str) -> None:
+    if key != expected:
+        raise InputError(key, f"its message belongs under {expected}", "check the sender")

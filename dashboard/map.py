@@ -1,0 +1,159 @@
+"""The map: all roads, and the watched ones by their traffic.
+
+Each layer is one scene node, touched only when what it shows has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from dashboard import geometry, words
+from dashboard.canvas import FOV_RAD, Canvas
+from dashboard.fleet import ROUTE_LANES, FleetLayer
+from dashboard.views import DashboardView, RoadView
+from dashboard.words import Rgb, Traffic
+from slipstream.roads import RoadNetwork
+
+MAX_LABELS: Final = 40
+_ROAD_RGB: Final[Rgb] = (195, 202, 211)
+_GAP_RGB: Final[dict[Traffic, Rgb]] = {
+    "stable": (0, 158, 115),
+    "turbulent": (252, 228, 210),
+    "unknown": (228, 231, 235),
+}
+_DARK: Final[Rgb] = (29, 39, 51)
+
+
+class RoadMap:
+    """Draws a network and keeps what moves on it up to date.
+
+    Args:
+        server: the viser server to draw on.
+        network: the road network.
+        depot: junction of the depot; None or unknown: not marked.
+    """
+
+    def __init__(self, server: viser.ViserServer, network: RoadNetwork, depot: str | None) -> None:
+        self._server = server
+        self._network = network
+        self._canvas = Canvas(server.scene, network)
+        self._fleet = FleetLayer(self._canvas)
+        self._watched: tuple[str, ...] = ()
+        self._traffic: tuple[Traffic, ...] = ()
+        self._node: viser.LineSegmentsHandle | None = None
+        self._dash: npt.NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._road_of_dash: npt.NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._cameras: dict[str, tuple[viser.PointCloudHandle, viser.LabelHandle]] = {}
+        self._prepare_scene()
+        self._draw_roads()
+        self._draw_depot(depot)
+
+    def update(self, view: DashboardView) -> None:
+        """Show a view; what has not changed is not sent again."""
+        roads = [road for road in view.roads if road.segment in self._network.segments]
+        with self._server.atomic():
+            self._update_watched(roads)
+            self._update_cameras(roads[:MAX_LABELS])
+            self._fleet.update(view.vehicles)
+
+    def fit(self, width_px: int, height_px: int) -> tuple[geometry.Array, geometry.Array]:
+        """Camera position and the point it looks at, for the network to fill a canvas."""
+        return self._canvas.fit(width_px, height_px)
+
+    def _prepare_scene(self) -> None:
+        self._server.scene.world_axes.visible = False
+        self._server.scene.set_up_direction("+z")
+        camera = self._server.initial_camera
+        camera.up = (0.0, 1.0, 0.0)
+        camera.near, camera.far, camera.fov = 0.1, 1000.0, FOV_RAD
+        camera.position, camera.look_at = self.fit(900, 900)
+
+    def _draw_roads(self) -> None:
+        # Each direction on its own side, so that a two-way road shows both.
+        lines = [self._canvas.beside(name, 0.35) for name in self._network.segments]
+        strokes = np.concatenate([geometry.strokes(line) for line in lines])
+        self._canvas.lines("/roads", strokes, _ROAD_RGB, 0.22, height=0.0)
+
+    def _draw_depot(self, depot: str | None) -> None:
+        place = self._network.junctions.get(depot or "")
+        if place is not None:
+            self._canvas.points("/depot", [place], _DARK, 1.3, "square")
+            self._canvas.label("/depot_label", "Depot", np.array(place), 1.4, "bottom-center")
+
+    def _update_watched(self, roads: Sequence[RoadView]) -> None:
+        watched = tuple(road.segment for road in roads)
+        traffic = tuple(road.traffic for road in roads)
+        if (watched, traffic) == (self._watched, self._traffic):
+            return
+        if watched != self._watched:
+            self._draw_watched(watched)
+        self._watched, self._traffic = watched, traffic
+        if self._node is None:
+            return
+        colours = np.empty((len(self._dash), 2, 3), dtype=np.uint8)
+        for index, state in enumerate(traffic):
+            mine = self._road_of_dash == index
+            drawn = _pattern(state, self._dash[mine])
+            rgb = np.where(drawn[:, None], words.TRAFFIC_RGB[state], _GAP_RGB[state])
+            colours[mine] = _to_linear(rgb)[:, None, :]
+        self._node.colors = colours
+
+    def _draw_watched(self, watched: Sequence[str]) -> None:
+        if self._node is not None:
+            self._node.remove()
+            self._node = None
+        if not watched:
+            return
+        dash_m = 0.5 * self._canvas.unit_m
+        parts = [geometry.dashes(self._canvas.beside(name, 0.6), dash_m) for name in watched]
+        self._dash = np.concatenate([dash for _, dash in parts])
+        self._road_of_dash = np.repeat(np.arange(len(parts)), [len(dash) for _, dash in parts])
+        strokes = np.concatenate([cut for cut, _ in parts])
+        colours = np.zeros((len(strokes), 2, 3), dtype=np.uint8)
+        self._node = self._canvas.lines("/watched", strokes, colours, 0.8, height=0.01)
+
+    def _update_cameras(self, roads: Sequence[RoadView]) -> None:
+        shown = {road.segment: road for road in roads}
+        for name in [name for name in self._cameras if name not in shown]:
+            for node in self._cameras.pop(name):
+                node.remove()
+        for name, road in shown.items():
+            speed = "" if road.speed_kmh is None else f", {road.speed_kmh:.0f} km/h"
+            sign = words.TRAFFIC_SIGN[road.traffic]
+            text = f"{sign} {name[:40]}: {road.traffic}{speed}"
+            if name not in self._cameras:
+                self._cameras[name] = self._draw_camera(name, text)
+            elif self._cameras[name][1].text != text:
+                self._cameras[name][1].text = text
+
+    def _draw_camera(
+        self, segment: str, text: str
+    ) -> tuple[viser.PointCloudHandle, viser.LabelHandle]:
+        # Beside the middle of its road, clear of the routes there.
+        place, ahead = geometry.at(self._canvas.beside(segment, 1.9 + 0.5 * ROUTE_LANES), 0.5)
+        node = f"/camera_{segment.encode().hex()}"
+        mark = self._canvas.points(node, place[None, :], _DARK, 1.1, "diamond")
+        # Away from the road: the right-hand side of an eastbound road is its south.
+        if ahead[0] >= 0:
+            return mark, self._canvas.label(f"{node}_label", text, place, -1.0, "top-center")
+        return mark, self._canvas.label(f"{node}_label", text, place, 1.0, "bottom-center")
+
+
+def _pattern(state: Traffic, dash: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Which dashes carry the colour: all, two of three, or one of three."""
+    if state == "stable":
+        return np.ones(len(dash), dtype=np.bool_)
+    drawn: npt.NDArray[np.bool_] = dash % 6 < 4 if state == "turbulent" else dash % 3 == 0
+    return drawn
+
+
+def _to_linear(rgb: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
+    """sRGB to linear light, 0-255: what viser takes colours of single vertices to be in."""
+    share = rgb / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.round(linear * 255).astype(np.uint8)

@@ -1,0 +1,42 @@
+"""Settings of the dashboard."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from slipstream.config import BusSettings, ServiceSettings, Settings
+from slipstream.roads import DEMO_NETWORK
+
+
+class DashboardSettings(Settings):
+    """What the dashboard listens to, what it reads, and where it is served."""
+
+    bus: BusSettings = Field(default=BusSettings(), description="How to reach the other daemons.")
+    service: ServiceSettings = Field(default=ServiceSettings(), description="Metrics and logs.")
+    network: str = Field(
+        default=DEMO_NETWORK, description="Road network to draw: a SUMO net, or 'demo'."
+    )
+    depot: str | None = Field(
+        default="depot", description="Junction to mark as the depot; not drawn where it is unknown."
+    )
+    database_url: str | None = Field(
+        default="sqlite:///slipstream.db",
+        description="The dispatcher's database, for the history; read only, may come later.",
+    )
+    host: str = Field(
+        default="127.0.0.1",
+        description="Address to serve on. The page has no login: share it through a proxy.",
+    )
+    port: int = Field(default=8080, ge=1, le=65535, description="TCP port to serve on.")
+    stale_after_s: float = Field(
+        default=5.0, gt=0, allow_inf_nan=False, description="Older road data is shown as unknown."
+    )
+    silent_after_s: float = Field(
+        default=30.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="A dispatcher not heard of for longer is shown as silent.",
+    )
+    history_cycles: int = Field(
+        default=200, ge=2, le=5000, description="Cycles shown in the energy history."
+    )

@@ -1,0 +1,352 @@
+"""From the messages at one moment to what the page shows; pure, without a browser in sight.
+
+Fail safe: whatever is older than it may be, or comes from the future of a clock that is ahead, is
+shown as unknown, never as it last was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from dashboard import words
+from dashboard.live import Snapshot
+from dashboard.views import (
+    CycleView,
+    DashboardView,
+    EnergyView,
+    HistoryView,
+    PreviewView,
+    RoadView,
+    RsuView,
+    VehicleView,
+)
+from dashboard.words import Level, Traffic
+from slipstream.messages import (
+    CycleReport,
+    Gate,
+    RsuHealth,
+    SegmentState,
+    VehiclePlan,
+)
+
+KMH_PER_MPS: Final = 3.6
+FUTURE_TOLERANCE_S: Final = 1.0
+"""How far ahead a sender's clock may be before its data counts as unknown."""
+FORGET_AFTER_S: Final = 24 * 3600.0
+"""RSUs and vehicles not heard of for longer are no longer listed."""
+
+
+def build_view(
+    snapshot: Snapshot, now_ns: int, *, stale_after_s: float, silent_after_s: float
+) -> DashboardView:
+    """What to show.
+
+    Args:
+        snapshot: the latest messages.
+        now_ns: UTC in ns.
+        stale_after_s: age above which road and RSU data count as unknown, s.
+        silent_after_s: age above which the dispatcher counts as silent, s.
+    """
+    last = snapshot.cycles[-1] if snapshot.cycles else None
+    rsus = _rsus(snapshot.rsus, now_ns, stale_after_s)
+    roads = _roads(snapshot, last, now_ns, stale_after_s)
+    dispatcher, dispatcher_level = _dispatcher(snapshot, last, now_ns, silent_after_s)
+    headline, headline_level = _headline(roads)
+    return DashboardView(
+        headline=headline,
+        headline_level=headline_level,
+        dispatcher=dispatcher,
+        dispatcher_level=dispatcher_level,
+        roads=roads,
+        rsus=rsus,
+        previews=_previews(snapshot.previews, rsus, now_ns, stale_after_s),
+        vehicles=_vehicles(snapshot.plans, now_ns),
+        cycle=_cycle(last, now_ns) if last else None,
+        history=_history(snapshot.cycles),
+        problems=(snapshot.history_problem,) if snapshot.history_problem else (),
+    )
+
+
+def _age_s(now_ns: int, time_ns: int) -> float:
+    return (now_ns - time_ns) / 1e9
+
+
+def _is_fresh(age_s: float, limit_s: float) -> bool:
+    # A sender whose clock is ahead cannot be told from one that has stopped.
+    return -FUTURE_TOLERANCE_S <= age_s <= limit_s
+
+
+def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:
+    if not roads:
+        return "Waiting for the first roadside camera", "warn"
+    stable = sum(road.traffic == "stable" for road in roads)
+    level: Level = "ok" if stable else "warn"
+    if len(roads) == 1:
+        return f"Traffic is {roads[0].traffic} on the watched road", level
+    return f"Traffic is calm on {stable} of {len(roads)} watched roads", level
+
+
+def _dispatcher(
+    snapshot: Snapshot, last: CycleReport | None, now_ns: int, silent_after_s: float
+) -> tuple[str, Level]:
+    health = snapshot.dispatcher
+    if health is None or not _is_fresh(_age_s(now_ns, health.time_ns), silent_after_s):
+        heard = "" if health is None else f" for {words.duration(_age_s(now_ns, health.time_ns))}"
+        shown = "; showing the stored history" if last else ""
+        return f"Dispatcher silent{heard}{shown}", "bad"
+    if health.next_cycle_ns is None:
+        return "Dispatcher running", "ok"
+    wait_s = -_age_s(now_ns, health.next_cycle_ns)
+    return (f"Next cycle in {words.duration(wait_s)}" if wait_s > 0 else "Cycle running now"), "ok"
+
+
+def _roads(
+    snapshot: Snapshot, last: CycleReport | None, now_ns: int, stale_after_s: float
+) -> tuple[RoadView, ...]:
+    gates = {gate.segment: gate for gate in last.gates} if last else {}
+    watching = {
+        segment: health.rsu
+        for health in snapshot.rsus.values()
+        if _age_s(now_ns, health.time_ns) < FORGET_AFTER_S
+        for segment in health.segments
+    }
+    states: dict[str, list[SegmentState]] = {}
+    for (segment, _), state in sorted(snapshot.states.items()):
+        if _age_s(now_ns, state.time_ns) < FORGET_AFTER_S:
+            states.setdefault(segment, []).append(state)
+    return tuple(
+        _road(
+            segment,
+            watching.get(segment, ""),
+            states.get(segment, []),
+            gates.get(segment),
+            last.cycle if last else None,
+            now_ns,
+            stale_after_s,
+        )
+        for segment in sorted({*watching, *states, *gates})
+    )
+
+
+def _road(
+    segment: str,
+    watched_by: str,
+    states: Sequence[SegmentState],
+    gate: Gate | None,
+    cycle: int | None,
+    now_ns: int,
+    stale_after_s: float,
+) -> RoadView:
+    state = _decisive(states, now_ns, stale_after_s)
+    traffic: Traffic = "unknown"
+    why = words.reason("missing")
+    age_s = speed = cv = variance = None
+    if state is not None:
+        age_s = _age_s(now_ns, state.time_ns)
+        if _is_fresh(age_s, stale_after_s):
+            traffic = words.traffic(state.y_e)
+            why = words.reason(state.reason)
+        else:
+            why = words.reason("stale" if age_s > 0 else "future")
+    if state is not None and traffic != "unknown" and state.features is not None:
+        mean_mps = state.features.mean_speed_mps.value
+        speed = mean_mps * KMH_PER_MPS
+        cv = state.features.speed_std_mps.value / mean_mps if mean_mps > 0 else None
+        variance = state.features.acceleration_variance_m2ps4.value
+    return RoadView(
+        segment=segment,
+        rsu=state.rsu if state is not None else watched_by,
+        traffic=traffic,
+        why=why,
+        speed_kmh=speed,
+        cv=cv,
+        acceleration_variance=variance,
+        age_s=age_s,
+        gate_cycle=cycle if gate else None,
+        gate_open=gate is not None and gate.open,
+        gate_why="" if gate is None or gate.open else words.why_closed(gate.y_e, gate.reason),
+    )
+
+
+def _decisive(
+    states: Sequence[SegmentState], now_ns: int, stale_after_s: float
+) -> SegmentState | None:
+    """The state that counts where several RSUs watch a road: turbulent before stable before none.
+
+    It is the dispatcher's rule too. Without a fresh one it is the latest.
+    """
+    severity: dict[int | None, int] = {None: 0, 1: 1, 0: 2}
+    fresh = [s for s in states if _is_fresh(_age_s(now_ns, s.time_ns), stale_after_s)]
+    if fresh:
+        return max(fresh, key=lambda s: (severity[s.y_e], s.time_ns))
+    return max(states, key=lambda s: s.time_ns, default=None)
+
+
+_STATUS: Final[dict[str, tuple[str, Level]]] = {
+    "ok": ("ok", "ok"),
+    "starting": ("starting", "warn"),
+    "no_signal": ("no picture", "bad"),
+    "ended": ("clip ended", "warn"),
+}
+
+
+def _rsus(
+    healths: Mapping[str, RsuHealth], now_ns: int, stale_after_s: float
+) -> tuple[RsuView, ...]:
+    views = []
+    for name, health in sorted(healths.items()):
+        age_s = _age_s(now_ns, health.time_ns)
+        if age_s > FORGET_AFTER_S:
+            continue
+        status, level = _STATUS[health.status]
+        fresh = _is_fresh(age_s, stale_after_s)
+        if not fresh:
+            status, level = ("silent" if age_s > 0 else "clock ahead"), "bad"
+        seen = health.frames + health.frames_skipped
+        views.append(
+            RsuView(
+                rsu=name,
+                status=status,
+                level=level,
+                fps=health.fps if fresh else None,
+                latency_ms_p50=health.latency_ms_p50 if fresh else None,
+                latency_ms_p95=health.latency_ms_p95 if fresh else None,
+                frames_skipped=health.frames_skipped,
+                skipped_share=health.frames_skipped / seen if seen else 0.0,
+                age_s=age_s,
+                segments=health.segments,
+                vehicles_in_view=health.vehicles_in_view,
+            )
+        )
+    return tuple(views)
+
+
+def _previews(
+    previews: Mapping[str, tuple[bytes, int]],
+    rsus: Sequence[RsuView],
+    now_ns: int,
+    stale_after_s: float,
+) -> tuple[PreviewView, ...]:
+    levels = {rsu.rsu: rsu.level for rsu in rsus}
+    return tuple(
+        PreviewView(
+            rsu=rsu,
+            jpeg=jpeg,
+            age_s=_age_s(now_ns, arrived_ns),
+            stale=not _is_fresh(_age_s(now_ns, arrived_ns), stale_after_s),
+            level=levels.get(rsu, "bad"),
+        )
+        for rsu, (jpeg, arrived_ns) in sorted(previews.items())
+    )
+
+
+def _vehicles(plans: Mapping[str, VehiclePlan], now_ns: int) -> tuple[VehicleView, ...]:
+    current = [
+        plan
+        for _, plan in sorted(plans.items())
+        if _age_s(now_ns, plan.valid_until_ns) < FORGET_AFTER_S
+    ]
+    return tuple(_vehicle(plan, index, now_ns) for index, plan in enumerate(current))
+
+
+def _vehicle(plan: VehiclePlan, index: int, now_ns: int) -> VehicleView:
+    return VehicleView(
+        vehicle=plan.vehicle,
+        rgb=words.VEHICLE_RGB[index % len(words.VEHICLE_RGB)],
+        cycle=plan.cycle,
+        expired=now_ns > plan.valid_until_ns,
+        route=tuple((part.segment, part.platoon) for part in plan.segments),
+        stops=tuple((stop.stop, stop.node) for stop in plan.stops),
+        position=planned_position(plan, now_ns),
+        activity=_activity(plan, now_ns),
+        distance_km=plan.distance_m / 1000,
+        platoon_km=sum(
+            part.speed_mps * (part.exit_ns - part.entry_ns) / 1e12
+            for part in plan.segments
+            if part.platoon is not None
+        ),
+        energy_kwh=plan.energy_kwh,
+    )
+
+
+def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None:
+    """Where the plan puts its vehicle: a segment and the share of it driven, 0 to 1."""
+    if not plan.segments:
+        return None
+    last = plan.segments[0].segment, 0.0
+    for part in plan.segments:
+        if now_ns < part.entry_ns:
+            return last
+        if now_ns < part.exit_ns:
+            return part.segment, (now_ns - part.entry_ns) / (part.exit_ns - part.entry_ns)
+        last = part.segment, 1.0
+    return last
+
+
+def _activity(plan: VehiclePlan, now_ns: int) -> str:
+    if now_ns > plan.valid_until_ns:
+        return f"plan ran out {words.when(-_age_s(now_ns, plan.valid_until_ns))}"
+    if now_ns < plan.depart_ns:
+        return f"leaves {words.when(-_age_s(now_ns, plan.depart_ns))}"
+    for stop in plan.stops:
+        if now_ns < stop.arrival_ns:
+            return f"{stop.stop} {words.when(-_age_s(now_ns, stop.arrival_ns))}"
+        if now_ns < stop.departure_ns:
+            return f"at {stop.stop}"
+    if plan.segments and now_ns < plan.segments[-1].exit_ns:
+        return f"back {words.when(-_age_s(now_ns, plan.segments[-1].exit_ns))}"
+    return "done"
+
+
+_CYCLE_STATUS: Final[dict[str, tuple[str, Level]]] = {
+    "ok": ("ok", "ok"),
+    "baseline": ("baseline plan used", "warn"),
+    "failed": ("failed", "bad"),
+}
+
+
+def _cycle(report: CycleReport, now_ns: int) -> CycleView:
+    status, level = _CYCLE_STATUS[report.status]
+    chosen = next((run for run in report.solvers if run.solver == report.solver), None)
+    energy = None
+    if report.energy is not None:
+        e = report.energy
+        saved = e.baseline_kwh - e.cooperative_kwh
+        energy = EnergyView(
+            baseline=e.baseline,
+            baseline_kwh=e.baseline_kwh,
+            cooperative_kwh=e.cooperative_kwh,
+            saved_kwh=saved,
+            saved_share=saved / e.baseline_kwh if e.baseline_kwh else 0.0,
+            saved_distance_kwh=e.saved_distance_kwh,
+            saved_drag_kwh=e.saved_drag_kwh,
+            saved_acceleration_kwh=e.saved_acceleration_kwh,
+            platooned_km=e.platooned_distance_m / 1000,
+        )
+    return CycleView(
+        number=report.cycle,
+        age_s=_age_s(now_ns, report.started_ns),
+        status=status,
+        level=level,
+        reason=words.reason(report.reason),
+        solver=report.solver or "none",
+        objective_kwh=report.objective_kwh,
+        feasible=chosen.status in ("optimal", "feasible") if chosen else None,
+        variables=report.variables,
+        wall_s=report.wall_s,
+        plans=report.plans,
+        energy=energy,
+        solvers=report.solvers,
+    )
+
+
+def _history(cycles: Sequence[CycleReport]) -> HistoryView:
+    known = [(report.cycle, report.energy) for report in cycles if report.energy is not None]
+    # Drawn over cycle numbers, which a chart needs in rising order.
+    known.sort(key=lambda pair: pair[0])
+    return HistoryView(
+        cycles=tuple(number for number, _ in known),
+        baseline_kwh=tuple(energy.baseline_kwh for _, energy in known),
+        cooperative_kwh=tuple(energy.cooperative_kwh for _, energy in known),
+    )

@@ -1,0 +1,137 @@
+"""What the page shows at one moment, as plain data: made by `view_model`, drawn by the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dashboard.words import Level, Rgb, Traffic
+from slipstream.messages import SolverReport
+
+
+@dataclass(frozen=True)
+class RoadView:
+    """One watched road segment: the traffic on it now, and its gate in the last cycle.
+
+    ``speed_kmh``, ``cv`` (standard deviation of speed over its mean) and
+    ``acceleration_variance`` (m²/s⁴) are None where traffic is unknown.
+    """
+
+    segment: str
+    rsu: str
+    traffic: Traffic
+    why: str
+    speed_kmh: float | None
+    cv: float | None
+    acceleration_variance: float | None
+    age_s: float | None
+    gate_cycle: int | None
+    gate_open: bool
+    gate_why: str
+
+
+@dataclass(frozen=True)
+class RsuView:
+    """Health of one roadside unit; its rates are None where it is not heard of."""
+
+    rsu: str
+    status: str
+    level: Level
+    fps: float | None
+    latency_ms_p50: float | None
+    latency_ms_p95: float | None
+    frames_skipped: int
+    skipped_share: float
+    age_s: float
+    segments: tuple[str, ...]
+    vehicles_in_view: int
+
+
+@dataclass(frozen=True)
+class PreviewView:
+    """The latest picture of one roadside unit."""
+
+    rsu: str
+    jpeg: bytes
+    age_s: float
+    stale: bool
+    level: Level
+
+
+@dataclass(frozen=True)
+class VehicleView:
+    """One vehicle's plan, and where it puts the vehicle now."""
+
+    vehicle: str
+    rgb: Rgb
+    cycle: int
+    expired: bool
+    route: tuple[tuple[str, str | None], ...]
+    """Segments in driving order, each with the platoon to drive in."""
+    stops: tuple[tuple[str, str], ...]
+    """(stop, node) in driving order."""
+    position: tuple[str, float] | None
+    """Segment and the share of it driven, by the plan; None where the plan has no segment."""
+    activity: str
+    distance_km: float
+    platoon_km: float
+    energy_kwh: float
+
+
+@dataclass(frozen=True)
+class EnergyView:
+    """Energy of the last plan against its baseline."""
+
+    baseline: str
+    baseline_kwh: float
+    cooperative_kwh: float
+    saved_kwh: float
+    saved_share: float
+    saved_distance_kwh: float
+    saved_drag_kwh: float
+    saved_acceleration_kwh: float
+    platooned_km: float
+
+
+@dataclass(frozen=True)
+class CycleView:
+    """The last dispatch cycle."""
+
+    number: int
+    age_s: float
+    status: str
+    level: Level
+    reason: str
+    solver: str
+    objective_kwh: float | None
+    feasible: bool | None
+    variables: int
+    wall_s: float
+    plans: int
+    energy: EnergyView | None
+    solvers: tuple[SolverReport, ...]
+
+
+@dataclass(frozen=True)
+class HistoryView:
+    """Energy a cycle, oldest first; cycles without an energy are left out."""
+
+    cycles: tuple[int, ...] = ()
+    baseline_kwh: tuple[float, ...] = ()
+    cooperative_kwh: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class DashboardView:
+    """All that the page shows at one moment."""
+
+    headline: str
+    headline_level: Level
+    dispatcher: str
+    dispatcher_level: Level
+    roads: tuple[RoadView, ...]
+    rsus: tuple[RsuView, ...]
+    previews: tuple[PreviewView, ...]
+    vehicles: tuple[VehicleView, ...]
+    cycle: CycleView | None
+    history: HistoryView
+    problems: tuple[str, ...]

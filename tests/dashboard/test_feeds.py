@@ -1,0 +1,58 @@
+"""History is read where there is some, and its absence is told and survived."""
+
+from __future__ import annotations
+
+import pytest
+
+import storage
+from dashboard.feeds import HistoryFeed
+from dashboard.live import LiveData
+from slipstream.errors import InputError
+from slipstream.service import LogLimiter
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def live(now_ns) -> LiveData:
+    """Live data that keeps a hundred cycles."""
+    return LiveData(100, lambda: now_ns)
+
+
+def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
+    """A missing database is no problem; once the dispatcher writes, its cycles and plans show."""
+    url = f"sqlite:///{tmp_path}/state/x.db"
+    feed = HistoryFeed(url, live, 100, LogLimiter())
+    feed.refresh()
+    assert live.snapshot().cycles == ()
+    assert live.snapshot().history_problem is None
+    with storage.open_database(url) as database:
+        plans = [world.plan(van, 1, now_ns) for van in ("van-a", "van-b")]
+        database.record_cycle(world.cycle(1, now_ns), plans, [])
+        feed.refresh()
+        assert [report.cycle for report in live.snapshot().cycles] == [1]
+        assert live.snapshot().plans == {plan.vehicle: plan for plan in plans}
+        database.record_cycle(world.cycle(2, now_ns + S), [], [])
+    feed.refresh()
+    assert [report.cycle for report in live.snapshot().cycles] == [1, 2]
+
+
+def test_a_bad_database_is_told_and_survived(tmp_path, live, world, now_ns):
+    """A file that is no database is named on the page until it is mended."""
+    path = tmp_path / "x.db"
+    path.write_bytes(b"no database" * 1000)
+    feed = HistoryFeed(f"sqlite:///{path}", live, 100, LogLimiter())
+    feed.refresh()
+    assert "not a database" in live.snapshot().history_problem
+    path.unlink()
+    with storage.open_database(f"sqlite:///{path}") as database:
+        database.record_cycle(world.cycle(1, now_ns), [], [])
+    feed.refresh()
+    assert live.snapshot().history_problem is None
+    assert len(live.snapshot().cycles) == 1
+
+
+def test_a_bad_url_is_refused_at_the_start(live):
+    """What is no database URL is a user's mistake."""
+    with pytest.raises(InputError, match="not a database URL"):
+        HistoryFeed("somewhere.db", live, 100, LogLimiter())

@@ -1,0 +1,73 @@
+"""Lines are offset to the right, cut without loss, and measured along their length."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dashboard import geometry
+from slipstream.roads import load_network
+
+BENT = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]])
+
+
+def test_offset_is_to_the_right():
+    """An eastbound line moves south, a corner to the left is mitred outwards."""
+    moved = geometry.offset(BENT, 10.0)
+    np.testing.assert_allclose(moved, [[0, -10], [110, -10], [110, 50]], atol=1e-9)
+
+
+def test_two_directions_part():
+    """The two directions of a road lie on opposite sides of it."""
+    there = geometry.offset(BENT[:2], 10.0)
+    back = geometry.offset(BENT[1::-1], 10.0)
+    assert there[0, 1] == -10.0
+    assert back[0, 1] == 10.0
+
+
+def test_offset_survives_u_turns_and_repeats():
+    """A line that turns back on itself, or repeats a point, stays finite."""
+    u_turn = geometry.without_repeats([(0.0, 0.0), (50.0, 0.0), (50.0, 0.0), (0.0, 0.0)])
+    assert np.isfinite(geometry.offset(u_turn, 10.0)).all()
+    assert len(geometry.without_repeats([(1.0, 1.0), (1.0, 1.0)])) == 2
+
+
+def test_dashes_cover_the_line():
+    """Dashes follow each other without gaps, are of one length, and go round corners."""
+    cut, dash = geometry.dashes(BENT, 12.0)
+    lengths = np.linalg.norm(cut[:, 1] - cut[:, 0], axis=1)
+    assert lengths.sum() == pytest.approx(150.0)
+    np.testing.assert_allclose(cut[1:, 0], cut[:-1, 1])
+    per_dash = np.bincount(dash, weights=lengths)
+    np.testing.assert_allclose(per_dash, 150.0 / round(150 / 12))
+    assert any(np.allclose(end, (100.0, 0.0)) for end in cut[:, 1])
+
+
+def test_places_along_a_line():
+    """A share of a line's length is found on it, with the direction there."""
+    place, ahead = geometry.at(BENT, 0.8)
+    np.testing.assert_allclose(place, (100.0, 20.0))
+    np.testing.assert_allclose(ahead, (0.0, 1.0))
+    np.testing.assert_allclose(geometry.at(BENT, -1.0)[0], (0.0, 0.0))
+    np.testing.assert_allclose(geometry.at(BENT, 2.0)[0], (100.0, 50.0))
+
+
+def test_arrowheads_point_ahead():
+    """Both strokes of an arrowhead end in its tip, ahead of where they start."""
+    heads = geometry.arrowheads(BENT[:2], 40.0, 6.0)
+    assert heads.shape == (4, 2, 2)
+    assert (heads[:, 1, 0] > heads[:, 0, 0]).all()
+
+
+def test_every_road_of_the_demo_can_be_drawn():
+    """All segments of the demo network give finite lines and dashes."""
+    for segment in load_network("demo").segments.values():
+        line = geometry.offset(geometry.without_repeats(segment.shape), 20.0)
+        cut, _ = geometry.dashes(line, 15.0)
+        assert np.isfinite(cut).all()
+
+
+def test_neighbours_share_a_group():
+    """Points near a group's first point join it, others start their own."""
+    points = np.array([[0.0, 0.0], [3.0, 0.0], [30.0, 0.0], [4.0, 0.0]])
+    assert geometry.near_each_other(points, 5.0) == [[0, 1, 3], [2]]

@@ -1,0 +1,139 @@
+"""The panels say what the view model holds, and no foreign word becomes markup."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+
+from dashboard import html, markup
+from dashboard.live import Snapshot
+from dashboard.view_model import build_view
+
+S = 1_000_000_000
+EVIL = '<img src=x onerror="alert(1)">&"'
+
+
+class _Tags(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: set[tuple[str, str | None]] = set()
+
+    def handle_starttag(self, tag, attrs):
+        self.seen |= {(tag, name) for name, _ in attrs} | {(tag, None)}
+        if tag not in ("br", "img", "line", "path", "circle"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in ("line", "path", "circle"):
+            assert self.open.pop() == tag
+
+
+def _blocks(view) -> dict[str, str]:
+    return {
+        "about": html.about(),
+        "summary": html.summary(view),
+        "roads": html.roads(view.roads),
+        "vehicles": html.vehicles(view.vehicles),
+        "cycle": html.cycle(view.cycle),
+        "rsus": html.rsus(view.rsus),
+        "cameras": html.cameras(view.previews),
+        "history": html.history_title(view.history),
+    }
+
+
+def _view(snapshot, now_ns):
+    return build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
+
+
+def test_foreign_text_is_escaped(world, now_ns):
+    """Names and reasons full of markup come out as text in every block, and tags balance."""
+    state = world.state("avenue_east", now_ns).model_copy(update={"segment": EVIL, "rsu": EVIL})
+    health = world.health("avenue_east", now_ns).model_copy(update={"rsu": EVIL})
+    plan = world.plan("van-a", 1, now_ns)
+    plan = plan.model_copy(
+        update={
+            "vehicle": EVIL,
+            "stops": tuple(stop.model_copy(update={"stop": EVIL}) for stop in plan.stops),
+        }
+    )
+    report = world.cycle(1, now_ns)
+    report = report.model_copy(
+        update={
+            "reason": EVIL,
+            "solver": EVIL,
+            "solvers": tuple(
+                run.model_copy(update={"solver": EVIL, "reason": EVIL}) for run in report.solvers
+            ),
+            "gates": tuple(
+                gate.model_copy(update={"segment": EVIL, "y_e": None, "reason": EVIL})
+                for gate in report.gates
+            ),
+            "energy": report.energy.model_copy(update={"baseline": EVIL}),
+        }
+    )
+    snapshot = Snapshot(
+        states={(EVIL, EVIL): state},
+        rsus={EVIL: health},
+        plans={EVIL: plan},
+        cycles=(report, report),
+        previews={EVIL: (world.jpeg(), now_ns)},
+        history_problem=EVIL,
+    )
+    for name, block in _blocks(_view(snapshot, now_ns)).items():
+        tags = _Tags()
+        tags.feed(block)
+        assert not tags.open, name
+        assert not any(attribute == "onerror" for _, attribute in tags.seen), name
+        assert name == "cameras" or ("img", None) not in tags.seen, name
+
+
+def test_an_empty_world(now_ns):
+    """Before the first message each block says what it waits for."""
+    blocks = _blocks(_view(Snapshot(), now_ns))
+    assert "Waiting for the first roadside camera" in blocks["summary"]
+    assert "No camera has reported yet" in blocks["roads"]
+    assert "No plan has been sent yet" in blocks["vehicles"]
+    assert "None yet" in blocks["cycle"]
+    assert "None has reported yet" in blocks["rsus"]
+    assert "Waiting for the first camera picture" in blocks["cameras"]
+
+
+def test_the_cycle_names_its_baseline_and_split(world, now_ns):
+    """The saving stands with its baseline and its three parts; raw and repaired stand apart."""
+    block = html.cycle(_view(Snapshot(cycles=(world.cycle(3, now_ns),)), now_ns).cycle)
+    for piece in (
+        "each van alone on its cheapest route",
+        "distance <b>+0.000</b>",
+        "drag <b>+0.071</b>",
+        "acceleration <b>+0.000</b>",
+        "cost objective <b>1.583 kWh</b>",
+        "0.024%",
+        "100%",
+        "feasible (repaired)",
+    ):
+        assert piece in block
+
+
+def test_a_loss_is_called_a_loss(world, now_ns):
+    """A plan that needs more than its baseline is said to cost, not to save."""
+    report = world.cycle(3, now_ns)
+    worse = report.energy.model_copy(update={"cooperative_kwh": report.energy.baseline_kwh + 0.1})
+    view = _view(Snapshot(cycles=(report.model_copy(update={"energy": worse}),)), now_ns)
+    assert "costs <b>0.100 kWh" in html.cycle(view.cycle)
+    assert "Extra" in html.summary(view)
+
+
+def test_long_tables_are_cut(world, now_ns):
+    """A table ends after so many rows and says how many are left out."""
+    rsus = {f"rsu-{n:03}": world.health(f"road-{n:03}", now_ns) for n in range(60)}
+    block = html.rsus(_view(Snapshot(rsus=rsus), now_ns).rsus)
+    assert block.count("<tr>") == markup.MAX_ROWS + 1
+    assert "and 20 more" in block
+
+
+def test_an_old_picture_is_faded(world, now_ns):
+    """A picture that has stopped moving is grey and called old."""
+    view = _view(Snapshot(previews={"a": (world.jpeg(), now_ns - 60 * S)}), now_ns)
+    block = html.cameras(view.previews)
+    assert "grayscale" in block
+    assert "old picture, 60 s ago" in block

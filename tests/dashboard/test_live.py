@@ -1,0 +1,108 @@
+"""Live data keeps the newest of each kind, in bounded memory, and refuses what does not fit."""
+
+from __future__ import annotations
+
+import pytest
+
+from dashboard import live as live_module
+from dashboard.live import LiveData
+from slipstream.errors import InputError
+from slipstream.messages import (
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+    plan_key,
+    preview_key,
+    rsu_health_key,
+    state_key,
+)
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def live(now_ns) -> LiveData:
+    """Live data that keeps three cycles."""
+    return LiveData(3, lambda: now_ns)
+
+
+def test_each_kind_arrives(live, world, now_ns):
+    """Messages under their keys are in the next snapshot."""
+    state, health = world.state("avenue_east"), world.health("avenue_east")
+    plan, cycle, dispatcher = world.plan("van-a", 7), world.cycle(7), world.dispatcher()
+    live.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+    live.on_rsu_health(rsu_health_key(health.rsu), health.to_bytes())
+    live.on_plan(plan_key("van-a"), plan.to_bytes())
+    live.on_cycle(CYCLE_KEY, cycle.to_bytes())
+    live.on_dispatcher_health(DISPATCHER_HEALTH_KEY, dispatcher.to_bytes())
+    live.on_preview(preview_key("rsu/1 ü"), world.jpeg())
+    snapshot = live.snapshot()
+    assert snapshot.states == {("avenue_east", state.rsu): state}
+    assert snapshot.rsus == {health.rsu: health}
+    assert snapshot.plans == {"van-a": plan}
+    assert snapshot.cycles == (cycle,)
+    assert snapshot.dispatcher == dispatcher
+    assert snapshot.previews == {"rsu/1 ü": (world.jpeg(), now_ns)}
+
+
+def test_late_repairs_do_not_win(live, world, now_ns):
+    """A sample older than the one known does not replace it."""
+    for offset_s in (0, -5):
+        state = world.state("avenue_east", now_ns + offset_s * S)
+        live.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+    (state,) = live.snapshot().states.values()
+    assert state.time_ns == now_ns
+
+
+def test_only_the_last_cycles_are_kept(live, world, now_ns):
+    """History from storage and live reports make one history of bounded length, oldest first."""
+    live.add_history([world.cycle(n, now_ns + n * S) for n in (1, 2, 3)], [])
+    live.on_cycle(CYCLE_KEY, world.cycle(4, now_ns + 4 * S).to_bytes())
+    live.on_cycle(CYCLE_KEY, world.cycle(4, now_ns + 4 * S).to_bytes())
+    assert [report.cycle for report in live.snapshot().cycles] == [2, 3, 4]
+
+
+def test_memory_is_bounded(live, world, now_ns, monkeypatch):
+    """However many names send, only so many are remembered, the last heard of."""
+    monkeypatch.setattr(live_module, "MAX_ENTRIES", 5)
+    for number in range(20):
+        state = world.state("avenue_east", now_ns, rsu=f"rsu-{number}")
+        live.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+        live.on_preview(preview_key(f"rsu-{number}"), world.jpeg())
+    snapshot = live.snapshot()
+    assert [rsu for _, rsu in snapshot.states] == [f"rsu-{number}" for number in range(15, 20)]
+    assert len(snapshot.previews) == live_module.MAX_PREVIEWS
+
+
+def test_messages_under_a_wrong_key_are_refused(live, world):
+    """What does not belong under its key, or is no such message, is refused and not kept."""
+    state = world.state("avenue_east")
+    with pytest.raises(InputError, match="belongs under"):
+        live.on_state(state_key("rsu-other", "avenue_east"), state.to_bytes())
+    with pytest.raises(InputError, match="not a SegmentState"):
+        live.on_state(state_key(state.rsu, state.segment), b'{"hello": 1}')
+    with pytest.raises(InputError, match="not a VehiclePlan"):
+        live.on_plan(plan_key("van-a"), b"\xff\xfe")
+    assert live.snapshot().states == {}
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"<svg onload=alert(1)>", b"\xff\xd8\xff truncated", b"\x89PNG\r\n"]
+)
+def test_only_jpegs_are_pictures(live, payload):
+    """Bytes that are no whole JPEG are refused."""
+    with pytest.raises(InputError, match="not a JPEG"):
+        live.on_preview(preview_key("rsu"), payload)
+
+
+def test_huge_pictures_are_refused(live):
+    """A picture beyond the limit is refused."""
+    payload = b"\xff\xd8\xff" + bytes(live_module.MAX_PREVIEW_BYTES) + b"\xff\xd9"
+    with pytest.raises(InputError, match="picture of"):
+        live.on_preview(preview_key("rsu"), payload)
+
+
+@pytest.mark.parametrize("key", ["slipstream/v1/rsu", "slipstream/v1/rsu/a/b/preview", "x"])
+def test_odd_preview_keys_are_refused(live, world, key):
+    """A picture under a key that is no preview key is refused."""
+    with pytest.raises(InputError, match="belongs under"):
+        live.on_preview(key, world.jpeg())

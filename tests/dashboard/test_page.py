@@ -1,0 +1,211 @@
+"""The real dashboard in a real browser: what a dispatcher sees, and what goes when data goes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import storage
+from dashboard import words
+from slipstream.bus import Bus, Router, free_port
+from slipstream.config import BusSettings
+
+CHROMIUM = "/usr/bin/chromium"
+pytestmark = [
+    pytest.mark.e2e,
+    pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason=f"no browser at {CHROMIUM}"),
+]
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+START = """
+import json, sys
+from dashboard.daemon import run_dashboard
+from dashboard.settings import DashboardSettings
+run_dashboard(DashboardSettings.model_validate(json.loads(sys.argv[1])))
+"""
+S = 1_000_000_000
+STALE_AFTER_S = 3.0
+
+
+@dataclass
+class Dashboard:
+    """A running dashboard with what feeds it."""
+
+    process: subprocess.Popen[str]
+    address: str
+    stop_sending: Callable[[], None]
+    log: Path
+    requests: list[str] = field(default_factory=list)
+
+
+def _start(settings: dict[str, object], log: Path) -> subprocess.Popen[str]:
+    with log.open("w") as file:
+        return subprocess.Popen(
+            [sys.executable, "-c", START, json.dumps(settings)], stderr=file, text=True
+        )
+
+
+@pytest.fixture
+def running(tmp_path, world, make_sender) -> Iterator[Dashboard]:
+    """A dashboard fed over a router of its own, with a history of twenty cycles."""
+    url = f"sqlite:///{tmp_path}/slipstream.db"
+    now_ns = time.time_ns()
+    with storage.open_database(url) as database:
+        for number in range(1, 21):
+            then_ns = now_ns - (21 - number) * 30 * S
+            database.record_cycle(world.cycle(number, then_ns), [], [])
+    stop, port, log = threading.Event(), free_port(), tmp_path / "dashboard.log"
+    with Router() as router:
+        bus_settings = BusSettings(connect=(router.endpoint,))
+        settings = {
+            "bus": {"connect": [router.endpoint]},
+            "port": port,
+            "database_url": url,
+            "stale_after_s": STALE_AFTER_S,
+            "silent_after_s": STALE_AFTER_S,
+        }
+        process = _start(settings, log)
+
+        def send() -> None:
+            with Bus.open(bus_settings) as bus:
+                sender, tick = make_sender(bus, world), 0
+                while not stop.wait(0.5):
+                    sender.put_all(time.time_ns(), cycle=21, tick=tick)
+                    # The plans stay those of the first tick, so that the vans move on.
+                    tick += 1
+
+        thread = threading.Thread(target=send)
+        thread.start()
+
+        def stop_sending() -> None:
+            stop.set()
+            thread.join()
+
+        try:
+            yield Dashboard(process, f"http://127.0.0.1:{port}", stop_sending, log)
+        finally:
+            stop_sending()
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def page(running):
+    """A browser page on the dashboard, 1440×900."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        page = browser.new_page(viewport={"width": 1440, "height": 900})
+        page.on("request", lambda request: running.requests.append(request.url))
+        _open_when_served(page, running)
+        yield page
+        browser.close()
+
+
+def _open_when_served(page, running: Dashboard) -> None:
+    until = time.monotonic() + 30
+    while True:
+        try:
+            page.goto(running.address)
+            return
+        except Exception:
+            assert running.process.poll() is None, running.log.read_text()
+            assert time.monotonic() < until
+            time.sleep(0.1)
+
+
+def _pixels(page, rgb: tuple[int, int, int], shot: Path) -> int:
+    """How many pixels of the map, between the panels, are of about this colour."""
+    page.screenshot(path=shot)
+    image = cv2.imread(str(shot))[210:620, 0:890, ::-1].astype(int)
+    return int((np.abs(image - np.array(rgb)).max(axis=2) <= 16).sum())
+
+
+def _wait_for_pixels(page, rgb: tuple[int, int, int], shot: Path, at_least: int) -> int:
+    until = time.monotonic() + 30
+    while (count := _pixels(page, rgb, shot)) < at_least:
+        assert time.monotonic() < until, f"{count} pixels of {rgb}"
+        time.sleep(0.3)
+    return count
+
+
+def test_what_a_dispatcher_sees(running, page, tmp_path):
+    """Map and panels show the demo; when all falls silent it turns unknown; SIGTERM ends it."""
+    shot = tmp_path / "page.png"
+    page.wait_for_selector("canvas")
+    for text in (
+        "Traffic is calm on 1 of 2 watched roads",
+        "Next cycle in",
+        "#21",
+        "platooning open",
+        "platooning closed: turbulent traffic",
+        "each van alone on its cheapest route",
+        "Energy of the last 21 cycles",
+        "rsu-avenue_east",
+        "18 / 31",
+        "c2 → c1",
+    ):
+        page.get_by_text(text).first.wait_for(timeout=30_000)
+    page.wait_for_function(
+        "[...document.images].filter(i => i.complete && i.naturalWidth === 480).length === 2"
+    )
+    close = page.locator(".mantine-Notification-closeButton")
+    if close.count():
+        close.first.click()
+    _wait_for_pixels(page, words.TRAFFIC_RGB["stable"], shot, 1000)
+    _wait_for_pixels(page, words.TRAFFIC_RGB["turbulent"], shot, 700)
+    _wait_for_pixels(page, words.VEHICLE_RGB[0], shot, 100)
+    _wait_for_pixels(page, words.VEHICLE_RGB[1], shot, 100)
+    # Edges of labels and marks are grey too.
+    grey = _pixels(page, words.TRAFFIC_RGB["unknown"], shot)
+
+    running.stop_sending()
+    page.get_by_text("Traffic is calm on 0 of 2 watched roads").wait_for(timeout=20_000)
+    page.get_by_text("showing the stored history").wait_for(timeout=20_000)
+    page.get_by_text("silent", exact=True).first.wait_for(timeout=20_000)
+    _wait_for_pixels(page, words.TRAFFIC_RGB["unknown"], shot, grey + 700)
+    assert _pixels(page, words.TRAFFIC_RGB["stable"], shot) < 50
+    assert _pixels(page, words.TRAFFIC_RGB["turbulent"], shot) < 50
+
+    own = (running.address, "data:", "blob:")
+    assert [url for url in running.requests if not url.startswith(own)] == []
+    began = time.monotonic()
+    running.process.terminate()
+    assert running.process.wait(timeout=10) == 0
+    assert time.monotonic() - began < 5
+    assert "Traceback" not in running.log.read_text()
+
+
+def test_a_taken_port_is_one_line(tmp_path):
+    """Started on a port that is in use, the dashboard raises InputError before it serves."""
+    with Router() as router:
+        port = int(router.endpoint.rsplit(":", 1)[1])
+        settings = {"port": port, "database_url": None, "bus": {"connect": [router.endpoint]}}
+        process = _start(settings, tmp_path / "log")
+        assert process.wait(timeout=30) != 0
+    last = (tmp_path / "log").read_text().strip().splitlines()[-1]
+    assert last == (
+        f"slipstream.errors.InputError: 127.0.0.1:{port}: the port is taken; "
+        "stop what listens there, or give another port"
+    )

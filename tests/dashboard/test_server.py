@@ -1,0 +1,104 @@
+"""The page is served where it was asked for or not at all, and stays private."""
+
+from __future__ import annotations
+
+import socket
+import threading
+
+import pytest
+import viser
+
+from dashboard.live import Snapshot
+from dashboard.map import RoadMap
+from dashboard.panels import Panels
+from dashboard.server import start_server, stop_server
+from dashboard.view_model import build_view
+from slipstream.bus import free_port
+from slipstream.errors import InputError
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def server():
+    """A running server on a free port of loopback."""
+    server = start_server("127.0.0.1", free_port())
+    yield server
+    stop_server(server)
+
+
+def test_a_taken_port_is_refused():
+    """A port that somebody listens on is refused in one line, and no other port is taken."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        threads = threading.active_count()
+        with pytest.raises(
+            InputError, match="the port is taken; stop what listens there"
+        ) as caught:
+            start_server("127.0.0.1", port)
+        assert caught.value.source == f"127.0.0.1:{port}"
+        assert threading.active_count() == threads
+
+
+def test_a_port_lost_in_the_last_moment_is_refused(monkeypatch):
+    """Where viser ends up on another port than asked for, it is stopped and refused."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        monkeypatch.setattr("dashboard.server.refuse_taken", lambda host, port: None)
+        with pytest.raises(InputError, match="the port is taken"):
+            start_server("127.0.0.1", port)
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no-such-host.invalid"])
+def test_addresses_that_are_not_ours_are_refused(host):
+    """A host that cannot be bound is refused in one line."""
+    with pytest.raises(InputError, match="cannot serve here"):
+        start_server(host, free_port())
+
+
+def test_no_public_tunnel(server: viser.ViserServer, monkeypatch):
+    """A client that asks for a public share URL gets none, and no tunnel is made."""
+    monkeypatch.setattr("viser._viser.ViserTunnel", _no_tunnel)
+    assert server.request_share_url() is None
+    assert server._share_tunnel is None
+
+
+def _no_tunnel(*_: object) -> None:
+    raise AssertionError("a tunnel was opened")
+
+
+def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
+    """After hundreds of updates, roads and vans coming and going, no more is kept than before."""
+    road_map, panels = RoadMap(server, world.network, "depot"), Panels(server)
+    buffer = server._websock_server._broadcast_buffer
+
+    def show(tick: int) -> None:
+        time_ns = now_ns + tick * S
+        names = ("avenue_east", "avenue_west") if tick % 3 else ("avenue_east",)
+        states = [world.state(name, time_ns, y_e=(tick + len(name)) % 2) for name in names]
+        vans = ("van-a", "van-b") if tick % 5 else ("van-b",)
+        snapshot = Snapshot(
+            states={(state.segment, state.rsu): state for state in states},
+            rsus={name: world.health(name, time_ns) for name in names},
+            plans={van: world.plan(van, tick, now_ns + tick // 7 * S) for van in vans},
+            cycles=tuple(world.cycle(n, now_ns + n * S) for n in range(max(0, tick - 20), tick)),
+            previews={name: (world.jpeg(tick % 200), time_ns) for name in names},
+        )
+        view = build_view(snapshot, time_ns, stale_after_s=5.0, silent_after_s=30.0)
+        road_map.update(view)
+        panels.update(view)
+
+    def kept() -> int:
+        server._run_garbage_collector()
+        return len(buffer.message_from_id)
+
+    for tick in range(60):
+        show(tick)
+    before = kept()
+    for tick in range(60, 360):
+        show(tick)
+    assert kept() <= before + 5

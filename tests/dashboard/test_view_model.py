@@ -1,0 +1,225 @@
+"""What the page shows follows from the messages and the time, and fails safe."""
+
+from __future__ import annotations
+
+import pytest
+
+from dashboard import words
+from dashboard.live import Snapshot
+from dashboard.view_model import FORGET_AFTER_S, build_view, planned_position
+from dashboard.views import DashboardView
+
+S = 1_000_000_000
+
+
+def _view(snapshot: Snapshot, now_ns: int) -> DashboardView:
+    return build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
+
+
+def _states(*states):
+    return {(state.segment, state.rsu): state for state in states}
+
+
+def test_a_fresh_state_is_shown_in_kmh(world, now_ns):
+    """A fresh stable state is shown as stable, with speed in km/h, CV, variance and age."""
+    state = world.state("avenue_east", now_ns - 2 * S, speed_mps=15.0)
+    (road,) = _view(Snapshot(states=_states(state)), now_ns).roads
+    assert road.traffic == "stable"
+    assert road.speed_kmh == pytest.approx(54.0)
+    assert road.cv == pytest.approx(0.05)
+    assert road.acceleration_variance == pytest.approx(0.08)
+    assert road.age_s == pytest.approx(2.0)
+    assert road.gate_cycle is None
+
+
+@pytest.mark.parametrize("age_s", [5.1, 60.0, -1.1])
+def test_old_and_future_states_are_unknown(world, now_ns, age_s):
+    """A stable state that is too old, or from a clock that is ahead, is shown as unknown."""
+    state = world.state("avenue_east", now_ns - round(age_s * S))
+    (road,) = _view(Snapshot(states=_states(state)), now_ns).roads
+    assert road.traffic == "unknown"
+    assert road.speed_kmh is None
+    assert road.why == ("no fresh data" if age_s > 0 else "the camera's clock is ahead")
+
+
+def test_unknown_is_told_with_its_reason(world, now_ns):
+    """A fresh unknown is shown with its reason in plain words and without figures."""
+    state = world.state("avenue_east", now_ns, y_e=None)
+    (road,) = _view(Snapshot(states=_states(state)), now_ns).roads
+    assert (road.traffic, road.why, road.cv) == ("unknown", "too few vehicles to tell", None)
+
+
+@pytest.mark.parametrize(
+    ("flags", "shown"),
+    [((1, 0), "turbulent"), ((1, None), "stable"), ((None, 0), "turbulent")],
+)
+def test_several_cameras_on_a_road(world, now_ns, flags, shown):
+    """Where two RSUs watch a road, turbulence counts before calm, and calm before unknown."""
+    states = [
+        world.state("avenue_east", now_ns - i, y_e=flag, rsu=f"rsu-{i}")
+        for i, flag in enumerate(flags)
+    ]
+    (road,) = _view(Snapshot(states=_states(*states)), now_ns).roads
+    assert road.traffic == shown
+
+
+def test_a_stale_camera_does_not_count_beside_a_fresh_one(world, now_ns):
+    """An old turbulent state is overruled by a fresh stable one of another RSU."""
+    old = world.state("avenue_east", now_ns - 20 * S, y_e=0, rsu="rsu-1")
+    fresh = world.state("avenue_east", now_ns, y_e=1, rsu="rsu-2")
+    (road,) = _view(Snapshot(states=_states(old, fresh)), now_ns).roads
+    assert (road.traffic, road.rsu) == ("stable", "rsu-2")
+
+
+def test_a_watched_road_without_states_is_listed(world, now_ns):
+    """A road that an RSU names as its own is shown as unknown before the first state."""
+    health = world.health("avenue_east", now_ns)
+    (road,) = _view(Snapshot(rsus={health.rsu: health}), now_ns).roads
+    assert (road.segment, road.rsu, road.traffic) == ("avenue_east", health.rsu, "unknown")
+    assert road.why == "no data"
+
+
+def test_gates_of_the_last_cycle(world, now_ns):
+    """Each road tells whether the last cycle opened it, and if not, why."""
+    view = _view(Snapshot(cycles=(world.cycle(3, now_ns),)), now_ns)
+    east, west = view.roads
+    assert (east.gate_cycle, east.gate_open, east.gate_why) == (3, True, "")
+    assert (west.gate_cycle, west.gate_open, west.gate_why) == (3, False, "turbulent traffic")
+
+
+@pytest.mark.parametrize(
+    ("status", "age_s", "shown", "level"),
+    [
+        ("ok", 1.0, "ok", "ok"),
+        ("starting", 1.0, "starting", "warn"),
+        ("no_signal", 1.0, "no picture", "bad"),
+        ("ended", 1.0, "clip ended", "warn"),
+        ("ok", 6.0, "silent", "bad"),
+        ("ok", -2.0, "clock ahead", "bad"),
+    ],
+)
+def test_rsu_status(world, now_ns, status, age_s, shown, level):
+    """An RSU's status is its own word while it is heard of, and "silent" after that."""
+    health = world.health("avenue_east", now_ns - round(age_s * S), status)
+    (unit,) = _view(Snapshot(rsus={health.rsu: health}), now_ns).rsus
+    assert (unit.status, unit.level) == (shown, level)
+    assert unit.skipped_share == pytest.approx(9 / 9000)
+    assert unit.fps == (None if shown in ("silent", "clock ahead") else 29.97)
+
+
+def test_long_gone_units_are_forgotten(world, now_ns):
+    """RSUs, roads and vans not heard of for a day are no longer listed."""
+    then_ns = now_ns - round((FORGET_AFTER_S + 1000) * S)
+    health, state = world.health("avenue_east", then_ns), world.state("avenue_east", then_ns)
+    plan = world.plan("van-a", 1, then_ns)
+    snapshot = Snapshot(
+        rsus={health.rsu: health}, states=_states(state), plans={plan.vehicle: plan}
+    )
+    view = _view(snapshot, now_ns)
+    assert (view.rsus, view.roads, view.vehicles) == ((), (), ())
+
+
+def test_saving_with_its_split(world, now_ns):
+    """The saving is the difference to the named baseline, with its three parts."""
+    report = world.cycle(3, now_ns)
+    energy = _view(Snapshot(cycles=(report,)), now_ns).cycle.energy
+    assert energy.baseline == report.energy.baseline
+    assert energy.saved_kwh == pytest.approx(0.071)
+    assert energy.saved_share == pytest.approx(0.071 / report.energy.baseline_kwh)
+    assert energy.saved_drag_kwh == pytest.approx(0.071)
+
+
+def test_history_in_order(world, now_ns):
+    """The chart has one point a cycle with energy, in the order of their numbers."""
+    cycles = [world.cycle(n, now_ns + n * S) for n in (1, 2, 4)]
+    failed = cycles[1].model_copy(update={"energy": None})
+    history = _view(Snapshot(cycles=(cycles[0], failed, cycles[2])), now_ns + 9 * S).history
+    assert history.cycles == (1, 4)
+    assert history.baseline_kwh[1] == cycles[2].energy.baseline_kwh
+
+
+def test_dispatcher_lines(world, now_ns):
+    """A dispatcher tells its next cycle; one not heard of is called silent, history or not."""
+    heard = Snapshot(dispatcher=world.dispatcher(now_ns), cycles=(world.cycle(1, now_ns),))
+    assert _view(heard, now_ns).dispatcher == "Next cycle in 18 s"
+    assert _view(heard, now_ns + 19 * S).dispatcher == "Cycle running now"
+    late = _view(heard, now_ns + 31 * S)
+    assert late.dispatcher == "Dispatcher silent for 31 s; showing the stored history"
+    assert late.dispatcher_level == "bad"
+    assert _view(Snapshot(), now_ns).dispatcher == "Dispatcher silent"
+
+
+def test_headline_counts_calm_roads(world, now_ns):
+    """The headline counts what is calm now, and waits where nothing has been seen."""
+    states = _states(world.state("avenue_east", now_ns), world.state("avenue_west", now_ns, y_e=0))
+    assert _view(Snapshot(states=states), now_ns).headline == (
+        "Traffic is calm on 1 of 2 watched roads"
+    )
+    assert "Waiting" in _view(Snapshot(), now_ns).headline
+
+
+def test_planned_position_follows_the_plan(world, now_ns):
+    """A van stands at the depot until it leaves, runs along its segments, and ends at the last."""
+    plan = world.plan("van-a", 1, now_ns)
+    first, second = plan.segments[:2]
+    assert planned_position(plan, now_ns) == (first.segment, 0.0)
+    middle_ns = (second.entry_ns + second.exit_ns) // 2
+    assert planned_position(plan, middle_ns) == (second.segment, pytest.approx(0.5))
+    at_stop_ns = plan.stops[0].arrival_ns + S
+    assert planned_position(plan, at_stop_ns) == ("mill_street_east", 1.0)
+    assert planned_position(plan, plan.segments[-1].exit_ns + S) == ("depot_road_west", 1.0)
+    assert planned_position(plan.model_copy(update={"segments": ()}), now_ns) is None
+
+
+def test_what_a_van_does(world, now_ns):
+    """The plan's next event is told; a plan that has run out is told as that."""
+    plan = world.plan("van-a", 1, now_ns)
+
+    def at(time_ns):
+        (van,) = _view(Snapshot(plans={"van-a": plan}), time_ns).vehicles
+        return van.activity, van.expired
+
+    assert at(now_ns) == ("leaves in 10 s", False)
+    assert at(plan.stops[0].arrival_ns - 20 * S) == ("c2 in 20 s", False)
+    assert at(plan.stops[0].arrival_ns + S) == ("at c2", False)
+    assert at(plan.segments[-1].exit_ns - 5 * S) == ("back in 5 s", False)
+    assert at(plan.segments[-1].exit_ns) == ("done", False)
+    assert at(plan.valid_until_ns + 120 * S) == ("plan ran out 2 min ago", True)
+
+
+def test_platooned_distance_of_a_plan(world, now_ns):
+    """A van's kilometres in a platoon are those of the segments with a platoon."""
+    plan = world.plan("van-a", 1, now_ns)
+    (van,) = _view(Snapshot(plans={"van-a": plan}), now_ns).vehicles
+    assert van.platoon_km == pytest.approx(1.996, abs=0.01)
+
+
+def test_pictures_grow_old(now_ns):
+    """A picture older than the limit is marked as old."""
+    snapshot = Snapshot(previews={"a": (b"", now_ns - S), "b": (b"", now_ns - 6 * S)})
+    fresh, old = _view(snapshot, now_ns).previews
+    assert (fresh.stale, old.stale) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "shown"),
+    [
+        (0.04, "0.0 s"),
+        (1.2, "1.2 s"),
+        (42.0, "42 s"),
+        (150.0, "2 min"),
+        (7200.0, "2 h"),
+        (4e5, "5 days"),
+    ],
+)
+def test_durations(seconds, shown):
+    """Durations read at a glance."""
+    assert words.duration(seconds) == shown
+
+
+def test_states_are_not_told_by_colour_alone():
+    """Each state of traffic has its own sign, and no van has nearly a state's colour."""
+    assert len(set(words.TRAFFIC_SIGN.values())) == 3
+    for rgb in words.VEHICLE_RGB:
+        for state in words.TRAFFIC_RGB.values():
+            assert sum((a - b) ** 2 for a, b in zip(rgb, state, strict=True)) > 60**2
