@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+from itertools import permutations, product
+
+import dimod
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dispatcher_daemon.decode import decode
+from dispatcher_daemon.formulations.arc import build_arc_model
+from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.solvers.chain import heavy_path, path_weight
+from dispatcher_daemon.solvers.ising import Ising, to_ising
+from dispatcher_daemon.solvers.lc_qaoa import (
+    LcQaoaSolver,
+    chain_circuit,
+    counts_to_bits,
+    descend,
+    linear_ramp,
+    sample_mps,
+)
+
+Demo = Callable[..., ArcProblem]
+
+
+def random_bqm(seed: int, n: int) -> dimod.BinaryQuadraticModel:
+    """A dense random model over v0, v1, ..."""
+    rng = np.random.default_rng(seed)
+    linear = {f"v{i}": float(rng.normal()) for i in range(n)}
+    quadratic = {(f"v{i}", f"v{j}"): float(rng.normal()) for i in range(n) for j in range(i)}
+    return dimod.BinaryQuadraticModel(linear, quadratic, float(rng.normal()), "BINARY")
+
+
+@given(seed=st.integers(0, 1000), n=st.integers(1, 5))
+def test_ising_has_the_qubos_energy_in_qiskits_convention(seed: int, n: int) -> None:
+    """With x = (1 − z)/2 both give every state the same energy."""
+    bqm = random_bqm(seed, n)
+    names = [f"v{i}" for i in range(n)]
+    ising = to_ising(bqm, names)
+    for bits in product((0, 1), repeat=n):
+        z = 1 - 2 * np.array(bits)
+        energy = ising.offset + ising.h @ z + z @ ising.coupling @ z / 2
+        assert energy == pytest.approx(bqm.energy(dict(zip(names, bits, strict=True))))
+
+
+def reference_probabilities(ising: Ising, angles: list[tuple[float, float]]) -> np.ndarray:
+    """Chain QAOA by plain matrix algebra; state s has bit q of s on qubit q."""
+    n = len(ising.h)
+    states = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
+    z = 1 - 2 * states
+    cost = z @ ising.h + sum(
+        (ising.coupling[q, q + 1] * z[:, q] * z[:, q + 1] for q in range(n - 1)), np.zeros(2**n)
+    )
+    amplitude = np.full(2**n, 2 ** (-n / 2), dtype=complex)
+    for beta, gamma in angles:
+        amplitude = np.exp(-1j * gamma * cost) * amplitude
+        mixer = np.array([[np.cos(beta), 1j * np.sin(beta)], [1j * np.sin(beta), np.cos(beta)]])
+        # Qubit n − 1 is the most significant bit, so it comes first in the product.
+        amplitude = reduce(np.kron, [mixer] * n) @ amplitude
+    return np.asarray(np.abs(amplitude) ** 2)
+
+
+def test_circuit_is_the_formula_and_bits_come_back_in_order() -> None:
+    """Sampled frequencies of an asymmetric chain agree with the state vector, bit by bit."""
+    bqm = random_bqm(5, 4)
+    order = [2, 0, 3, 1]
+    ising = to_ising(bqm, [f"v{i}" for i in range(4)]).permuted(order)
+    angles = linear_ramp(2, 0.4, 0.7)
+    counts = sample_mps(chain_circuit(ising, angles), 40_000, 3)
+    bits, shots = counts_to_bits(counts, order)
+    expected = reference_probabilities(ising, angles)
+    measured = np.zeros(16)
+    for row, count in zip(bits, shots, strict=True):
+        by_qubit = row[order]
+        measured[int(by_qubit @ (1 << np.arange(4)))] += count / 40_000
+    assert measured == pytest.approx(expected, abs=0.01)
+    assert np.abs(expected - expected[::-1]).max() > 0.05
+
+
+def test_ramp_lowers_the_energy_below_uniform_sampling() -> None:
+    """The signs are right: samples of a chain problem are better than random ones on average."""
+    n = 8
+    rng = np.random.default_rng(0)
+    coupling = np.zeros((n, n))
+    for q in range(n - 1):
+        coupling[q, q + 1] = coupling[q + 1, q] = rng.normal()
+    ising = Ising(rng.normal(size=n), coupling, 0.0).normalised()
+    counts = sample_mps(chain_circuit(ising, linear_ramp(4, 0.6, 1.0)), 4000, 1)
+    bits, shots = counts_to_bits(counts, list(range(n)))
+    z = 1 - 2 * bits.astype(float)
+    energy = z @ ising.h + np.einsum("si,ij,sj->s", z, ising.coupling, z) / 2
+    assert np.average(energy, weights=shots) < -0.5
+
+
+def test_linear_ramp_is_lr_qaoas() -> None:
+    """β falls from Δβ to Δβ/p, γ rises from Δγ/p to Δγ."""
+    assert linear_ramp(2, 0.3, 0.6) == [(0.3, 0.3), (0.15, 0.6)]
+    assert linear_ramp(1, 0.3, 0.6) == [(0.3, 0.6)]
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 6))
+def test_chain_is_a_heavy_hamiltonian_path(seed: int, n: int) -> None:
+    """Every variable comes once, with at least 80 % of the weight of the heaviest path of all."""
+    rng = np.random.default_rng(seed)
+    coupling = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.7)
+    coupling = np.triu(coupling, 1) + np.triu(coupling, 1).T
+    path = heavy_path(coupling)
+    assert sorted(path) == list(range(n))
+    best = max(path_weight(coupling, list(p)) for p in permutations(range(n)))
+    assert path_weight(coupling, path) >= 0.8 * best
+
+
+def test_normalised_has_a_largest_coefficient_of_one() -> None:
+    """Normalisation scales h and J together; an empty Hamiltonian stays as it is."""
+    ising = Ising(np.array([0.5, -4.0]), np.array([[0.0, 2.0], [2.0, 0.0]]), 1.0).normalised()
+    assert np.abs(ising.h).max() == 1.0
+    assert ising.coupling[0, 1] == 0.5
+    empty = Ising(np.zeros(2), np.zeros((2, 2)), 0.0)
+    assert empty.normalised() is empty
+
+
+def test_descent_ends_in_local_minima_of_the_full_qubo(demo_arcs: Demo) -> None:
+    """No single flip lowers a descended state, and no state gets worse on its way."""
+    model = build_arc_model(demo_arcs(avenue_east=1))
+    rng = np.random.default_rng(2)
+    start = rng.integers(0, 2, size=(20, 25), dtype=np.int8)
+    end = descend(model, start, seed=1)
+    names = list(model.variables)
+    assert end.shape == start.shape
+    before = model.total.energies((start, names))
+    after = model.total.energies((end, names))
+    assert np.all(after <= before + 1e-9)
+    for i in range(25):
+        flipped = end.copy()
+        flipped[:, i] ^= 1
+        assert np.all(model.total.energies((flipped, names)) >= after - 1e-6)
+
+
+def test_demo_is_solved_with_raw_and_repaired_samples_apart(demo_arcs: Demo) -> None:
+    """The answer is valid; raw statistics are those of the samples as drawn, and near zero."""
+    problem = demo_arcs(avenue_east=1, avenue_west=1)
+    outcome = LcQaoaSolver().solve(problem, 10.0, seed=7)
+    assert outcome.status == "feasible"
+    assert outcome.selected is not None
+    assert decode(problem, outcome.selected).routes is not None
+    samples = outcome.samples
+    assert samples is not None
+    assert (samples.qubits, samples.shots) == (25, 4096)
+    assert samples.share(samples.raw) < 0.02
+    assert samples.share(samples.repaired) > samples.share(samples.raw)
+    best_raw = min((value for value, _ in samples.raw), default=float("inf"))
+    answered = problem.objective_kwh(outcome.selected)
+    assert outcome.repaired == (best_raw > answered + 1e-9)
+
+
+def test_same_seed_same_answer(demo_arcs: Demo) -> None:
+    """Two runs with one seed agree in everything but time; seed 0 is a seed like any other."""
+    problem = demo_arcs(avenue_east=1, avenue_west=1)
+    solver = LcQaoaSolver(shots=512)
+    for seed in (0, 11):
+        one, two = (solver.solve(problem, 10.0, seed) for _ in range(2))
+        assert (one.selected, one.samples) == (two.selected, two.samples)

@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from dispatcher_daemon.decode import decode
+from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.pool import GRACE_S, Job, SolverPool, solve_here
+
+Demo = Callable[..., ArcProblem]
+
+# Workers are fresh interpreters, so the faulty solver must live in a module that they can import.
+FAULTY = """
+import os, time
+from dataclasses import dataclass
+from dispatcher_daemon.solvers.base import Outcome
+
+@dataclass(frozen=True)
+class Faulty:
+    fault: str
+    name: str = "faulty"
+
+    def warm_up(self):
+        if self.fault == "cold":
+            time.sleep(60)
+
+    def solve(self, problem, deadline_s, seed):
+        if self.fault == "hangs":
+            time.sleep(60)
+        if self.fault == "raises":
+            raise ValueError("no such\\nluck")
+        if self.fault == "dies":
+            os._exit(3)
+        if self.fault == "garbage":
+            return {"routes": "yes"}
+        if self.fault == "hangs once" and seed == 1:
+            time.sleep(60)
+        return Outcome(self.name, "feasible", frozenset(), 0.0, reason=str(os.getpid()))
+"""
+
+
+@pytest.fixture
+def faulty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Any]]:
+    """Factory of solvers with a fault."""
+    (tmp_path / "faulty_solver.py").write_text(FAULTY)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    import faulty_solver  # type: ignore[import-not-found]
+
+    yield faulty_solver.Faulty
+    del sys.modules["faulty_solver"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "reason"),
+    [
+        ("hangs", "timeout", "no answer within 1 s"),
+        ("raises", "failed", "ValueError: no such luck"),
+        ("dies", "failed", "ProcessExpired"),
+        ("garbage", "failed", "TypeError: answered with a dict"),
+    ],
+)
+def test_a_faulty_solver_costs_only_its_own_answer(
+    faulty: Callable[[str], Any], demo_arcs: Demo, fault: str, status: str, reason: str
+) -> None:
+    """Hanging, raising, dying or answering nonsense is reported; the others answer, in time."""
+    problem = demo_arcs(avenue_east=1)
+    with SolverPool([faulty(fault), ExactSolver()]) as pool:
+        assert pool.warm_up() == {}
+        began = time.monotonic()
+        bad, good = pool([Job("faulty", problem, 1), Job("exact", problem, 1)], 1.0)
+        assert time.monotonic() - began < 1.0 + GRACE_S + 0.5
+        assert (bad.status, bad.selected) == (status, None)
+        assert reason in (bad.reason or "")
+        assert good.status == "optimal"
+        assert good.selected is not None
+        assert decode(problem, good.selected).routes is not None
+
+
+def test_a_hung_worker_is_killed_and_replaced(
+    faulty: Callable[[str], Any], demo_arcs: Demo
+) -> None:
+    """After a time-out the next request goes to a new process, and the old one is gone."""
+    problem = demo_arcs()
+    with SolverPool([faulty("hangs once")]) as pool:
+        (before,) = pool([Job("faulty", problem, 2)], 20.0)
+        (hung,) = pool([Job("faulty", problem, 1)], 0.3)
+        assert hung.status == "timeout"
+        (after,) = pool([Job("faulty", problem, 2)], 20.0)
+        assert after.status == "feasible"
+        assert after.reason != before.reason
+        assert not psutil.pid_exists(int(before.reason or ""))
+
+
+def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
+    """Killing the waiting worker (as the kernel does for memory) costs at most one request."""
+    problem = demo_arcs()
+    with SolverPool([faulty("none")]) as pool:
+        (first,) = pool([Job("faulty", problem, 1)], 20.0)
+        os.kill(int(first.reason or ""), signal.SIGKILL)
+        time.sleep(0.5)
+        outcomes = [pool([Job("faulty", problem, 1)], 20.0)[0] for _ in range(2)]
+        assert outcomes[-1].status == "feasible"
+
+
+def test_a_cold_worker_is_reported(faulty: Callable[[str], Any]) -> None:
+    """Warming up has its time limit too; who misses it is named, the rest are ready."""
+    with SolverPool([faulty("cold"), ExactSolver()]) as pool:
+        assert list(pool.warm_up(timeout_s=5.0)) == ["faulty"]
+
+
+def test_closing_frees_a_waiting_caller(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
+    """A cycle that waits for a hanging solver ends as soon as the pool is closed."""
+    pool = SolverPool([faulty("hangs")])
+    pool.warm_up()
+    answers: list[Any] = []
+    caller = threading.Thread(
+        target=lambda: answers.extend(pool([Job("faulty", demo_arcs(), 1)], 50.0))
+    )
+    caller.start()
+    time.sleep(0.3)
+    began = time.monotonic()
+    pool.close()
+    caller.join(timeout=10)
+    assert time.monotonic() - began < 8
+    assert [a.status for a in answers] == ["timeout"]
+    assert [a.status for a in pool([Job("faulty", demo_arcs(), 1)], 5.0)] == ["failed"]
+
+
+def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
+    """SIGKILL for the dispatcher leaves no worker behind, not even a busy one."""
+    (tmp_path / "faulty_solver.py").write_text(FAULTY)
+    script = tmp_path / "parent.py"
+    script.write_text(
+        textwrap.dedent(
+            """
+            from dispatcher_daemon.problem import ArcProblem
+            from dispatcher_daemon.solvers.pool import Job, SolverPool
+            from faulty_solver import Faulty
+
+            if __name__ == "__main__":
+                with SolverPool([Faulty("hangs")]) as pool:
+                    pool.warm_up()
+                    print("ready", flush=True)
+                    pool([Job("faulty", ArcProblem("d", (), (), ()), 1)], 50.0)
+            """
+        )
+    )
+    root = Path(__file__).parents[3]
+    environment = {**os.environ, "PYTHONPATH": f"{root}:{tmp_path}"}
+    with subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, env=environment
+    ) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline() == b"ready\n"
+        time.sleep(0.3)
+        children = psutil.Process(parent.pid).children(recursive=True)
+        assert children
+        parent.kill()
+    _, alive = psutil.wait_procs(children, timeout=5)
+    assert alive == []
+
+
+def test_two_solvers_of_one_name_are_refused() -> None:
+    """Answers are told apart by name."""
+    with pytest.raises(ValueError, match="one name"):
+        SolverPool([ExactSolver(), ExactSolver()])
+
+
+def test_solving_in_place_reports_faults_too(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
+    """Without workers a solver that raises is still only an Outcome."""
+    solve = solve_here([faulty("raises"), ExactSolver()])
+    bad, good = solve([Job("faulty", demo_arcs(), 1), Job("exact", demo_arcs(), 1)], 5.0)
+    assert (bad.status, good.status) == ("failed", "optimal")

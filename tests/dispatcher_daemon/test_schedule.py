@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import threading
+import time
+
+from dispatcher_daemon.schedule import CycleScheduler
+
+
+def wait_for(condition: object, timeout_s: float = 5.0) -> bool:
+    """Poll a callable until it is true."""
+    assert callable(condition)
+    ends = time.monotonic() + timeout_s
+    while time.monotonic() < ends:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_first_run_is_immediate_and_others_follow() -> None:
+    """The first cycle does not wait for an interval to pass."""
+    times: list[float] = []
+    began = time.monotonic()
+    scheduler = CycleScheduler(lambda: times.append(time.monotonic() - began), 0.3)
+    scheduler.start()
+    try:
+        assert wait_for(lambda: len(times) >= 3)
+        assert scheduler.next_run_ns is not None
+        assert abs(scheduler.next_run_ns - time.time_ns()) < 1e9
+    finally:
+        scheduler.stop()
+    assert times[0] < 0.25
+    assert times[2] >= 0.5
+    assert scheduler.next_run_ns is None
+
+
+def test_overlapping_runs_are_left_out_and_counted() -> None:
+    """A cycle longer than the interval never runs beside itself."""
+    running = threading.Semaphore(1)
+    clashes: list[str] = []
+    runs: list[int] = []
+    kinds: list[str] = []
+
+    def run() -> None:
+        if not running.acquire(blocking=False):
+            clashes.append("two at once")
+        runs.append(1)
+        time.sleep(0.35)
+        running.release()
+
+    scheduler = CycleScheduler(run, 0.1, kinds.append)
+    scheduler.start()
+    try:
+        assert wait_for(lambda: len(runs) >= 2 and scheduler.overlapped >= 2)
+    finally:
+        scheduler.stop()
+    assert clashes == []
+    assert kinds.count("overlapped") == scheduler.overlapped
+
+
+def test_a_run_that_raises_is_counted_and_the_next_one_comes() -> None:
+    """No exception ends the schedule."""
+    runs: list[int] = []
+
+    def run() -> None:
+        runs.append(1)
+        raise RuntimeError("broken")
+
+    scheduler = CycleScheduler(run, 0.05)
+    scheduler.start()
+    try:
+        assert wait_for(lambda: len(runs) >= 3 and scheduler.raised >= 3)
+    finally:
+        scheduler.stop()
+
+
+def test_stop_waits_for_the_run_that_is_going() -> None:
+    """Whoever stops the scheduler may then close what the cycle uses."""
+    done = threading.Event()
+
+    def run() -> None:
+        time.sleep(0.3)
+        done.set()
+
+    scheduler = CycleScheduler(run, 60.0)
+    scheduler.start()
+    time.sleep(0.1)
+    scheduler.stop()
+    assert done.is_set()
+    scheduler.stop()

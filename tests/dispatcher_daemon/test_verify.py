@@ -1,0 +1,210 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.verify import verify_plans
+from slipstream.messages import VehiclePlan
+
+OPEN = {"avenue_east", "avenue_west"}
+Plain = list[dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def plans(
+    demo: RoutingProblem, traffic: Callable[..., TrafficSnapshot], now_ns: int
+) -> tuple[VehiclePlan, ...]:
+    """The demo's crossing plans: platoons on both avenues."""
+    settings = DispatcherSettings(solvers=("exact",))
+    snapshot = traffic(avenue_east=1, avenue_west=1)
+    solve = solve_here([ExactSolver()])
+    return run_cycle(demo, snapshot, settings, solve, now_ns, 1, 1).plans
+
+
+def faults(demo: RoutingProblem, plans: Plain, open_segments: set[str] = OPEN) -> str:
+    """All faults as one text."""
+    rebuilt = [VehiclePlan.model_validate(plan) for plan in plans]
+    return "\n".join(verify_plans(rebuilt, demo.network, demo.fleet, open_segments, 3.0))
+
+
+def test_sound_plans_pass(demo: RoutingProblem, plans: tuple[VehiclePlan, ...]) -> None:
+    """The dispatcher's own plans have no fault."""
+    assert verify_plans(plans, demo.network, demo.fleet, OPEN, 3.0) == ()
+
+
+def _missing(p: Plain) -> None:
+    del p[1]
+
+
+def _twice(p: Plain) -> None:
+    p.append(p[0])
+
+
+def _stranger(p: Plain) -> None:
+    p[0]["vehicle"] = "van-x"
+
+
+def _other_cycle(p: Plain) -> None:
+    p[0]["cycle"] = 2
+
+
+def _stays_out(p: Plain) -> None:
+    p[0]["stops"] = p[0]["stops"][:-1]
+
+
+def _wrong_node(p: Plain) -> None:
+    p[0]["stops"][1]["node"] = "west"
+
+
+def _not_first(p: Plain) -> None:
+    p[0]["stops"][1], p[0]["stops"][2] = p[0]["stops"][2], p[0]["stops"][1]
+
+
+def _jump(p: Plain) -> None:
+    del p[0]["segments"][1]
+
+
+def _bad_turn(p: Plain) -> None:
+    p[0]["segments"][1]["segment"] = "mill_street_east"
+
+
+def _unknown_segment(p: Plain) -> None:
+    p[0]["segments"][1]["segment"] = "moon_street"
+
+
+def _wrong_leg(p: Plain) -> None:
+    p[0]["segments"][0]["leg"] = 1
+
+
+def _early(p: Plain) -> None:
+    p[0]["depart_ns"] = p[0]["issued_ns"] - 1
+
+
+def _hasty(p: Plain) -> None:
+    p[0]["stops"][1]["departure_ns"] = p[0]["stops"][1]["arrival_ns"]
+
+
+def _hole(p: Plain) -> None:
+    p[0]["segments"][1]["entry_ns"] += 5_000_000
+
+
+def _speeding(p: Plain) -> None:
+    p[0]["segments"][0]["speed_mps"] = 30.0
+
+
+def _too_fast(p: Plain) -> None:
+    p[0]["segments"][0]["exit_ns"] = p[0]["segments"][0]["entry_ns"] + 10**9
+
+
+def _short(p: Plain) -> None:
+    p[0]["distance_m"] -= 100.0
+
+
+def _expired(p: Plain) -> None:
+    p[0]["valid_until_ns"] = p[0]["issued_ns"]
+
+
+def _avenue(plan: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = next(s for s in plan["segments"] if s["segment"] == "avenue_east")
+    return found
+
+
+def _gap_for_leader(p: Plain) -> None:
+    _avenue(p[0])["gap_m"] = 1.5
+
+
+def _no_gap(p: Plain) -> None:
+    _avenue(p[1])["gap_m"] = None
+
+
+def _alone(p: Plain) -> None:
+    _avenue(p[1])["platoon"] = _avenue(p[1])["place"] = _avenue(p[1])["gap_m"] = None
+
+
+def _half(p: Plain) -> None:
+    _avenue(p[1])["platoon"] = None
+
+
+def _two_leaders(p: Plain) -> None:
+    _avenue(p[1]).update(place=0, gap_m=None)
+
+
+def _swapped(p: Plain) -> None:
+    _avenue(p[0]).update(place=1, gap_m=1.5)
+    _avenue(p[1]).update(place=0, gap_m=None)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault"),
+    [
+        (_missing, "van-b: has not exactly one plan"),
+        (_twice, "van-a: has not exactly one plan"),
+        (_stranger, "van-x: not in the fleet"),
+        (_other_cycle, "different cycles"),
+        (_stays_out, "does not end at the depot"),
+        (_wrong_node, "no stop c1 at node west"),
+        (_not_first, "does not serve c1 first"),
+        (_jump, "no turn from depot_road_east into avenue_east"),
+        (_bad_turn, "no turn from mill_street_east into avenue_east"),
+        (_unknown_segment, "unknown segments"),
+        (_wrong_leg, "legs are not one after another"),
+        (_early, "leaves before its plan is issued"),
+        (_hasty, "leaves c1 before it is served"),
+        (_hole, "the times of leg 0 do not join up"),
+        (_speeding, "faster than allowed on depot_road_east"),
+        (_too_fast, "faster than allowed on depot_road_east"),
+        (_short, "distance is"),
+        (_expired, "is valid until before it is issued"),
+        (_gap_for_leader, "a gap is for followers"),
+        (_no_gap, "a gap is for followers"),
+        (_alone, "fewer than two vehicles"),
+        (_half, "a place or gap without a platoon"),
+        (_two_leaders, "places are not 0, 1, 2"),
+        (_swapped, "places are not in the order of entry"),
+    ],
+)
+def test_every_broken_rule_is_found(
+    demo: RoutingProblem,
+    plans: tuple[VehiclePlan, ...],
+    spoil: Callable[[Plain], None],
+    fault: str,
+) -> None:
+    """A plan set that breaks one rule is refused for it."""
+    plain = [plan.model_dump() for plan in plans]
+    for plan in plain:
+        plan["stops"], plan["segments"] = list(plan["stops"]), list(plan["segments"])
+    spoil(plain)
+    for plan in plain:
+        plan["stops"], plan["segments"] = tuple(plan["stops"]), tuple(plan["segments"])
+    assert fault in faults(demo, plain)
+
+
+def test_platoon_on_a_closed_segment_is_refused(
+    demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
+) -> None:
+    """No close gap where the gate is closed, whatever the plan says."""
+    plain = [plan.model_dump() for plan in plans]
+    found = faults(demo, plain, {"avenue_east"})
+    assert "van-b on avenue_west: platoon where the gate is closed" in found
+    assert "avenue_east: platoon" not in found
+
+
+def test_platoon_members_too_far_apart_are_refused(
+    demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
+) -> None:
+    """Entry times further apart than the window are no platoon: 2 s are not within 1.5 s."""
+    found = verify_plans(plans, demo.network, demo.fleet, OPEN, 1.5)
+    assert any("more than 1.5 s apart" in fault for fault in found)
+
+
+def test_no_plans_at_all_are_refused(demo: RoutingProblem) -> None:
+    """An empty plan set serves nobody."""
+    assert "stop c2: served 0 times" in faults(demo, [])
