@@ -145,10 +145,10 @@ class RoadMap:
 
 
 def _pattern(state: Traffic, dash: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Which dashes carry the colour: all, two of three, or one of three."""
+    """Which dashes carry the colour: all, long strokes, or every other short one."""
     if state == "stable":
         return np.ones(len(dash), dtype=np.bool_)
-    drawn: npt.NDArray[np.bool_] = dash % 6 < 4 if state == "turbulent" else dash % 3 == 0
+    drawn: npt.NDArray[np.bool_] = dash % 6 < 4 if state == "turbulent" else dash % 4 < 2
     return drawn
 
 

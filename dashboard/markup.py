@@ -130,7 +130,7 @@ def css(rgb: Rgb) -> str:
 
 def line_svg(traffic: Traffic) -> str:
     """A piece of road as the map draws it."""
-    pattern = {"stable": "", "turbulent": "9 4", "unknown": "3 5"}[traffic]
+    pattern = {"stable": "", "turbulent": "10 5", "unknown": "5 5"}[traffic]
     return shape_svg(
         f'<line x1="0" y1="6" x2="34" y2="6" stroke="{css(words.TRAFFIC_RGB[traffic])}" '
         f'stroke-width="7" stroke-dasharray="{pattern}"/>'

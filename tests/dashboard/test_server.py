@@ -8,10 +8,12 @@ import threading
 import pytest
 import viser
 
-from dashboard.live import Snapshot
+from dashboard.live import LiveData, Snapshot
 from dashboard.map import RoadMap
+from dashboard.page import Page
 from dashboard.panels import Panels
 from dashboard.server import start_server, stop_server
+from dashboard.settings import DashboardSettings
 from dashboard.view_model import build_view
 from slipstream.bus import free_port
 from slipstream.errors import InputError
@@ -102,3 +104,20 @@ def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
     for tick in range(60, 360):
         show(tick)
     assert kept() <= before + 5
+
+
+def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
+    """After so many updates the page goes on being served at its address by a new server."""
+    monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 8)
+    settings = DashboardSettings(port=free_port(), database_url=None)
+    page = Page(settings, world.network)
+    try:
+        servers = []
+        for _ in range(10):
+            page.show(LiveData(2, lambda: now_ns), now_ns)
+            servers.append(page._server)
+            with socket.create_connection((settings.host, settings.port), timeout=5):
+                pass
+        assert [server is servers[0] for server in servers] == [True] * 4 + [False] * 6
+    finally:
+        page.close()

@@ -1,0 +1,111 @@
+"""The page and the browsers that look at it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from typing import Final
+
+import viser
+
+from dashboard import metrics
+from dashboard.live import LiveData
+from dashboard.map import RoadMap
+from dashboard.panels import Panels
+from dashboard.server import start_server, stop_server
+from dashboard.settings import DashboardSettings
+from dashboard.view_model import build_view
+from slipstream.roads import RoadNetwork
+
+log = logging.getLogger(__name__)
+
+SETTLING_S: Final = 10.0
+"""How long after its arrival a browser's view is fitted to its canvas."""
+RENEW_AFTER_UPDATES: Final = 500_000
+"""Updates after which the server is replaced; some three days of somebody looking."""
+
+
+class Page:
+    """One viser server with the map and the panels on it.
+
+    Args:
+        settings: where to serve, what counts as stale.
+        network: the road network to draw.
+
+    Raises:
+        InputError: the address cannot be served on.
+    """
+
+    def __init__(self, settings: DashboardSettings, network: RoadNetwork) -> None:
+        self._settings = settings
+        self._network = network
+        self.arrived = threading.Event()
+        """Set when a browser has arrived; the owner clears it."""
+        self._build()
+
+    def clients(self) -> int:
+        """How many browsers are connected."""
+        return len(self._server.get_clients())
+
+    def show(self, live: LiveData, now_ns: int) -> None:
+        """Bring the page up to date with the latest messages."""
+        self._renew_if_worn()
+        view = build_view(
+            live.snapshot(),
+            now_ns,
+            stale_after_s=self._settings.stale_after_s,
+            silent_after_s=self._settings.silent_after_s,
+        )
+        self._map.update(view)
+        self._panels.update(view)
+        self._updates += 1
+        metrics.UPDATES.inc()
+        metrics.CLIENTS.set(self.clients())
+
+    def close(self) -> None:
+        """Stop serving."""
+        stop_server(self._server)
+
+    def _build(self) -> None:
+        self._updates = 0
+        self._server = start_server(self._settings.host, self._settings.port)
+        try:
+            self._map = RoadMap(self._server, self._network, self._settings.depot)
+            self._panels = Panels(self._server)
+            self._server.on_client_connect(self._welcome)
+        except BaseException:
+            stop_server(self._server)
+            raise
+
+    def _renew_if_worn(self) -> None:
+        # For each new browser viser counts through all messages there ever were, 0.2 s a million:
+        # after months nobody would get in. Browsers come back to the new server by themselves, but
+        # it is better done while there are none.
+        limit = RENEW_AFTER_UPDATES if self.clients() else RENEW_AFTER_UPDATES // 2
+        if self._updates >= limit:
+            log.info("renewing the page after %d updates", self._updates)
+            stop_server(self._server)
+            self._build()
+
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        arrived = time.monotonic()
+        fitted: tuple[int, int] | None = None
+
+        def fit(camera: viser.CameraHandle) -> None:
+            # The canvas shrinks while the browser is still placing the panels beside it; after
+            # that the camera is the user's.
+            nonlocal fitted
+            canvas = (camera.image_width, camera.image_height)
+            if canvas == fitted or time.monotonic() - arrived > SETTLING_S:
+                return
+            fitted = canvas
+            position, look_at = self._map.fit(*canvas)
+            with client.atomic():
+                camera.up_direction = (0.0, 1.0, 0.0)
+                camera.position = position
+                camera.look_at = look_at
+
+        client.camera.on_update(fit)
+        fit(client.camera)
+        self.arrived.set()
