@@ -4,6 +4,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
+from hypothesis import settings
 
 from dispatcher_daemon.dispatch import arc_problem
 from dispatcher_daemon.fleet import load_fleet
@@ -13,6 +14,10 @@ from dispatcher_daemon.routes import candidate_arcs, least_energy_legs
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
 from slipstream.roads import load_network
+
+# Shared machines are slow at times, and a suite has to say the same thing twice.
+settings.register_profile("slipstream", deadline=None, derandomize=True)
+settings.load_profile("slipstream")
 
 NOW_NS = 1_800_000_000_000_000_000
 LIMIT_MPS = 16.67

@@ -19,7 +19,7 @@ def test_demo_gets_a_valid_plan(demo_arcs: Callable[..., ArcProblem]) -> None:
     assert decode(problem, selected).routes is not None
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10**6), customers=st.integers(1, 4), vehicles=st.integers(1, 2))
 def test_what_it_finds_is_valid_and_no_better_than_the_optimum(
     random_arcs: Callable[..., ArcProblem], seed: int, customers: int, vehicles: int

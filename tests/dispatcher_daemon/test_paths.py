@@ -23,7 +23,7 @@ def cheapest_by_relaxation(
     return min(ends, default=float("inf"))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(values=st.lists(st.floats(0.01, 10.0), min_size=22, max_size=22))
 def test_paths_are_connected_legal_and_cheapest(demo: RoutingProblem, values: list[float]) -> None:
     """For any costs, every path obeys the turns and costs what plain relaxation finds."""

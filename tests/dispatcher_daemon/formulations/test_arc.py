@@ -81,7 +81,7 @@ def test_gamma_can_be_set(demo_arcs: Demo) -> None:
     assert build_arc_model(problem).gamma == sufficient_gamma(problem)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10**6))
 def test_computed_gamma_exceeds_any_spread_of_the_objective(random_arcs: Demo, seed: int) -> None:
     """γ is more than the dearest possible route set costs over the cheapest selection of all."""

@@ -78,7 +78,7 @@ def check_exact(problem: ArcProblem) -> None:
         assert found.minimum_kwh == pytest.approx(exact.objective_kwh, abs=1e-7)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), shape=st.sampled_from([(2, 1), (3, 1), (2, 2), (3, 2), (4, 2)]))
 def test_any_small_instance_is_exact(random_arcs: Demo, seed: int, shape: tuple[int, int]) -> None:
     """Random sparse instances, infeasible ones and heavy rewards included, are exact as well."""

