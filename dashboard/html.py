@@ -94,9 +94,8 @@ def roads(views: Sequence[RoadView]) -> str:
     """The watched roads: traffic now, and whether the last cycle allowed platoons."""
     rows = [
         [
-            f"{text(road.segment)}<br><small>{_gate(road)}</small>",
-            markup.chip(road.traffic)
-            + (f"<br><small>{text(road.why)}</small>" if road.why else ""),
+            text(road.segment),
+            markup.chip(road.traffic),
             markup.number(road.speed_kmh, ".0f"),
             markup.number(road.cv, ".2f"),
             markup.number(road.acceleration_variance, ".2f"),
@@ -112,7 +111,8 @@ def roads(views: Sequence[RoadView]) -> str:
         "Accel. var.<br>m²/s⁴",
         "Age",
     ]
-    return markup.table(header, rows, len(views), "No camera has reported yet.", "l")
+    notes = [_note(road) for road in views[: markup.MAX_ROWS]]
+    return markup.table(header, rows, len(views), "No camera has reported yet.", "l", notes=notes)
 
 
 def vehicles(views: Sequence[VehicleView]) -> str:
@@ -249,8 +249,10 @@ def _energy(energy: EnergyView | None) -> str:
     )
 
 
-def _gate(road: RoadView) -> str:
+def _note(road: RoadView) -> str:
+    now = f"now: {text(road.why)} · " if road.why else ""
     if road.gate_cycle is None:
-        return "platooning: not decided yet"
-    why = f": {text(road.gate_why)}" if road.gate_why else ""
-    return f"cycle {road.gate_cycle}: platooning {'open' if road.gate_open else 'closed'}{why}"
+        return f"{now}no cycle has decided on platooning here yet"
+    why = f", {text(road.gate_why)}" if road.gate_why else ""
+    gate = "open" if road.gate_open else "closed"
+    return f"{now}platooning {gate} in cycle #{road.gate_cycle}{why}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from itertools import zip_longest
 
 from dashboard import words
 from dashboard.words import Level, Rgb, Traffic
@@ -22,6 +23,7 @@ STYLE = """<style>
 .sl th:first-child,.sl td:first-child,.sl .l{text-align:left}
 .sl th:first-child,.sl td:first-child{padding-left:0}
 .sl th:first-child{font-weight:650;color:#1d2733;font-size:13px}.sl table{margin-top:9px}
+.sl tr.noted td{border:0;padding-bottom:0}.sl tr.note td{padding-top:0}
 .sl .m{color:#5b6776}.sl small{font-size:11.5px;color:#5b6776}.sl .n{white-space:nowrap}
 .sl .chip{display:inline-block;border-radius:9px;padding:0 8px;color:#fff;font-weight:600;
   white-space:nowrap}
@@ -51,6 +53,7 @@ def table(
     total: int,
     empty: str,
     *left: str,
+    notes: Sequence[str] = (),
 ) -> str:
     """A table in the page's style; one line in its place where there are no rows.
 
@@ -60,12 +63,19 @@ def table(
         total: how many rows there would be, had they not been cut.
         empty: what to say where there are none.
         left: "l" for each column after the first that is flush left.
+        notes: HTML of a line under each row, as wide as the table.
     """
     if not rows:
         return f'<div class="sl"><h3>{header[0]}</h3><div class="m">{empty}</div></div>'
     # The first column is always flush left; `left` flags the ones after it.
     classes = ["", *left] + [""] * (len(header) - 1 - len(left))
-    body = "".join(f"<tr>{_cells('td', row, classes)}</tr>" for row in rows)
+    row_start = '<tr class="noted">' if notes else "<tr>"
+    note_start = f'<tr class="note"><td colspan="{len(header)}"><small>'
+    body = "".join(
+        f"{row_start}{_cells('td', row, classes)}</tr>"
+        + (f"{note_start}{note}</small></td></tr>" if note else "")
+        for row, note in zip_longest(rows, notes, fillvalue="")
+    )
     more = total - len(rows)
     rest = f"<small>and {more} more</small>" if more else ""
     return (

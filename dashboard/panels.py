@@ -49,7 +49,11 @@ class Panels:
                 viser.uplot.Series(label="cooperative", stroke=_COOPERATIVE, width=2),
             ),
             scales={"x": viser.uplot.Scale(time=False)},
-            axes=(viser.uplot.Axis(size=26), viser.uplot.Axis(size=46)),
+            axes=(
+                viser.uplot.Axis(size=26, incrs=(1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)),
+                viser.uplot.Axis(size=46),
+            ),
+            legend=viser.uplot.Legend(show=False),
             height=140,
             visible=False,
         )

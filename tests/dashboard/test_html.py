@@ -114,6 +114,17 @@ def test_the_cycle_names_its_baseline_and_split(world, now_ns):
         assert piece in block
 
 
+def test_a_road_that_has_changed_since_the_last_cycle(world, now_ns):
+    """What a road is now, and what the last cycle made of it, stand apart."""
+    state = world.state("avenue_east", now_ns - 9 * S)
+    snapshot = Snapshot(
+        states={("avenue_east", state.rsu): state}, cycles=(world.cycle(3, now_ns),)
+    )
+    block = html.roads(_view(snapshot, now_ns).roads)
+    assert "now: no fresh data · platooning open in cycle #3" in block
+    assert "platooning closed in cycle #3, turbulent traffic" in block
+
+
 def test_a_loss_is_called_a_loss(world, now_ns):
     """A plan that needs more than its baseline is said to cost, not to save."""
     report = world.cycle(3, now_ns)
