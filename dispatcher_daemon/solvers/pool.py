@@ -12,6 +12,7 @@ import os
 import signal
 import threading
 import time
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, TimeoutError
 from dataclasses import dataclass
@@ -160,9 +161,10 @@ class SolverPool:
         return faults
 
     def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
-        """Run the jobs side by side, those of one solver one after the other."""
+        """Run the jobs side by side, those of one solver in turn, each with its share of time."""
         began = time.monotonic()
-        futures = [self._submit(job, deadline_s) for job in jobs]
+        count = Counter(job.solver for job in jobs)
+        futures = [self._submit(job, deadline_s / count[job.solver]) for job in jobs]
         return [
             self._collect(job, future, began, deadline_s)
             for job, future in zip(jobs, futures, strict=True)

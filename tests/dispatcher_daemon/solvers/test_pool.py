@@ -103,6 +103,15 @@ def test_a_hung_worker_is_killed_and_replaced(
         assert not psutil.pid_exists(int(before.reason or ""))
 
 
+def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
+    """A first job that hangs leaves the second one of the same solver its part of the deadline."""
+    with SolverPool([faulty("hangs once")]) as pool:
+        pool.warm_up()
+        jobs = [Job("faulty", demo_arcs(), seed) for seed in (1, 2)]
+        hung, answered = pool(jobs, 12.0)
+        assert (hung.status, answered.status) == ("timeout", "feasible")
+
+
 def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """Killing the waiting worker (as the kernel does for memory) costs at most one request."""
     problem = demo_arcs()
