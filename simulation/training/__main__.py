@@ -9,8 +9,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from simulation.streetdrive.vehicles import CLASSES
-from simulation.training.card import Run, card_text
-from simulation.training.scenes import TRAIN, write_dataset
+from simulation.training.card import Record, StageRecord, card_text
+from simulation.training.ranges import ROADSIDE, WIDE
+from simulation.training.scenes import write_dataset
 from simulation.training.shipped import openvino_map
 from simulation.training.train import TrainSettings, export, train, ultralytics_map
 
@@ -26,9 +27,10 @@ def _positive(text: str) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m simulation.training", description=__doc__)
-    parser.add_argument("--images", type=_positive, default=700, help="training pictures")
-    parser.add_argument("--held-out", type=_positive, default=120, help="held-out pictures")
-    parser.add_argument("--epochs", type=_positive, default=20)
+    parser.add_argument("--images", type=_positive, default=720, help="training pictures a stage")
+    parser.add_argument("--held-out", type=_positive, default=120, help="held-out pictures a stage")
+    parser.add_argument("--first-epochs", type=_positive, default=5, help="epochs on wide scenes")
+    parser.add_argument("--epochs", type=_positive, default=15, help="epochs on roadside scenes")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--threads", type=_positive, default=2, help="CPU threads and processes")
     parser.add_argument("--out", type=Path, required=True, help="folder for data and the run")
@@ -54,33 +56,43 @@ def _installed() -> dict[str, str]:
 def main(argv: list[str] | None = None) -> int:
     """Render, train, export, measure, write the card."""
     chosen = _parser().parse_args(argv)
-    data_folder = chosen.out / "data"
-    data = write_dataset(
-        data_folder,
-        train=chosen.images,
-        held_out=chosen.held_out,
-        seed=chosen.seed,
-        workers=chosen.threads,
-    )
-    settings = TrainSettings(epochs=chosen.epochs, seed=chosen.seed, threads=chosen.threads)
     begin = time.monotonic()
-    last = train(data, chosen.out, settings)
+    last: Path | None = None
+    stages = []
+    for limits, epochs in ((WIDE, chosen.first_epochs), (ROADSIDE, chosen.epochs)):
+        folder = chosen.out / limits.name
+        data = write_dataset(
+            folder,
+            train=chosen.images,
+            held_out=chosen.held_out,
+            seed=chosen.seed,
+            limits=limits,
+            workers=chosen.threads,
+        )
+        # The first stage hands over before its rate has fallen, as the first part of a longer run.
+        final_rate = 0.8 if limits is WIDE else 0.01
+        settings = TrainSettings(
+            epochs=epochs, seed=chosen.seed, threads=chosen.threads, final_rate=final_rate
+        )
+        last = train(data, chosen.out, settings, f"run-{limits.name}", last)
+        stages.append(StageRecord.of(limits.name, folder, settings))
     minutes = (time.monotonic() - begin) / 60
+    assert last is not None
     pt, xml = export(last, chosen.weights, chosen.out / "export")
-    labels = (data_folder / "labels" / TRAIN).glob("*.txt")
-    run = Run(
+    record = Record(
         date=datetime.now(UTC).date().isoformat(),
-        settings=settings,
-        train_pictures=chosen.images,
-        train_boxes=sum(len(path.read_text().splitlines()) for path in labels),
-        held_out_pictures=chosen.held_out,
-        shipped=openvino_map(xml, data_folder, len(CLASSES)),
-        validator=ultralytics_map(pt, data),
+        stages=tuple(stages),
+        shipped={
+            limits.name: openvino_map(xml, chosen.out / limits.name, len(CLASSES))
+            for limits in (ROADSIDE, WIDE)
+        },
+        validator=ultralytics_map(pt, chosen.out / ROADSIDE.name / "data.yaml"),
         minutes=minutes,
         versions=_installed(),
     )
-    (chosen.weights / "CARD.md").write_text(card_text(run), encoding="utf-8")
-    print(f"mAP50 {run.shipped.map50:.3f}, mAP50-95 {run.shipped.map50_95:.3f}: {xml}")
+    (chosen.weights / "CARD.md").write_text(card_text(record), encoding="utf-8")
+    figures = record.shipped[ROADSIDE.name]
+    print(f"mAP50 {figures.map50:.3f}, mAP50-95 {figures.map50_95:.3f}: {xml}")
     return 0
 
 

@@ -4,44 +4,74 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from simulation.streetdrive.vehicles import CLASSES
 from simulation.training.metrics import Figures
-from simulation.training.scenes import MIN_HEIGHT_PX, MIN_VISIBLE_FRACTION
+from simulation.training.ranges import ROADSIDE, WIDE
+from simulation.training.scenes import HELD_OUT, MIN_HEIGHT_PX, MIN_VISIBLE_FRACTION, TRAIN
 from simulation.training.train import WEIGHTS_NAME, TrainSettings
 
 
 @dataclass(frozen=True)
-class Run:
-    """What a finished run measured."""
+class StageRecord:
+    """What one stage of the training used; counts are (pictures, boxes)."""
+
+    name: str
+    settings: TrainSettings
+    train: tuple[int, int]
+    held_out: tuple[int, int]
+
+    @classmethod
+    def of(cls, name: str, folder: Path, settings: TrainSettings) -> StageRecord:
+        """Count a rendered set's pictures and boxes."""
+        counts = []
+        for split in (TRAIN, HELD_OUT):
+            texts = [path.read_text() for path in (folder / "labels" / split).glob("*.txt")]
+            counts.append((len(texts), sum(len(text.splitlines()) for text in texts)))
+        return cls(name, settings, counts[0], counts[1])
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a finished training measured; `shipped` is keyed by the stage's name."""
 
     date: str
-    settings: TrainSettings
-    train_pictures: int
-    train_boxes: int
-    held_out_pictures: int
-    shipped: Figures
+    stages: tuple[StageRecord, ...]
+    shipped: dict[str, Figures]
     validator: tuple[float, float]
     minutes: float
     versions: dict[str, str]
+    remark: str = ""
 
 
-def card_text(run: Run) -> str:
+def _stage_rows(record: Record) -> str:
+    rows = []
+    for stage in record.stages:
+        s = stage.settings
+        rows.append(
+            f"| {stage.name} | {stage.train[0]} | {stage.train[1]} | {stage.held_out[0]} | "
+            f"{stage.held_out[1]} | {s.epochs} | {s.seed} | {s.batch} | {s.learning_rate:g}, "
+            f"cosine to {s.final_rate:g} of it |"
+        )
+    return "\n".join(rows)
+
+
+def card_text(record: Record) -> str:
     """The card as Markdown."""
-    shipped, settings = run.shipped, run.settings
+    road, wide = record.shipped[ROADSIDE.name], record.shipped[WIDE.name]
+    last = record.stages[-1]
     rows = "\n".join(
         f"| {name} | {count} | {ap:.3f} |"
-        for name, count, ap in zip(CLASSES, shipped.boxes, shipped.ap50, strict=True)
+        for name, count, ap in zip(CLASSES, road.boxes, road.ap50, strict=True)
     )
-    versions = ", ".join(f"{name} {version}" for name, version in run.versions.items())
+    versions = ", ".join(f"{name} {version}" for name, version in record.versions.items())
     classes = ", ".join(f"{i} {name}" for i, name in enumerate(CLASSES))
     return f"""# {WEIGHTS_NAME}
 
 YOLO11n, trained from random weights on StreetDrive renders only. Classes: {classes}.
-Made on {run.date} by
-
-    python -m simulation.training --images {run.train_pictures} --held-out \
-{run.held_out_pictures} --epochs {settings.epochs} --seed {settings.seed} --out DIR
+Made on {record.date} with `python -m simulation.training` (scenes, training, export, measuring, this card).
+{record.remark}
 
 | file | what |
 |---|---|
@@ -49,48 +79,54 @@ Made on {run.date} by
 | `{WEIGHTS_NAME}.metadata.yaml` | class names, stride, input size |
 | `{WEIGHTS_NAME}.pt` | the same weights for Ultralytics, half precision, optimizer stripped |
 
-## Data
-{run.train_pictures} training pictures with {run.train_boxes} boxes and {run.held_out_pictures} held-out
-pictures with {sum(shipped.boxes)} boxes, rendered at 1280×720 and reduced to 640×360. Drawn at random for
-each picture: camera height (6 to 14 m), focal length, pitch, yaw, roll and place; one to three lanes a side;
-density from free to jammed; vehicle shapes, sizes and paints; sun, overcast and haze; scenery, tree
-shadows, pedestrians, signs, cabinets, and posts close to the camera; blur, vignette, noise, contrast,
-gamma, colour cast and JPEG quality.
-
-A vehicle is labelled when at least {MIN_VISIBLE_FRACTION:.0%} of its silhouette is visible inside the picture and its
-box is at least {MIN_HEIGHT_PX:.0f} px high at 640 px picture width. Others stay in the picture unlabelled.
-
-The held-out pictures share no random seed, no camera (height and focal length come from disjoint bins)
-and no palette (paints and surfaces come from disjoint lists) with the training pictures. They chose
-nothing: the weights are the moving average after the last epoch.
-
-## Training
-{settings.epochs} epochs, batch {settings.batch}, AdamW, learning rate {settings.learning_rate:g} with cosine decay, one epoch of warm-up,
-rectangular batches of 384×640, no mosaic; flips, hue/saturation/value, shift and scale as augmentation.
-{run.minutes:.0f} minutes on {settings.threads} CPU threads that other work shared. {versions}.
-
-## Figures on the held-out pictures
+## Figures on held-out pictures
 | measured on | mAP50 | mAP50-95 |
 |---|---|---|
-| the shipped OpenVINO model at 384×640, own COCO-style evaluation (`simulation/training/metrics.py`) | {shipped.map50:.3f} | {shipped.map50_95:.3f} |
-| the shipped `.pt`, Ultralytics' validator (rectangular, padded to 384×672) | {run.validator[0]:.3f} | {run.validator[1]:.3f} |
+| roadside, the shipped OpenVINO model at 384×640, own COCO-style evaluation | {road.map50:.3f} | {road.map50_95:.3f} |
+| roadside, the shipped `.pt`, Ultralytics' validator (rectangular, padded to 384×672) | {record.validator[0]:.3f} | {record.validator[1]:.3f} |
+| wide, the shipped OpenVINO model at 384×640, own COCO-style evaluation | {wide.map50:.3f} | {wide.map50_95:.3f} |
 
-| class | held-out boxes | AP50 (OpenVINO) |
+| class | roadside held-out boxes | AP50 (OpenVINO) |
 |---|---|---|
 {rows}
 
-Scores from 0.001 up, NMS per class at IoU 0.7, at most 300 boxes a picture, AP over 101 recall points.
+Scores from 0.001 up, NMS per class at IoU 0.7, at most 300 boxes a picture, AP over 101 recall points
+(`simulation/training/metrics.py`, `shipped.py`).
+
+## Data
+Rendered at 1280×720 and reduced to 640×360. Drawn at random: camera height, focal length, pitch, yaw, roll
+and place; one to three lanes a side; density from free to dense; vehicle shapes, sizes and paints; sun,
+overcast and haze; scenery, tree shadows, pedestrians, signs, cabinets, and posts close to the camera; blur,
+vignette, noise, contrast, gamma, colour cast and JPEG quality. Two ranges (`simulation/training/ranges.py`):
+*wide* has cameras from {WIDE.height_m[0]:g} to {WIDE.height_m[1]:g} m in any state and vehicles up to {WIDE.far_m[1]:g} m away; *roadside* has poles of
+{ROADSIDE.height_m[0]:g} to {ROADSIDE.height_m[1]:g} m with a camera in working order and most vehicles within the label rule's reach.
+
+A vehicle is labelled when at least {MIN_VISIBLE_FRACTION:.0%} of its silhouette is visible inside the picture and its box
+is at least {MIN_HEIGHT_PX:.0f} px high at 640 px picture width. Others stay in the picture unlabelled.
+
+The held-out pictures share no random seed, no camera (height and focal length come from disjoint bins)
+and no palette (paints and surfaces come from disjoint lists) with the training pictures. They chose no
+epoch: the weights are the moving average after the last one.
+
+## Training
+| range | training pictures | boxes | held-out pictures | boxes | epochs | seed | batch | AdamW rate |
+|---|---|---|---|---|---|---|---|---|
+{_stage_rows(record)}
+
+The second stage starts from the first one's weights. Rectangular batches of 384×640, no mosaic; flips,
+hue/saturation/value, shift and scale as augmentation. {record.minutes:.0f} minutes on {last.settings.threads} CPU threads that other work shared.
+{versions}.
 
 ## Input and output
-Input: RGB, 0..1 (divide by 255 before the model; the model does not), planes first. A 1280×720 picture is scaled
-to 640×360 and gets grey (114) bars of 12 rows above and below. Output: 1×{4 + len(CLASSES)}×5040; rows 0 to 3 are centre
-x, centre y, width and height in pixels of the 640×384 input, rows 4 to {3 + len(CLASSES)} are class scores 0..1 (after the
-sigmoid). No NMS inside.
+Input: RGB, 0..1 (divide by 255 before the model; the model does not), planes first. A 1280×720 picture is
+scaled to 640×360 and gets grey (114) bars of 12 rows above and below. Output: 1×{4 + len(CLASSES)}×5040; rows 0 to 3
+are centre x, centre y, width and height in pixels of the 640×384 input, rows 4 to {3 + len(CLASSES)} are class scores 0..1
+(after the sigmoid). No NMS inside.
 
 ## Limits
-For StreetDrive pictures only. These weights have never seen a real camera: there, use weights trained
-on COCO or on pictures of the camera in question. Vehicles smaller than the label rule are found
-unreliably, and so are far trucks and buses of similar outline. No night, rain or snow.
+For StreetDrive pictures only. These weights have never seen a real camera: there, use weights trained on
+COCO or on pictures of the camera in question. Vehicles smaller or less visible than the label rule are
+found unreliably, and classes are mixed up in the distance. No night, rain or snow, no curves, no junctions.
 
 ## Licence
 AGPL-3.0, as is Ultralytics, the tool that trained them.

@@ -27,6 +27,7 @@ from simulation.streetdrive.sensor import Sensor, SensorSettings
 from simulation.streetdrive.stage import Cover, Stage
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
 from simulation.training.distractors import build_distractor
+from simulation.training.ranges import WIDE, SceneRange, Span
 
 TRAIN, HELD_OUT = "train", "val"
 SPLITS = (TRAIN, HELD_OUT)
@@ -115,22 +116,24 @@ def _reserved(value: float, bin_size: float) -> bool:
 
 
 def _uniform_in_split(
-    rng: np.random.Generator, low: float, high: float, bin_size: float, held_out: bool
+    rng: np.random.Generator, span: Span, bin_size: float, held_out: bool
 ) -> float:
     while True:
-        value = float(rng.uniform(low, high))
+        value = float(rng.uniform(*span))
         if _reserved(value, bin_size) == held_out:
             return value
 
 
-def draw_camera(rng: np.random.Generator, road: Road, split: str) -> Camera:
-    """A camera pose of one split: 6 to 14 m up, beside or above the road, road in view."""
+def draw_camera(
+    rng: np.random.Generator, road: Road, split: str, limits: SceneRange = WIDE
+) -> Camera:
+    """A camera pose of one split, beside or above the road, with the road in view."""
     held_out = split == HELD_OUT
-    height = _uniform_in_split(rng, 6.0, 14.0, 0.4, held_out)
-    focal = _uniform_in_split(rng, 780.0, 1420.0, 40.0, held_out)
+    height = _uniform_in_split(rng, limits.height_m, 0.4, held_out)
+    focal = _uniform_in_split(rng, limits.focal_px, 40.0, held_out)
     lateral = rng.uniform(road.right_edge_m - 3.0, road.left_edge_m + 4.0)
-    horizon = rng.uniform(-60.0, 190.0)
-    target_x = rng.uniform(28.0, 75.0)
+    horizon = rng.uniform(*limits.horizon_px)
+    target_x = rng.uniform(*limits.target_m)
     target_y = rng.uniform(road.right_edge_m * 0.6, road.left_edge_m * 0.8)
     return Camera(
         height_m=height,
@@ -138,7 +141,7 @@ def draw_camera(rng: np.random.Generator, road: Road, split: str) -> Camera:
         pitch_rad=math.atan((360.0 - horizon) / focal),
         yaw_rad=math.atan2(target_y - lateral, target_x),
         focal_px=focal,
-        roll_rad=math.radians(float(rng.normal(0.0, 1.2))),
+        roll_rad=math.radians(float(rng.normal(0.0, limits.roll_deg))),
     )
 
 
@@ -154,17 +157,22 @@ def draw_road(rng: np.random.Generator) -> Road:
 
 
 def draw_vehicles(
-    rng: np.random.Generator, road: Road, camera: Camera, paints: Sequence[Colour]
+    rng: np.random.Generator,
+    road: Road,
+    camera: Camera,
+    paints: Sequence[Colour],
+    limits: SceneRange = WIDE,
 ) -> list[Placed]:
     """Vehicles along all lanes with a drawn mix and density; none overlap."""
-    shares = rng.dirichlet([5.0, 5.0, 4.5, 3.5, 2.8, 2.2, 3.0, 3.5])
+    shares = rng.dirichlet(limits.shape_weights)
     shapes = tuple(CLASS_OF_SHAPE)
     # Where a car of 1.5 m falls under the label's least height.
     label_end = camera.focal_px / 2 * 1.5 / MIN_HEIGHT_PX
-    end = float(rng.uniform(0.8, 1.1) * label_end if rng.random() < 0.7 else rng.uniform(120, 320))
+    near = rng.random() < 1 - limits.far_share
+    end = float(label_end * rng.uniform(*limits.label_end) if near else rng.uniform(*limits.far_m))
     placed: list[Placed] = []
     for lane in road.lanes:
-        gap = float(rng.choice([3.0, 9.0, 18.0, 40.0], p=[0.2, 0.3, 0.3, 0.2]))
+        gap = float(rng.choice(limits.gaps_m, p=limits.gap_shares))
         x = float(rng.uniform(0.0, 10.0 + gap))
         while x < end:
             shape = shapes[int(rng.choice(len(shapes), p=shares))]
@@ -178,10 +186,10 @@ def draw_vehicles(
     return placed
 
 
-def draw_distractors(rng: np.random.Generator, road: Road) -> list[Placed]:
+def draw_distractors(rng: np.random.Generator, road: Road, mean: float) -> list[Placed]:
     """Upright things beside the carriageway that are no vehicles."""
     placed = []
-    for _ in range(int(rng.poisson(5.0))):
+    for _ in range(int(rng.poisson(mean))):
         side = 1.0 if rng.random() < 0.5 else -1.0
         edge = road.left_edge_m if side > 0 else -road.right_edge_m
         y = side * (edge + rng.uniform(0.5, 4.0))
@@ -189,9 +197,9 @@ def draw_distractors(rng: np.random.Generator, road: Road) -> list[Placed]:
     return placed
 
 
-def draw_covers(rng: np.random.Generator) -> list[Cover]:
+def draw_covers(rng: np.random.Generator, share: float) -> list[Cover]:
     """Now and then a post or a panel close to the camera that hides part of the road."""
-    if rng.random() > 0.25:
+    if rng.random() > share:
         return []
     u, wide = rng.uniform(50, 1230), rng.uniform(6, 40)
     tone = float(rng.uniform(40, 150))
@@ -206,24 +214,25 @@ def draw_covers(rng: np.random.Generator) -> list[Cover]:
     return covers
 
 
-def _degrade(image: Image, rng: np.random.Generator) -> Image:
+def _degrade(image: Image, rng: np.random.Generator, limits: SceneRange) -> Image:
     """Contrast, colour cast, gamma and haze of a cheap camera, at the label's picture size."""
     tone = image.astype(np.float32) / 255
-    tone = np.clip((tone - 0.5) * rng.uniform(0.7, 1.25) + 0.5 + rng.uniform(-0.1, 0.1), 0, 1)
-    tone = tone ** rng.uniform(0.7, 1.35) * rng.uniform(0.92, 1.08, 3).astype(np.float32)
-    if rng.random() < 0.15:
+    contrast, shift = rng.uniform(*limits.contrast), limits.brightness
+    tone = np.clip((tone - 0.5) * contrast + 0.5 + rng.uniform(-shift, shift), 0, 1)
+    cast = rng.uniform(*limits.gamma), rng.uniform(*limits.cast, 3).astype(np.float32)
+    tone = tone ** cast[0] * cast[1]
+    if rng.random() < limits.grey_share:
         grey = tone.mean(axis=2, keepdims=True)
         tone = grey + (tone - grey) * rng.uniform(0.0, 0.5)
     return np.asarray(np.clip(tone * 255, 0, 255), dtype=np.uint8)
 
 
-def render_scene(split: str, index: int, seed: int) -> Scene:
-    """Draw and render scene number `index` of a split; the same arguments give the same scene."""
+def render_shots(split: str, index: int, seed: int, limits: SceneRange) -> list[Scene]:
+    """Draw stage number `index` of a split and render its shots; same arguments, same scenes."""
     rng = np.random.default_rng([seed, SPLITS.index(split), index])
     surfaces = _HELD_OUT_SURFACES if split == HELD_OUT else _TRAIN_SURFACES
-    paints = _HELD_OUT_PAINTS if split == HELD_OUT else PAINTS
     road = draw_road(rng)
-    camera = draw_camera(rng, road, split)
+    camera = draw_camera(rng, road, split, limits)
     stage = Stage(
         camera,
         road,
@@ -232,18 +241,29 @@ def render_scene(split: str, index: int, seed: int) -> Scene:
         rng,
         density=Density(rng.uniform(0, 9), rng.uniform(0, 16), rng.uniform(0, 8)),
         tree_shadows=int(rng.integers(0, 7)),
-        covers=draw_covers(rng),
+        covers=draw_covers(rng, limits.cover_share),
     )
-    vehicles = draw_vehicles(rng, road, camera, paints)
-    picture, seen = stage.render([*vehicles, *draw_distractors(rng, road)])
-    lens = SensorSettings(rng.uniform(0.3, 1.6), rng.uniform(0, 0.4), rng.uniform(0, 9))
+    return [_shoot(stage, split, rng, limits) for _ in range(limits.shots)]
+
+
+def _shoot(stage: Stage, split: str, rng: np.random.Generator, limits: SceneRange) -> Scene:
+    """Fill a stage with vehicles, take its picture and label it."""
+    camera, road = stage.camera, stage.road
+    paints = _HELD_OUT_PAINTS if split == HELD_OUT else PAINTS
+    vehicles = draw_vehicles(rng, road, camera, paints, limits)
+    picture, seen = stage.render([*vehicles, *draw_distractors(rng, road, limits.distractors)])
+    lens = SensorSettings(
+        rng.uniform(*limits.blur_px),
+        rng.uniform(*limits.vignette),
+        rng.uniform(*limits.noise_levels),
+    )
     picture = Sensor(lens, camera.width_px, camera.height_px, rng).expose(picture)
     method = cv2.INTER_AREA if rng.random() < 0.5 else cv2.INTER_LINEAR
     small = np.asarray(
         cv2.resize(picture, (IMAGE_WIDTH, IMAGE_HEIGHT), interpolation=method), dtype=np.uint8
     )
-    small = _degrade(small, rng)
-    quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(45, 98))]
+    small = _degrade(small, rng, limits)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(*limits.jpeg_quality))]
     coded = cv2.imencode(".jpg", small, quality)[1]
     small = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), dtype=np.uint8)
     scale = IMAGE_WIDTH / camera.width_px
@@ -266,24 +286,32 @@ def yolo_lines(scene: Scene) -> str:
     return "".join(lines)
 
 
-def _write_one(index: int, split: str, seed: int, out: Path) -> int:
+def _write_stage(index: int, split: str, seed: int, limits: SceneRange, out: Path) -> int:
     cv2.setNumThreads(1)
-    scene = render_scene(split, index, seed)
-    name = f"{index:05d}"
-    cv2.imwrite(str(out / "images" / split / f"{name}.png"), scene.image)
-    (out / "labels" / split / f"{name}.txt").write_text(yolo_lines(scene), encoding="ascii")
-    return len(scene.labels)
+    boxes = 0
+    for shot, scene in enumerate(render_shots(split, index, seed, limits)):
+        name = f"{index:05d}-{shot}"
+        cv2.imwrite(str(out / "images" / split / f"{name}.png"), scene.image)
+        (out / "labels" / split / f"{name}.txt").write_text(yolo_lines(scene), encoding="ascii")
+        boxes += len(scene.labels)
+    return boxes
 
 
-def write_dataset(out: Path, *, train: int, held_out: int, seed: int, workers: int = 2) -> Path:
-    """Render both splits under `out` in the YOLO layout and return the path of its data.yaml."""
+def write_dataset(
+    out: Path, *, train: int, held_out: int, seed: int, limits: SceneRange, workers: int = 2
+) -> Path:
+    """Render both splits under `out` in the YOLO layout and return the path of its data.yaml.
+
+    The counts are of pictures; they are rounded up to whole stages.
+    """
     for split, count in ((TRAIN, train), (HELD_OUT, held_out)):
         (out / "images" / split).mkdir(parents=True, exist_ok=True)
         (out / "labels" / split).mkdir(parents=True, exist_ok=True)
-        task = partial(_write_one, split=split, seed=seed, out=out)
+        task = partial(_write_stage, split=split, seed=seed, limits=limits, out=out)
+        stages = -(-count // limits.shots)
         with ProcessPoolExecutor(max_workers=workers) as pool:
-            boxes = sum(pool.map(task, range(count), chunksize=4))
-        print(f"{split}: {count} pictures, {boxes} boxes", flush=True)
+            boxes = sum(pool.map(task, range(stages), chunksize=2))
+        print(f"{limits.name} {split}: {stages * limits.shots} pictures, {boxes} boxes", flush=True)
     names = "".join(f"  {i}: {name}\n" for i, name in enumerate(CLASSES))
     data = out / "data.yaml"
     data.write_text(

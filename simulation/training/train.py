@@ -21,26 +21,36 @@ WEIGHTS_NAME = "yolo11n-streetdrive"
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """What a training run is told."""
+    """What a training run is told; `final_rate` is the share of the rate left at the end."""
 
     epochs: int
     seed: int
     batch: int = 4
     learning_rate: float = 1e-3
+    final_rate: float = 0.01
     threads: int = 2
 
     def __post_init__(self) -> None:
         if min(self.epochs, self.batch, self.threads) < 1:
             raise ValueError("epochs, batch and threads are at least 1")
-        if not 0 < self.learning_rate < 1:
-            raise ValueError("the learning rate lies between 0 and 1")
+        if not (0 < self.learning_rate < 1 and 0 < self.final_rate <= 1):
+            raise ValueError("the learning rate and the final share of it lie between 0 and 1")
 
 
-def train(data: Path, out: Path, settings: TrainSettings) -> Path:
-    """Train from random weights and return the last epoch's weights (moving average, .pt).
+def train(
+    data: Path, out: Path, settings: TrainSettings, name: str, initial: Path | None = None
+) -> Path:
+    """Train and return the last epoch's weights (moving average, .pt).
 
     The last epoch is taken rather than the best one on the held-out scenes, so that these choose
     nothing and their figures stay clean.
+
+    Args:
+        data: data.yaml of a rendered set.
+        out: folder that receives the run under `name`.
+        settings: epochs, seed, rate.
+        name: the run's name.
+        initial: weights to start from; random ones when None.
     """
     import torch
     from ultralytics import YOLO
@@ -50,7 +60,7 @@ def train(data: Path, out: Path, settings: TrainSettings) -> Path:
         torch.set_num_threads(settings.threads)
         trainer.model.to(memory_format=torch.channels_last)
 
-    model = YOLO("yolo11n.yaml", task="detect")
+    model = YOLO(str(initial) if initial else "yolo11n.yaml", task="detect")
     model.add_callback("on_train_start", use_all_threads)
     model.train(
         data=str(data),
@@ -61,7 +71,7 @@ def train(data: Path, out: Path, settings: TrainSettings) -> Path:
         nbs=settings.batch,
         optimizer="AdamW",
         lr0=settings.learning_rate,
-        lrf=0.01,
+        lrf=settings.final_rate,
         cos_lr=True,
         weight_decay=5e-4,
         warmup_epochs=1.0,
@@ -74,7 +84,7 @@ def train(data: Path, out: Path, settings: TrainSettings) -> Path:
         scale=0.25,
         erasing=0.0,
         amp=False,
-        pretrained=False,
+        pretrained=initial is not None,
         cache="ram",
         workers=1,
         device="cpu",
@@ -83,11 +93,12 @@ def train(data: Path, out: Path, settings: TrainSettings) -> Path:
         plots=False,
         patience=0,
         project=str(out.resolve()),
-        name="run",
+        name=name,
+        val=False,
         exist_ok=True,
         verbose=False,
     )
-    return out / "run" / "weights" / "last.pt"
+    return out / name / "weights" / "last.pt"
 
 
 def ultralytics_map(weights: Path, data: Path) -> tuple[float, float]:

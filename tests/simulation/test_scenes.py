@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,8 +10,12 @@ import pytest
 
 from simulation.streetdrive.painter import Placed, Seen, measure
 from simulation.streetdrive.road import Road
-from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, build_vehicle
+from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
+from simulation.training.ranges import ROADSIDE, WIDE
 from simulation.training.scenes import (
+    _HELD_OUT_PAINTS,
+    _HELD_OUT_SURFACES,
+    _TRAIN_SURFACES,
     HELD_OUT,
     SPLITS,
     TRAIN,
@@ -18,7 +23,7 @@ from simulation.training.scenes import (
     draw_road,
     draw_vehicles,
     keeps_label,
-    render_scene,
+    render_shots,
     yolo_lines,
 )
 
@@ -35,7 +40,8 @@ def test_label_rule(height_px, fraction, kept):
 
 def test_scene_is_reproducible_and_labels_parse():
     """The same index gives the same picture and labels; YOLO lines hold relative numbers."""
-    a, b = render_scene(HELD_OUT, 3, 1), render_scene(HELD_OUT, 3, 1)
+    one_shot = replace(ROADSIDE, shots=1)
+    (a,), (b,) = render_shots(HELD_OUT, 3, 1, one_shot), render_shots(HELD_OUT, 3, 1, one_shot)
     assert np.array_equal(a.image, b.image)
     assert a.labels == b.labels
     assert a.image.shape == (360, 640, 3)
@@ -48,15 +54,27 @@ def test_scene_is_reproducible_and_labels_parse():
         assert (float(cx) - float(w) / 2) * 640 == pytest.approx(label[1], abs=1e-2)
 
 
-def test_splits_share_no_scene_and_no_camera():
-    """Pictures differ between splits, and camera heights and focal lengths fall in other bins."""
-    assert not np.array_equal(render_scene(TRAIN, 0, 1).image, render_scene(HELD_OUT, 0, 1).image)
-    bins: dict[str, set[int]] = {split: set() for split in SPLITS}
+@pytest.mark.parametrize("limits", [WIDE, ROADSIDE], ids=lambda limits: limits.name)
+def test_splits_share_no_camera(limits):
+    """Camera heights and focal lengths of the two splits fall in different bins."""
+    heights: dict[str, set[int]] = {split: set() for split in SPLITS}
+    focals: dict[str, set[int]] = {split: set() for split in SPLITS}
     for split in SPLITS:
         rng = np.random.default_rng(0)
         for _ in range(200):
-            bins[split].add(int(draw_camera(rng, Road(), split).height_m / 0.4))
-    assert not bins[TRAIN] & bins[HELD_OUT]
+            camera = draw_camera(rng, Road(), split, limits)
+            heights[split].add(int(camera.height_m / 0.4))
+            focals[split].add(int(camera.focal_px / 40.0))
+    assert heights[HELD_OUT]
+    assert not heights[TRAIN] & heights[HELD_OUT]
+    assert not focals[TRAIN] & focals[HELD_OUT]
+
+
+def test_splits_share_no_paint():
+    """No paint of the held-out split is near one that training pictures have."""
+    distances = np.abs(np.array(_HELD_OUT_PAINTS)[:, None] - np.array(PAINTS)[None]).max(axis=2)
+    assert distances.min() > 6
+    assert not set(_HELD_OUT_SURFACES) & set(_TRAIN_SURFACES)
 
 
 @pytest.mark.parametrize("seed", range(5))

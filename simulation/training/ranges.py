@@ -1,0 +1,100 @@
+"""What training scenes are drawn from: a wide range to learn shapes, and the roadside's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SceneRange:
+    """Bounds of what is drawn for each picture; spans are uniform unless said otherwise.
+
+    `label_end` bounds the end of traffic as a multiple of the distance at which a car of 1.5 m
+    falls under the label's least height; with `far_share` it lies within `far_m` instead.
+    `gaps_m` are mean gaps of a lane, drawn by `gap_shares`; `shape_weights` are Dirichlet weights
+    of the shapes in the order of CLASS_OF_SHAPE; `shots` pictures share one stage and camera.
+    """
+
+    name: str
+    shots: int
+    height_m: Span
+    focal_px: Span
+    horizon_px: Span
+    target_m: Span
+    roll_deg: float
+    gaps_m: tuple[float, ...]
+    gap_shares: tuple[float, ...]
+    shape_weights: tuple[float, ...]
+    label_end: Span
+    far_share: float
+    far_m: Span
+    distractors: float
+    cover_share: float
+    blur_px: Span
+    vignette: Span
+    noise_levels: Span
+    contrast: Span
+    brightness: float
+    gamma: Span
+    cast: Span
+    grey_share: float
+    jpeg_quality: tuple[int, int]
+
+
+WIDE = SceneRange(
+    name="wide",
+    shots=1,
+    height_m=(6.0, 14.0),
+    focal_px=(780.0, 1420.0),
+    horizon_px=(-60.0, 190.0),
+    target_m=(28.0, 75.0),
+    roll_deg=1.2,
+    gaps_m=(3.0, 9.0, 18.0, 40.0),
+    gap_shares=(0.2, 0.3, 0.3, 0.2),
+    shape_weights=(5.0, 5.0, 4.5, 3.5, 2.8, 2.2, 3.0, 3.5),
+    label_end=(0.8, 1.1),
+    far_share=0.3,
+    far_m=(120.0, 320.0),
+    distractors=5.0,
+    cover_share=0.25,
+    blur_px=(0.3, 1.6),
+    vignette=(0.0, 0.4),
+    noise_levels=(0.0, 9.0),
+    contrast=(0.7, 1.25),
+    brightness=0.1,
+    gamma=(0.7, 1.35),
+    cast=(0.92, 1.08),
+    grey_share=0.15,
+    jpeg_quality=(45, 98),
+)
+"""Any camera from 6 to 14 m in any state."""
+
+ROADSIDE = SceneRange(
+    name="roadside",
+    shots=3,
+    height_m=(8.0, 12.8),
+    focal_px=(840.0, 1280.0),
+    horizon_px=(20.0, 150.0),
+    target_m=(30.0, 60.0),
+    roll_deg=0.6,
+    gaps_m=(5.0, 10.0, 20.0, 40.0),
+    gap_shares=(0.15, 0.3, 0.35, 0.2),
+    shape_weights=(6.0, 6.0, 5.0, 4.0, 2.6, 1.5, 2.2, 4.0),
+    label_end=(0.65, 0.95),
+    far_share=0.12,
+    far_m=(100.0, 200.0),
+    distractors=4.0,
+    cover_share=0.1,
+    blur_px=(0.3, 0.9),
+    vignette=(0.0, 0.3),
+    noise_levels=(0.0, 4.5),
+    contrast=(0.85, 1.15),
+    brightness=0.05,
+    gamma=(0.85, 1.2),
+    cast=(0.96, 1.04),
+    grey_share=0.05,
+    jpeg_quality=(60, 98),
+)
+"""A pole of 8 to 12.8 m as StreetDrive and a city pilot have it, in working order."""
