@@ -1,0 +1,166 @@
+#!/bin/sh
+# Installs Slipstream from this checkout as systemd services. Run it again to upgrade: settings that
+# are there stay as they are, running daemons are left alone until you restart them.
+set -eu
+
+usage() {
+    cat <<'TEXT'
+usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] edge|server|all
+
+  edge        for an RSU box: edge daemons and a zenoh router
+  server      for the server: dispatcher, dashboard and a zenoh router
+  all         both, for one machine
+
+  --dry-run   print what would be done, change nothing
+  --no-venv   leave the Python environment as it is: units, settings and documentation only
+  --root DIR  put files under DIR, as for a package; no user, no Python environment, no systemd
+  --python P  Python 3.11 or later to use (default: python3)
+TEXT
+}
+
+fail() {
+    printf 'install.sh: %s\n' "$1" >&2
+    exit 2
+}
+
+run() {
+    if [ "$dry_run" = yes ]; then
+        printf '+ %s\n' "$*"
+    else
+        "$@"
+    fi
+}
+
+umask 022 # the daemons are not root and have to read what is installed
+dry_run=no venv=yes root='' python=python3 role=''
+while [ $# -gt 0 ]; do
+    case $1 in
+        --dry-run) dry_run=yes ;;
+        --no-venv) venv=no ;;
+        --root | --python)
+            [ $# -ge 2 ] || fail "$1 needs a value; see --help"
+            # An environment holds its own path: one made under DIR would not run elsewhere.
+            if [ "$1" = --root ]; then root=$2 venv=no; else python=$2; fi
+            shift
+            ;;
+        -h | --help) usage; exit 0 ;;
+        edge | server | all)
+            [ -z "$role" ] || fail "one role only; see --help"
+            role=$1
+            ;;
+        *) fail "unknown argument $1; see --help" ;;
+    esac
+    shift
+done
+[ -n "$role" ] || fail "say what this machine is: edge, server or all"
+
+here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
+source=$(dirname -- "$here")
+version=$(sed -n 's/^version = "\(.*\)"$/\1/p' "$source/pyproject.toml" | head -n 1)
+[ -n "$version" ] || fail "$source/pyproject.toml: no version; run this from a complete checkout"
+
+live=no # are we changing this very system?
+if [ "$dry_run" = no ] && [ -z "$root" ]; then
+    live=yes
+    [ "$(id -u)" = 0 ] || fail "needs root; see --dry-run for what it would do"
+fi
+
+case $role in
+    edge) extras=edge units='slipstream-edge@ slipstream-router' settings='edge-rsu-1 camera-rsu-1' ;;
+    server)
+        extras=dispatcher,dashboard
+        units='slipstream-dispatcher slipstream-dashboard slipstream-router'
+        settings='dispatcher dashboard'
+        ;;
+    all)
+        extras=edge,dispatcher,dashboard
+        units='slipstream-edge@ slipstream-dispatcher slipstream-dashboard slipstream-router'
+        settings='edge-rsu-1 camera-rsu-1 dispatcher dashboard'
+        ;;
+esac
+
+etc=$root/etc/slipstream
+opt=$root/opt/slipstream
+release=$opt/releases/$version
+
+# The account first: the settings belong to its group.
+run install -D -m 644 "$here/systemd/slipstream.sysusers" "$root/etc/sysusers.d/slipstream.conf"
+if [ -z "$root" ]; then
+    run systemd-sysusers /etc/sysusers.d/slipstream.conf
+    group='-g slipstream'
+else
+    group=''
+fi
+
+if [ "$venv" = yes ]; then
+    "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+        fail "$python: not Python 3.11 or later; give one with --python"
+    "$python" -c 'import ensurepip' 2>/dev/null ||
+        fail "$python: cannot make environments; install the package python3-venv"
+    if [ ! -x "$release/bin/python" ]; then
+        run install -d -m 755 "$opt/releases"
+        run "$python" -m venv "$release"
+    fi
+    # A folder is installed anew each time, also where its version is the one that is there.
+    run "$release/bin/python" -m pip install --quiet --disable-pip-version-check \
+        "${source}[$extras]"
+    # One rename: whoever starts now gets the old release or the new one.
+    run ln -sfn "releases/$version" "$opt/current.new"
+    run mv -T "$opt/current.new" "$opt/current"
+fi
+
+for unit in $units; do
+    run install -D -m 644 "$here/systemd/$unit.service" "$root/etc/systemd/system/$unit.service"
+done
+
+run install -D -m 644 "$here/zenoh/router.py" "$opt/share/router.py"
+for file in "$here"/config/*.toml "$here"/zenoh/*.json5 "$here"/proxy/nginx.conf; do
+    run install -D -m 644 "$file" "$opt/share/examples/$(basename -- "$file")"
+done
+run install -D -m 644 "$source/docs/operations.md" "$opt/share/doc/operations.md"
+
+# Settings may hold passwords of cameras: root writes, the daemons read, nobody else.
+# shellcheck disable=SC2086 # $group is two words or none
+run install -d -m 750 $group "$etc"
+for name in $settings; do
+    if [ ! -e "$etc/$name.toml" ]; then
+        # shellcheck disable=SC2086
+        run install -m 640 $group "$here/config/$name.toml" "$etc/$name.toml"
+    fi
+done
+if [ ! -e "$etc/router.json5" ]; then
+    # shellcheck disable=SC2086
+    run install -m 640 $group "$here/zenoh/router.json5" "$etc/router.json5"
+fi
+
+if [ "$live" = yes ] && [ -d /run/systemd/system ]; then
+    systemctl daemon-reload
+fi
+
+if [ "$dry_run" = yes ]; then
+    echo 'Nothing has been changed.'
+    exit 0
+fi
+cat <<TEXT
+Slipstream $version is in place ($role). Next:
+- Edit the settings in /etc/slipstream; examples are in /opt/slipstream/share/examples.
+TEXT
+if [ "$role" != server ]; then
+    cat <<'TEXT'
+- For each camera NAME write edge-NAME.toml and its calibration, then
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/edge-NAME.toml
+    systemctl enable --now slipstream-router slipstream-edge@NAME
+TEXT
+fi
+if [ "$role" != edge ]; then
+    cat <<'TEXT'
+- Edit dispatcher.toml and dashboard.toml, then
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/d*.toml
+    systemctl enable --now slipstream-router slipstream-dispatcher slipstream-dashboard
+  and open http://127.0.0.1:8080 on this machine; for other machines see examples/nginx.conf.
+TEXT
+fi
+cat <<'TEXT'
+- After an upgrade: systemctl restart 'slipstream-*'
+- Read on in /opt/slipstream/share/doc/operations.md
+TEXT
