@@ -192,6 +192,7 @@ class Router:
             "listen/endpoints": [self.endpoint],
             "listen/exit_on_failure": True,
             "scouting/multicast/enabled": False,
+            "transport/shared_memory/enabled": False,
         }.items():
             config.insert_json5(key, json.dumps(value))
         self._session = _open_session(config, self.endpoint)
@@ -234,6 +235,9 @@ def _client_config(settings: BusSettings) -> Any:
         "connect/retry": {"period_init_ms": 500, "period_max_ms": 4000},
         "scouting/multicast/enabled": False,
         "timestamping/enabled": True,
+        # It locks memory, which a sandboxed service may not, and a process that is killed leaves
+        # 18 MB in /dev/shm.
+        "transport/shared_memory/enabled": False,
     }.items():
         try:
             config.insert_json5(key, json.dumps(value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 from typing import TypeVar
@@ -12,7 +13,7 @@ from slipstream.errors import InputError
 
 
 class Settings(BaseModel):
-    """Base of all settings: unknown keys are refused, values are not coerced across types."""
+    """Base of all settings: unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -59,13 +60,14 @@ def read_toml(path: Path) -> dict[str, object]:
 
 
 def check(data: object, model: type[S], source: str | Path) -> S:
-    """Check plain data against a settings model.
+    """Check plain data, as TOML gives it, against a settings model; types are not coerced.
 
     Raises:
         InputError: naming the first offending key and what it should be.
     """
     try:
-        return model.model_validate(data)
+        # JSON's strict rules are TOML's types: "60" is no number, yet a text may be a path.
+        return model.model_validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
         raise _as_input_error(error, model, source) from None
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
-from concurrent.futures import ProcessPoolExecutor
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +17,7 @@ import tomli_w
 
 from slipstream import __version__
 from slipstream.config import Settings
+from slipstream.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -30,47 +34,66 @@ ROADSIDES: Final = (
     Roadside("rsu-east", "avenue_east", "stable", 1),
     Roadside("rsu-west", "avenue_west", "turbulent", 2),
 )
-_SECONDS: Final = 30.0
+_SECONDS: Final = 30
 _FPS: Final = 30
 
 
-def make_clips(folder: Path) -> dict[str, Path]:
+def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
     """Render the clips that are not there yet, side by side.
 
+    Args:
+        folder: where they are kept between runs.
+        stopping: set from outside to give up.
+
     Returns:
-        The folder of each RSU's clip.
+        The folder of each RSU's clip; some are missing if it was stopped.
+
+    Raises:
+        InputError: rendering failed; the renderer has said why.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    for left_over in folder.glob("*.part"):
+        shutil.rmtree(left_over, ignore_errors=True)
     clips = {r.rsu: folder / _name(r) for r in ROADSIDES}
     missing = [r for r in ROADSIDES if not clips[r.rsu].is_dir()]
-    if missing:
-        with ProcessPoolExecutor(len(missing), mp_context=get_context("spawn")) as pool:
-            list(pool.map(_render, missing, [clips[r.rsu] for r in missing]))
+    with ThreadPoolExecutor(max(1, len(missing))) as pool:
+        for future in [pool.submit(_render, r, clips[r.rsu], stopping) for r in missing]:
+            future.result()
     return clips
 
 
 def _name(roadside: Roadside) -> str:
-    return f"{roadside.segment}-{roadside.scenario}-{roadside.seed}-{_SECONDS:g}s-v{__version__}"
+    return f"{roadside.segment}-{roadside.scenario}-{roadside.seed}-{_SECONDS}s-v{__version__}"
 
 
-def _render(roadside: Roadside, target: Path) -> None:
-    from simulation.streetdrive.clip import ClipSettings, render_clip
-
+def _render(roadside: Roadside, target: Path, stopping: threading.Event) -> None:
     unfinished = target.with_name(f"{target.name}.{os.getpid()}.part")
-    render_clip(
-        ClipSettings(
-            seconds=_SECONDS,
-            fps=_FPS,
-            scenario=roadside.scenario,
-            seed=roadside.seed,
-            segment_id=roadside.segment,
-        ),
-        unfinished,
+    options = {
+        "--out": str(unfinished),
+        "--seconds": str(_SECONDS),
+        "--fps": str(_FPS),
+        "--scenario": roadside.scenario,
+        "--seed": str(roadside.seed),
+        "--segment": roadside.segment,
+    }
+    command = [sys.executable, "-m", "slipstream_cli", "clip", "streetdrive"]
+    process = subprocess.Popen(
+        [*command, *(word for option in options.items() for word in option)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
     )
-    try:
-        unfinished.rename(target)
-    except OSError:  # another run has made the same clip meanwhile
-        shutil.rmtree(unfinished, ignore_errors=True)
+    while process.poll() is None and not stopping.wait(0.1):
+        pass
+    if process.poll() is None:
+        process.kill()
+    status = process.wait()
+    if status == 0:
+        with contextlib.suppress(OSError):  # another run may have made the same clip meanwhile
+            unfinished.rename(target)
+    shutil.rmtree(unfinished, ignore_errors=True)
+    if status != 0 and not stopping.is_set():
+        raise InputError(target, f"the clip could not be rendered (status {status})", "see above")
 
 
 def write_settings(

@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     supervisor = Supervisor(sys.stderr)
     supervisor.say("slipstream", "making the roadside clips (once, under a minute)")
-    clips = make_clips(options.state / "clips")
+    clips = make_clips(options.state / "clips", stopping)
     if stopping.is_set():
         return 0
     with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 import sys
 import threading
@@ -21,22 +20,7 @@ from dashboard import words
 from slipstream.bus import Bus, Router, free_port
 from slipstream.config import BusSettings
 
-CHROMIUM = "/usr/bin/chromium"
-pytestmark = [
-    pytest.mark.e2e,
-    pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason=f"no browser at {CHROMIUM}"),
-]
-ARGUMENTS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
+pytestmark = pytest.mark.e2e
 START = """
 import json, sys
 from dashboard.daemon import run_dashboard
@@ -111,16 +95,12 @@ def running(tmp_path, world, make_sender) -> Iterator[Dashboard]:
 
 
 @pytest.fixture
-def page(running):
+def page(running, browser):
     """A browser page on the dashboard, 1440×900."""
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        page = browser.new_page(viewport={"width": 1440, "height": 900})
-        page.on("request", lambda request: running.requests.append(request.url))
-        _open_when_served(page, running)
-        yield page
-        browser.close()
+    page = browser.new_page(viewport={"width": 1440, "height": 900})
+    page.on("request", lambda request: running.requests.append(request.url))
+    _open_when_served(page, running)
+    return page
 
 
 def _open_when_served(page, running: Dashboard) -> None:

@@ -89,7 +89,9 @@ def test_reset_forgets_but_never_gives_an_identity_twice() -> None:
     before = {s.track for s in drive(tracker, 1.0)}
     tracker.reset()
     after = {s.track for s in drive(tracker, 1.0)}
-    assert before and after and not before & after
+    assert before
+    assert after
+    assert not before & after
 
 
 def test_the_same_detections_give_the_same_tracks() -> None:

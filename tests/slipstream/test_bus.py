@@ -20,6 +20,7 @@ class Inbox:
         self._changed = threading.Condition()
 
     def __call__(self, key: str, payload: bytes) -> None:
+        """Take one sample."""
         with self._changed:
             self.got.append(payload)
             self._changed.notify_all()

@@ -25,6 +25,8 @@ class Example(Settings):
         ("", "name: missing key"),
         ("name = 3", "name: "),
         ("name = 'x'\n[service]\nmetrics_port = 70000", "service.metrics_port: "),
+        ("name = 'x'\n[service]\nmetrics_port = '70'", "service.metrics_port: "),
+        ("name = 'x'\n[bus]\nconnect = 'tcp/127.0.0.1:1'", "bus.connect: "),
         ("name = 'x'\n[bus]\nconnekt = []", "bus.connekt: unknown key"),
         ("name = ", "not TOML"),
     ],

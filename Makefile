@@ -1,0 +1,44 @@
+# `make run` shows the whole chain; `make test` proves it. Both set up by themselves.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+TRAIN := .venv-train
+MINUTES ?= 5
+
+.PHONY: setup run test lint format soak train clean
+
+setup: $(VENV)/.ready
+
+$(VENV)/.ready: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed") if sys.version_info < (3, 11) else None'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+run: setup
+	$(BIN)/slipstream run
+
+test: lint
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: setup
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+# The same processes on recorded video for MINUTES, sampled each second; fails on growth.
+soak: setup
+	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
+
+# From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
+train: setup
+	test -x $(TRAIN)/bin/yolo || ($(PYTHON) -m venv $(TRAIN) && $(TRAIN)/bin/python -m pip install --quiet -e '.[train,sim]')
+	$(TRAIN)/bin/python -m simulation.training --out .slipstream/training
+
+clean:
+	rm -rf $(VENV) $(TRAIN) .slipstream .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist *.egg-info

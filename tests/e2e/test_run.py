@@ -1,0 +1,184 @@
+"""`slipstream run` as a newcomer meets it: the real processes, a real browser, real kills."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+import storage
+from slipstream.bus import free_port
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
+
+
+@dataclass
+class Run:
+    """A running `slipstream run`."""
+
+    process: subprocess.Popen[str]
+    port: int
+    state: Path
+    log: list[str] = field(default_factory=list)
+
+    def says(self, condition: Callable[[str], bool], seconds: float) -> str:
+        """The first log line for which the condition holds."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            for line in list(self.log):
+                if condition(line):
+                    return line
+            assert self.process.poll() is None, "\n".join(self.log)
+            time.sleep(0.1)
+        raise AssertionError("not said in time:\n" + "\n".join(self.log))
+
+    def daemon(self, name: str) -> psutil.Process:
+        """The process of one daemon."""
+        running = [p for p in psutil.Process(self.process.pid).children() if _lives(p)]
+        for child in running:
+            if f"{name}.toml" in " ".join(child.cmdline()):
+                return child
+        raise AssertionError(f"no process of {name}")
+
+
+@pytest.fixture(scope="module")
+def state(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A state folder that the runs of this module share, so that clips are rendered once."""
+    return tmp_path_factory.mktemp("state")
+
+
+@pytest.fixture
+def start(state: Path) -> Iterator[Callable[..., Run]]:
+    """Starts the real command; kills it at the end if the test has not ended it."""
+    runs: list[Run] = []
+
+    def go(*arguments: str) -> Run:
+        port = free_port()
+        process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "slipstream_cli", "run", "--state", str(state)),
+                *("--port", str(port), *arguments),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        run = Run(process, port, state)
+        assert process.stderr is not None
+        stderr = process.stderr
+        threading.Thread(
+            target=lambda: run.log.extend(line.rstrip() for line in stderr), daemon=True
+        ).start()
+        runs.append(run)
+        return run
+
+    yield go
+    for run in runs:
+        if run.process.poll() is None:
+            run.process.kill()
+        run.process.wait()
+        for stream in (run.process.stdout, run.process.stderr):
+            if stream is not None:
+                stream.close()
+
+
+def _lives(process: psutil.Process) -> bool:
+    return process.status() != psutil.STATUS_ZOMBIE
+
+
+def left_over(state: Path) -> list[str]:
+    """Command lines of processes that still work for a run in that state folder."""
+    found = []
+    for process in psutil.process_iter(["pid", "cmdline", "status"]):
+        command = " ".join(process.info["cmdline"] or [])
+        if str(state) in command and process.info["status"] != psutil.STATUS_ZOMBIE:
+            found.append(command)
+    return found
+
+
+def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
+    start: Callable[..., Run], browser: Any, tmp_path: Path
+) -> None:
+    """Video becomes flags, flags gate platoons, plans go out, and the page tells all of it."""
+    run = start("--seconds", "75", "--interval", "15", "--json")
+    run.says(lambda line: "the dashboard is at" in line, 240)
+    page = browser.new_page(viewport={"width": 1440, "height": 900})
+    page.goto(f"http://127.0.0.1:{run.port}")
+    page.wait_for_selector("canvas", timeout=60_000)
+    page.get_by_text("Traffic is calm on 1 of 2 watched roads").wait_for(timeout=60_000)
+    for text in ("avenue_east", "avenue_west", "van-a", "van-b", "rsu-east", "lc-qaoa"):
+        page.get_by_text(text).first.wait_for(timeout=30_000)
+    page.get_by_text("platooning open in cycle").first.wait_for(timeout=40_000)
+    page.get_by_text("turbulent traffic").first.wait_for(timeout=30_000)
+    page.wait_for_function(
+        "[...document.images].filter(i => i.complete && i.naturalWidth === 640).length === 2",
+        timeout=30_000,
+    )
+    page.screenshot(path=os.environ.get("SLIPSTREAM_SCREENSHOT", str(tmp_path / "page.png")))
+    page.close()
+    output, _ = run.process.communicate(timeout=120)
+    assert run.process.returncode == 0, "\n".join(run.log)
+    figures = json.loads(output)
+    assert figures["dashboard_http"] == 200
+    assert figures["processes_restarted"] == 0
+    assert figures["y_e"] == {"avenue_east": 1, "avenue_west": 0}
+    assert figures["frames"] >= 300
+    assert figures["segment_states"] >= 60
+    assert figures["cycles"] >= 3
+    assert figures["plans"] == 2 * figures["cycles"]
+    energy = figures["energy_kwh"]
+    assert 0 < energy["cooperative"] < energy["baseline"]
+    assert left_over(run.state) == []
+
+
+def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[..., Run]) -> None:
+    """SIGKILL of an RSU and of the dispatcher; then Ctrl-C ends all within 10 s."""
+    run = start("--interval", "5")
+    run.says(lambda line: "dispatcher" in line and "cycle" in line and " ok" in line, 240)
+    url = f"sqlite:///{run.state / 'slipstream.db'}"
+    with storage.open_reader(url) as reader:
+        before = reader.latest_cycle()
+    assert before is not None
+    run.daemon("rsu-west").kill()
+    run.daemon("dispatcher").kill()
+    for name in ("rsu-west", "dispatcher"):
+        run.says(lambda line, n=name: n in line and "ended with status -9" in line, 20)
+    with storage.open_reader(url) as reader:
+        deadline = time.monotonic() + 90
+        while (now := reader.latest_cycle()) is None or now.cycle <= before.cycle:
+            assert time.monotonic() < deadline, "\n".join(run.log)
+            time.sleep(0.5)
+        numbers = [report.cycle for report in reader.cycles(1000)]
+    assert before.cycle in numbers
+    assert len(numbers) == len(set(numbers))
+    assert storage.check(url).ok
+    began = time.monotonic()
+    os.kill(run.process.pid, signal.SIGINT)
+    run.process.wait(timeout=30)
+    assert time.monotonic() - began < 10
+    assert run.process.returncode == 0
+    assert left_over(run.state) == []
+
+
+def test_a_killed_supervisor_leaves_nothing_behind(start: Callable[..., Run]) -> None:
+    """Not even kill -9 leaves daemons running."""
+    run = start()
+    run.says(lambda line: "the dashboard is at" in line, 240)
+    run.process.kill()
+    run.process.wait()
+    deadline = time.monotonic() + 10
+    while left_over(run.state) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert left_over(run.state) == []

@@ -1,0 +1,186 @@
+"""The edge daemon as a process on the bus."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tomli_w
+
+from slipstream.bus import Bus, Router
+from slipstream.messages import (
+    ALL_PREVIEWS,
+    ALL_RSU_HEALTH,
+    ALL_STATES,
+    RsuHealth,
+    SegmentState,
+    decode,
+)
+
+
+class Ears:
+    """Collects what an edge daemon says."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.states: list[SegmentState] = []
+        self.health: list[RsuHealth] = []
+        self.previews: list[bytes] = []
+        self._changed = threading.Condition()
+        for key in (ALL_STATES, ALL_RSU_HEALTH):
+            bus.subscribe(key, self._take)
+        bus.subscribe(ALL_PREVIEWS, self._take, history=False)
+
+    def _take(self, key: str, payload: bytes) -> None:
+        with self._changed:
+            if key.endswith("state"):
+                self.states.append(decode(SegmentState, payload, key))
+            elif key.endswith("health"):
+                self.health.append(decode(RsuHealth, payload, key))
+            else:
+                self.previews.append(payload)
+            self._changed.notify_all()
+
+    def until(self, condition: object, seconds: float) -> bool:
+        """Wait until the condition holds."""
+        with self._changed:
+            return self._changed.wait_for(condition, seconds)  # type: ignore[arg-type]
+
+
+def edge_toml(folder: Path, router: Router, source: dict[str, object]) -> Path:
+    """A settings file for one RSU."""
+    path = folder / "edge.toml"
+    settings = {
+        "rsu": "r1",
+        "camera": str(folder / "camera.toml"),
+        "source": source,
+        "bus": {"connect": [router.endpoint]},
+    }
+    path.write_text(tomli_w.dumps(settings))
+    return path
+
+
+def start(config: Path) -> subprocess.Popen[str]:
+    """Start the real command."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "slipstream_cli", "edge", "--config", str(config)],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def end(process: subprocess.Popen[str]) -> str:
+    """Stop it and return what it logged."""
+    process.send_signal(signal.SIGTERM)
+    _, log = process.communicate(timeout=20)
+    return log
+
+
+@pytest.mark.e2e
+def test_states_health_and_preview_come_and_sigterm_ends_it(
+    street_clips: dict[str, Path], router: Router, bus: Bus
+) -> None:
+    """A looped clip in real time becomes a stable flag, health figures and a JPEG."""
+    folder = street_clips["stable"]
+    ears = Ears(bus)
+    config = edge_toml(folder, router, {"clip": str(folder / "video.mp4"), "loop": True})
+    process = start(config)
+    try:
+        assert ears.until(lambda: any(s.y_e is not None for s in ears.states), 60)
+        assert ears.until(lambda: bool(ears.previews), 10)
+    finally:
+        log = end(process)
+    assert process.returncode == 0, log
+    known = [s for s in ears.states if s.y_e is not None]
+    assert known[-1].y_e == 1
+    assert [s.sequence for s in ears.states] == sorted(s.sequence for s in ears.states)
+    assert abs(known[-1].time_ns - time.time_ns()) < 60e9
+    health = ears.health[-1]
+    assert health.status == "ended"
+    assert health.frames > 50
+    assert health.states == len(ears.states)
+    picture = cv2.imdecode(np.frombuffer(ears.previews[-1], np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape == (360, 640, 3)
+
+
+@pytest.mark.e2e
+def test_a_clip_played_once_and_fast_ends_by_itself(
+    street_clips: dict[str, Path], router: Router, bus: Bus
+) -> None:
+    """Every frame is used, and the last states are out before it ends."""
+    folder = street_clips["turbulent"]
+    ears = Ears(bus)
+    process = start(edge_toml(folder, router, {"clip": str(folder / "video.mp4"), "pace": "fast"}))
+    _, log = process.communicate(timeout=90)
+    assert process.returncode == 0, log
+    assert ears.until(lambda: bool(ears.health) and ears.health[-1].status == "ended", 5)
+    assert ears.health[-1].frames == 14 * 15
+    assert ears.health[-1].frames_skipped == 0
+    assert ears.states[-1].y_e == 0
+
+
+@pytest.mark.e2e
+def test_an_absent_camera_gives_unknown_states(
+    tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus
+) -> None:
+    """The daemon runs on and says that it sees nothing."""
+    (tmp_path / "camera.toml").write_text((street_clips["stable"] / "camera.toml").read_text())
+    ears = Ears(bus)
+    process = start(edge_toml(tmp_path, router, {"url": "http://127.0.0.1:9/none"}))
+    try:
+        assert ears.until(lambda: len(ears.states) >= 3, 30)
+    finally:
+        log = end(process)
+    assert process.returncode == 0, log
+    assert {(s.y_e, s.reason) for s in ears.states} == {(None, "no_frames")}
+    assert ears.health[-2].status == "no_signal"
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"camera": "/nowhere/camera.toml"}, "/nowhere/camera.toml: no such file"),
+        ({"source": {"clip": "/nowhere/video.mp4"}}, "/nowhere/video.mp4: no such video"),
+        ({"sauce": 1}, "edge.toml: sauce: unknown key"),
+        ({"window_s": "ten"}, "edge.toml: window_s"),
+        ({"bus": {"connect": ["nonsense"]}}, "bus: connect"),
+    ],
+)
+def test_bad_settings_are_one_line_and_exit_2(
+    street_clips: dict[str, Path],
+    router: Router,
+    tmp_path: Path,
+    change: dict[str, object],
+    expected: str,
+) -> None:
+    """No traceback for a user's mistake."""
+    folder = street_clips["stable"]
+    settings: dict[str, object] = {
+        "rsu": "r1",
+        "camera": str(folder / "camera.toml"),
+        "source": {"clip": str(folder / "video.mp4")},
+        "bus": {"connect": [router.endpoint]},
+    }
+    config = tmp_path / "edge.toml"
+    config.write_text(tomli_w.dumps(settings | change))
+    result = subprocess.run(
+        [sys.executable, "-m", "slipstream_cli", "edge", "--config", str(config)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ,
+    )
+    assert result.returncode == 2, result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.startswith("slipstream:")]
+    assert len(lines) == 1
+    assert expected in lines[0]
+    assert "Traceback" not in result.stderr

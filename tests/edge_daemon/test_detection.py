@@ -1,0 +1,160 @@
+"""Detectors and their model files."""
+
+from __future__ import annotations
+
+import shutil
+from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from edge_daemon.detection import VEHICLE_CLASSES, Detections, DetectorSettings, open_detector
+from edge_daemon.detection.protocol import vehicle_class_of
+from slipstream.errors import InputError
+
+WEIGHTS = Path(str(resources.files("edge_daemon") / "weights"))
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, list[dict[str, str]]]:  # type: ignore[type-arg]
+    """The last frame of a short clip with its truth rows."""
+    import csv
+
+    from simulation.streetdrive.clip import ClipSettings, render_clip
+
+    folder = tmp_path_factory.mktemp("clip")
+    render_clip(ClipSettings(seconds=0.5, fps=10, scenario="stable", seed=77), folder)
+    capture = cv2.VideoCapture(str(folder / "video.mp4"))
+    image = None
+    for _ in range(5):
+        ok, image = capture.read()
+        assert ok
+    capture.release()
+    assert image is not None
+    with (folder / "truth.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["frame"] == "4"]
+    return image, rows
+
+
+def overlap(a: np.ndarray, b: np.ndarray) -> float:  # type: ignore[type-arg]
+    """Intersection over union of two boxes."""
+    low, high = np.maximum(a[:2], b[:2]), np.minimum(a[2:], b[2:])
+    both = float(np.prod(np.clip(high - low, 0, None)))
+    return both / float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2]) - both)
+
+
+def matched(found: Detections, rows: list[dict[str, str]]) -> tuple[int, int]:
+    """How many plainly visible vehicles there are, and how many of them were found."""
+    boxes = [
+        np.array([float(row[k]) for k in ("x1_px", "y1_px", "x2_px", "y2_px")])
+        for row in rows
+        if float(row["visible_fraction"]) > 0.7
+    ]
+    boxes = [box for box in boxes if box[3] - box[1] > 24]
+    hits = sum(any(overlap(box, other) > 0.5 for other in found.boxes) for box in boxes)
+    return len(boxes), hits
+
+
+def test_the_shipped_model_finds_rendered_vehicles(
+    rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
+) -> None:
+    """Boxes in the picture's own pixels, most plainly visible vehicles among them."""
+    image, rows = rendered
+    found = open_detector(DetectorSettings(min_score=0.3)).detect(image)
+    there, hits = matched(found, rows)
+    assert there >= 3
+    assert hits >= 0.8 * there
+    assert ((found.scores > 0) & (found.scores <= 1)).all()
+    assert set(found.classes.tolist()) <= set(range(len(VEHICLE_CLASSES)))
+
+
+def test_the_same_picture_gives_the_same_boxes(
+    rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
+) -> None:
+    """Detection is deterministic, and another size in between leaves nothing behind."""
+    image, _ = rendered
+    detector = open_detector(DetectorSettings())
+    first = detector.detect(image)
+    detector.detect(np.full((480, 480, 3), 255, dtype=np.uint8))
+    second = detector.detect(image)
+    assert np.array_equal(first.boxes, second.boxes)
+    assert np.array_equal(first.scores, second.scores)
+
+
+def test_an_empty_picture_holds_no_vehicle() -> None:
+    """Neither black nor white is taken for a car."""
+    detector = open_detector(DetectorSettings(min_score=0.4))
+    for value in (0, 255):
+        found = detector.detect(np.full((720, 1280, 3), value, dtype=np.uint8))
+        assert len(found) == 0
+        assert found.boxes.shape == (0, 4)
+
+
+def test_the_weights_are_small_and_have_a_card() -> None:
+    """Under 15 MB in all, and the card tells what they are not good for."""
+    assert sum(f.stat().st_size for f in WEIGHTS.iterdir()) < 15e6
+    card = (WEIGHTS / "CARD.md").read_text()
+    for word in ("mAP50", "mAP50-95", "held-out", "seed", "COCO", "AGPL"):
+        assert word in card
+
+
+def test_model_classes_are_mapped_to_vehicle_classes() -> None:
+    """COCO's order is not ours, and what is no vehicle is left out."""
+    mapping = vehicle_class_of(["person", "bicycle", "car", "motorcycle", "bus", "truck"], "m")
+    assert mapping.tolist() == [-1, -1, 0, 3, 2, 1]
+    with pytest.raises(InputError, match="none of its 2 classes"):
+        vehicle_class_of(["cat", "dog"], "m")
+
+
+def test_coco_weights_find_real_cars(shared_data: Path) -> None:
+    """Another model with 80 classes and another input size runs behind the same protocol."""
+    capture = cv2.VideoCapture(str(shared_data / "real_highway_640x360.mp4"))
+    for _ in range(30):
+        ok, image = capture.read()
+    capture.release()
+    assert ok
+    model = str(shared_data / "coco_yolo11n_int8_openvino")
+    found = open_detector(DetectorSettings(model=model, min_score=0.4)).detect(image)
+    assert 3 <= len(found) <= 20
+    assert found.boxes[:, 2].max() <= image.shape[1] + 5
+
+
+@pytest.mark.parametrize("case", ["missing", "folder", "suffix", "broken"])
+def test_unusable_models_are_one_line(tmp_path: Path, case: str) -> None:
+    """The line names the file."""
+    path = {
+        "missing": tmp_path / "none.xml",
+        "folder": tmp_path,
+        "suffix": tmp_path / "model.onnx",
+        "broken": tmp_path / "broken.xml",
+    }[case]
+    if case in {"suffix", "broken"}:
+        path.write_text("<net")
+    with pytest.raises(InputError, match=path.name) as caught:
+        open_detector(DetectorSettings(model=str(path)))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_model_without_its_weights_is_one_line(tmp_path: Path) -> None:
+    """The .xml alone is not a model."""
+    path = tmp_path / "alone.xml"
+    shutil.copy(WEIGHTS / "yolo11n-streetdrive.xml", path)
+    with pytest.raises(InputError, match="not an OpenVINO model"):
+        open_detector(DetectorSettings(model=str(path)))
+
+
+def test_pt_files_need_the_extra_or_run_through_the_same_protocol(
+    rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
+) -> None:
+    """Without Ultralytics one line says what to install; with it the boxes are alike."""
+    settings = DetectorSettings(model=str(WEIGHTS / "yolo11n-streetdrive.pt"), min_score=0.3)
+    if find_spec("ultralytics") is None:
+        with pytest.raises(InputError, match=r"install slipstream\[train\]"):
+            open_detector(settings)
+        return
+    image, rows = rendered
+    there, hits = matched(open_detector(settings).detect(image), rows)
+    assert hits >= 0.8 * there

@@ -1,0 +1,143 @@
+"""From frames to states, on rendered video with the shipped detector."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edge_daemon.camera import Camera, load_camera
+from edge_daemon.detection import Detections, DetectorSettings, open_detector
+from edge_daemon.frame import Frame
+from edge_daemon.pipeline import Pipeline
+from edge_daemon.sources import SourceSettings, open_source
+from edge_daemon.stability import StabilitySettings
+from edge_daemon.tracking import TrackerSettings
+from slipstream.errors import InputError
+from slipstream.messages import SegmentState
+
+
+class Blind:
+    """A detector that finds nothing."""
+
+    def detect(self, image: np.ndarray) -> Detections:  # type: ignore[type-arg]
+        return Detections(
+            np.empty((0, 4), np.float32), np.empty(0, np.float32), np.empty(0, np.int64)
+        )
+
+
+def a_pipeline(camera: Camera, detector: object = None) -> Pipeline:
+    """A pipeline with default settings."""
+    return Pipeline(
+        "rsu",
+        camera,
+        detector or Blind(),  # type: ignore[arg-type]
+        TrackerSettings(),
+        StabilitySettings(),
+        10.0,
+    )
+
+
+def watch(folder: Path) -> SegmentState:
+    """The last state after the whole clip."""
+    camera = load_camera(folder / "camera.toml")
+    pipeline = a_pipeline(camera, open_detector(DetectorSettings()))
+    for frame in open_source(SourceSettings(clip=folder / "video.mp4", pace="fast")).frames():
+        assert frame is not None
+        pipeline.process(frame)
+    (state,) = pipeline.states(1)
+    return state
+
+
+def truth(folder: Path, window_s: float = 10.0) -> tuple[float, float, float, float]:
+    """True mean speed, spread, acceleration variance and density in the last window."""
+    segment = load_camera(folder / "camera.toml").segments[0]
+    with (folder / "truth.csv").open() as file:
+        rows = [{k: v for k, v in row.items() if k != "class"} for row in csv.DictReader(file)]
+    data = {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+    last = data["time_s"].max()
+    chosen = data["time_s"] > last - window_s
+    chosen[chosen] = segment.contains(np.column_stack([data["x_m"], data["y_m"]])[chosen])
+    speed, acceleration = data["speed_mps"][chosen], data["acceleration_mps2"][chosen]
+    frames = window_s * 15
+    return (
+        float(speed.mean()),
+        float(speed.std()),
+        float(acceleration.var()),
+        float(chosen.sum() / frames / segment.length_m),
+    )
+
+
+def test_calm_video_is_stable(street_clips: dict[str, Path]) -> None:
+    """y_e = 1, and the features are close to the truth behind the video."""
+    state = watch(street_clips["stable"])
+    mean, spread, variance, density = truth(street_clips["stable"])
+    assert (state.y_e, state.reason) == (1, None)
+    assert state.segment == "stable_road"
+    assert state.coverage == pytest.approx(1.0, abs=0.02)
+    assert state.features is not None
+    assert state.features.mean_speed_mps.value == pytest.approx(mean, abs=0.5)
+    assert state.features.speed_std_mps.value == pytest.approx(spread, abs=0.5)
+    assert state.features.acceleration_variance_m2ps4.value == pytest.approx(variance, abs=0.4)
+    assert state.features.density_veh_per_m.value == pytest.approx(density, rel=0.3)
+
+
+def test_stop_and_go_video_is_turbulent(street_clips: dict[str, Path]) -> None:
+    """y_e = 0 with a CV far above the threshold, as in the truth."""
+    state = watch(street_clips["turbulent"])
+    mean, spread, _, _ = truth(street_clips["turbulent"])
+    assert state.y_e == 0
+    assert state.features is not None
+    assert state.features.mean_speed_mps.value == pytest.approx(mean, abs=1.0)
+    assert state.features.speed_std_mps.value == pytest.approx(spread, rel=0.35)
+
+
+def test_the_same_video_gives_the_same_state(street_clips: dict[str, Path]) -> None:
+    """Same input, same output, to the last digit."""
+    assert watch(street_clips["stable"]) == watch(street_clips["stable"])
+
+
+def blank(time_s: float, *, cut: bool = False) -> Frame:
+    """A black picture."""
+    return Frame(np.zeros((720, 1280, 3), np.uint8), time_s, 0, 0.0, cut)
+
+
+def test_an_empty_road_is_unknown_and_never_stable(camera: Camera) -> None:
+    """No vehicle, no flag."""
+    pipeline = a_pipeline(camera)
+    for number in range(330):
+        pipeline.process(blank(number / 30))
+    (state,) = pipeline.states(1)
+    assert (state.y_e, state.reason, state.vehicles) == (None, "too_few_vehicles", 0)
+    assert state.frames == pytest.approx(300, abs=1)
+
+
+def test_a_camera_that_falls_silent_becomes_unknown(camera: Camera) -> None:
+    """The window empties with the time since the last frame."""
+    pipeline = a_pipeline(camera)
+    assert pipeline.states(1)[0].reason == "no_frames"
+    for number in range(330):
+        pipeline.process(blank(number / 30))
+    (state,) = pipeline.states(1, idle_s=4.0)
+    assert (state.reason, state.coverage) == ("window_not_covered", pytest.approx(0.6, abs=0.02))
+    (state,) = pipeline.states(1, idle_s=11.0)
+    assert (state.reason, state.frames) == ("no_frames", 0)
+
+
+def test_a_pause_of_the_source_does_not_count_as_watched(camera: Camera) -> None:
+    """Frames before and after a hole do not cover it."""
+    pipeline = a_pipeline(camera)
+    for time_s in [*np.arange(0, 3, 1 / 30), *np.arange(7, 10, 1 / 30)]:
+        pipeline.process(blank(float(time_s)))
+    (state,) = pipeline.states(1)
+    assert state.reason == "window_not_covered"
+    assert state.coverage == pytest.approx(0.6, abs=0.02)
+
+
+def test_a_picture_of_another_size_is_refused(camera: Camera) -> None:
+    """The calibration holds for one size only."""
+    frame = Frame(np.zeros((480, 640, 3), np.uint8), 0.0, 0, 0.0)
+    with pytest.raises(InputError, match="640×480"):
+        a_pipeline(camera).process(frame)

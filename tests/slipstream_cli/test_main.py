@@ -1,0 +1,148 @@
+"""The front door."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+from slipstream_cli.main import COMMANDS, main
+
+
+def slipstream(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command as a user does."""
+    return subprocess.run(
+        [sys.executable, "-m", "slipstream_cli", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        cwd=cwd,
+    )
+
+
+def one_line(result: subprocess.CompletedProcess[str]) -> str:
+    """The error line of a command that refused its input."""
+    assert result.returncode == 2, result.stderr
+    (line,) = [li for li in result.stderr.splitlines() if li.strip()]
+    assert line.startswith("slipstream: ")
+    return line
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """--help says what it does and exits 0."""
+    with pytest.raises(SystemExit) as ended:
+        main([command, "--help"] if command else ["--help"])
+    assert ended.value.code == 0
+    assert "usage: slipstream" in capsys.readouterr().out
+
+
+def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
+    """The three files are there, progress is silent in a pipe, and JSON is one object."""
+    result = slipstream(
+        *("clip", "streetdrive", "--out", str(tmp_path / "c"), "--seconds", "0.4"),
+        *("--fps", "10", "--scenario", "paper", "--seed", "3", "--segment", "s1", "--json"),
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert json.loads(result.stdout)["frames"] == 4
+    assert {"video.mp4", "truth.csv", "camera.toml"} <= {f.name for f in (tmp_path / "c").iterdir()}
+    assert 'id = "s1"' in (tmp_path / "c" / "camera.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "key"),
+    [("--seconds", "-1", "seconds"), ("--fps", "0", "fps"), ("--seed", "-4", "seed")],
+)
+def test_a_clip_that_cannot_be_is_one_line(
+    tmp_path: Path, option: str, value: str, key: str
+) -> None:
+    """The line names what is out of range."""
+    line = one_line(slipstream("clip", "streetdrive", "--out", str(tmp_path / "c"), option, value))
+    assert key in line
+
+
+def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
+    """One line a file when sound; file, key and mend when not."""
+    sound = tmp_path / "dispatcher.toml"
+    sound.write_text(tomli_w.dumps({"interval_s": 60.0}))
+    result = slipstream("check", str(sound))
+    assert (result.returncode, result.stdout) == (
+        0,
+        f"{sound}: valid dispatcher settings\n",
+    )
+    faulty = tmp_path / "dashboard.toml"
+    faulty.write_text(tomli_w.dumps({"port": "8080"}))
+    assert f"{faulty}: port: " in one_line(slipstream("check", str(sound), str(faulty)))
+    other = tmp_path / "other.toml"
+    other.write_text("")
+    assert "--as" in one_line(slipstream("check", str(other)))
+
+
+def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
+    """The three actions work on one file and report as JSON."""
+    url = f"sqlite:///{tmp_path / 'a.db'}"
+    assert slipstream("db", "upgrade", "--url", url).returncode == 0
+    checked = slipstream("db", "check", "--url", url, "--json")
+    assert checked.returncode == 0
+    assert json.loads(checked.stdout)["faults"] == []
+    pruned = slipstream("db", "prune", "--url", url, "--keep-days", "1", "--json")
+    assert json.loads(pruned.stdout)["deleted_cycles"] == 0
+
+
+def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) -> None:
+    """The user's file is not overwritten."""
+    path = tmp_path / "notes.txt"
+    path.write_text("my notes, long enough to be no empty database " * 40)
+    before = path.read_bytes()
+    for action in ("upgrade", "check"):
+        assert "notes.txt" in one_line(slipstream("db", action, "--url", f"sqlite:///{path}"))
+    assert path.read_bytes() == before
+
+
+def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
+    """Before anything is rendered or started."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        line = one_line(slipstream("run", "--state", str(tmp_path), "--port", str(port)))
+    assert f"127.0.0.1:{port}" in line
+    assert "--port" in line
+    assert not (tmp_path / "clips").exists()
+    file = tmp_path / "file"
+    file.touch()
+    assert str(file) in one_line(slipstream("run", "--state", str(file)))
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--port", "0"), ("--interval", "0"), ("--seconds", "-1"), ("--seconds", "nan")]
+)
+def test_run_refuses_numbers_that_make_no_sense(arguments: tuple[str, str]) -> None:
+    """The line names the option."""
+    assert arguments[0] in one_line(slipstream("run", *arguments))
+
+
+def test_a_missing_extra_is_named() -> None:
+    """Without its packages a daemon says what to install."""
+    code = (
+        "import sys\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.split('.')[0] == 'viser':\n"
+        "            raise ModuleNotFoundError(f'No module named {name}', name=name)\n"
+        "sys.meta_path.insert(0, Absent())\n"
+        "from slipstream_cli.main import main\n"
+        "sys.exit(main(['dashboard', '--config', '/dev/null']))\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ
+    )
+    assert "slipstream[dashboard]" in one_line(result)
