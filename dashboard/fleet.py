@@ -27,10 +27,12 @@ class FleetLayer:
 
     Args:
         canvas: what to draw on.
+        depot: junction that is marked already, so not as a stop again.
     """
 
-    def __init__(self, canvas: Canvas) -> None:
+    def __init__(self, canvas: Canvas, depot: str | None = None) -> None:
         self._canvas = canvas
+        self._depot = depot
         self._routes: list[tuple[object, ...]] = []
         self._stops: tuple[tuple[str, str], ...] = ()
         self._places_m: Array = np.empty((0, 2))
@@ -49,7 +51,12 @@ class FleetLayer:
 
     def _update_stops(self, vehicles: Sequence[VehicleView]) -> None:
         junctions = self._canvas.network.junctions
-        planned = {stop for van in vehicles for stop in van.stops if stop[1] in junctions}
+        planned = {
+            stop
+            for van in vehicles
+            for stop in van.stops
+            if stop[1] in junctions and stop[1] != self._depot
+        }
         stops = tuple(sorted(planned))[:MAX_LABELS]
         if stops == self._stops:
             return

@@ -42,7 +42,7 @@ class RoadMap:
         self._server = server
         self._network = network
         self._canvas = Canvas(server.scene, network)
-        self._fleet = FleetLayer(self._canvas)
+        self._fleet = FleetLayer(self._canvas, depot)
         self._watched: tuple[str, ...] = ()
         self._traffic: tuple[Traffic, ...] = ()
         self._node: viser.LineSegmentsHandle | None = None

@@ -173,6 +173,7 @@ class EdgeDaemon:
             self._camera,
             self._pipeline.tracks,
             self._latest,
+            frame.media_time_s,
             self._settings.preview.width,
         )
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.preview.jpeg_quality]
