@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 TRAIN := .venv-train
 MINUTES ?= 5
+PORT ?= 8080
 
 .PHONY: setup run test lint format soak train clean
 
@@ -16,7 +17,7 @@ $(VENV)/.ready: pyproject.toml
 	touch $@
 
 run: setup
-	$(BIN)/slipstream run
+	$(BIN)/slipstream run --port $(PORT)
 
 test: lint
 	$(BIN)/python -m pytest
