@@ -97,6 +97,9 @@ if [ "$venv" = yes ]; then
         fail "$python: not Python 3.11 or later; give one with --python"
     "$python" -c 'import ensurepip' 2>/dev/null ||
         fail "$python: cannot make environments; install the package python3-venv"
+    case $("$python" -c 'import sys; print(sys.base_prefix)') in
+        /home/* | /root/*) fail "$python: below a home, where the daemons cannot look; give /usr/bin/python3" ;;
+    esac
     if [ ! -x "$release/bin/python" ]; then
         run install -d -m 755 "$opt/releases"
         run "$python" -m venv "$release"

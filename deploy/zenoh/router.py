@@ -36,7 +36,9 @@ def open_router(path: Path) -> zenoh.Session:
         return zenoh.open(config)
     except zenoh.ZError as error:
         reason = str(error).split(" at ")[0]
-        raise InputError(path, f"zenoh: {reason}", "give free addresses and readable keys") from None
+        raise InputError(
+            path, f"zenoh: {reason}", "give free addresses and readable keys"
+        ) from None
 
 
 def main() -> int:
