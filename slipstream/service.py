@@ -10,7 +10,7 @@ import socket
 import sys
 import threading
 import time
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Self
 
 import psutil
@@ -102,12 +102,7 @@ class Service:
                 ) from None
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         notify("STOPPING=1")
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]

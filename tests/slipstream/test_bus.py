@@ -56,6 +56,7 @@ def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
         publisher.put(b"before the router")
         with Router(port):
             assert inbox.wait_for(b"before the router", 20)
+        time.sleep(1.0)
         publisher.put(b"while it is gone")
         with Router(port):
             assert inbox.wait_for(b"while it is gone", 20)
