@@ -1,1 +1,8 @@
 """The daemon of one roadside unit: video in, stability flags of road segments out."""
+
+import os
+
+# OpenCV reads these once, when it is first imported. Its and FFmpeg's complaints about broken
+# streams would flood standard error; ours are one line each.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from slipstream.config import Settings, load
 from slipstream.errors import InputError
+from slipstream.messages import Identifier
 
 Array = npt.NDArray[np.float64]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -39,7 +40,7 @@ class ImageSize(Settings):
 class SegmentSettings(Settings):
     """The part of a road segment that the camera watches."""
 
-    id: Annotated[str, Field(min_length=1)]
+    id: Identifier
     polygon: Annotated[tuple[Pair, ...], Field(min_length=3, description="m on the road plane.")]
     direction: Pair = Field(description="Direction of travel on the road plane.")
     lanes: Annotated[int, Field(ge=1)] = 1
@@ -78,9 +79,14 @@ class WatchedSegment:
 
     def contains(self, points_m: Array) -> npt.NDArray[np.bool_]:
         """Which points (n, 2), m, lie inside the outline."""
-        contour = self.polygon_m.astype(np.float32).reshape(-1, 1, 2)
+        # Relative to the outline's middle: OpenCV's contours have single precision.
+        middle = self.polygon_m.mean(axis=0)
+        contour = (self.polygon_m - middle).astype(np.float32).reshape(-1, 1, 2)
         return np.array(
-            [cv2.pointPolygonTest(contour, (float(x), float(y)), False) >= 0 for x, y in points_m],
+            [
+                cv2.pointPolygonTest(contour, (float(x), float(y)), False) >= 0
+                for x, y in points_m - middle
+            ],
             dtype=np.bool_,
         )
 
@@ -110,34 +116,41 @@ class Camera:
         self,
         name: str,
         size: tuple[int, int],
-        road_to_image: Array,
+        road_points_m: Array,
+        image_points_px: Array,
         segments: tuple[WatchedSegment, ...],
-        reprojection_error_px: float,
     ) -> None:
+        """Calibrate it from points known on the road and in the picture, both (n, 2), n ≥ 4.
+
+        Raises:
+            ValueError: the points fix no homography.
+        """
         self.name = name
         self.size = size
         self.segments = segments
-        self.reprojection_error_px = reprojection_error_px
-        self._to_image = road_to_image
-        self._to_road: Array = np.asarray(np.linalg.inv(road_to_image), dtype=np.float64)
+        # Relative to the points' middle: with map coordinates of 10⁶ m a homography is ill-posed.
+        self._origin = road_points_m.mean(axis=0)
+        self._to_image = _fit(road_points_m - self._origin, image_points_px)
+        self._to_road: Array = np.asarray(np.linalg.inv(self._to_image), dtype=np.float64)
+        self._road_side = float(np.sign(self._depth(image_points_px).mean()))
+        misses = self.to_image(road_points_m) - image_points_px
+        self.reprojection_error_px = float(np.sqrt(np.mean(np.sum(misses**2, axis=1))))
 
     def to_image(self, points_m: npt.ArrayLike) -> Array:
         """Road points (n, 2), m, to pixels (n, 2)."""
-        return _project(self._to_image, np.asarray(points_m, dtype=np.float64))
+        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
+        return _project(self._to_image, points - self._origin)
 
     def to_road(self, points_px: npt.ArrayLike) -> Array:
         """Pixels (n, 2) to road points (n, 2), m; NaN at and above the horizon."""
         points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
-        scale = points @ self._to_road[2, :2] + self._to_road[2, 2]
-        road = _project(self._to_road, points)
-        road[scale * self._sign_below_horizon <= 1e-9] = np.nan
+        road: Array = _project(self._to_road, points) + self._origin
+        road[self._depth(points) * self._road_side <= 1e-9] = np.nan
         return road
 
-    @property
-    def _sign_below_horizon(self) -> float:
-        centre = self.segments[0].polygon_m.mean(axis=0)
-        pixel = self.to_image(centre.reshape(1, 2))[0]
-        return float(np.sign(pixel @ self._to_road[2, :2] + self._to_road[2, 2]))
+    def _depth(self, points_px: Array) -> Array:
+        """Homogeneous scale of pixels on the road: it changes sign at the horizon."""
+        return np.asarray(points_px @ self._to_road[2, :2] + self._to_road[2, 2])
 
     def jacobian(self, points_px: npt.ArrayLike) -> Array:
         """∂(x, y)/∂(u, v) of `to_road`, m/px, shape (n, 2, 2)."""
@@ -159,24 +172,26 @@ def load_camera(path: Path) -> Camera:
             does not fit its own points, a segment out of the picture, a direction of length zero.
     """
     settings = load(path, CameraSettings)
-    image = np.array([point.image for point in settings.points])
-    road = np.array([point.road for point in settings.points])
-    homography = _fit(road, image, path)
-    error = float(np.sqrt(np.mean(np.sum((_project(homography, road) - image) ** 2, axis=1))))
-    if error > 0.01 * settings.image.width:
+    ids = [segment.id for segment in settings.segments]
+    if len(set(ids)) < len(ids):
+        raise InputError(path, "two segments with one id", "rename one", key="segments.id")
+    try:
+        camera = Camera(
+            settings.name,
+            (settings.image.width, settings.image.height),
+            np.array([point.road for point in settings.points]),
+            np.array([point.image for point in settings.points]),
+            tuple(_watched(segment, path) for segment in settings.segments),
+        )
+    except ValueError as error:
+        raise InputError(path, str(error), "spread the points", key="points") from None
+    if camera.reprojection_error_px > 0.01 * settings.image.width:
         raise InputError(
             path,
-            f"the calibration misses its own points by {error:.1f} px",
+            f"the calibration misses its own points by {camera.reprojection_error_px:.1f} px",
             "check for swapped or mistyped points",
             key="points",
         )
-    camera = Camera(
-        settings.name,
-        (settings.image.width, settings.image.height),
-        homography,
-        tuple(_watched(segment, path) for segment in settings.segments),
-        error,
-    )
     for segment in camera.segments:
         u, v = camera.to_image(segment.polygon_m).T
         if (u.max() < 0) | (u.min() > camera.size[0]) | (v.max() < 0) | (v.min() > camera.size[1]):
@@ -186,17 +201,22 @@ def load_camera(path: Path) -> Camera:
     return camera
 
 
-def _fit(road: Array, image: Array, path: Path) -> Array:
-    for points, key in ((road, "points.road"), (image, "points.image")):
+def _fit(road_m: Array, image_px: Array) -> Array:
+    """Homography from road to picture.
+
+    Raises:
+        ValueError: the points fix none.
+    """
+    for points, plane in ((road_m, "on the road"), (image_px, "in the picture")):
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[1] <= 1e-3 * spread[0]:
-            raise InputError(path, "all points on one line", "spread them over the road", key=key)
-    homography, _ = cv2.findHomography(road, image)
+            raise ValueError(f"all points lie on one line {plane}")
+    homography, _ = cv2.findHomography(road_m, image_px)
     if homography is None or not np.isfinite(homography).all():
-        raise InputError(path, "no homography fits the points", "give other points", key="points")
+        raise ValueError("no homography fits the points")
     matrix = np.asarray(homography, dtype=np.float64)
     if np.linalg.cond(matrix) > 1e12:
-        raise InputError(path, "the points fix no homography", "spread them", key="points")
+        raise ValueError("the points fix no homography")
     return matrix
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections import deque
 
@@ -24,6 +25,7 @@ from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 log = logging.getLogger(__name__)
 
 _RECENT_S = 10.0
+_PATIENCE_S = 30.0
 
 
 def run_edge(settings: EdgeSettings) -> None:
@@ -43,7 +45,8 @@ def run_edge(settings: EdgeSettings) -> None:
         settings.window_s,
     )
     with Service("edge", settings.service) as service, Bus.open(settings.bus) as bus:
-        source = open_source(settings.source)
+        log.info("the calibration fits its points to %.2f px", camera.reprojection_error_px)
+        source = open_source(settings.source, camera.size)
         try:
             EdgeDaemon(settings, camera, pipeline, source, bus, service).run()
         finally:
@@ -88,16 +91,15 @@ class EdgeDaemon:
     def run(self) -> None:
         """Process frames until the service stops or the source ends."""
         self._service.ready()
-        due_s = preview_due_s = time.monotonic()
-        for frame in self._source.frames():
+        due_s = preview_due_s = -math.inf
+        for offered in self._source.frames():
             if self._service.stopping.is_set():
                 break
-            if frame is not None:
-                self._take(frame)
-            now = self._now_s(frame)
+            frame = offered if offered is not None and self._take(offered) else None
+            now = self._now_s(offered)
             if now >= due_s:
                 self._tell("ok" if frame is not None else "no_signal")
-                due_s = max(due_s + self._settings.every_s, now)
+                due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
             if frame is not None and now >= preview_due_s:
                 self._show(frame)
                 preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
@@ -109,7 +111,15 @@ class EdgeDaemon:
             return frame.media_time_s
         return time.monotonic()
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: Frame) -> bool:
+        """Process a frame; False if it is not one of the calibrated size."""
+        height, width = frame.image.shape[:2]
+        if (width, height) != self._camera.size:
+            # A camera that fell back to another stream may return; a clip was checked before.
+            self._source.counters.decode_errors += 1
+            if self._limiter.allow("size"):
+                log.warning("pictures of %d×%d do not fit the calibration", width, height)
+            return False
         self._pipeline.process(frame)
         done = time.monotonic()
         self._frames += 1
@@ -119,10 +129,12 @@ class EdgeDaemon:
             self._recent.popleft()
         metrics.FRAMES.inc()
         metrics.LATENCY.observe(done - frame.captured_s)
+        return True
 
     def _tell(self, status: str) -> None:
         last = self._last_frame
-        idle_s = time.monotonic() - last.captured_s if last and status == "no_signal" else 0.0
+        now = time.monotonic()
+        idle_s = now - last.captured_s if last and status != "ok" else 0.0
         time_ns = last.captured_ns if last and status == "ok" else time.time_ns()
         for state in self._pipeline.states(time_ns, idle_s):
             self._state_publishers[state.segment].put(state)
@@ -130,14 +142,16 @@ class EdgeDaemon:
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()
         if status == "no_signal" and self._limiter.allow("no signal"):
-            log.warning("no picture for %.0f s", idle_s)
+            log.warning("no picture %s", f"for {idle_s:.0f} s" if last else "yet")
         health = self._health(status)
         self._health_publisher.put(health)
         metrics.SKIPPED.set(health.frames_skipped)
         metrics.DECODE_ERRORS.set(health.decode_errors)
         metrics.RECONNECTS.set(health.reconnects)
-        # Waiting for an absent camera is work too: a restart would not bring it back.
-        self._service.progress(f"{status}, {health.fps:.1f} frames a second")
+        # Trying to reach an absent camera is progress too: a restart would not bring it back.
+        stall_s = self._settings.source.stall_s
+        if status == "ok" or now - self._source.counters.tried_s < 2 * stall_s + _PATIENCE_S:
+            self._service.progress(f"{status}, {health.fps:.1f} frames a second")
 
     def _health(self, status: str) -> RsuHealth:
         latencies = [1e3 * latency for _, latency in self._recent]

@@ -16,7 +16,8 @@ class Frame:
 
     Attributes:
         image: BGR, shape (height, width, 3), uint8.
-        media_time_s: time on the source's own clock; never runs back, also when a clip loops.
+        media_time_s: a clip's own time, or a camera frame's time of arrival; never runs back, also
+            when a clip loops.
         captured_ns: UTC when it was taken or read.
         captured_s: the same moment on this machine's monotonic clock, for latencies.
         cut: True if the scene before it is another one (a loop, a reconnect).

@@ -12,6 +12,7 @@ from edge_daemon.sources import SourceSettings
 from edge_daemon.stability import StabilitySettings
 from edge_daemon.tracking import TrackerSettings
 from slipstream.config import BusSettings, ServiceSettings, Settings
+from slipstream.messages import Identifier
 
 
 class PreviewSettings(Settings):
@@ -25,7 +26,7 @@ class PreviewSettings(Settings):
 class EdgeSettings(Settings):
     """Everything that one roadside unit needs to know."""
 
-    rsu: Annotated[str, Field(min_length=1, description="Name of this roadside unit.")]
+    rsu: Identifier = Field(description="Name of this roadside unit.")
     camera: Path = Field(description="Calibration and segments: a camera.toml.")
     source: SourceSettings
     window_s: Annotated[float, Field(ge=2.0, le=60.0)] = 10.0

@@ -18,10 +18,10 @@ from slipstream.messages import KinematicFeatures, UnknownReason
 class StabilitySettings(Settings):
     """Thresholds of the flag and what it needs to be given at all."""
 
-    max_speed_cv: Annotated[float, Field(gt=0)] = Field(
+    max_speed_cv: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.12, description="σ_v / v̄, dimensionless."
     )
-    max_acceleration_variance_m2ps4: Annotated[float, Field(gt=0)] = 0.5
+    max_acceleration_variance_m2ps4: Annotated[float, Field(gt=0, le=100)] = 0.5
     min_vehicles: Annotated[int, Field(ge=1)] = 3
     min_coverage: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.8, description="Share of the window that frames must cover."
@@ -65,6 +65,6 @@ def classify(
     turbulent = mean <= 0 or spread / mean > settings.max_speed_cv or variance.value > limit
     if turbulent:
         return Flag(0, None)
-    if (variance.standard_error or 0.0) > limit:
+    if variance.standard_error is None or variance.standard_error > limit:
         return Flag(None, "uncertain")
     return Flag(1, None)

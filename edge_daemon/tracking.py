@@ -36,8 +36,9 @@ class TrackerSettings(Settings):
     lost_after_s: Annotated[float, Field(gt=0)] = Field(
         default=1.0, description="A track without a detection for so long ends."
     )
-    jerk_mps3: Annotated[float, Field(gt=0)] = Field(
-        default=1.0, description="Spread of the jerk that the filter allows for, m/s³."
+    jerk_noise: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(
+        default=1.0,
+        description="Root of the spectral density of the jerk that the filter allows for, m/s^2.5.",
     )
     max_speed_mps: Annotated[float, Field(gt=0)] = Field(
         default=45.0, description="Spread of the speed of a vehicle just found is half of it."
@@ -128,6 +129,8 @@ class Tracker:
             New sightings of confirmed tracks; those from before a track was confirmed come with
             the detection that confirms it.
         """
+        # First, lest a pause of the source hand a lost track's identity to another vehicle.
+        self._drop_lost(time_s)
         if self._time_s is not None:
             self._predict(max(time_s - self._time_s, 1e-4))
         self._time_s = time_s
@@ -144,7 +147,6 @@ class Tracker:
         taken = set(matched.values())
         for new in sorted(set(np.flatnonzero(sure).tolist()) - taken):
             self._start(time_s, found, new)
-        self._drop_lost(time_s)
         return sightings
 
     def _seen(
@@ -196,7 +198,7 @@ class Tracker:
     def _predict(self, dt: float) -> None:
         if not self._tracks:
             return
-        move, noise = _motion(dt, self._settings.jerk_mps3)
+        move, noise = _motion(dt, self._settings.jerk_noise)
         states = np.stack([t.state for t in self._tracks]) @ move.T
         covariances = move @ np.stack([t.covariance for t in self._tracks]) @ move.T + noise
         for track, state, covariance in zip(self._tracks, states, covariances, strict=True):
@@ -228,10 +230,10 @@ class Tracker:
         track.covariance = (covariance + covariance.T) / 2
 
 
-def _motion(dt: float, jerk: float) -> tuple[Array, Array]:
+def _motion(dt: float, jerk_noise: float) -> tuple[Array, Array]:
     """Transition and process noise of constant acceleration under white jerk, both (6, 6)."""
     one: Array = np.array([[1.0, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
-    noise: Array = jerk**2 * np.array(
+    noise: Array = jerk_noise**2 * np.array(
         [
             [dt**5 / 20, dt**4 / 8, dt**3 / 6],
             [dt**4 / 8, dt**3 / 3, dt**2 / 2],

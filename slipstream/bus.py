@@ -21,6 +21,7 @@ import zenoh
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.messages import Message
+from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
@@ -55,6 +56,7 @@ class _Inbox:
     def __init__(self, name: str, handler: Handler) -> None:
         self._queue: queue.Queue[tuple[str, bytes] | None] = queue.Queue(_QUEUE_SAMPLES)
         self._handler = handler
+        self._limiter = LogLimiter()
         self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
         self._thread.start()
 
@@ -75,7 +77,9 @@ class _Inbox:
             try:
                 self._handler(*item)
             except Exception:
-                log.exception("handler for %s failed", item[0])
+                if self._limiter.allow(""):
+                    held = self._limiter.held("")
+                    log.exception("handler for %s failed (and %d times before)", item[0], held)
 
     def close(self) -> None:
         self._offer(None)

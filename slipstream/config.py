@@ -73,7 +73,7 @@ def check(data: object, model: type[S], source: str | Path) -> S:
 
 
 def load(path: Path, model: type[S]) -> S:
-    """Read and check a settings file; relative paths in it are taken from its own folder.
+    """Read and check a settings file.
 
     Raises:
         InputError: see `read_toml` and `check`.
@@ -95,7 +95,12 @@ def _as_input_error(
         return InputError(source, "unknown key", mend, key=key)
     if first["type"] == "missing":
         return InputError(source, "missing key", "add it", key=key)
-    shown = repr(first.get("input"))
-    if len(shown) > 60:
-        shown = shown[:57] + "..."
-    return InputError(source, f"{problem} (got {shown})", "mend the value", key=key)
+    return InputError(source, problem + _shown(first.get("input")), "mend the value", key=key)
+
+
+def _shown(value: object) -> str:
+    """A faulty value as it may stand in a log: addresses may hold passwords."""
+    if isinstance(value, dict | list) or "://" in str(value):
+        return ""
+    text = repr(value)
+    return f" (got {text if len(text) <= 60 else text[:57] + '...'})"

@@ -120,7 +120,7 @@ class RsuHealth(Message):
     started_ns: TimeNs
     source: str
     segments: tuple[Identifier, ...]
-    status: Literal["ok", "starting", "no_signal", "ended"]
+    status: Literal["ok", "no_signal", "ended"]
     frames: Annotated[int, Field(ge=0)]
     frames_skipped: Annotated[int, Field(ge=0)]
     decode_errors: Annotated[int, Field(ge=0)]
@@ -177,7 +177,7 @@ class SolverReport(Message):
     """What one solver did in one cycle; its objective is re-evaluated, never taken over."""
 
     solver: Identifier
-    status: Literal["optimal", "feasible", "infeasible", "timeout", "failed", "skipped"]
+    status: Literal["optimal", "feasible", "infeasible", "timeout", "failed"]
     objective_kwh: Finite | None = Field(description="H_cost − H_platoon of the plan it led to.")
     repaired: bool = Field(description="True if post-processing was needed to get a valid plan.")
     p_feasible_raw: Annotated[float, Field(ge=0, le=1)] | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -101,7 +102,7 @@ def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
         raise InputError(path, "no such file", "give a SUMO net, or 'demo'")
     try:
         net = sumolib.net.readNet(str(path))
-    except (SAXParseException, OSError, ValueError, KeyError, UnicodeDecodeError) as error:
+    except (SAXParseException, OSError, EOFError, zlib.error, ValueError, KeyError) as error:
         raise InputError(path, f"not a SUMO net: {error}", "build one with netconvert") from None
     edges = [edge for edge in net.getEdges() if not edge.isSpecial()]
     if not edges:

@@ -22,7 +22,7 @@ from slipstream.errors import InputError
 log = logging.getLogger(__name__)
 
 SUPERVISED = "SLIPSTREAM_SUPERVISED"
-"""Set by `slipstream run`: daemons then end with the supervisor, however it ends."""
+"""Process id of `slipstream run`: what it starts ends with it, however it ends."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -63,6 +63,17 @@ def die_with_parent(signal_number: int = signal.SIGKILL) -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal_number), 0, 0, 0)
 
 
+def follow_supervisor() -> None:
+    """Tie this process to the supervisor that started it, if one did; call it first of all."""
+    supervisor = os.environ.get(SUPERVISED)
+    if supervisor is None:
+        return
+    die_with_parent()
+    # Had it ended before, the kernel's signal would never come.
+    if str(os.getppid()) != supervisor:
+        os._exit(1)
+
+
 def rss_mb() -> float:
     """Resident memory of this process, MB (10^6 bytes)."""
     return float(psutil.Process().memory_info().rss) / 1e6
@@ -85,8 +96,6 @@ class Service:
 
     def __enter__(self) -> Self:
         """Raises InputError if the metrics port is taken."""
-        if os.environ.get(SUPERVISED):
-            die_with_parent()
         for number in (signal.SIGTERM, signal.SIGINT):
             self._previous[number] = signal.signal(number, self._stop)
         port = self._settings.metrics_port
@@ -103,11 +112,13 @@ class Service:
         return self
 
     def __exit__(self, *_: object) -> None:
-        notify("STOPPING=1")
+        if not self.stopping.is_set():
+            notify("STOPPING=1")
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def _stop(self, number: int, _frame: FrameType | None) -> None:
+        notify("STOPPING=1")
         self.stopping.set()
 
     def ready(self) -> None:

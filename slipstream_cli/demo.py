@@ -18,6 +18,7 @@ import tomli_w
 from slipstream import __version__
 from slipstream.config import Settings
 from slipstream.errors import InputError
+from slipstream.service import SUPERVISED
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ def _render(roadside: Roadside, target: Path, stopping: threading.Event) -> None
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         start_new_session=True,
+        env=os.environ | {SUPERVISED: str(os.getpid())},
     )
     while process.poll() is None and not stopping.wait(0.1):
         pass

@@ -7,10 +7,11 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Final
+from typing import Final, NoReturn
 
 from slipstream import __version__
 from slipstream.errors import InputError
+from slipstream.service import follow_supervisor
 
 COMMANDS: Final = ("run", "edge", "dispatcher", "dashboard", "check", "clip", "db")
 
@@ -33,9 +34,16 @@ _EXTRA_OF: Final = {
 }
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong with the command line in one line, as for all bad input."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_BAD_INPUT, f"slipstream: {message}; see {self.prog} --help\n")
+
+
 def parser() -> argparse.ArgumentParser:
     """The whole command line; sub-commands load their daemons only when they run."""
-    top = argparse.ArgumentParser(
+    top = _Parser(
         prog="slipstream",
         description="Platoons where traffic is calm: roadside perception, cooperative routing.",
         epilog="Exit status: 0 on success, 2 on bad input, 1 on other faults.",
@@ -49,6 +57,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status."""
+    follow_supervisor()
     options = parser().parse_args(arguments)
     try:
         return int(options.run(options))

@@ -87,7 +87,9 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             "processes_restarted": supervisor.restarted,
         }
         print(json.dumps(figures))
-    return 2 if supervisor.refused else 0
+    if supervisor.refused:
+        return 2
+    return 1 if supervisor.given_up else 0
 
 
 def _watch(
@@ -115,7 +117,9 @@ def _watch(
 
 def _http_status(address: str) -> int | None:
     try:
-        with urllib.request.urlopen(address, timeout=2.0) as answer:
+        # Past any proxy of the environment: it is this machine's own page.
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        with opener.open(address, timeout=2.0) as answer:
             return int(answer.status)
     except urllib.error.HTTPError as error:
         return int(error.code)

@@ -39,11 +39,13 @@ class Supervisor:
     Attributes:
         restarted: how often a process was started again.
         refused: name of a process that ended for bad input and so is not started again.
+        given_up: names of processes that died too often.
     """
 
     def __init__(self, log: TextIO) -> None:
         self.restarted = 0
         self.refused: str | None = None
+        self.given_up: list[str] = []
         self._log = log
         self._log_lock = threading.Lock()
         self._children: list[_Child] = []
@@ -86,6 +88,7 @@ class Supervisor:
             child.restarts.popleft()
         if len(child.restarts) >= RESTARTS_A_MINUTE:
             child.given_up = True
+            self.given_up.append(child.name)
             self.say(child.name, f"died {RESTARTS_A_MINUTE + 1} times in a minute; given up")
             return
         wait_s = _FIRST_WAIT_S * 2 ** len(child.restarts)
@@ -104,7 +107,7 @@ class Supervisor:
             errors="replace",
             bufsize=1,
             start_new_session=True,
-            env=os.environ | {SUPERVISED: "1", "PYTHONUNBUFFERED": "1"},
+            env=os.environ | {SUPERVISED: str(os.getpid()), "PYTHONUNBUFFERED": "1"},
         )
         child.printer = threading.Thread(
             target=self._print, args=(child.name, child.process), daemon=True

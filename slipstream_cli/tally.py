@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from dataclasses import dataclass, field
 
@@ -18,40 +19,49 @@ from slipstream.messages import (
     VehiclePlan,
     decode,
 )
+from slipstream.service import LogLimiter
+
+log = logging.getLogger(__name__)
 
 
 @dataclass
 class Tally:
-    """What was seen on the bus since `listen`.
+    """What was seen on the bus since `listen`; it does not grow with time.
 
     Attributes:
-        health: last health of each run of each RSU, by (RSU, start time).
+        frames: frames that ended runs of each RSU had processed.
+        health: last health of each RSU.
         states: last state of each segment.
         state_count: states seen.
-        cycles: last report of each cycle, by number.
-        plans: (vehicle, cycle) of each plan seen.
-        bad: messages that were not what their key promises.
+        cycle_count: cycles seen that gave an energy.
+        last_cycle: the newest of them.
+        plan_count: plans seen.
     """
 
-    health: dict[tuple[str, int], RsuHealth] = field(default_factory=dict)
+    frames: int = 0
+    health: dict[str, RsuHealth] = field(default_factory=dict)
     states: dict[str, SegmentState] = field(default_factory=dict)
     state_count: int = 0
-    cycles: dict[int, CycleReport] = field(default_factory=dict)
-    plans: set[tuple[str, int]] = field(default_factory=set)
-    bad: int = 0
+    cycle_count: int = 0
+    last_cycle: CycleReport | None = None
+    plan_count: int = 0
+    _last_plan: dict[str, int] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
+    _limiter: LogLimiter = field(default_factory=LogLimiter)
 
     def listen(self, bus: Bus) -> None:
         """Count from now on."""
         for key in (ALL_STATES, ALL_RSU_HEALTH, CYCLE_KEY, ALL_PLANS):
-            bus.subscribe(key, self._take)
+            bus.subscribe(key, self.take)
 
-    def _take(self, key: str, payload: bytes) -> None:
+    def take(self, key: str, payload: bytes) -> None:
+        """Count one message."""
         with self._lock:
             try:
                 self._count(key, payload)
-            except InputError:
-                self.bad += 1
+            except InputError as error:
+                if self._limiter.allow("bad"):
+                    log.warning("%s", error)
 
     def _count(self, key: str, payload: bytes) -> None:
         if key.endswith("/state"):
@@ -60,24 +70,30 @@ class Tally:
             self.states[state.segment] = state
         elif key.endswith("/plan"):
             plan = decode(VehiclePlan, payload, key)
-            self.plans.add((plan.vehicle, plan.cycle))
+            self.plan_count += plan.cycle > self._last_plan.get(plan.vehicle, -1)
+            self._last_plan[plan.vehicle] = plan.cycle
         elif key == CYCLE_KEY:
             report = decode(CycleReport, payload, key)
-            self.cycles[report.cycle] = report
+            newer = self.last_cycle is None or report.cycle > self.last_cycle.cycle
+            if report.energy is not None and newer:
+                self.cycle_count += 1
+                self.last_cycle = report
         else:
             health = decode(RsuHealth, payload, key)
-            self.health[health.rsu, health.started_ns] = health
+            before = self.health.get(health.rsu)
+            if before is not None and before.started_ns != health.started_ns:
+                self.frames += before.frames
+            self.health[health.rsu] = health
 
     def summary(self) -> dict[str, object]:
         """The figures, ready for JSON."""
         with self._lock:
-            finished = [c for c in self.cycles.values() if c.energy is not None]
-            energy = max(finished, key=lambda c: c.cycle).energy if finished else None
+            energy = self.last_cycle.energy if self.last_cycle else None
             return {
-                "frames": sum(h.frames for h in self.health.values()),
+                "frames": self.frames + sum(h.frames for h in self.health.values()),
                 "segment_states": self.state_count,
-                "cycles": len(finished),
-                "plans": len(self.plans),
+                "cycles": self.cycle_count,
+                "plans": self.plan_count,
                 "y_e": {s.segment: s.y_e for s in self.states.values()},
                 "energy_kwh": {
                     "baseline": energy.baseline_kwh if energy else None,

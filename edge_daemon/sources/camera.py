@@ -18,6 +18,8 @@ log = logging.getLogger(__name__)
 
 _FIRST_WAIT_S = 0.5
 _LONGEST_WAIT_S = 30.0
+_BACKLOG_S = 0.004
+_HOLE_S = 0.5
 
 
 def without_password(url: str) -> str:
@@ -39,9 +41,10 @@ def open_camera(url: str, stall_s: float) -> LiveSource:
 
     def capture(offer: Offer, stopping: threading.Event, counters: SourceCounters) -> None:
         wait_s = _FIRST_WAIT_S
-        began = time.monotonic()
+        began = last = time.monotonic()
         connected_before = False
         while not stopping.is_set():
+            counters.tried_s = time.monotonic()
             stream = cv2.VideoCapture(
                 url,
                 cv2.CAP_FFMPEG,
@@ -58,6 +61,13 @@ def open_camera(url: str, stall_s: float) -> LiveSource:
                 if not ok or image is None:
                     break
                 now = time.monotonic()
+                since, last = now - last, now
+                counters.tried_s = now
+                if since < _BACKLOG_S:
+                    # What piled up during a stall comes at once: its times are not its own.
+                    counters.skipped += 1
+                    continue
+                cut = cut or (connected_before and since > _HOLE_S)
                 offer(Frame(image, now - began, time.time_ns(), now, cut))  # type: ignore[arg-type]
                 cut, connected_before, wait_s = False, True, _FIRST_WAIT_S
             stream.release()

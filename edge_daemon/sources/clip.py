@@ -14,6 +14,7 @@ from edge_daemon.frame import Frame
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
 from slipstream.errors import InputError
+from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +32,7 @@ class ClipReader:
         self.fps = fps if 0 < fps <= _MAX_FPS else 30.0
         self._expected = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         self.counters = SourceCounters()
+        self._limiter = LogLimiter()
 
     def read_all(self) -> Iterator[tuple[float, bool, cv2.typing.MatLike]]:
         """(media time in s, cut, picture) of each frame; ends with the clip unless it loops."""
@@ -38,6 +40,7 @@ class ClipReader:
         while True:
             shown, last = 0, start - 1 / self.fps
             while True:
+                self.counters.tried_s = time.monotonic()
                 ok, image = self._capture.read()
                 if not ok or image is None:
                     break
@@ -49,12 +52,13 @@ class ClipReader:
                 shown += 1
             if shown < 0.98 * self._expected:
                 self.counters.decode_errors += 1
-                log.warning(
-                    "%s: %d of %d frames could be read; the rest is lost",
-                    self.path,
-                    shown,
-                    self._expected,
-                )
+                if self._limiter.allow("short"):
+                    log.warning(
+                        "%s: %d of %d frames could be read; the rest is lost",
+                        self.path,
+                        shown,
+                        self._expected,
+                    )
             if not self._loop or shown == 0:
                 return
             start = last + 1 / self.fps
@@ -65,20 +69,33 @@ class ClipReader:
         self._capture.release()
 
 
-def open_clip(path: Path, *, loop: bool) -> ClipReader:
+def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) -> ClipReader:
     """Open a video file.
 
+    Args:
+        path: the file.
+        loop: start again at its end.
+        size: (width, height) that it must have, px; None takes any.
+
     Raises:
-        InputError: it is missing, no video, or its first frame cannot be decoded.
+        InputError: it is missing, no video, of another size, or its first frame is unreadable.
     """
     if not path.is_file():
         raise InputError(path, "no such video", "check the path")
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    ok = capture.isOpened() and capture.read()[0]
-    if not ok:
+    first = capture.read()[1] if capture.isOpened() else None
+    if first is None:
         capture.release()
         raise InputError(
             path, "not a readable video (truncated, or no video stream)", "record or copy it again"
+        )
+    height, width = first.shape[:2]
+    if size not in (None, (width, height)):
+        capture.release()
+        raise InputError(
+            path,
+            f"its pictures are {width}×{height} px, the calibration is for {size[0]}×{size[1]}",
+            "calibrate this camera",
         )
     capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
     return ClipReader(path, capture, loop=loop)

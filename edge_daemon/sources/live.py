@@ -30,6 +30,7 @@ class LiveSource:
         self._changed = threading.Condition()
         self._newest: Frame | None = None
         self._ended = False
+        self._fault: Exception | None = None
         self._stopping = threading.Event()
         self._thread = threading.Thread(
             target=self._run, args=(capture, name), name=f"capture {name}", daemon=True
@@ -39,8 +40,9 @@ class LiveSource:
     def _run(self, capture: Capture, name: str) -> None:
         try:
             capture(self._offer, self._stopping, self.counters)
-        except Exception:
-            log.exception("capture of %s failed", name)
+        except Exception as fault:
+            log.error("capture of %s failed: %s", name, fault)
+            self._fault = fault
         finally:
             with self._changed:
                 self._ended = True
@@ -58,12 +60,18 @@ class LiveSource:
             self._changed.notify()
 
     def frames(self) -> Iterator[Frame | None]:
-        """Frames as they come; None once a second while there is none."""
+        """Frames as they come; None once a second while there is none.
+
+        Raises:
+            Exception: what ended the capture, if it was a fault.
+        """
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._newest is not None or self._ended, timeout=1.0)
                 frame, self._newest = self._newest, None
                 if frame is None and (self._ended or self._stopping.is_set()):
+                    if self._fault is not None:
+                        raise self._fault
                     return
             yield frame
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
+import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal, Protocol, Self
 
@@ -13,10 +13,6 @@ from pydantic import Field, model_validator
 from edge_daemon.frame import Frame
 from slipstream.config import Settings
 from slipstream.errors import InputError
-
-# FFmpeg writes its complaints about broken streams to standard error; ours are one line each.
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
 
 
 class SourceSettings(Settings):
@@ -30,7 +26,7 @@ class SourceSettings(Settings):
     pace: Literal["real_time", "fast"] = Field(
         default="real_time", description="Play a clip at its own speed, or every frame at once."
     )
-    stall_s: Annotated[float, Field(gt=0)] = Field(
+    stall_s: Annotated[float, Field(gt=0, le=300)] = Field(
         default=5.0, description="A camera that sends nothing for so long is reconnected."
     )
 
@@ -45,11 +41,19 @@ class SourceSettings(Settings):
 
 @dataclass
 class SourceCounters:
-    """What happened to the frames of a source since its start."""
+    """What happened to the frames of a source since its start.
+
+    Attributes:
+        skipped: frames that a newer one replaced before they were processed.
+        decode_errors: pictures or clip ends that could not be used.
+        reconnects: times that the camera was lost.
+        tried_s: monotonic time of the last attempt to read or connect; old if capture hangs.
+    """
 
     skipped: int = 0
     decode_errors: int = 0
     reconnects: int = 0
+    tried_s: float = field(default_factory=time.monotonic)
 
 
 class FrameSource(Protocol):
@@ -66,17 +70,22 @@ class FrameSource(Protocol):
         ...
 
 
-def open_source(settings: SourceSettings) -> FrameSource:
+def open_source(settings: SourceSettings, size: tuple[int, int] | None = None) -> FrameSource:
     """Open the source that the settings ask for.
 
+    Args:
+        settings: clip or camera.
+        size: (width, height) of the calibrated picture, px; None takes any.
+
     Raises:
-        InputError: a clip that is missing or no video. An absent camera is waited for.
+        InputError: a clip that is missing, no video, or of another size. An absent camera is
+            waited for.
     """
-    # Imported here, after the environment is set: OpenCV reads it once.
+    # Imported here: these modules need this one.
     if settings.clip is not None:
         from edge_daemon.sources.clip import FastClip, open_clip, paced_clip
 
-        reader = open_clip(settings.clip, loop=settings.loop)
+        reader = open_clip(settings.clip, loop=settings.loop, size=size)
         return FastClip(reader) if settings.pace == "fast" else paced_clip(reader)
     if settings.url is None:
         raise InputError("source", "neither clip nor url", "give one of them")

@@ -24,6 +24,28 @@ def test_the_road_maps_to_the_picture_and_back(camera: Camera, x: float, y: floa
     assert camera.to_road(pixel)[0] == pytest.approx((x, y), abs=1e-4)
 
 
+def test_map_coordinates_of_a_million_metres_work_as_well(tmp_path: Path) -> None:
+    """The road's origin may be anywhere, as in UTM coordinates."""
+    east, north = 608_000.0, 4_731_000.0
+    lines = []
+    for line in camera_toml().splitlines():
+        if line.startswith("road = "):
+            x, y = (float(v) for v in line[8:-1].split(","))
+            line = f"road = [{x + east}, {y + north}]"
+        elif line.startswith("polygon = "):
+            outline = [(20.0, 0.0), (80.0, 0.0), (80.0, 7.0), (20.0, 7.0)]
+            line = f"polygon = {[[x + east, y + north] for x, y in outline]}"
+        lines.append(line)
+    path = tmp_path / "utm.toml"
+    path.write_text("\n".join(lines))
+    camera = load_camera(path)
+    pixel = project([[50.0, 3.0]])
+    assert camera.to_road(pixel)[0] - (east, north) == pytest.approx((50.0, 3.0), abs=1e-3)
+    (segment,) = camera.segments
+    points = np.array([[east + 50.0, north + 0.05], [east + 50.0, north - 0.05]])
+    assert segment.contains(points).tolist() == [True, False]
+
+
 def test_the_sky_is_no_road(camera: Camera) -> None:
     """Pixels above the horizon have no road point."""
     assert np.isnan(camera.to_road([[640.0, 5.0]])).all()
@@ -52,6 +74,12 @@ def test_segments_know_their_length_lanes_and_inside(camera: Camera) -> None:
     assert segment.along(points)[0] == pytest.approx(-50.0)
 
 
+SECOND_APPROACH = """
+[[segments]]
+id = "approach"
+polygon = [[20.0, -7.0], [80.0, -7.0], [80.0, 0.0]]
+direction = [1.0, 0.0]
+"""
 LINE = [(20.0, 2.0), (40.0, 2.0), (60.0, 2.0), (80.0, 2.0)]
 
 
@@ -67,6 +95,7 @@ LINE = [(20.0, 2.0), (40.0, 2.0), (60.0, 2.0), (80.0, 2.0)]
         (camera_toml().replace("[-1.0, 0.0]", "[0.0, 0.0]"), "direction"),
         (camera_toml().replace("road = [20, -8]", "road = [80, 8]"), "misses its own points"),
         (camera_toml().replace("20.0, 0.0", "inf, 0.0"), "polygon"),
+        (camera_toml(extra=SECOND_APPROACH), "two segments with one id"),
     ],
 )
 def test_unusable_calibrations_are_one_line(tmp_path: Path, text: str, problem: str) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from edge_daemon.stability import Flag, StabilitySettings, classify
+from slipstream.config import check
+from slipstream.errors import InputError
 from slipstream.messages import Estimate, KinematicFeatures
 
 
@@ -37,6 +39,23 @@ def features(
 def test_the_papers_rule(given: KinematicFeatures, expected: Flag) -> None:
     """CV ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴, both inclusive; standing traffic is not stable."""
     assert classify(given, 5, 300, 1.0, StabilitySettings()) == expected
+
+
+def test_a_variance_of_unknown_error_is_not_taken_for_sure() -> None:
+    """No standard error, no stable flag."""
+    unsure = features().model_copy(
+        update={"acceleration_variance_m2ps4": Estimate(value=0.1, standard_error=None)}
+    )
+    assert classify(unsure, 5, 300, 1.0, StabilitySettings()) == Flag(None, "uncertain")
+
+
+@pytest.mark.parametrize(
+    "setting", [{"max_speed_cv": 12.0}, {"max_acceleration_variance_m2ps4": float("inf")}]
+)
+def test_thresholds_that_would_pass_everything_are_refused(setting: dict[str, float]) -> None:
+    """12 % is 0.12."""
+    with pytest.raises(InputError, match=next(iter(setting))):
+        check(setting, StabilitySettings, "edge.toml")
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,16 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:
             load(path, Example)
 
 
+def test_passwords_in_addresses_are_not_shown(tmp_path: Path) -> None:
+    """A faulty address is named by its key, not by its content."""
+    path = tmp_path / "example.toml"
+    path.write_text("name = 'x'\n[bus]\nconnect = 'tls/user:hunter2@host://x'")
+    with pytest.raises(InputError) as caught:
+        load(path, Example)
+    assert "bus.connect" in str(caught.value)
+    assert "hunter2" not in str(caught.value)
+
+
 def test_binary_is_not_toml(tmp_path: Path) -> None:
     """A file that is no text is refused."""
     path = tmp_path / "x.toml"

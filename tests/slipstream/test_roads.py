@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,14 @@ def test_the_demo_network_is_whole() -> None:
         assert any(back.end == segment.start for back in network.leaving[segment.end])
         for following in network.follows[segment.id]:
             assert network.segments[following].start == segment.end
+
+
+def test_a_truncated_archive_is_refused(tmp_path: Path) -> None:
+    """A download that broke off is one line as well."""
+    path = tmp_path / "x.net.xml.gz"
+    path.write_bytes(gzip.compress(b"<net>" + b" " * 10_000)[:-10])
+    with pytest.raises(InputError, match=r"x\.net\.xml\.gz"):
+        load_network(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"not xml", b"<net></net>", b"<routes/>", b"\xff\x00"])

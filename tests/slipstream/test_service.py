@@ -44,6 +44,23 @@ def test_without_systemd_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> Non
     notify("READY=1")
 
 
+def test_systemd_hears_of_the_stop_before_the_work_of_stopping(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The signal itself is answered, once."""
+    path = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(str(path))
+        receiver.settimeout(2)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(path))
+        with Service("test", ServiceSettings()):
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert receiver.recv(100).decode() == "STOPPING=1"
+        receiver.settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            receiver.recv(100)
+
+
 def test_sigterm_asks_the_daemon_to_stop() -> None:
     """The first signal sets `stopping`; the handlers are given back."""
     before = signal.getsignal(signal.SIGTERM)
@@ -79,12 +96,12 @@ def test_metrics_are_served_on_loopback() -> None:
 def test_a_supervised_daemon_ends_with_its_supervisor() -> None:
     """Also when the supervisor is killed outright."""
     child = (
-        "from slipstream.service import *; from slipstream.config import ServiceSettings\n"
-        "import time\n"
-        "with Service('c', ServiceSettings()): print('up', flush=True); time.sleep(60)"
+        "from slipstream.service import follow_supervisor; import time\n"
+        "follow_supervisor(); print('up', flush=True); time.sleep(60)"
     )
     parent = (
-        "import subprocess, sys, time\n"
+        "import os, subprocess, sys, time\n"
+        "os.environ['SLIPSTREAM_SUPERVISED'] = str(os.getpid())\n"
         f"p = subprocess.Popen([sys.executable, '-c', {child!r}], stdout=subprocess.PIPE)\n"
         "p.stdout.readline(); print(p.pid, flush=True); time.sleep(60)"
     )
@@ -92,7 +109,6 @@ def test_a_supervised_daemon_ends_with_its_supervisor() -> None:
         [sys.executable, "-c", parent],
         stdout=subprocess.PIPE,
         text=True,
-        env=os.environ | {"SLIPSTREAM_SUPERVISED": "1"},
     )
     assert process.stdout is not None
     orphan = int(process.stdout.readline())
@@ -103,6 +119,21 @@ def test_a_supervised_daemon_ends_with_its_supervisor() -> None:
     while _runs(orphan) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _runs(orphan)
+
+
+def test_a_daemon_whose_supervisor_is_gone_already_does_not_start() -> None:
+    """A kill between fork and the kernel's promise leaves no orphan either."""
+    result = subprocess.run(
+        [
+            *(sys.executable, "-c"),
+            "from slipstream.service import follow_supervisor; follow_supervisor(); print('up')",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"SLIPSTREAM_SUPERVISED": "1"},
+    )
+    assert (result.returncode, result.stdout) == (1, "")
 
 
 def _runs(pid: int) -> bool:

@@ -130,6 +130,12 @@ def test_run_refuses_numbers_that_make_no_sense(arguments: tuple[str, str]) -> N
     assert arguments[0] in one_line(slipstream("run", *arguments))
 
 
+@pytest.mark.parametrize("arguments", [(), ("fly",), ("run", "--sekonds", "3"), ("edge",)])
+def test_a_wrong_command_line_is_one_line(arguments: tuple[str, ...]) -> None:
+    """It says what is wrong and where to read on."""
+    assert "--help" in one_line(slipstream(*arguments))
+
+
 def test_a_missing_extra_is_named() -> None:
     """Without its packages a daemon says what to install."""
     code = (
