@@ -52,3 +52,15 @@ def test_odd_characters_in_the_path(tmp_path, make_cycle):
     with storage.open_database(url) as database, storage.open_reader(url) as reader:
         database.record_cycle(*make_cycle(1))
         assert reader.latest_cycle() == make_cycle(1)[0]
+
+
+def test_reading_again_compiles_nothing_new(url, make_cycle):
+    """A dashboard that reads every few seconds for months keeps no statement twice."""
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(*make_cycle(1))
+        compiled = reader._engine._compiled_cache
+        reader.latest_cycle()
+        once = len(compiled)
+        for _ in range(5):
+            reader.latest_cycle()
+        assert 0 < len(compiled) == once
