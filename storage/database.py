@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final, Self
@@ -68,34 +69,46 @@ class Database:
         with self._writing() as session:
             return (session.scalar(select(func.max(CycleRow.cycle))) or 0) + 1
 
-    def prune(self, keep_days: float, now_ns: int) -> int:
+    def prune(self, keep_days: float, now_ns: int, *, limit: int | None = None) -> int:
         """Delete cycles that began more than ``keep_days`` before ``now_ns``.
 
         The latest cycle always stays, so that cycle numbers never start again.
+
+        Args:
+            keep_days: age limit, days.
+            now_ns: UTC.
+            limit: delete no more cycles than this, the oldest ones; None: all that are too old.
 
         Returns:
             How many cycles were deleted.
 
         Raises:
-            ValueError: ``keep_days`` is negative.
+            InputError: ``keep_days`` is negative or not finite.
             StorageError: the database cannot be written; batches already deleted stay deleted.
         """
-        if not keep_days >= 0:
-            raise ValueError(f"keep_days is {keep_days}, must be >= 0")
-        before_ns = now_ns - int(keep_days * 86_400e9)
+        if not (math.isfinite(keep_days) and keep_days >= 0):
+            raise InputError(
+                self._source,
+                f"cycles cannot be kept for {keep_days} days",
+                "give a number of days, 0 or more",
+                key="keep_days",
+            )
+        # No cycle began before 1970, and SQLite takes no number beyond 64 bits.
+        before_ns = max(0, now_ns - int(min(keep_days * 86_400e9, 2.0**63)))
         pruned = 0
         while True:
+            most = PRUNE_BATCH if limit is None else min(PRUNE_BATCH, limit - pruned)
             with self._writing() as session:
                 latest = session.scalar(select(func.max(CycleRow.cycle)))
                 batch = session.scalars(
                     select(CycleRow.cycle)
                     .where(CycleRow.started_ns < before_ns, CycleRow.cycle != latest)
                     .order_by(CycleRow.started_ns)
-                    .limit(PRUNE_BATCH)
+                    .limit(most)
                 ).all()
                 session.execute(delete(CycleRow).where(CycleRow.cycle.in_(batch)))
             pruned += len(batch)
-            if len(batch) < PRUNE_BATCH:
+            if len(batch) < PRUNE_BATCH or pruned == limit:
                 return pruned
 
     def close(self) -> None:
@@ -119,15 +132,17 @@ class Database:
             raise StorageError(f"{self._source}: {error.orig}") from error
 
 
-def open_database(url: str) -> Database:
-    """Open the database for its one writer; make it, or bring its schema up, where needed.
+def open_database(url: str, *, create: bool = True) -> Database:
+    """Open the database for its one writer; bring its schema up where needed.
 
     Args:
         url: such as ``sqlite:////var/lib/slipstream/slipstream.db``.
+        create: make the database where there is none; otherwise it is refused.
 
     Raises:
-        InputError: the URL is none, or what it names is a directory, not writable, not a
-            database, damaged, another program's, or of a newer version.
+        InputError: the URL is none, or what it names is not there though it should be, a
+            directory, not writable, not a database, damaged, another program's, or of a newer
+            version.
     """
     parsed = parse_url(url)
     source = shown(parsed)
@@ -135,6 +150,8 @@ def open_database(url: str) -> Database:
         path = sqlite_path(parsed)
         if path.is_dir():
             raise InputError(source, "is a directory", "give a file in it")
+        if not create and not path.exists():
+            raise InputError(source, "no such file", "check the path")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -147,6 +164,8 @@ def open_database(url: str) -> Database:
             # Through the reader first: the writer's pragmas would already change a strange file.
             with _looking(parsed) as connection:
                 schema.refuse_foreign(connection, source)
+                if not create and schema.current(connection) is None:
+                    raise InputError(source, "holds no Slipstream database", "check the path")
         with engine.begin() as connection:
             schema.upgrade(connection)
     except DBAPIError as error:

@@ -17,8 +17,14 @@ from slipstream.errors import InputError
 BUSY_TIMEOUT_MS: Final = 10_000
 
 
-class StorageError(Exception):
-    """The database could not be read or written now: disk full, locked, damaged, gone."""
+class StorageError(OSError):
+    """The database could not be read or written now: disk full, locked, damaged, gone.
+
+    One line; no InputError, since nobody has to have made a mistake for it and it may pass.
+    """
+
+    def __init__(self, line: str) -> None:
+        super().__init__(" ".join(line.split()))
 
 
 def parse_url(url: str) -> URL:

@@ -121,8 +121,30 @@ def test_prune_in_batches(url, make_cycle, monkeypatch):
             assert _count(url, table) == 6
         assert database.prune(keep_days=0.0, now_ns=now_ns + DAY_NS) == 2
         assert database.next_cycle_number() == 11
-        with pytest.raises(ValueError, match="keep_days"):
-            database.prune(keep_days=-1.0, now_ns=now_ns)
+
+
+@pytest.mark.parametrize("keep_days", [-1.0, float("nan"), float("inf"), float("-inf")])
+def test_prune_refuses_ages_that_are_none(url, make_cycle, keep_days):
+    """A limit that is negative or no number is refused by its name and deletes nothing."""
+    with storage.open_database(url) as database:
+        for number in (1, 2):
+            database.record_cycle(*make_cycle(number))
+        with pytest.raises(InputError, match="cannot be kept for") as caught:
+            database.prune(keep_days=keep_days, now_ns=2**62)
+        assert caught.value.key == "keep_days"
+        assert database.prune(keep_days=1e300, now_ns=2**62) == 0
+    assert _count(url, "cycles") == 2
+
+
+def test_prune_can_be_limited(url, make_cycle, monkeypatch):
+    """A limited prune deletes the oldest so many, over several batches, and leaves the rest."""
+    monkeypatch.setattr("storage.database.PRUNE_BATCH", 3)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        for number in range(1, 11):
+            database.record_cycle(*make_cycle(number))
+        for limit, deleted, first in ((4, 4, 5), (3, 3, 8), (9, 2, 10)):
+            assert database.prune(0.0, 2**62, limit=limit) == deleted
+            assert reader.cycles(limit=10)[0].cycle == first
 
 
 def test_reading_while_writing(url, make_cycle):
@@ -233,6 +255,29 @@ def test_bad_urls(url, line):
     """A URL that leads nowhere is refused in one line."""
     with pytest.raises(InputError, match=line):
         storage.open_database(url)
+
+
+def test_opening_without_creating(url, tmp_path, make_cycle):
+    """With ``create=False`` only a database that is there is opened, and nothing is made."""
+    empty = tmp_path / "empty.db"
+    empty.touch()
+    for address, line in ((url, "no such file"), (f"sqlite:///{empty}", "holds no Slipstream")):
+        with pytest.raises(InputError, match=line):
+            storage.open_database(address, create=False)
+    assert not _file_of(url).parent.exists()
+    assert empty.stat().st_size == 0
+    with storage.open_database(url) as database:
+        database.record_cycle(*make_cycle(1))
+    with storage.open_database(url, create=False) as database:
+        assert database.next_cycle_number() == 2
+
+
+def test_faults_of_the_moment_are_one_line():
+    """A database that cannot be written now is an I/O fault of one line, nobody's bad input."""
+    error = storage.StorageError("/x.db: database or disk\n is full")
+    assert isinstance(error, OSError)
+    assert not isinstance(error, InputError)
+    assert str(error) == "/x.db: database or disk is full"
 
 
 def test_locked_by_another_writer(url, monkeypatch):
