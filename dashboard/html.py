@@ -82,7 +82,7 @@ def summary(view: DashboardView) -> str:
             )
     problems = "".join(f"<div><small>⚠ {text(line, 200)}</small></div>" for line in view.problems)
     colour = markup.css(markup.LEVEL_RGB[view.headline_level])
-    dispatcher = f"{markup.dot(view.dispatcher_level)} {text(view.dispatcher)}"
+    dispatcher = f"{markup.dot(view.dispatcher_level)} {text(view.dispatcher, 160)}"
     return (
         f'<div class="sl"><div class="head" style="color:{colour}">{text(view.headline)}</div>'
         f'<div class="m">{dispatcher}</div>{problems}'

@@ -10,6 +10,7 @@ from typing import Final, TypeVar
 from urllib.parse import unquote
 
 from slipstream.errors import InputError
+from slipstream.freshness import is_ahead
 from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
@@ -42,8 +43,9 @@ class Snapshot:
         states: latest SegmentState by segment and RSU.
         rsus: latest RsuHealth by RSU.
         plans: latest VehiclePlan by vehicle.
-        cycles: reports by age, the oldest first.
+        cycles: reports by number, the lowest first.
         dispatcher: latest DispatcherHealth.
+        cycle_failed_ns: UTC at which its count of failed cycles was last seen to rise.
         previews: latest JPEG and the UTC ns of its arrival, by RSU.
         history_problem: why the stored history cannot be read; None where it can.
     """
@@ -53,6 +55,7 @@ class Snapshot:
     plans: Mapping[str, VehiclePlan] = field(default_factory=dict)
     cycles: Sequence[CycleReport] = ()
     dispatcher: DispatcherHealth | None = None
+    cycle_failed_ns: int | None = None
     previews: Mapping[str, tuple[bytes, int]] = field(default_factory=dict)
     history_problem: str | None = None
 
@@ -62,7 +65,8 @@ class LiveData:
 
     Args:
         history_cycles: how many cycle reports to keep.
-        clock_ns: UTC in ns; stamps pictures, which carry no time of their own.
+        clock_ns: UTC in ns; stamps pictures, which carry no time of their own, and tells what is
+            dated ahead: that gives way to whatever comes, or a clock set back would block the page.
     """
 
     def __init__(self, history_cycles: int, clock_ns: Callable[[], int]) -> None:
@@ -75,6 +79,7 @@ class LiveData:
         self._cycles: dict[int, CycleReport] = {}
         self._previews: OrderedDict[str, tuple[bytes, int]] = OrderedDict()
         self._dispatcher: DispatcherHealth | None = None
+        self._cycle_failed_ns: int | None = None
         self._history_problem: str | None = None
 
     def on_state(self, key: str, payload: bytes) -> None:
@@ -107,6 +112,13 @@ class LiveData:
         health = decode(DispatcherHealth, payload, key)
         _require(key, DISPATCHER_HEALTH_KEY)
         with self._lock:
+            held = self._dispatcher
+            if (
+                held is not None
+                and held.started_ns == health.started_ns
+                and held.cycles_failed < health.cycles_failed
+            ):
+                self._cycle_failed_ns = self._clock_ns()
             self._dispatcher = health
 
     def on_preview(self, key: str, payload: bytes) -> None:
@@ -126,9 +138,9 @@ class LiveData:
     def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
         """Add cycles and plans, from the bus or from storage; what is newer stays."""
         with self._lock:
-            self._cycles.update((report.cycle, report) for report in cycles)
-            by_age = sorted(self._cycles, key=lambda n: self._cycles[n].started_ns)
-            for number in by_age[: -self._history_cycles]:
+            for report in cycles:
+                self._add_cycle(report)
+            for number in sorted(self._cycles)[: -self._history_cycles]:
                 del self._cycles[number]
         for plan in plans:
             self._add_plan(plan)
@@ -145,11 +157,29 @@ class LiveData:
                 states=dict(self._states),
                 rsus=dict(self._rsus),
                 plans=dict(self._plans),
-                cycles=tuple(sorted(self._cycles.values(), key=lambda report: report.started_ns)),
+                cycles=tuple(report for _, report in sorted(self._cycles.items())),
                 dispatcher=self._dispatcher,
+                cycle_failed_ns=self._cycle_failed_ns,
                 previews=dict(self._previews),
                 history_problem=self._history_problem,
             )
+
+    def _add_cycle(self, report: CycleReport) -> None:
+        if self._cycles.get(report.cycle) == report:
+            return
+        now_ns = self._clock_ns()
+        last = self._cycles[max(self._cycles)] if self._cycles else None
+        if (
+            last is not None
+            and report.cycle <= last.cycle
+            and not is_ahead(report.started_ns, now_ns)
+            and (report.started_ns > last.started_ns or is_ahead(last.started_ns, now_ns))
+        ):
+            # A lower number that began later: the dispatcher counts from another database now, or
+            # gives numbers again that it could not store.
+            for number in [n for n in self._cycles if n >= report.cycle]:
+                del self._cycles[number]
+        self._cycles[report.cycle] = report
 
     def _add_plan(self, plan: VehiclePlan) -> None:
         self._put(self._plans, plan.vehicle, plan, plan.issued_ns, lambda old: old.issued_ns)
@@ -165,7 +195,11 @@ class LiveData:
         with self._lock:
             old = entries.get(name)
             # Repaired gaps arrive late: an older sample must not replace a newer one.
-            if old is not None and time_of(old) > time_ns:
+            if (
+                old is not None
+                and time_of(old) > time_ns
+                and not is_ahead(time_of(old), self._clock_ns())
+            ):
                 return
             entries[name] = value
             entries.move_to_end(name)

@@ -38,7 +38,6 @@ STYLE = """<style>
 .sl .cam{width:300px}
 .sl .cam img{display:block;width:300px;aspect-ratio:16/9;object-fit:cover;background:#e6eaee;
   border-radius:4px}
-.sl .bar{display:flex;height:8px;border-radius:4px;overflow:hidden;background:#eef1f4;margin:3px 0}
 </style>"""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from slipstream.config import BusSettings, ServiceSettings, Settings
+from slipstream.freshness import STALE_AFTER_S
 from slipstream.roads import DEMO_NETWORK
 
 
@@ -29,7 +30,10 @@ class DashboardSettings(Settings):
     )
     port: int = Field(default=8080, ge=1, le=65535, description="TCP port to serve on.")
     stale_after_s: float = Field(
-        default=5.0, gt=0, allow_inf_nan=False, description="Older road data is shown as unknown."
+        default=STALE_AFTER_S,
+        gt=0,
+        allow_inf_nan=False,
+        description="Older road data is shown as unknown.",
     )
     silent_after_s: float = Field(
         default=30.0,

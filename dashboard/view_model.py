@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dashboard import words
+from dashboard.dispatcher_line import dispatcher_line
 from dashboard.live import Snapshot
 from dashboard.views import (
     CycleView,
@@ -22,6 +23,8 @@ from dashboard.views import (
     VehicleView,
 )
 from dashboard.words import Level, Traffic
+from slipstream import freshness
+from slipstream.freshness import age_s as _age_s
 from slipstream.messages import (
     CycleReport,
     Gate,
@@ -31,8 +34,6 @@ from slipstream.messages import (
 )
 
 KMH_PER_MPS: Final = 3.6
-FUTURE_TOLERANCE_S: Final = 1.0
-"""How far ahead a sender's clock may be before its data counts as unknown."""
 FORGET_AFTER_S: Final = 24 * 3600.0
 """RSUs and vehicles not heard of for longer are no longer listed."""
 
@@ -51,7 +52,7 @@ def build_view(
     last = snapshot.cycles[-1] if snapshot.cycles else None
     rsus = _rsus(snapshot.rsus, now_ns, stale_after_s)
     roads = _roads(snapshot, last, now_ns, stale_after_s)
-    dispatcher, dispatcher_level = _dispatcher(snapshot, last, now_ns, silent_after_s)
+    dispatcher, dispatcher_level = dispatcher_line(snapshot, now_ns, silent_after_s)
     headline, headline_level = _headline(roads)
     return DashboardView(
         headline=headline,
@@ -68,15 +69,6 @@ def build_view(
     )
 
 
-def _age_s(now_ns: int, time_ns: int) -> float:
-    return (now_ns - time_ns) / 1e9
-
-
-def _is_fresh(age_s: float, limit_s: float) -> bool:
-    # A sender whose clock is ahead cannot be told from one that has stopped.
-    return -FUTURE_TOLERANCE_S <= age_s <= limit_s
-
-
 def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:
     if not roads:
         return "Waiting for the first roadside camera", "warn"
@@ -87,20 +79,6 @@ def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:
     return f"Traffic is calm on {stable} of {len(roads)} watched roads", level
 
 
-def _dispatcher(
-    snapshot: Snapshot, last: CycleReport | None, now_ns: int, silent_after_s: float
-) -> tuple[str, Level]:
-    health = snapshot.dispatcher
-    if health is None or not _is_fresh(_age_s(now_ns, health.time_ns), silent_after_s):
-        heard = "" if health is None else f" for {words.duration(_age_s(now_ns, health.time_ns))}"
-        shown = "; showing the stored history" if last else ""
-        return f"Dispatcher silent{heard}{shown}", "bad"
-    if health.next_cycle_ns is None:
-        return "Dispatcher running", "ok"
-    wait_s = -_age_s(now_ns, health.next_cycle_ns)
-    return (f"Next cycle in {words.duration(wait_s)}" if wait_s > 0 else "Cycle running now"), "ok"
-
-
 def _roads(
     snapshot: Snapshot, last: CycleReport | None, now_ns: int, stale_after_s: float
 ) -> tuple[RoadView, ...]:
@@ -108,12 +86,12 @@ def _roads(
     watching = {
         segment: health.rsu
         for health in snapshot.rsus.values()
-        if _age_s(now_ns, health.time_ns) < FORGET_AFTER_S
+        if _age_s(health.time_ns, now_ns) < FORGET_AFTER_S
         for segment in health.segments
     }
     states: dict[str, list[SegmentState]] = {}
     for (segment, _), state in sorted(snapshot.states.items()):
-        if _age_s(now_ns, state.time_ns) < FORGET_AFTER_S:
+        if _age_s(state.time_ns, now_ns) < FORGET_AFTER_S:
             states.setdefault(segment, []).append(state)
     return tuple(
         _road(
@@ -138,17 +116,16 @@ def _road(
     now_ns: int,
     stale_after_s: float,
 ) -> RoadView:
-    state = _decisive(states, now_ns, stale_after_s)
+    decisive = freshness.decisive(states, now_ns, stale_after_s=stale_after_s)
+    state = None if decisive is None else decisive.state
     traffic: Traffic = "unknown"
     why = words.reason("missing")
-    age_s = speed = cv = variance = None
-    if state is not None:
-        age_s = _age_s(now_ns, state.time_ns)
-        if _is_fresh(age_s, stale_after_s):
-            traffic = words.traffic(state.y_e)
-            why = words.reason(state.reason)
-        else:
-            why = words.reason("stale" if age_s > 0 else "future")
+    speed = cv = variance = None
+    if decisive is not None and decisive.fault is not None:
+        why = words.reason(decisive.fault)
+    elif state is not None:
+        traffic = words.traffic(state.y_e)
+        why = words.reason(state.reason)
     if state is not None and traffic != "unknown" and state.features is not None:
         mean_mps = state.features.mean_speed_mps.value
         speed = mean_mps * KMH_PER_MPS
@@ -162,30 +139,15 @@ def _road(
         speed_kmh=speed,
         cv=cv,
         acceleration_variance=variance,
-        age_s=age_s,
+        age_s=None if decisive is None else decisive.age_s,
         gate_cycle=cycle if gate else None,
         gate_open=gate is not None and gate.open,
         gate_why="" if gate is None or gate.open else words.why_closed(gate.y_e, gate.reason),
     )
 
 
-def _decisive(
-    states: Sequence[SegmentState], now_ns: int, stale_after_s: float
-) -> SegmentState | None:
-    """The state that counts where several RSUs watch a road: turbulent before stable before none.
-
-    It is the dispatcher's rule too. Without a fresh one it is the latest.
-    """
-    severity: dict[int | None, int] = {None: 0, 1: 1, 0: 2}
-    fresh = [s for s in states if _is_fresh(_age_s(now_ns, s.time_ns), stale_after_s)]
-    if fresh:
-        return max(fresh, key=lambda s: (severity[s.y_e], s.time_ns))
-    return max(states, key=lambda s: s.time_ns, default=None)
-
-
 _STATUS: Final[dict[str, tuple[str, Level]]] = {
     "ok": ("ok", "ok"),
-    "starting": ("starting", "warn"),
     "no_signal": ("no picture", "bad"),
     "ended": ("clip ended", "warn"),
 }
@@ -196,13 +158,14 @@ def _rsus(
 ) -> tuple[RsuView, ...]:
     views = []
     for name, health in sorted(healths.items()):
-        age_s = _age_s(now_ns, health.time_ns)
+        age_s = _age_s(health.time_ns, now_ns)
         if age_s > FORGET_AFTER_S:
             continue
         status, level = _STATUS[health.status]
-        fresh = _is_fresh(age_s, stale_after_s)
+        fault = freshness.fault(health.time_ns, now_ns, stale_after_s=stale_after_s)
+        fresh = fault is None
         if not fresh:
-            status, level = ("silent" if age_s > 0 else "clock ahead"), "bad"
+            status, level = ("silent" if fault == "stale" else "clock ahead"), "bad"
         seen = health.frames + health.frames_skipped
         views.append(
             RsuView(
@@ -233,8 +196,8 @@ def _previews(
         PreviewView(
             rsu=rsu,
             jpeg=jpeg,
-            age_s=_age_s(now_ns, arrived_ns),
-            stale=not _is_fresh(_age_s(now_ns, arrived_ns), stale_after_s),
+            age_s=_age_s(arrived_ns, now_ns),
+            stale=freshness.fault(arrived_ns, now_ns, stale_after_s=stale_after_s) is not None,
             level=levels.get(rsu, "bad"),
         )
         for rsu, (jpeg, arrived_ns) in sorted(previews.items())
@@ -245,7 +208,7 @@ def _vehicles(plans: Mapping[str, VehiclePlan], now_ns: int) -> tuple[VehicleVie
     current = [
         plan
         for _, plan in sorted(plans.items())
-        if _age_s(now_ns, plan.valid_until_ns) < FORGET_AFTER_S
+        if _age_s(plan.valid_until_ns, now_ns) < FORGET_AFTER_S
     ]
     return tuple(_vehicle(plan, index, now_ns) for index, plan in enumerate(current))
 
@@ -286,16 +249,16 @@ def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None
 
 def _activity(plan: VehiclePlan, now_ns: int) -> str:
     if now_ns > plan.valid_until_ns:
-        return f"plan ran out {words.when(-_age_s(now_ns, plan.valid_until_ns))}"
+        return f"plan ran out {words.when(-_age_s(plan.valid_until_ns, now_ns))}"
     if now_ns < plan.depart_ns:
-        return f"leaves {words.when(-_age_s(now_ns, plan.depart_ns))}"
+        return f"leaves {words.when(-_age_s(plan.depart_ns, now_ns))}"
     for stop in plan.stops:
         if now_ns < stop.arrival_ns:
-            return f"{stop.stop} {words.when(-_age_s(now_ns, stop.arrival_ns))}"
+            return f"{stop.stop} {words.when(-_age_s(stop.arrival_ns, now_ns))}"
         if now_ns < stop.departure_ns:
             return f"at {stop.stop}"
     if plan.segments and now_ns < plan.segments[-1].exit_ns:
-        return f"back {words.when(-_age_s(now_ns, plan.segments[-1].exit_ns))}"
+        return f"back {words.when(-_age_s(plan.segments[-1].exit_ns, now_ns))}"
     return "done"
 
 
@@ -326,7 +289,7 @@ def _cycle(report: CycleReport, now_ns: int) -> CycleView:
         )
     return CycleView(
         number=report.cycle,
-        age_s=_age_s(now_ns, report.started_ns),
+        age_s=_age_s(report.started_ns, now_ns),
         status=status,
         level=level,
         reason=words.reason(report.reason),
@@ -343,8 +306,6 @@ def _cycle(report: CycleReport, now_ns: int) -> CycleView:
 
 def _history(cycles: Sequence[CycleReport]) -> HistoryView:
     known = [(report.cycle, report.energy) for report in cycles if report.energy is not None]
-    # Drawn over cycle numbers, which a chart needs in rising order.
-    known.sort(key=lambda pair: pair[0])
     return HistoryView(
         cycles=tuple(number for number, _ in known),
         baseline_kwh=tuple(energy.baseline_kwh for _, energy in known),

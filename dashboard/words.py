@@ -37,10 +37,6 @@ _REASONS: Final[dict[str, str]] = {
     "stale": "no fresh data",
     "future": "the camera's clock is ahead",
     "missing": "no data",
-    "frozen": "camera picture is frozen",
-    "dark": "camera picture is too dark",
-    "bright": "camera picture is too bright",
-    "camera_moved": "camera has moved",
     "turbulent": "turbulent traffic",
 }
 

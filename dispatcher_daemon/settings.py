@@ -7,6 +7,7 @@ from typing import Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from slipstream.config import BusSettings, ServiceSettings, Settings
+from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 
 SolverName = Literal["exact", "lc-qaoa"]
 
@@ -52,13 +53,13 @@ class DispatcherSettings(Settings):
         description="Vehicles that enter a segment no further apart than this can platoon there.",
     )
     stale_after_s: float = Field(
-        default=5.0,
+        default=STALE_AFTER_S,
         gt=0,
         allow_inf_nan=False,
         description="An older SegmentState counts for nothing.",
     )
     future_tolerance_s: float = Field(
-        default=1.0,
+        default=FUTURE_TOLERANCE_S,
         ge=0,
         allow_inf_nan=False,
         description="A SegmentState dated further ahead of this clock is refused.",

@@ -12,6 +12,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Literal
 
+from slipstream import freshness
+from slipstream.freshness import FUTURE_TOLERANCE_S
 from slipstream.messages import Gate, SegmentState
 from slipstream.roads import RoadNetwork, Segment
 
@@ -84,12 +86,12 @@ def take_snapshot(
     now_ns: int,
     *,
     stale_after_s: float,
-    future_tolerance_s: float = 1.0,
+    future_tolerance_s: float = FUTURE_TOLERANCE_S,
 ) -> TrafficSnapshot:
     """Judge the latest states at one moment; same input, same snapshot.
 
-    Where several RSUs watch a segment, one that sees turbulence closes it, and otherwise one that
-    sees stable flow opens it. States of segments outside the network are left out.
+    Where several RSUs watch a segment, `slipstream.freshness.decisive` says which one counts.
+    States of segments outside the network are left out.
 
     Args:
         states: at most the latest state of each (segment, rsu).
@@ -118,33 +120,29 @@ def _judge(
     stale_after_s: float,
     future_tolerance_s: float,
 ) -> SegmentTraffic:
-    if not states:
+    decisive = freshness.decisive(
+        states, now_ns, stale_after_s=stale_after_s, future_tolerance_s=future_tolerance_s
+    )
+    if decisive is None:
         return SegmentTraffic(segment.id, segment.speed_limit_mps)
-
-    def age(state: SegmentState) -> float:
-        return (now_ns - state.time_ns) * 1e-9
-
-    fresh = [s for s in states if -future_tolerance_s <= age(s) <= stale_after_s]
-    if not fresh:
-        latest = max(states, key=lambda s: s.time_ns)
-        reason = "stale" if age(latest) > stale_after_s else "future"
+    age_s = max(0.0, decisive.age_s)
+    if decisive.fault is not None:
         return SegmentTraffic(
-            segment.id, segment.speed_limit_mps, reason=reason, age_s=max(0.0, age(latest))
+            segment.id, segment.speed_limit_mps, reason=decisive.fault, age_s=age_s
         )
-    severity: dict[int | None, int] = {None: 0, 1: 1, 0: 2}
-    decisive = max(fresh, key=lambda s: (severity[s.y_e], s.features is not None, s.time_ns, s.rsu))
-    reason = f"unknown: {decisive.reason}" if decisive.y_e is None else "turbulent"
-    is_open = decisive.y_e == 1
-    features = decisive.features
+    state = decisive.state
+    reason = f"unknown: {state.reason}" if state.y_e is None else "turbulent"
+    is_open = state.y_e == 1
+    features = state.features
     measured = None if features is None else max(0.0, features.mean_speed_mps.value)
     limit = segment.speed_limit_mps
     return SegmentTraffic(
         segment=segment.id,
         speed_mps=limit if measured is None else min(limit, max(MIN_SPEED_MPS, measured)),
-        y_e=decisive.y_e,
+        y_e=state.y_e,
         open=is_open,
         reason=None if is_open else reason,
-        age_s=max(0.0, age(decisive)),
+        age_s=age_s,
         measured_speed_mps=measured,
         mean_acceleration_mps2=0.0 if features is None else features.mean_acceleration_mps2.value,
         acceleration_variance_m2ps4=(
@@ -171,9 +169,11 @@ class TrafficBook:
     does. Its size is bounded by the network's segments and `MAX_RSUS_PER_SEGMENT`.
     """
 
-    def __init__(self, network: RoadNetwork, *, future_tolerance_s: float = 1.0) -> None:
+    def __init__(
+        self, network: RoadNetwork, *, future_tolerance_s: float = FUTURE_TOLERANCE_S
+    ) -> None:
         self._network = network
-        self._future_tolerance_ns = round(future_tolerance_s * 1e9)
+        self._future_tolerance_s = future_tolerance_s
         self._lock = threading.Lock()
         self._latest: dict[str, dict[str, SegmentState]] = {}
 
@@ -181,7 +181,7 @@ class TrafficBook:
         """Take in one state unless it is a duplicate, late, dated ahead or of an unknown road."""
         if state.segment not in self._network.segments:
             return Verdict.UNKNOWN_SEGMENT
-        if state.time_ns > now_ns + self._future_tolerance_ns:
+        if self._is_ahead(state, now_ns):
             return Verdict.FUTURE
         with self._lock:
             rsus = self._latest.setdefault(state.segment, {})
@@ -189,13 +189,16 @@ class TrafficBook:
             if held is None and len(rsus) >= MAX_RSUS_PER_SEGMENT:
                 return Verdict.TOO_MANY_RSUS
             # A clock that was set back leaves a held state in the future; it must not block.
-            if held is not None and held.time_ns <= now_ns + self._future_tolerance_ns:
+            if held is not None and not self._is_ahead(held, now_ns):
                 if (state.time_ns, state.sequence) == (held.time_ns, held.sequence):
                     return Verdict.DUPLICATE
                 if state.time_ns <= held.time_ns:
                     return Verdict.OUT_OF_ORDER
             rsus[state.rsu] = state
             return Verdict.ACCEPTED
+
+    def _is_ahead(self, state: SegmentState, now_ns: int) -> bool:
+        return freshness.is_ahead(state.time_ns, now_ns, self._future_tolerance_s)
 
     def latest(self) -> tuple[SegmentState, ...]:
         """All held states, for `take_snapshot`."""

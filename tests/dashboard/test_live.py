@@ -61,6 +61,51 @@ def test_only_the_last_cycles_are_kept(live, world, now_ns):
     assert [report.cycle for report in live.snapshot().cycles] == [2, 3, 4]
 
 
+def test_a_clock_that_was_set_back_does_not_block(live, world, now_ns):
+    """What is dated ahead of this clock gives way to what comes, although it is dated earlier."""
+    for then_ns in (now_ns + 3600 * S, now_ns):
+        state = world.state("avenue_east", then_ns)
+        health, plan = world.health("avenue_east", then_ns), world.plan("van-a", 7, then_ns)
+        live.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+        live.on_rsu_health(rsu_health_key(health.rsu), health.to_bytes())
+        live.on_plan(plan_key("van-a"), plan.to_bytes())
+    snapshot = live.snapshot()
+    assert snapshot.states == {("avenue_east", state.rsu): state}
+    assert snapshot.rsus == {health.rsu: health}
+    assert snapshot.plans == {"van-a": plan}
+
+
+def test_the_highest_cycle_is_the_last(live, world, now_ns):
+    """After a clock that was ahead is set back, the next cycle is the last one all the same."""
+    for number in (1, 2, 3):
+        live.on_cycle(CYCLE_KEY, world.cycle(number, now_ns + (3600 + number) * S).to_bytes())
+    live.on_cycle(CYCLE_KEY, world.cycle(4, now_ns).to_bytes())
+    assert [report.cycle for report in live.snapshot().cycles] == [2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("number", "age_s", "left"),
+    [(1, 0, [1]), (9, 0, [8, 9]), (10, 0, [8, 9, 10]), (7, 3, [8, 9, 10])],
+)
+def test_cycles_that_are_counted_anew(live, world, now_ns, number, age_s, left):
+    """A lower number that began later replaces those from it on; one that is merely late does not.
+
+    The dispatcher counts anew with another database, or after cycles that it could not store.
+    """
+    live.add_history([world.cycle(n, now_ns - (11 - n) * S) for n in (8, 9, 10)], [])
+    live.on_cycle(CYCLE_KEY, world.cycle(number, now_ns - age_s * S - S // 2).to_bytes())
+    assert [report.cycle for report in live.snapshot().cycles] == left
+
+
+def test_failures_that_no_report_tells_of(live, world, now_ns):
+    """The moment when the dispatcher's count of failed cycles rises is kept; a restart is none."""
+    for failed, restarts, seen in ((0, 0, None), (2, 0, now_ns), (2, 0, now_ns), (1, 1, now_ns)):
+        health = world.dispatcher(now_ns + restarts * S)
+        health = health.model_copy(update={"cycles_failed": failed})
+        live.on_dispatcher_health(DISPATCHER_HEALTH_KEY, health.to_bytes())
+        assert live.snapshot().cycle_failed_ns == seen
+
+
 def test_memory_is_bounded(live, world, now_ns, monkeypatch):
     """However many names send, only so many are remembered, the last heard of."""
     monkeypatch.setattr(live_module, "MAX_ENTRIES", 5)

@@ -91,7 +91,6 @@ def test_gates_of_the_last_cycle(world, now_ns):
     ("status", "age_s", "shown", "level"),
     [
         ("ok", 1.0, "ok", "ok"),
-        ("starting", 1.0, "starting", "warn"),
         ("no_signal", 1.0, "no picture", "bad"),
         ("ended", 1.0, "clip ended", "warn"),
         ("ok", 6.0, "silent", "bad"),
@@ -147,6 +146,60 @@ def test_dispatcher_lines(world, now_ns):
     assert late.dispatcher == "Dispatcher silent for 31 s; showing the stored history"
     assert late.dispatcher_level == "bad"
     assert _view(Snapshot(), now_ns).dispatcher == "Dispatcher silent"
+
+
+def test_a_failed_cycle_is_told(world, now_ns):
+    """While the last cycle failed the dispatcher is in trouble; its failures stay told after."""
+    health = world.dispatcher(now_ns).model_copy(update={"cycles_failed": 1})
+    good, bad = world.cycle(1, now_ns - 40 * S), world.cycle(2, now_ns - 10 * S, "failed")
+    view = _view(Snapshot(dispatcher=health, cycles=(good, bad)), now_ns)
+    assert view.dispatcher_level == "bad"
+    assert view.dispatcher == (
+        "The last cycle failed · Next cycle in 18 s · 1 cycle failed since it started"
+    )
+    after = world.cycle(3, now_ns - 2 * S)
+    view = _view(Snapshot(dispatcher=health, cycles=(good, bad, after)), now_ns)
+    assert view.dispatcher == "Next cycle in 18 s · 1 cycle failed since it started"
+    assert view.dispatcher_level == "ok"
+
+
+@pytest.mark.parametrize(("ago_s", "level"), [(5, "bad"), (60, "ok"), (-60, "ok")])
+def test_a_failure_without_a_report(world, now_ns, ago_s, level):
+    """A count of failed cycles that has risen since the last good cycle is trouble too."""
+    snapshot = Snapshot(
+        dispatcher=world.dispatcher(now_ns),
+        cycles=(world.cycle(1, now_ns - 20 * S),),
+        cycle_failed_ns=now_ns - ago_s * S,
+    )
+    assert _view(snapshot, now_ns).dispatcher_level == level
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "age_s", "shown"),
+    [(30, 89, None), (30, 91, "91 s"), (10, 31, "31 s"), (200, 590, None), (30, -3600, "60 min")],
+)
+def test_cycles_that_no_longer_come(world, now_ns, interval_s, age_s, shown):
+    """A dispatcher that is heard of but has had no good cycle for three intervals is in trouble."""
+    last_ns = now_ns - age_s * S
+    cycles = [world.cycle(4 + n, last_ns - (2 - n) * interval_s * S) for n in range(3)]
+    health = world.dispatcher(now_ns).model_copy(update={"started_ns": now_ns - 3600 * S})
+    view = _view(Snapshot(dispatcher=health, cycles=tuple(cycles)), now_ns)
+    assert view.dispatcher_level == ("bad" if shown else "ok")
+    assert view.dispatcher.startswith(f"No good cycle for {shown}" if shown else "Next cycle")
+
+
+def test_a_dispatcher_that_has_just_started(world, now_ns):
+    """It is not to blame that the last stored cycle is old."""
+    health = world.dispatcher(now_ns).model_copy(update={"started_ns": now_ns - 3 * S})
+    snapshot = Snapshot(dispatcher=health, cycles=(world.cycle(1, now_ns - 9000 * S),))
+    assert _view(snapshot, now_ns).dispatcher_level == "ok"
+
+
+def test_a_dispatcher_whose_clock_is_ahead(world, now_ns):
+    """Its word counts for nothing, and the page says why."""
+    view = _view(Snapshot(dispatcher=world.dispatcher(now_ns + 40 * S)), now_ns)
+    assert view.dispatcher == "Dispatcher's clock is 40 s ahead"
+    assert view.dispatcher_level == "bad"
 
 
 def test_headline_counts_calm_roads(world, now_ns):

@@ -1,0 +1,88 @@
+"""One line on how the dispatcher is: silent, in trouble, or when its next cycle comes; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from dashboard import words
+from dashboard.live import Snapshot
+from dashboard.words import Level
+from slipstream import freshness
+from slipstream.freshness import age_s
+from slipstream.messages import CycleReport, DispatcherHealth
+
+OVERDUE_AFTER_INTERVALS: Final = 3.0
+"""How many intervals may pass without a good cycle."""
+USUAL_INTERVAL_S: Final = 30.0
+"""The dispatcher's interval where too few cycles are known to tell: its default."""
+
+
+def dispatcher_line(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level]:
+    """The line and its level.
+
+    Args:
+        snapshot: the latest messages.
+        now_ns: UTC.
+        silent_after_s: age above which the dispatcher counts as silent, s.
+    """
+    health = snapshot.dispatcher
+    shown = "; showing the stored history" if snapshot.cycles else ""
+    if health is None:
+        return f"Dispatcher silent{shown}", "bad"
+    off = words.duration(age_s(health.time_ns, now_ns))
+    fault = freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s)
+    if fault is not None:
+        silent = f"Dispatcher silent for {off}"
+        return (silent if fault == "stale" else f"Dispatcher's clock is {off} ahead") + shown, "bad"
+    trouble = _trouble(snapshot, health, now_ns)
+    lines = [trouble] if trouble else []
+    if health.next_cycle_ns is None:
+        lines.append("Dispatcher running")
+    else:
+        wait_s = -age_s(health.next_cycle_ns, now_ns)
+        lines.append(
+            f"Next cycle in {words.duration(wait_s)}" if wait_s > 0 else "Cycle running now"
+        )
+    if health.cycles_failed:
+        lines.append(f"{words.plural(health.cycles_failed, 'cycle')} failed since it started")
+    return " · ".join(lines), "bad" if trouble else "ok"
+
+
+def _trouble(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
+    """Why a dispatcher that is heard of does no good all the same; None where it does."""
+    last = snapshot.cycles[-1] if snapshot.cycles else None
+    # What is dated ahead is from before the clock was set back, and says nothing about now.
+    good_ns = max(
+        (
+            report.started_ns
+            for report in snapshot.cycles
+            if report.status != "failed" and not freshness.is_ahead(report.started_ns, now_ns)
+        ),
+        default=0,
+    )
+    failed_ns = snapshot.cycle_failed_ns or 0
+    counted = failed_ns > good_ns and not freshness.is_ahead(failed_ns, now_ns)
+    if counted or (last is not None and last.status == "failed"):
+        return "The last cycle failed"
+    # A dispatcher that has just started is not to blame for the time before.
+    started_ns = 0 if freshness.is_ahead(health.started_ns, now_ns) else health.started_ns
+    since_ns = max(good_ns, started_ns)
+    if not since_ns:
+        return "No good cycle yet"
+    since_s = age_s(since_ns, now_ns)
+    if since_s > OVERDUE_AFTER_INTERVALS * _interval_s(snapshot.cycles):
+        return f"No good cycle for {words.duration(since_s)}"
+    return None
+
+
+def _interval_s(cycles: Sequence[CycleReport]) -> float:
+    """From one cycle's start to the next's, as the last ones had it, s."""
+    steps = [
+        age_s(a.started_ns, b.started_ns)
+        for a, b in pairwise(cycles[-6:])
+        if b.cycle == a.cycle + 1 and b.started_ns > a.started_ns
+    ]
+    return median(steps) if steps else USUAL_INTERVAL_S
