@@ -41,6 +41,8 @@ from storage import open_database
 log = logging.getLogger(__name__)
 
 PRUNE_EVERY_S = 3600.0
+PRUNE_AT_ONCE = 400
+"""Cycles deleted in one go; a backlog goes bit by bit, so that no cycle looks hung over it."""
 HEALTH_EVERY_S = 1.0
 
 
@@ -57,8 +59,8 @@ class CycleStore(Protocol):
         """Number of the cycle to come."""
         ...
 
-    def prune(self, keep_days: float, now_ns: int) -> int:
-        """Delete old cycles."""
+    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
+        """Delete old cycles, at most ``limit``."""
         ...
 
 
@@ -142,7 +144,8 @@ class Dispatcher:
         except Exception as error:
             self.cycles_failed += 1
             metrics.CYCLES.labels("lost").inc()
-            log.exception("cycle %d could not be stored or published: %s", self._cycle, error)
+            if self._limiter.allow("lost"):
+                log.exception("cycle %d is lost: %s", self._cycle - 1, error)
         finally:
             self.cycle_began = None
 
@@ -172,17 +175,31 @@ class Dispatcher:
             report, plans = result.report, result.plans
         except Exception as error:
             log.exception("cycle %d failed", number)
-            report = failed_report(number, now_ns, time.monotonic() - began, error)
+            report = failed_report(number, now_ns, time.monotonic() - began, _named(error))
         if self.stopping.is_set():
             log.info("cycle %d given up: stopping", number)
             return
         self._cycle += 1
-        self._store.record_cycle(report, plans, states)
+        try:
+            self._store.record_cycle(report, plans, states)
+        except Exception as error:
+            self._report_unstored(report, error)
+            return
         for plan in plans:
             self._plan_outlets[plan.vehicle].put(plan)
         self._cycle_outlet.put(report)
         self._count(report)
         self._prune(now_ns)
+
+    def _report_unstored(self, report: CycleReport, error: Exception) -> None:
+        """Say on the bus that a cycle came to nothing: what is not stored is not sent."""
+        reason = f"not stored, so no plan was sent: {_named(error)}"
+        self._warn("unstored", f"cycle {report.cycle} {reason}")
+        self.cycles_failed += 1
+        metrics.CYCLES.labels("lost").inc()
+        self._cycle_outlet.put(
+            failed_report(report.cycle, report.started_ns, report.wall_s, reason)
+        )
 
     def _count(self, report: CycleReport) -> None:
         self.cycles += 1
@@ -215,14 +232,15 @@ class Dispatcher:
     def _prune(self, now_ns: int) -> None:
         if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
             return
-        self._pruned_at = time.monotonic()
+        pruned = 0
         try:
-            pruned = self._store.prune(self._settings.keep_days, now_ns)
+            pruned = self._store.prune(self._settings.keep_days, now_ns, limit=PRUNE_AT_ONCE)
         except Exception as error:
             log.warning("old cycles could not be deleted: %s", error)
-        else:
-            if pruned:
-                log.info("%d old cycles deleted", pruned)
+        if pruned:
+            log.info("%d old cycles deleted", pruned)
+        if pruned < PRUNE_AT_ONCE:
+            self._pruned_at = time.monotonic()
 
     def publish_health(self, next_cycle_ns: int | None) -> None:
         """Publish a DispatcherHealth."""
@@ -246,7 +264,7 @@ class Dispatcher:
             return time.monotonic() - began < settings.deadline_s + 60.0
         if next_cycle_ns is None:
             return False
-        return time.time_ns() - next_cycle_ns < 2e9 * settings.interval_s
+        return abs(time.time_ns() - next_cycle_ns) < 2e9 * settings.interval_s
 
     def _warn(self, kind: str, line: str) -> None:
         if self._limiter.allow(kind):
@@ -259,9 +277,8 @@ def cycle_seed(seed: int, cycle: int) -> int:
     return int(np.random.SeedSequence([seed, cycle]).generate_state(1)[0])
 
 
-def failed_report(cycle: int, started_ns: int, wall_s: float, error: Exception) -> CycleReport:
-    """The report of a cycle that raised."""
-    reason = " ".join(f"{type(error).__name__}: {error}".split())[:500]
+def failed_report(cycle: int, started_ns: int, wall_s: float, reason: str) -> CycleReport:
+    """The report of a cycle that came to nothing."""
     return CycleReport(
         cycle=cycle,
         started_ns=started_ns,
@@ -276,6 +293,19 @@ def failed_report(cycle: int, started_ns: int, wall_s: float, error: Exception) 
         energy=None,
         plans=0,
     )
+
+
+def _named(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:500]
+
+
+def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Service) -> None:
+    """What is done each second: follow the clock, publish the health, feed the watchdog."""
+    scheduler.follow_clock()
+    next_cycle_ns = scheduler.next_run_ns
+    dispatcher.publish_health(next_cycle_ns)
+    if dispatcher.moves_on(next_cycle_ns):
+        service.progress(f"{dispatcher.cycles} cycles")
 
 
 def run_dispatcher(settings: DispatcherSettings) -> None:
@@ -295,7 +325,10 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         Bus.open(settings.bus) as bus,
         SolverPool(configured_solvers(settings)) as pool,
     ):
-        for name, reason in pool.warm_up().items():
+        cold = pool.warm_up(stopping=service.stopping)
+        if service.stopping.is_set():
+            return
+        for name, reason in cold.items():
             log.warning("solver %s is not ready: %s", name, reason)
         dispatcher = Dispatcher(settings, problem, bus, database, pool)
         bus.subscribe(ALL_STATES, dispatcher.on_state)
@@ -308,10 +341,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         service.ready()
         try:
             while not service.wait(HEALTH_EVERY_S):
-                next_cycle_ns = scheduler.next_run_ns
-                dispatcher.publish_health(next_cycle_ns)
-                if dispatcher.moves_on(next_cycle_ns):
-                    service.progress(f"{dispatcher.cycles} cycles")
+                check_health(dispatcher, scheduler, service)
         finally:
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()

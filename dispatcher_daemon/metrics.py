@@ -12,7 +12,9 @@ BAD_MESSAGES = Counter(
 )
 CYCLES = Counter("slipstream_dispatcher_cycles", "Dispatch cycles, by how they ended.", ["status"])
 CYCLE_FAULTS = Counter(
-    "slipstream_dispatcher_schedule_faults", "Cycles overlapped, missed or raised.", ["kind"]
+    "slipstream_dispatcher_schedule_faults",
+    "Cycles overlapped, missed or raised; clock steps.",
+    ["kind"],
 )
 CYCLE_SECONDS = Histogram(
     "slipstream_dispatcher_cycle_seconds",

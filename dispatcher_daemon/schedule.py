@@ -16,6 +16,9 @@ log = logging.getLogger(__name__)
 
 _JOB = "cycle"
 
+CLOCK_TOLERANCE_S = 1.0
+"""A run that is no further off than this beyond an interval is left alone: clocks are slewed."""
+
 
 class CycleScheduler:
     """Calls a function at once and then every ``interval_s``, on one thread of its own.
@@ -24,10 +27,13 @@ class CycleScheduler:
     that could not start in time are made up for by one, and counted as missed if they are later
     than a whole interval. A run that raises is logged and counted; the next one comes.
 
+    Runs are planned by the wall clock. Whoever owns the schedule calls `follow_clock` every now and
+    then, so that a clock that is set does not hold the next run back.
+
     Args:
         run: the cycle.
         interval_s: from start to start, s.
-        on_fault: called with "overlapped", "missed" or "raised".
+        on_fault: called with "overlapped", "missed", "raised" or "clock".
     """
 
     def __init__(
@@ -38,7 +44,8 @@ class CycleScheduler:
     ) -> None:
         self._on_fault = on_fault
         self._lock = threading.Lock()
-        self._faults = {"overlapped": 0, "missed": 0, "raised": 0}
+        self._interval_s = interval_s
+        self._faults = {"overlapped": 0, "missed": 0, "raised": 0, "clock": 0}
         self._scheduler = BackgroundScheduler(
             timezone=UTC, executors={"default": ThreadPoolExecutor(1)}
         )
@@ -59,8 +66,6 @@ class CycleScheduler:
         kind = {EVENT_JOB_MAX_INSTANCES: "overlapped", EVENT_JOB_MISSED: "missed"}.get(
             event.code, "raised"
         )
-        with self._lock:
-            self._faults[kind] += 1
         if kind == "raised":
             log.error("cycle raised %r", event.exception)
         else:
@@ -68,7 +73,35 @@ class CycleScheduler:
                 "a cycle was %s",
                 "left out: the last one still runs" if kind == "overlapped" else kind,
             )
+        self._count(kind)
+
+    def _count(self, kind: str) -> None:
+        with self._lock:
+            self._faults[kind] += 1
         self._on_fault(kind)
+
+    def follow_clock(self) -> bool:
+        """Make the next run due now if it is further off than any run can be; True if it was.
+
+        That happens where the wall clock has been set: back, and the next run would only come
+        after the whole step; ahead, and all the runs in between would count as missed.
+        """
+        job = self._scheduler.get_job(_JOB)
+        if job is None or job.next_run_time is None:
+            return False
+        now = datetime.now(UTC)
+        off_s = (job.next_run_time - now).total_seconds()
+        if abs(off_s) <= self._interval_s + CLOCK_TOLERANCE_S:
+            return False
+        self._scheduler.modify_job(_JOB, next_run_time=now)
+        log.warning("the clock was set: the next cycle was %.0f s off, now it is due", off_s)
+        self._count("clock")
+        return True
+
+    @property
+    def clock_steps(self) -> int:
+        """Times that the next run was brought back because the wall clock was set."""
+        return self._faults["clock"]
 
     @property
     def overlapped(self) -> int:

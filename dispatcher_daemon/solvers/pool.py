@@ -14,7 +14,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, TimeoutError
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, TimeoutError, wait
 from dataclasses import dataclass
 from multiprocessing import connection
 from typing import Any, Literal, Protocol, Self
@@ -27,6 +27,7 @@ from slipstream.service import die_with_parent
 
 log = logging.getLogger(__name__)
 
+_LOOK_EVERY_S = 0.2
 GRACE_S = 0.5
 """How long after its deadline an answer is still waited for."""
 
@@ -142,18 +143,29 @@ class SolverPool:
         if len(self._workers) < len(solvers):
             raise ValueError("two solvers with one name")
 
-    def warm_up(self, timeout_s: float = 60.0) -> dict[str, str]:
+    def warm_up(
+        self, timeout_s: float = 60.0, stopping: threading.Event | None = None
+    ) -> dict[str, str]:
         """Start all workers and import what they need.
+
+        Args:
+            timeout_s: how long they have.
+            stopping: gives up early when it is set.
 
         Returns:
             Reason by name of each solver that is not warm after the timeout; empty if all are.
         """
         ends = time.monotonic() + timeout_s
         futures = {name: worker.warm_up() for name, worker in self._workers.items()}
+        waiting = set(futures.values())
+        while waiting and (left := ends - time.monotonic()) > 0:
+            if stopping is not None and stopping.is_set():
+                break
+            waiting = wait(waiting, timeout=min(left, _LOOK_EVERY_S)).not_done
         faults: dict[str, str] = {}
         for name, future in futures.items():
             try:
-                future.result(timeout=max(0.0, ends - time.monotonic()))
+                future.result(timeout=0.0)
             except (Exception, CancelledError) as error:
                 future.cancel()
                 faults[name] = _line(error)

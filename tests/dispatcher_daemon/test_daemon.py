@@ -8,12 +8,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.daemon import Dispatcher, cycle_seed
+from dispatcher_daemon.daemon import PRUNE_AT_ONCE, Dispatcher, check_health, cycle_seed
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import Job, Solve, solve_here
@@ -31,7 +33,7 @@ from slipstream.messages import (
     decode,
     state_key,
 )
-from storage import open_reader
+from storage import StorageError, open_reader
 
 State = Callable[..., SegmentState]
 SETTINGS = DispatcherSettings(solvers=("exact",))
@@ -43,6 +45,8 @@ class Log:
 
     events: list[tuple[str, object]] = field(default_factory=list)
     broken: bool = False
+    old: int = 0
+    pruned: list[int] = field(default_factory=list)
 
     def publisher(self, key: str) -> _Outlet:
         """A publisher that writes down."""
@@ -53,16 +57,19 @@ class Log:
     ) -> None:
         """Store, or fail as a full disk does."""
         if self.broken:
-            raise OSError("disk full")
+            raise StorageError("x.db: disk full")
         self.events.append(("stored", (report, plans, states)))
 
     def next_cycle_number(self) -> int:
         """Six cycles came before."""
         return 7
 
-    def prune(self, keep_days: float, now_ns: int) -> int:
-        """Nothing is old."""
-        return 0
+    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
+        """Delete of what is old as much as is allowed."""
+        deleted = min(self.old, limit)
+        self.old -= deleted
+        self.pruned.append(deleted)
+        return deleted
 
     def published(self, kind: type[Message]) -> list[object]:
         """Messages of one type, in order."""
@@ -110,13 +117,25 @@ def test_a_cycle_is_stored_before_it_is_published(demo: RoutingProblem, state: S
     assert [r.cycle for r in log.published(CycleReport)] == [7, 8]  # type: ignore[attr-defined]
 
 
-def test_a_cycle_that_cannot_be_stored_is_not_published(demo: RoutingProblem) -> None:
-    """A database that fails costs the cycle, not the daemon."""
+def test_a_cycle_that_cannot_be_stored_sends_no_plan(
+    demo: RoutingProblem, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A database that fails costs the cycle, not the daemon; the bus is told, the log once."""
     log = Log(broken=True)
     dispatcher = make(demo, log)
-    dispatcher.run_cycle()
-    assert log.events == []
-    assert dispatcher.cycles_failed == 1
+    with caplog.at_level(logging.WARNING):
+        for _ in range(3):
+            dispatcher.run_cycle()
+    assert [key for key, _ in log.events] == [CYCLE_KEY] * 3
+    reports = log.published(CycleReport)
+    assert [(r.cycle, r.status, r.plans, r.energy) for r in reports] == [  # type: ignore[attr-defined]
+        (number, "failed", 0, None) for number in (7, 8, 9)
+    ]
+    assert "disk full" in reports[0].reason  # type: ignore[attr-defined]
+    assert (dispatcher.cycles, dispatcher.cycles_failed) == (0, 3)
+    (record,) = caplog.records
+    assert "disk full" in record.message
+    assert record.exc_info is None
     log.broken = False
     dispatcher.run_cycle()
     assert dispatcher.cycles == 1
@@ -184,8 +203,60 @@ def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: Stat
     assert dispatcher.moves_on(soon)
     assert not dispatcher.moves_on(None)
     assert not dispatcher.moves_on(time.time_ns() - 120 * 10**9)
+    assert not dispatcher.moves_on(time.time_ns() + 3600 * 10**9)
     dispatcher.cycle_began = time.monotonic() - 3600
     assert not dispatcher.moves_on(soon)
+
+
+class FakeService:
+    """Counts the watchdog's meals."""
+
+    fed = 0
+
+    def progress(self, status: str | None = None) -> None:
+        """One more."""
+        self.fed += 1
+
+
+def test_the_look_each_second_follows_the_clock(demo: RoutingProblem) -> None:
+    """A run that the clock has put an hour off is brought back before the watchdog is fed."""
+    log, service = Log(), FakeService()
+    dispatcher = make(demo, log)
+    runs: list[int] = []
+    scheduler = CycleScheduler(lambda: runs.append(1), SETTINGS.interval_s)
+    scheduler.start()
+    try:
+        assert wait_for(lambda: len(runs) == 1)
+        in_an_hour = datetime.now(UTC) + timedelta(hours=1)
+        scheduler._scheduler.modify_job("cycle", next_run_time=in_an_hour)
+        check_health(dispatcher, scheduler, service)  # type: ignore[arg-type]
+        assert wait_for(lambda: len(runs) == 2)
+    finally:
+        scheduler.stop()
+    (health,) = log.published(DispatcherHealth)
+    assert isinstance(health, DispatcherHealth)
+    assert health.next_cycle_ns is not None
+    assert health.next_cycle_ns < time.time_ns() + 60 * 10**9
+    assert service.fed == 1
+
+
+def wait_for(condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:
+    """Poll until it is true."""
+    ends = time.monotonic() + timeout_s
+    while time.monotonic() < ends:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_a_backlog_of_old_cycles_goes_bit_by_bit(demo: RoutingProblem) -> None:
+    """Each cycle deletes a bounded number of old ones until none is left for this hour."""
+    log = Log(old=2 * PRUNE_AT_ONCE + 5)
+    dispatcher = make(demo, log)
+    for _ in range(5):
+        dispatcher.run_cycle()
+    assert log.pruned == [PRUNE_AT_ONCE, PRUNE_AT_ONCE, 5]
 
 
 def test_each_cycle_has_a_seed_of_its_own() -> None:

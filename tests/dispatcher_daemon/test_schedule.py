@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import threading
 import time
+from datetime import datetime, timedelta, tzinfo
+
+import pytest
 
 from dispatcher_daemon.schedule import CycleScheduler
 
@@ -88,3 +91,43 @@ def test_stop_waits_for_the_run_that_is_going() -> None:
     scheduler.stop()
     assert done.is_set()
     scheduler.stop()
+
+
+class Clock(datetime):
+    """A wall clock that can be set, to put in the place of `datetime`."""
+
+    ahead = timedelta()
+
+    @classmethod
+    def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override]
+        """The set time."""
+        return datetime.now(tz) + cls.ahead
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
+def test_a_clock_that_is_set_does_not_stop_the_cycles(
+    monkeypatch: pytest.MonkeyPatch, step_s: float
+) -> None:
+    """After a step of the wall clock the next cycle runs at once, and the ones after it follow."""
+    monkeypatch.setattr(Clock, "ahead", timedelta())
+    for module in ("apscheduler.schedulers.base", "apscheduler.executors.base"):
+        monkeypatch.setattr(f"{module}.datetime", Clock)
+    monkeypatch.setattr("dispatcher_daemon.schedule.datetime", Clock)
+    runs: list[int] = []
+    kinds: list[str] = []
+    scheduler = CycleScheduler(lambda: runs.append(1), 0.5, kinds.append)
+    scheduler.start()
+    try:
+        assert wait_for(lambda: len(runs) >= 1)
+        assert not scheduler.follow_clock()
+        # While the schedule sleeps, so that it cannot see the step by itself.
+        monkeypatch.setattr(Clock, "ahead", timedelta(seconds=step_s))
+        assert scheduler.follow_clock()
+        seen = len(runs)
+        assert wait_for(lambda: len(runs) >= seen + 3)
+        assert not scheduler.follow_clock()
+    finally:
+        scheduler.stop()
+    assert not scheduler.follow_clock()
+    assert kinds == ["clock"]
+    assert scheduler.clock_steps == 1

@@ -123,6 +123,16 @@ def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_
         assert outcomes[-1].status == "feasible"
 
 
+def test_warming_up_ends_when_the_daemon_stops(faulty: Callable[[str], Any]) -> None:
+    """A daemon that is told to stop while its solvers start does not wait for them."""
+    stopping = threading.Event()
+    threading.Timer(0.5, stopping.set).start()
+    began = time.monotonic()
+    with SolverPool([faulty("cold")]) as pool:
+        assert "faulty" in pool.warm_up(60.0, stopping)
+    assert time.monotonic() - began < 15
+
+
 def test_a_cold_worker_is_reported(faulty: Callable[[str], Any]) -> None:
     """Warming up has its time limit too; who misses it is named."""
     with SolverPool([faulty("cold"), ExactSolver()]) as pool:
