@@ -28,6 +28,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
 
     Raises:
         InputError: the port is taken, or the network, the database URL or the bus is not usable.
+        OSError: the port was lost in service, and not to be had again.
     """
     configure_logging("dashboard", settings.service.log_level)
     network = load_network(settings.network)
@@ -40,7 +41,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
             history = HistoryFeed(url, live, cycles, limiter)
             stack.callback(history.stop)
         service = stack.enter_context(Service("dashboard", settings.service))
-        page = Page(settings, network)
+        page = Page(settings, network, service.stopping)
         stack.callback(page.close)
         bus = stack.enter_context(Bus.open(settings.bus))
         previews = PreviewFeed(settings.bus, live, limiter)

@@ -16,6 +16,7 @@ from dashboard.panels import Panels
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
 from dashboard.view_model import build_view
+from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 
 log = logging.getLogger(__name__)
@@ -24,6 +25,8 @@ SETTLING_S: Final = 10.0
 """How long after its arrival a browser's view is fitted to its canvas."""
 RENEW_AFTER_UPDATES: Final = 500_000
 """Updates after which the server is replaced; some three days of somebody looking."""
+RETRY_AFTER_S: Final = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
+"""How long to wait after each failure to serve again; in sum below systemd's watchdog."""
 
 
 class Page:
@@ -32,14 +35,20 @@ class Page:
     Args:
         settings: where to serve, what counts as stale.
         network: the road network to draw.
+        stopping: set when the service is to stop; ends the wait for an address.
 
     Raises:
         InputError: the address cannot be served on.
     """
 
-    def __init__(self, settings: DashboardSettings, network: RoadNetwork) -> None:
+    def __init__(
+        self, settings: DashboardSettings, network: RoadNetwork, stopping: threading.Event
+    ) -> None:
         self._settings = settings
         self._network = network
+        self._stopping = stopping
+        self._server: viser.ViserServer
+        self._serving = False
         self.arrived = threading.Event()
         """Set when a browser has arrived; the owner clears it."""
         self._build()
@@ -49,8 +58,13 @@ class Page:
         return len(self._server.get_clients())
 
     def show(self, live: LiveData, now_ns: int) -> None:
-        """Bring the page up to date with the latest messages."""
-        self._renew_if_worn()
+        """Bring the page up to date with the latest messages.
+
+        Raises:
+            OSError: the address was lost while the server was renewed, and not free again in time.
+        """
+        if not self._renew_if_worn():
+            return
         view = build_view(
             live.snapshot(),
             now_ns,
@@ -65,7 +79,9 @@ class Page:
 
     def close(self) -> None:
         """Stop serving."""
-        stop_server(self._server)
+        if self._serving:
+            self._serving = False
+            stop_server(self._server)
 
     def _build(self) -> None:
         self._updates = 0
@@ -74,19 +90,34 @@ class Page:
             self._map = RoadMap(self._server, self._network, self._settings.depot)
             self._panels = Panels(self._server)
             self._server.on_client_connect(self._welcome)
+            self._serving = True
         except BaseException:
             stop_server(self._server)
             raise
 
-    def _renew_if_worn(self) -> None:
+    def _renew_if_worn(self) -> bool:
+        """False where there is no server any more, as the service is stopping."""
         # For each new browser viser counts through all messages there ever were, 0.2 s a million:
         # after months nobody would get in. Browsers come back to the new server by themselves, but
         # it is better done while there are none.
         limit = RENEW_AFTER_UPDATES if self.clients() else RENEW_AFTER_UPDATES // 2
-        if self._updates >= limit:
-            log.info("renewing the page after %d updates", self._updates)
-            stop_server(self._server)
-            self._build()
+        if self._updates < limit:
+            return True
+        log.info("renewing the page after %d updates", self._updates)
+        self.close()
+        for delay_s in RETRY_AFTER_S:
+            try:
+                self._build()
+                return True
+            except InputError as error:
+                log.warning("%s; trying again in %g s", error, delay_s)
+            if self._stopping.wait(delay_s):
+                return False
+        # No mistake of the user's any more: the daemon served here until now. Not an InputError,
+        # then, after which it would not be started again.
+        raise OSError(
+            f"{self._settings.host}:{self._settings.port}: lost while the page was renewed"
+        )
 
     def _welcome(self, client: viser.ClientHandle) -> None:
         arrived = time.monotonic()

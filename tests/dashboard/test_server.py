@@ -110,7 +110,7 @@ def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
     """After so many updates the page goes on being served at its address by a new server."""
     monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 8)
     settings = DashboardSettings(port=free_port(), database_url=None)
-    page = Page(settings, world.network)
+    page = Page(settings, world.network, threading.Event())
     try:
         servers = []
         for _ in range(10):
@@ -121,3 +121,60 @@ def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
         assert [server is servers[0] for server in servers] == [True] * 4 + [False] * 6
     finally:
         page.close()
+
+
+@pytest.fixture
+def worn_page(world, monkeypatch):
+    """A page that is renewed at its next update."""
+    monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 0)
+    monkeypatch.setattr("dashboard.page.RETRY_AFTER_S", (0.01, 0.01, 0.3))
+    stopping = threading.Event()
+    settings = DashboardSettings(port=free_port(), database_url=None)
+    page = Page(settings, world.network, stopping)
+    yield page, settings, stopping
+    page.close()
+
+
+class _Refusals:
+    """A server start that refuses so many times."""
+
+    def __init__(self, refusals: int) -> None:
+        self.left = refusals
+        self.tries = 0
+
+    def __call__(self, host: str, port: int) -> viser.ViserServer:
+        self.tries += 1
+        if self.tries <= self.left:
+            raise InputError(f"{host}:{port}", "the port is taken", "stop what listens there")
+        return start_server(host, port)
+
+
+def test_a_port_that_comes_free_late_is_waited_for(worn_page, now_ns, monkeypatch):
+    """A renewed page whose port is not free at once is served as soon as it is."""
+    page, settings, _ = worn_page
+    starts = _Refusals(2)
+    monkeypatch.setattr("dashboard.page.start_server", starts)
+    page.show(LiveData(2, lambda: now_ns), now_ns)
+    assert starts.tries == 3
+    with socket.create_connection((settings.host, settings.port), timeout=5):
+        pass
+
+
+def test_a_port_that_is_lost_in_service_is_no_mistake_of_the_users(worn_page, now_ns, monkeypatch):
+    """After all tries the daemon ends with a fault after which it is started again."""
+    page, _, _ = worn_page
+    monkeypatch.setattr("dashboard.page.start_server", _Refusals(99))
+    with pytest.raises(OSError, match="lost while the page was renewed") as caught:
+        page.show(LiveData(2, lambda: now_ns), now_ns)
+    assert not isinstance(caught.value, InputError)
+
+
+def test_a_page_that_waits_for_its_port_can_be_stopped(worn_page, now_ns, monkeypatch):
+    """A service that stops does not wait for the port any longer, and closes without a fault."""
+    page, _, stopping = worn_page
+    starts = _Refusals(99)
+    monkeypatch.setattr("dashboard.page.start_server", starts)
+    stopping.set()
+    page.show(LiveData(2, lambda: now_ns), now_ns)
+    assert (starts.tries, page.clients()) == (1, 0)
+    page.close()
