@@ -12,7 +12,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,7 +66,7 @@ class _Running:
 def run_soak(
     settings: SoakSettings, on_progress: Callable[[int, int], None] = lambda done, total: None
 ) -> Verdict:
-    """Run, judge and write the report.
+    """Run, judge and write the report; a KeyboardInterrupt ends the run early.
 
     Raises:
         InputError: the daemons did not come up, or the output folder cannot be used.
@@ -86,10 +86,15 @@ def run_soak(
         end_s = settings.seconds - _MARGIN_S
         with Bus.open(BusSettings(connect=_endpoints(configs))) as bus:
             observer.listen(bus)
-            while (now_s := clock()) < end_s and running.process.poll() is None:
-                samples += tree.sample(now_s)
-                on_progress(int(now_s), int(settings.seconds))
-                time.sleep(max(0.0, settings.period_s - (clock() - now_s)))
+            try:
+                while (now_s := clock()) < end_s and running.process.poll() is None:
+                    samples += tree.sample(now_s)
+                    on_progress(int(now_s), int(settings.seconds))
+                    time.sleep(max(0.0, settings.period_s - (clock() - now_s)))
+            except KeyboardInterrupt:
+                # What was seen so far is worth a report too.
+                end_s = clock()
+                running.process.terminate()
         window = Window.of(end_s, settings.warm_up_s)
         figures = _figures(running)
     verdict = judge(
@@ -100,6 +105,8 @@ def run_soak(
         window=window,
         restarted=int(figures.get("processes_restarted", 0)),
     )
+    if end_s < settings.seconds - _MARGIN_S:
+        verdict = replace(verdict, faults=(f"interrupted after {end_s:.0f} s", *verdict.faults))
     about = {
         "command": shlex.join(running.command),
         "duration": f"{settings.seconds:g} s, a sample each {settings.period_s:g} s",
