@@ -49,7 +49,7 @@ def prune(options: argparse.Namespace) -> int:
     """Delete old cycles."""
     from storage import open_database
 
-    database = open_database(options.url)
+    database = open_database(options.url, create=False)
     try:
         count = database.prune(options.keep_days, time.time_ns())
     finally:

@@ -79,3 +79,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of our output is gone; Python must not complain about it once more.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except OSError as error:  # a full disk, a locked database: nobody's bad input, and no riddle
+        print(f"slipstream: {' '.join(str(error).split())}", file=sys.stderr)
+        return 1

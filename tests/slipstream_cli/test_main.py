@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import tomli_w
 
+from slipstream_cli import db
 from slipstream_cli.main import COMMANDS, main
 
 
@@ -95,6 +96,29 @@ def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
     assert json.loads(checked.stdout)["faults"] == []
     pruned = slipstream("db", "prune", "--url", url, "--keep-days", "1", "--json")
     assert json.loads(pruned.stdout)["deleted_cycles"] == 0
+    for days in ("-1", "inf"):
+        assert "keep_days" in one_line(slipstream("db", "prune", "--url", url, "--keep-days", days))
+
+
+def test_pruning_makes_no_database(tmp_path: Path) -> None:
+    """A mistyped path is said, not filled."""
+    url = f"sqlite:///{tmp_path / 'mistyped.db'}"
+    assert "mistyped.db" in one_line(slipstream("db", "prune", "--url", url, "--keep-days", "1"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_one_line_and_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is nobody's bad input: exit status 1."""
+
+    def full(_: object) -> int:
+        raise OSError("database or disk is full\n(background on this error)")
+
+    monkeypatch.setattr(db, "upgrade", full)
+    assert main(["db", "upgrade"]) == 1
+    error = capsys.readouterr().err
+    assert error == "slipstream: database or disk is full (background on this error)\n"
 
 
 def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) -> None:
