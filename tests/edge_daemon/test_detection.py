@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -158,3 +161,15 @@ def test_pt_files_need_the_extra_or_run_through_the_same_protocol(
     image, rows = rendered
     there, hits = matched(open_detector(settings).detect(image), rows)
     assert hits >= 0.8 * there
+
+
+def test_nothing_is_told_to_anybody(tmp_path: Path) -> None:
+    """Opening a model writes no identity into the home folder, as its telemetry would."""
+    code = (
+        "from edge_daemon.detection import DetectorSettings, open_detector\n"
+        "open_detector(DetectorSettings())"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code], check=True, env=os.environ | {"HOME": str(tmp_path)}
+    )
+    assert list(tmp_path.iterdir()) == []
