@@ -10,8 +10,8 @@ from pathlib import Path
 
 from simulation.streetdrive.vehicles import CLASSES
 from simulation.training.card import Record, StageRecord, card_text
-from simulation.training.ranges import ROADSIDE, WIDE
-from simulation.training.scenes import write_dataset
+from simulation.training.dataset import write_data_yaml, write_dataset
+from simulation.training.ranges import RIDERS, ROADSIDE, WIDE
 from simulation.training.shipped import openvino_map
 from simulation.training.train import TrainSettings, export, train, ultralytics_map
 
@@ -31,6 +31,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--held-out", type=_positive, default=120, help="held-out pictures a stage")
     parser.add_argument("--first-epochs", type=_positive, default=5, help="epochs on wide scenes")
     parser.add_argument("--epochs", type=_positive, default=15, help="epochs on roadside scenes")
+    parser.add_argument(
+        "--last-epochs", type=_positive, default=8, help="epochs with more motorcycles"
+    )
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--threads", type=_positive, default=2, help="CPU threads and processes")
     parser.add_argument("--out", type=Path, required=True, help="folder for data and the run")
@@ -57,36 +60,54 @@ def main(argv: list[str] | None = None) -> int:
     """Render, train, export, measure, write the card."""
     chosen = _parser().parse_args(argv)
     begin = time.monotonic()
-    last: Path | None = None
-    stages = []
-    for limits, epochs in ((WIDE, chosen.first_epochs), (ROADSIDE, chosen.epochs)):
-        folder = chosen.out / limits.name
-        data = write_dataset(
+    sets = {
+        limits.name: (limits, chosen.out / limits.name, pictures, held_out)
+        for limits, pictures, held_out in (
+            (WIDE, chosen.images, chosen.held_out),
+            (ROADSIDE, chosen.images, chosen.held_out),
+            (RIDERS, chosen.images // 3 + 1, 0),
+        )
+    }
+    for limits, folder, pictures, held_out in sets.values():
+        write_dataset(
             folder,
-            train=chosen.images,
-            held_out=chosen.held_out,
+            train=pictures,
+            held_out=held_out,
             seed=chosen.seed,
             limits=limits,
             workers=chosen.threads,
         )
+    wide, roadside, riders = (folder for _, folder, _, _ in sets.values())
+    plans: tuple[tuple[list[Path], int, float, float], ...] = (
         # The first stage hands over before its rate has fallen, as the first part of a longer run.
-        final_rate = 0.8 if limits is WIDE else 0.01
+        ([wide], chosen.first_epochs, 1e-3, 0.85),
+        ([roadside], chosen.epochs, 1e-3, 0.01),
+        ([roadside, riders], chosen.last_epochs, 5e-4, 0.01),
+    )
+    last: Path | None = None
+    stages = []
+    for number, (folders, epochs, rate, final_rate) in enumerate(plans, start=1):
         settings = TrainSettings(
-            epochs=epochs, seed=chosen.seed, threads=chosen.threads, final_rate=final_rate
+            epochs=epochs,
+            seed=chosen.seed,
+            threads=chosen.threads,
+            learning_rate=rate,
+            final_rate=final_rate,
         )
-        last = train(data, chosen.out, settings, f"run-{limits.name}", last)
-        stages.append(StageRecord.of(limits.name, folder, settings))
+        data = write_data_yaml(chosen.out / f"stage{number}.yaml", folders, folders[0])
+        last = train(data, chosen.out, settings, f"stage{number}", last)
+        stages.append(StageRecord.of(folders, settings))
     minutes = (time.monotonic() - begin) / 60
     assert last is not None
     pt, xml = export(last, chosen.weights, chosen.out / "export")
     record = Record(
         date=datetime.now(UTC).date().isoformat(),
         stages=tuple(stages),
+        held_out_pictures=chosen.held_out,
         shipped={
-            limits.name: openvino_map(xml, chosen.out / limits.name, len(CLASSES))
-            for limits in (ROADSIDE, WIDE)
+            folder.name: openvino_map(xml, folder, len(CLASSES)) for folder in (roadside, wide)
         },
-        validator=ultralytics_map(pt, chosen.out / ROADSIDE.name / "data.yaml"),
+        validator=ultralytics_map(pt, roadside / "data.yaml"),
         minutes=minutes,
         versions=_installed(),
     )

@@ -8,10 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -274,48 +271,3 @@ def _shoot(stage: Stage, split: str, rng: np.random.Generator, limits: SceneRang
             x1, y1, x2, y2 = (value * scale for value in what.box_px)
             labels.append((number, x1, y1, x2, y2))
     return Scene(small, tuple(labels))
-
-
-def yolo_lines(scene: Scene) -> str:
-    """The scene's labels as YOLO text: class, centre x, centre y, width, height, all relative."""
-    lines = []
-    for number, x1, y1, x2, y2 in scene.labels:
-        cx, cy = (x1 + x2) / 2 / IMAGE_WIDTH, (y1 + y2) / 2 / IMAGE_HEIGHT
-        w, h = (x2 - x1) / IMAGE_WIDTH, (y2 - y1) / IMAGE_HEIGHT
-        lines.append(f"{number} {cx:.6f} {cy:.6f} {w:.6f} {h:.6f}\n")
-    return "".join(lines)
-
-
-def _write_stage(index: int, split: str, seed: int, limits: SceneRange, out: Path) -> int:
-    cv2.setNumThreads(1)
-    boxes = 0
-    for shot, scene in enumerate(render_shots(split, index, seed, limits)):
-        name = f"{index:05d}-{shot}"
-        cv2.imwrite(str(out / "images" / split / f"{name}.png"), scene.image)
-        (out / "labels" / split / f"{name}.txt").write_text(yolo_lines(scene), encoding="ascii")
-        boxes += len(scene.labels)
-    return boxes
-
-
-def write_dataset(
-    out: Path, *, train: int, held_out: int, seed: int, limits: SceneRange, workers: int = 2
-) -> Path:
-    """Render both splits under `out` in the YOLO layout and return the path of its data.yaml.
-
-    The counts are of pictures; they are rounded up to whole stages.
-    """
-    for split, count in ((TRAIN, train), (HELD_OUT, held_out)):
-        (out / "images" / split).mkdir(parents=True, exist_ok=True)
-        (out / "labels" / split).mkdir(parents=True, exist_ok=True)
-        task = partial(_write_stage, split=split, seed=seed, limits=limits, out=out)
-        stages = -(-count // limits.shots)
-        with ProcessPoolExecutor(max_workers=workers) as pool:
-            boxes = sum(pool.map(task, range(stages), chunksize=2))
-        print(f"{limits.name} {split}: {stages * limits.shots} pictures, {boxes} boxes", flush=True)
-    names = "".join(f"  {i}: {name}\n" for i, name in enumerate(CLASSES))
-    data = out / "data.yaml"
-    data.write_text(
-        f"path: {out.resolve()}\ntrain: images/{TRAIN}\nval: images/{HELD_OUT}\nnames:\n{names}",
-        encoding="utf-8",
-    )
-    return data

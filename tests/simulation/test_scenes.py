@@ -11,6 +11,7 @@ import pytest
 from simulation.streetdrive.painter import Placed, Seen, measure
 from simulation.streetdrive.road import Road
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
+from simulation.training.dataset import yolo_lines
 from simulation.training.ranges import ROADSIDE, WIDE
 from simulation.training.scenes import (
     _HELD_OUT_PAINTS,
@@ -24,7 +25,6 @@ from simulation.training.scenes import (
     draw_vehicles,
     keeps_label,
     render_shots,
-    yolo_lines,
 )
 
 

@@ -8,9 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from simulation.streetdrive.clip import SEGMENT_FAR_M, SEGMENT_NEAR_M, Fleet
+from simulation.streetdrive.clip import Fleet
+from simulation.streetdrive.paper_law import PaperLaw
 from simulation.streetdrive.road import Road
-from simulation.streetdrive.traffic import Driver, PaperLaw, Track, simulate
+from simulation.streetdrive.settings import SEGMENT_FAR_M, SEGMENT_NEAR_M
+from simulation.streetdrive.track import Track
+from simulation.streetdrive.traffic import Driver, simulate
 
 FPS, SECONDS = 10.0, 40.0
 ROAD = Road()
