@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from simulation.streetdrive.vehicles import CLASSES
-from simulation.training.card import Record, StageRecord, card_text
+from simulation.training.card import REACH_HEIGHT_PX, Record, StageRecord, card_text
 from simulation.training.dataset import write_data_yaml, write_dataset
 from simulation.training.ranges import RIDERS, ROADSIDE, WIDE
 from simulation.training.shipped import openvino_map
@@ -100,13 +100,16 @@ def main(argv: list[str] | None = None) -> int:
     minutes = (time.monotonic() - begin) / 60
     assert last is not None
     pt, xml = export(last, chosen.weights, chosen.out / "export")
+    road, reach = openvino_map(xml, roadside, len(CLASSES), (0.0, REACH_HEIGHT_PX))
     record = Record(
         date=datetime.now(UTC).date().isoformat(),
         stages=tuple(stages),
         held_out_pictures=chosen.held_out,
         shipped={
-            folder.name: openvino_map(xml, folder, len(CLASSES)) for folder in (roadside, wide)
+            ROADSIDE.name: road,
+            WIDE.name: openvino_map(xml, wide, len(CLASSES))[0],
         },
+        in_reach=reach,
         validator=ultralytics_map(pt, roadside / "data.yaml"),
         minutes=minutes,
         versions=_installed(),

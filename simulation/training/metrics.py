@@ -47,33 +47,57 @@ def _matches(found: Floats, true: Floats, threshold: float) -> NDArray[np.bool_]
     return hit
 
 
+def _heights(corners: Floats) -> Floats:
+    return np.asarray(corners[:, 3] - corners[:, 1])
+
+
+def _judge(
+    found: Floats, true: Floats, threshold: float, least_height_px: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which found boxes count, and which of them are hits, in one picture and class.
+
+    True boxes lower than the bound are neither wanted nor held against an answer that finds them.
+    """
+    small = _heights(true) < least_height_px
+    hit = _matches(found, true[~small], threshold)
+    rest = ~hit
+    ignored = np.zeros(len(found), dtype=np.bool_)
+    ignored[rest] = _matches(found[rest], true[small], threshold)
+    ignored[rest] |= _heights(found[rest]) < least_height_px
+    return ~ignored, hit
+
+
 def average_precision(
-    found: Sequence[Boxes], true: Sequence[Boxes], number: int, threshold: float
+    found: Sequence[Boxes],
+    true: Sequence[Boxes],
+    number: int,
+    threshold: float,
+    least_height_px: float = 0.0,
 ) -> float:
-    """AP of one class over pictures at one IoU threshold; nan where the class never occurs."""
+    """AP of one class over pictures at one IoU threshold; nan where the class never occurs.
+
+    With a least height, lower boxes are left out on both sides, as COCO does with area ranges.
+    """
     scores: list[Floats] = []
     hits: list[NDArray[np.bool_]] = []
     total = 0
     for f, t in zip(found, true, strict=True):
         wanted = t.corners[t.classes == number]
-        total += len(wanted)
+        total += int((_heights(wanted) >= least_height_px).sum())
         chosen = f.classes == number
         order = np.argsort(-f.scores[chosen], kind="stable")
-        scores.append(f.scores[chosen][order])
-        hits.append(_matches(f.corners[chosen][order], wanted, threshold))
+        counts, hit = _judge(f.corners[chosen][order], wanted, threshold, least_height_px)
+        scores.append(f.scores[chosen][order][counts])
+        hits.append(hit[counts])
     if total == 0:
         return float("nan")
     order = np.argsort(-np.concatenate(scores), kind="stable")
     hit = np.concatenate(hits)[order]
     recall = np.cumsum(hit) / total
     precision = np.cumsum(hit) / np.arange(1, len(hit) + 1)
-    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    envelope = np.append(np.maximum.accumulate(precision[::-1])[::-1], 0.0)
     at = np.searchsorted(recall, np.linspace(0, 1, 101), side="left")
-    return float(
-        np.where(
-            at < len(envelope), np.append(envelope, 0.0)[np.minimum(at, len(envelope))], 0.0
-        ).mean()
-    )
+    return float(envelope[at].mean())
 
 
 @dataclass(frozen=True)
@@ -86,12 +110,20 @@ class Figures:
     boxes: tuple[int, ...]
 
 
-def evaluate(found: Sequence[Boxes], true: Sequence[Boxes], classes: int) -> Figures:
-    """mAP50 and mAP50-95 over classes that occur."""
+def evaluate(
+    found: Sequence[Boxes], true: Sequence[Boxes], classes: int, least_height_px: float = 0.0
+) -> Figures:
+    """mAP50 and mAP50-95 over classes that occur, of boxes with at least this height."""
     table = np.array(
-        [[average_precision(found, true, c, t) for t in IOU_THRESHOLDS] for c in range(classes)]
+        [
+            [average_precision(found, true, c, t, least_height_px) for t in IOU_THRESHOLDS]
+            for c in range(classes)
+        ]
     )
-    counts = tuple(int(sum((t.classes == c).sum() for t in true)) for c in range(classes))
+    counts = tuple(
+        sum(int((_heights(t.corners[t.classes == c]) >= least_height_px).sum()) for t in true)
+        for c in range(classes)
+    )
     return Figures(
         map50=float(np.nanmean(table[:, 0])),
         map50_95=float(np.nanmean(table)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -64,8 +65,10 @@ def read_labels(path: Path) -> Boxes:
     return Boxes(corners, rows[:, 0].astype(np.int64), np.ones(len(rows)))
 
 
-def openvino_map(xml: Path, dataset: Path, classes: int) -> Figures:
-    """Figures of the exported model on the held-out pictures of a dataset folder."""
+def openvino_map(
+    xml: Path, dataset: Path, classes: int, least_heights_px: Sequence[float] = (0.0,)
+) -> list[Figures]:
+    """Figures of the exported model on a set's held-out pictures, for each least box height."""
     import openvino
 
     model = openvino.Core().compile_model(xml, "CPU")
@@ -77,4 +80,4 @@ def openvino_map(xml: Path, dataset: Path, classes: int) -> Figures:
         output = np.asarray(model(planes)[0], dtype=np.float32)
         found.append(decode(output, scale, top))
         true.append(read_labels(dataset / "labels" / HELD_OUT / f"{picture.stem}.txt"))
-    return evaluate(found, true, classes)
+    return [evaluate(found, true, classes, height) for height in least_heights_px]

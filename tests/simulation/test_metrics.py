@@ -59,6 +59,16 @@ def test_nothing_found_scores_zero():
     assert average_precision([boxes()], [boxes(A)], 0, 0.5) == 0.0
 
 
+def test_low_boxes_are_left_out_on_both_sides():
+    """With a least height, a low true box is not missed and a low answer is not held against us."""
+    low, lower = (50.0, 0.0, 60.0, 8.0, 0, 0.95), (70.0, 0.0, 80.0, 5.0, 0, 0.9)
+    found = boxes(low, lower, (*A[:4], 0, 0.8))
+    assert average_precision([found], [boxes(A, low)], 0, 0.5, 9.0) == pytest.approx(1.0)
+    assert average_precision([found], [boxes(A, low)], 0, 0.5) < 1.0
+    figures = evaluate([found], [boxes(A, low)], 1, 9.0)
+    assert figures.boxes == (1,)
+
+
 def test_letterbox_and_decode_are_inverse():
     """A box in the network's pixels comes back in picture pixels, without the bars."""
     image = np.full((720, 1280, 3), 200, dtype=np.uint8)
