@@ -78,7 +78,8 @@ def card_text(record: Record) -> str:
     return f"""# {WEIGHTS_NAME}
 
 YOLO11n, trained from random weights on StreetDrive renders only. Classes: {classes}.
-Made on {record.date} with `python -m simulation.training` (scenes, training, export, measuring, this card).
+Made on {record.date} by `simulation/training`; `python -m simulation.training --out DIR` does scenes, training,
+export, measuring and this card.
 {record.remark}
 
 | file | what |
@@ -100,10 +101,10 @@ Made on {record.date} with `python -m simulation.training` (scenes, training, ex
 {rows}
 
 Cars at the far end (77 to 80 m) of a StreetDrive clip's monitored segment measured 11 to 18 px, 13 in the
-median, at 640 px picture width: the second count is what the edge daemon's features rest on. Lower boxes are then left out on
-both sides, as COCO does with area ranges.
+median, at 640 px picture width, hence the row with a least height, which is no substitute for the first row. Lower
+boxes are left out on both sides there, as COCO does with area ranges.
 
-Scores from 0.001 up, NMS per class at IoU 0.6 (OpenVINO) and 0.7 (`.pt`), at most 300 boxes a picture, AP over 101 recall points
+Scores from 0.001 up, NMS per class at IoU 0.7, at most 300 boxes a picture, AP over 101 recall points
 (`simulation/training/metrics.py`, `shipped.py`).
 
 ## Data
@@ -119,8 +120,8 @@ A vehicle is labelled when at least {MIN_VISIBLE_FRACTION:.0%} of its silhouette
 is at least {MIN_HEIGHT_PX:.0f} px high at 640 px picture width. Others stay in the picture unlabelled.
 
 The held-out pictures share no random seed, no camera (height and focal length come from disjoint bins)
-and no palette (paints and surfaces come from disjoint lists) with the training pictures. They chose no
-epoch: the weights are the moving average after the last one.
+and no palette (paints and surfaces come from disjoint lists) with the training pictures. No epoch is picked
+by them: the weights are the moving average after the last one.
 
 ## Training
 | range | training pictures | boxes | epochs | seed | batch | AdamW rate |
