@@ -68,12 +68,13 @@ def main(argv: list[str] | None = None) -> int:
             (RIDERS, chosen.images // 3 + 1, 0),
         )
     }
-    for limits, folder, pictures, held_out in sets.values():
+    # Another seed a set: equal ones would repeat the cameras of the set before.
+    for offset, (limits, folder, pictures, held_out) in enumerate(sets.values()):
         write_dataset(
             folder,
             train=pictures,
             held_out=held_out,
-            seed=chosen.seed,
+            seed=chosen.seed + offset,
             limits=limits,
             workers=chosen.threads,
         )
