@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     supervisor = Supervisor(sys.stderr)
-    supervisor.say("slipstream", "making the roadside clips (once, under a minute)")
+    supervisor.say("slipstream", "making the roadside clips (once, about a minute)")
     clips = make_clips(options.state / "clips", stopping)
     if stopping.is_set():
         return 0
