@@ -57,21 +57,24 @@ def notify(state: str) -> None:
         log.warning("sd_notify: %s", error)
 
 
-def die_with_parent(signal_number: int = signal.SIGKILL) -> None:
-    """Have Linux end this process when its parent thread ends, however that happens."""
+def die_with_parent(parent: int) -> None:
+    """Have Linux end this process when its parent thread ends, however that happens.
+
+    Args:
+        parent: the parent's process id; if it has ended already, this process ends now.
+    """
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal_number), 0, 0, 0)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    # Had it ended before, the kernel's signal would never come.
+    if os.getppid() != parent:
+        os._exit(1)
 
 
 def follow_supervisor() -> None:
     """Tie this process to the supervisor that started it, if one did; call it first of all."""
     supervisor = os.environ.get(SUPERVISED)
-    if supervisor is None:
-        return
-    die_with_parent()
-    # Had it ended before, the kernel's signal would never come.
-    if str(os.getppid()) != supervisor:
-        os._exit(1)
+    if supervisor is not None:
+        die_with_parent(int(supervisor))
 
 
 def rss_mb() -> float:

@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -155,7 +156,7 @@ def _run(settings: SoakSettings, state: Path) -> Iterator[_Running]:
             stderr=log,
             text=True,
             start_new_session=True,
-            preexec_fn=die_with_parent,
+            preexec_fn=partial(die_with_parent, os.getpid()),
         )
         try:
             yield _Running(process, command, state / "settings")

@@ -54,9 +54,7 @@ def _start_worker(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
     # when the creating thread ends: SolverPool makes workers in threads that live as long as it.
-    die_with_parent()
-    if os.getppid() != parent:
-        os._exit(1)
+    die_with_parent(parent)
     guardian = multiprocessing.parent_process()
     if guardian is not None:
         sentinel = guardian.sentinel
