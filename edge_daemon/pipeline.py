@@ -9,14 +9,14 @@ from collections import deque
 from dataclasses import dataclass
 
 from edge_daemon.camera import Camera, WatchedSegment
-from edge_daemon.detection import Detector
+from edge_daemon.detection import Detections, Detector
 from edge_daemon.frame import Frame
 from edge_daemon.kinematics import features_of
 from edge_daemon.measurement import to_road_points
-from edge_daemon.stability import StabilitySettings, classify
+from edge_daemon.stability import Flag, StabilitySettings, classify
 from edge_daemon.tracking import Sighting, Track, Tracker, TrackerSettings
 from slipstream.errors import InputError
-from slipstream.messages import SegmentState
+from slipstream.messages import SegmentState, UnknownReason
 
 _LONGEST_GAP_S = 0.5
 
@@ -55,7 +55,15 @@ class Pipeline:
         return self._tracker.tracks
 
     def process(self, frame: Frame) -> None:
-        """Take one frame in.
+        """Detect in one frame and take it in: what `take` does after the detector.
+
+        Raises:
+            InputError: the picture has another size than the calibration.
+        """
+        self.take(frame, self._detector.detect(frame.image))
+
+    def take(self, frame: Frame, detections: Detections) -> None:
+        """Take in one frame with what was detected in it.
 
         Raises:
             InputError: the picture has another size than the calibration.
@@ -72,11 +80,17 @@ class Pipeline:
         now = frame.media_time_s
         if frame.cut:
             self._tracker.reset()
-        found = to_road_points(self._detector.detect(frame.image), self._camera)
+        found = to_road_points(detections, self._camera)
         self._sightings.extend(self._tracker.update(now, found))
         last = self._frames[-1].time_s if self._frames else now
         self._frames.append(_Seen(now, now - last))
         self._forget(now - self._window_s)
+
+    def forget(self) -> None:
+        """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
+        self._tracker.reset()
+        self._sightings.clear()
+        self._frames.clear()
 
     def _forget(self, before_s: float) -> None:
         while self._sightings and self._sightings[0].time_s < before_s:
@@ -84,12 +98,15 @@ class Pipeline:
         while self._frames and self._frames[0].time_s < before_s:
             self._frames.popleft()
 
-    def states(self, time_ns: int, idle_s: float = 0.0) -> list[SegmentState]:
+    def states(
+        self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
+    ) -> list[SegmentState]:
         """The state of each segment over the window that ends now.
 
         Args:
             time_ns: UTC of the last frame, or of now if none has come.
             idle_s: time since the last frame: that much of the window is empty.
+            fault: why the camera cannot be trusted now; all segments are unknown for it.
         """
         if idle_s > 0 and self._frames:
             self._forget(self._frames[-1].time_s + idle_s - self._window_s)
@@ -97,20 +114,30 @@ class Pipeline:
         observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _LONGEST_GAP_S)
         coverage = min(1.0, observed_s / self._window_s)
         return [
-            self._state(segment, time_ns, observed_s, coverage) for segment in self._camera.segments
+            self._state(segment, time_ns, observed_s, coverage, fault)
+            for segment in self._camera.segments
         ]
 
     def _state(
-        self, segment: WatchedSegment, time_ns: int, observed_s: float, coverage: float
+        self,
+        segment: WatchedSegment,
+        time_ns: int,
+        observed_s: float,
+        coverage: float,
+        fault: UnknownReason | None,
     ) -> SegmentState:
         measured = (
             features_of(self._sightings, segment, observed_s)
-            if self._sightings and observed_s > 0
+            if fault is None and self._sightings and observed_s > 0
             else None
         )
         features = measured.features if measured else None
         vehicles = measured.vehicles if measured else 0
-        flag = classify(features, vehicles, len(self._frames), coverage, self._stability)
+        flag = (
+            classify(features, vehicles, len(self._frames), coverage, self._stability)
+            if fault is None
+            else Flag(None, fault)
+        )
         self._sequence += 1
         return SegmentState(
             rsu=self._rsu,
