@@ -7,5 +7,14 @@ from edge_daemon.detection.protocol import (
     DetectorSettings,
     open_detector,
 )
+from edge_daemon.detection.stream import ahead, detect_stream
 
-__all__ = ["VEHICLE_CLASSES", "Detections", "Detector", "DetectorSettings", "open_detector"]
+__all__ = [
+    "VEHICLE_CLASSES",
+    "Detections",
+    "Detector",
+    "DetectorSettings",
+    "ahead",
+    "detect_stream",
+    "open_detector",
+]

@@ -48,6 +48,11 @@ class OpenVinoDetector:
         self._request = self._compiled.create_infer_request()
         self._placed: tuple[int, int] = (0, 0)
 
+    @property
+    def requests(self) -> int:
+        """Pictures at a time: one."""
+        return 1
+
     def detect(self, image: Image) -> Detections:
         """Vehicles in a BGR picture (height, width, 3)."""
         scale, left, top = self._place(image)

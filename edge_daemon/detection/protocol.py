@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from edge_daemon.camera import Camera
 from edge_daemon.frame import Image
 from slipstream.config import Settings
 from slipstream.errors import InputError
@@ -56,15 +57,28 @@ class Detections:
 
 
 class Detector(Protocol):
-    """Finds vehicles in a picture."""
+    """Finds vehicles in a picture.
+
+    Attributes:
+        requests: pictures that it takes at a time; `detect` may be called from so many threads.
+    """
+
+    @property
+    def requests(self) -> int:
+        """Pictures at a time."""
+        ...
 
     def detect(self, image: Image) -> Detections:
         """Vehicles in a BGR picture (height, width, 3)."""
         ...
 
 
-def open_detector(settings: DetectorSettings) -> Detector:
+def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> Detector:
     """Open the detector that the model file asks for.
+
+    Args:
+        settings: the model and how to run it.
+        camera: what it looks at; without it, or with `region = false`, all of the picture.
 
     Raises:
         InputError: the file is missing, not a YOLO11 export, knows no vehicle class, or needs

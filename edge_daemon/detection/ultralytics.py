@@ -37,6 +37,11 @@ class UltralyticsDetector:
         self._vehicle_class = vehicle_class_of([names[i] for i in sorted(names)], path)
         self._settings = settings
 
+    @property
+    def requests(self) -> int:
+        """Pictures at a time: one."""
+        return 1
+
     def detect(self, image: Image) -> Detections:
         """Vehicles in a BGR picture (height, width, 3)."""
         result = (

@@ -32,12 +32,14 @@ from edge_daemon.detection import Detections
 from slipstream_cli.main import main
 
 class Sticking:
+    requests = 1
+
     def detect(self, image):
         while Path(sys.argv[2]).exists():
             time.sleep(0.1)
         return Detections(np.zeros((0, 4), np.float32), np.zeros(0, np.float32), np.zeros(0, int))
 
-edge_daemon.daemon.open_detector = lambda settings: Sticking()
+edge_daemon.daemon.open_detector = lambda *_: Sticking()
 sys.exit(main(["edge", "--config", sys.argv[1]]))
 """
 
