@@ -93,7 +93,7 @@ LINE = [(20.0, 2.0), (40.0, 2.0), (60.0, 2.0), (80.0, 2.0)]
         (camera_toml().replace("schema = 1", "schema = 9"), "schema"),
         (camera_toml().replace("width = 1280", "width = 0"), "image.width"),
         (camera_toml().replace("[-1.0, 0.0]", "[0.0, 0.0]"), "direction"),
-        (camera_toml().replace("road = [20, -8]", "road = [80, 8]"), "misses its own points"),
+        (camera_toml().replace("road = [45, 8]", "road = [70, 8]"), "misses its own points"),
         (camera_toml().replace("20.0, 0.0", "inf, 0.0"), "polygon"),
         (camera_toml(extra=SECOND_APPROACH), "two segments with one id"),
     ],

@@ -1,0 +1,77 @@
+"""The part of a road segment that a camera watches: a polygon on the road plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from edge_daemon.homography import Array
+
+
+@dataclass(frozen=True)
+class WatchedSegment:
+    """A watched part of a road segment in its own coordinates.
+
+    Segments may overlap: a vehicle in the overlap counts in each of them.
+
+    Attributes:
+        id: the road segment.
+        polygon_m: outline on the road plane, m, shape (n, 2).
+        direction: unit vector of travel, shape (2,).
+        length_m: extent along the direction.
+        lanes: number of lanes.
+        lane_width_m: width of a lane.
+    """
+
+    id: str
+    polygon_m: Array
+    direction: Array
+    length_m: float
+    lanes: int
+    lane_width_m: float
+
+    def contains(self, points_m: Array) -> npt.NDArray[np.bool_]:
+        """Which points (n, 2), m, lie inside the outline, by the even-odd rule; NaN does not.
+
+        A point on an edge that two segments share lies in one of them.
+        """
+        (x0, y0, y1), slope = self._edges
+        x, y = points_m[:, :1], points_m[:, 1:]
+        crossed = (y0 > y) != (y1 > y)
+        right = crossed & (x < x0 + (y - y0) * slope)
+        return np.asarray(right.sum(axis=1) % 2 == 1)
+
+    @cached_property
+    def _edges(self) -> tuple[Array, Array]:
+        """Rows (x0, y0, y1) of the outline's edges, and their dx/dy, for `contains`."""
+        begin, end = self.polygon_m, np.roll(self.polygon_m, -1, axis=0)
+        rise = end[:, 1] - begin[:, 1]
+        level = rise == 0  # never crossed by a level ray
+        slope = (end[:, 0] - begin[:, 0]) / np.where(level, 1.0, rise)
+        return np.stack([begin[:, 0], begin[:, 1], end[:, 1]]), slope
+
+    def along(self, points_m: Array) -> Array:
+        """Position along the direction of travel, m, shape (n,)."""
+        return np.asarray(points_m @ self.direction)
+
+    @cached_property
+    def begin_m(self) -> float:
+        """Position of the outline's upstream end, as `along` counts."""
+        return float(self.along(self.polygon_m).min())
+
+    def lane(self, points_m: Array) -> npt.NDArray[np.int_]:
+        """Lane index of points (n, 2), counted from the right edge of the outline."""
+        offset = points_m @ self._left - self._right_edge_m
+        lanes = np.clip(np.floor(offset / self.lane_width_m), 0, self.lanes - 1)
+        return np.asarray(lanes, dtype=np.int_)
+
+    @cached_property
+    def _left(self) -> Array:
+        return np.array([-self.direction[1], self.direction[0]])
+
+    @cached_property
+    def _right_edge_m(self) -> float:
+        return float((self.polygon_m @ self._left).min())
