@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera_settings import CameraSettings, SegmentSettings
-from edge_daemon.homography import Array, CalibrationError, Homography
+from edge_daemon.camera_checks import check_points, fit_points, watched
+from edge_daemon.camera_settings import CameraSettings
+from edge_daemon.homography import Array, Homography
 from edge_daemon.pose import CameraPose, pose_of
 from edge_daemon.segment import WatchedSegment
 from slipstream.config import load
@@ -81,9 +82,9 @@ def load_camera(path: Path) -> Camera:
     """Read a ``camera.toml``.
 
     Raises:
-        InputError: an unknown key, a wrong type, points that fix no homography, a calibration that
-            does not fit its own points, a segment out of the picture, a direction of length zero,
-            a reference picture that is missing.
+        InputError: an unknown key, a wrong type, a reference picture that is missing; points
+            outside the picture, at one place or on a line, that fix no homography or do not fit
+            it; a segment that `edge_daemon.camera_checks.watched` refuses.
     """
     settings = load(path, CameraSettings)
     ids = [segment.id for segment in settings.segments]
@@ -94,47 +95,8 @@ def load_camera(path: Path) -> Camera:
         raise InputError(
             path, f"no such picture: {reference}", "mend the path or remove it", key="reference"
         )
-    try:
-        camera = Camera(
-            settings.name,
-            (settings.image.width, settings.image.height),
-            np.array([point.road for point in settings.points]),
-            np.array([point.image for point in settings.points]),
-            tuple(_watched(segment, path) for segment in settings.segments),
-            reference,
-        )
-    except CalibrationError as error:
-        raise InputError(path, error.problem, error.mend, key="points") from None
-    if camera.reprojection_error_px > 0.01 * settings.image.width:
-        raise InputError(
-            path,
-            f"the calibration misses its own points by {camera.reprojection_error_px:.1f} px",
-            "check for swapped or mistyped points",
-            key="points",
-        )
-    for segment in camera.segments:
-        u, v = camera.to_image(segment.polygon_m).T
-        if (u.max() < 0) | (u.min() > camera.size[0]) | (v.max() < 0) | (v.min() > camera.size[1]):
-            raise InputError(
-                path, "outside the picture", "give it in road metres", key=f"segments.{segment.id}"
-            )
-    return camera
-
-
-def _watched(segment: SegmentSettings, path: Path) -> WatchedSegment:
-    direction = np.array(segment.direction)
-    norm = float(np.linalg.norm(direction))
-    if not norm > 0:
-        raise InputError(
-            path, "direction has no length", "give a vector", key=f"segments.{segment.id}"
-        )
-    polygon = np.array(segment.polygon)
-    along = polygon @ (direction / norm)
-    return WatchedSegment(
-        segment.id,
-        polygon,
-        direction / norm,
-        float(along.max() - along.min()),
-        segment.lanes,
-        segment.lane_width_m,
-    )
+    size = (settings.image.width, settings.image.height)
+    road, image = check_points(settings.points, size, path)
+    homography = fit_points(road, image, size, path)
+    segments = tuple(watched(segment, homography, size, path) for segment in settings.segments)
+    return Camera(settings.name, size, road, image, segments, reference)

@@ -10,8 +10,8 @@ from pydantic import Field
 from slipstream.config import Settings
 from slipstream.messages import Identifier
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Pair = tuple[Finite, Finite]
+Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
+Pair = tuple[Coordinate, Coordinate]
 
 
 class CalibrationPoint(Settings):

@@ -87,7 +87,7 @@ LINE = [(20.0, 2.0), (40.0, 2.0), (60.0, 2.0), (80.0, 2.0)]
     ("text", "problem"),
     [
         (camera_toml(LINE), "one line"),
-        (camera_toml([(20.0, 2.0)] * 4), "one line"),
+        (camera_toml([(20.0, 2.0)] * 4), "points 1 and 2 share one place"),
         (camera_toml([(20, -8), (20, 8), (80, -8)]), "points"),
         (camera_toml(extra="colour = 'red'\n"), "unknown key"),
         (camera_toml().replace("schema = 1", "schema = 9"), "schema"),

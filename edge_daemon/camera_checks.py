@@ -1,0 +1,192 @@
+"""What a calibration must satisfy beyond its types: each fault is one line with its mend."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+from typing import Final, NoReturn
+
+import numpy as np
+
+from edge_daemon.camera_settings import CalibrationPoint, SegmentSettings
+from edge_daemon.consensus import agreeing, tolerance_px
+from edge_daemon.homography import Array, CalibrationError, Homography
+from edge_daemon.segment import WatchedSegment
+from slipstream.errors import InputError
+
+_WORST_RMS: Final = 0.01  # of the picture's width
+_SAME_PX, _SAME_M = 0.5, 0.01
+_SMALLEST_M2: Final = 1.0
+_LEAST_SEEN: Final = 0.5
+
+
+def check_points(
+    points: tuple[CalibrationPoint, ...], size: tuple[int, int], source: Path
+) -> tuple[Array, Array]:
+    """Points on the road, m, and in the picture, px, both (n, 2).
+
+    Raises:
+        InputError: one lies outside the picture, or two share a place.
+    """
+    road = np.array([point.road for point in points])
+    image = np.array([point.image for point in points])
+    for i, (u, v) in enumerate(image):
+        if not (0 <= u <= size[0] and 0 <= v <= size[1]):
+            raise InputError(
+                source,
+                f"point {i + 1} at ({u:g}, {v:g}) lies outside the {size[0]}×{size[1]} picture",
+                "mend its pixel or the picture's size",
+                key="points",
+            )
+    for i, j in combinations(range(len(points)), 2):
+        for where, places, same in (
+            ("in the picture", image, _SAME_PX),
+            ("on the road", road, _SAME_M),
+        ):
+            if np.hypot(*(places[i] - places[j])) < same:
+                raise InputError(
+                    source,
+                    f"points {i + 1} and {j + 1} share one place {where}",
+                    "mend or remove one",
+                    key="points",
+                )
+    return road, image
+
+
+def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Path) -> Homography:
+    """The homography that the points fix.
+
+    Raises:
+        InputError: they fix none, or do not fit it.
+    """
+    try:
+        homography = Homography(road_m, image_px)
+    except CalibrationError as error:
+        culprit = _culprit(road_m, image_px, size)
+        problem = error.problem + (f" ({culprit} off the others)" if culprit else "")
+        raise InputError(source, problem, error.mend, key="points") from None
+    misses = homography.misses_px(road_m, image_px)
+    rms = float(np.sqrt(np.mean(misses**2)))
+    if not rms <= _WORST_RMS * size[0]:
+        worst = int(np.argmax(misses))
+        culprit = _culprit(road_m, image_px, size) or _miss(worst, misses)
+        raise InputError(
+            source,
+            f"the calibration misses its own points by {rms:.1f} px ({culprit})",
+            "check for swapped or mistyped points",
+            key="points",
+        )
+    return homography
+
+
+def _culprit(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
+    """The point that contradicts the others most, if most agree."""
+    try:
+        agree = agreeing(road_m, image_px, tolerance_px(size[0]))
+        if agree.all():
+            return None
+        misses = Homography(road_m[agree], image_px[agree]).misses_px(road_m, image_px)
+    except CalibrationError:
+        return None
+    return _miss(int(np.argmax(np.nan_to_num(misses, nan=np.inf))), misses)
+
+
+def _miss(point: int, misses: Array) -> str:
+    by = f"{misses[point]:.0f} px" if np.isfinite(misses[point]) else "more than the picture"
+    return f"point {point + 1} by {by}"
+
+
+def watched(
+    segment: SegmentSettings, homography: Homography, size: tuple[int, int], source: Path
+) -> WatchedSegment:
+    """A segment in its own coordinates.
+
+    Raises:
+        InputError: its outline crosses itself, has no area, reaches behind the horizon, is mostly
+            outside the picture or lies across its direction; its direction has no length.
+    """
+
+    def refuse(problem: str, mend: str) -> NoReturn:
+        raise InputError(source, problem, mend, key=f"segments.{segment.id}")
+
+    direction = np.array(segment.direction)
+    norm = float(np.hypot(*direction))
+    if not norm > 1e-9:
+        refuse("direction has no length", "give a vector along the road")
+    direction /= norm
+    polygon = np.array(segment.polygon)
+    if len(polygon) > 3 and (polygon[0] == polygon[-1]).all():
+        polygon = polygon[:-1]  # closed, as GIS tools write it
+    if crosses_itself(polygon):
+        refuse("polygon crosses itself", "give the corners in order round the outline")
+    if area_m2(polygon) < _SMALLEST_M2:
+        refuse("polygon has no area", "give at least three corners that are not on a line")
+    if (homography.depth(polygon) <= 1e-6).any():
+        refuse("polygon reaches behind the horizon as calibrated", "shorten it or mend the points")
+    seen = seen_share(polygon, homography, size)
+    if seen <= 0:
+        refuse("polygon lies outside the picture", "give it in road metres, where the camera looks")
+    if seen < _LEAST_SEEN:
+        refuse(f"only {seen:.0%} of the polygon lies in the picture", "shorten it to what is seen")
+    along = polygon @ direction
+    across = polygon @ np.array([-direction[1], direction[0]])
+    length, width = float(np.ptp(along)), float(np.ptp(across))
+    if width > length and width > 2 * segment.lanes * segment.lane_width_m:
+        refuse(
+            f"polygon is {width:.0f} m wide across its direction and {length:.0f} m long",
+            "turn the direction along the road",
+        )
+    return WatchedSegment(
+        segment.id, polygon, direction, length, segment.lanes, segment.lane_width_m
+    )
+
+
+def area_m2(polygon: Array) -> float:
+    """Area of a simple polygon (n, 2)."""
+    relative = polygon - polygon.mean(axis=0)
+    x, y = relative.T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+
+
+def crosses_itself(polygon: Array) -> bool:
+    """Whether two edges of a polygon (n, 2) that are not neighbours meet."""
+    n = len(polygon)
+    edges = [(polygon[i], polygon[(i + 1) % n]) for i in range(n)]
+    return any(
+        _meet(*edges[i], *edges[j]) for i, j in combinations(range(n), 2) if j - i not in (1, n - 1)
+    )
+
+
+def _meet(a: Array, b: Array, c: Array, d: Array) -> bool:
+    def side(p: Array, q: Array, r: Array) -> float:
+        (x1, y1), (x2, y2) = q - p, r - p
+        return float(np.sign(x1 * y2 - y1 * x2))
+
+    def overlaps(axis: int) -> bool:
+        low, high = sorted((a[axis], b[axis])), sorted((c[axis], d[axis]))
+        return bool(low[0] <= high[1] and high[0] <= low[1])
+
+    apart = side(a, b, c) * side(a, b, d) > 0 or side(c, d, a) * side(c, d, b) > 0
+    return not apart and overlaps(0) and overlaps(1)
+
+
+def seen_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:
+    """Share of a polygon's area on the road that lies in the picture; all of it before the camera.
+
+    Its picture is clipped edge by edge (Sutherland and Hodgman), which is exact as a homography
+    keeps lines straight.
+    """
+    outline = homography.to_image(polygon_m)
+    for axis, sign, limit in ((0, 1, 0), (1, 1, 0), (0, -1, -size[0]), (1, -1, -size[1])):
+        inside = sign * outline[:, axis] - limit
+        clipped = []
+        for i, (point, depth) in enumerate(zip(outline, inside, strict=True)):
+            before, other = outline[i - 1], inside[i - 1]
+            if (depth >= 0) != (other >= 0):
+                clipped.append(before + (point - before) * other / (other - depth))
+            if depth >= 0:
+                clipped.append(point)
+        if not clipped:
+            return 0.0
+        outline = np.array(clipped)
+    return area_m2(homography.to_road(outline)) / area_m2(polygon_m)
