@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -43,18 +44,55 @@ def strip_polygon(road: Road, segment: MonitoredSegment) -> list[Point]:
     return [(near, low), (far, low), (far, high), (near, high)]
 
 
+@dataclass(frozen=True)
+class SegmentText:
+    """One `[[segments]]` table."""
+
+    segment_id: str
+    polygon_m: Sequence[Point]
+    direction: str
+    lanes: int
+    lane_width_m: float
+
+
 def camera_toml(name: str, camera: Camera, road: Road, segments: Sequence[MonitoredSegment]) -> str:
     """The file's text; equal arguments give equal text."""
+    return calibration_text(
+        "a StreetDrive camera",
+        name,
+        camera,
+        correspondences(camera, road, max(s.far_m for s in segments)),
+        [
+            SegmentText(
+                segment.segment_id,
+                strip_polygon(road, segment),
+                f"{float(segment.direction):.1f}, 0.0",
+                road.incoming_lanes if segment.direction < 0 else road.outgoing_lanes,
+                road.lane_width_m,
+            )
+            for segment in segments
+        ],
+    )
+
+
+def calibration_text(
+    what: str,
+    name: str,
+    camera: Camera,
+    points: Sequence[tuple[Point, Point]],
+    segments: Sequence[SegmentText],
+) -> str:
+    """A camera.toml from pairs of (pixel, road point) and segments on the road plane."""
     lines = [
-        "# Calibration of a StreetDrive camera: pixels (origin top-left) and the road plane (m).",
+        f"# Calibration of {what}: pixels (origin top-left) and the road plane (m).",
         "schema = 1",
-        f'name = "{name}"',
+        f"name = {_quoted(name)}",
         "",
         "[image]",
         f"width = {camera.width_px}",
         f"height = {camera.height_px}",
     ]
-    for (u, v), (x, y) in correspondences(camera, road, max(s.far_m for s in segments)):
+    for (u, v), (x, y) in points:
         lines += [
             "",
             "[[points]]",
@@ -62,15 +100,19 @@ def camera_toml(name: str, camera: Camera, road: Road, segments: Sequence[Monito
             f"road = [{x:.2f}, {y:.2f}]",
         ]
     for segment in segments:
-        corners = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in strip_polygon(road, segment))
-        lanes = road.incoming_lanes if segment.direction < 0 else road.outgoing_lanes
+        corners = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in segment.polygon_m)
         lines += [
             "",
             "[[segments]]",
-            f'id = "{segment.segment_id}"',
+            f"id = {_quoted(segment.segment_id)}",
             f"polygon = [{corners}]",
-            f"direction = [{float(segment.direction):.1f}, 0.0]",
-            f"lanes = {lanes}",
-            f"lane_width_m = {road.lane_width_m:.2f}",
+            f"direction = [{segment.direction}]",
+            f"lanes = {segment.lanes}",
+            f"lane_width_m = {segment.lane_width_m:.2f}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string: JSON's escapes are among TOML's, but for the delete character."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

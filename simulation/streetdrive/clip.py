@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from simulation.streetdrive.calibration import camera_toml
@@ -25,30 +22,22 @@ from simulation.streetdrive.stage import Stage
 from simulation.streetdrive.track import Track
 from simulation.streetdrive.traffic import simulate
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, build_vehicle
-from slipstream.errors import InputError
-
-__all__ = ["ClipRenderer", "ClipSettings", "ClipSummary", "Fleet", "render_clip"]
-
-Progress = Callable[[int, int], None]
-"""Called with the number of frames done and the number of frames in all."""
-
-TRUTH_COLUMNS = (
-    "frame",
-    "time_s",
-    "vehicle_id",
-    "class",
-    "x_m",
-    "y_m",
-    "speed_mps",
-    "acceleration_mps2",
-    "x1_px",
-    "y1_px",
-    "x2_px",
-    "y2_px",
-    "visible_fraction",
-    "length_m",
-    "width_m",
+from simulation.streetdrive.writer import (
+    TRUTH_COLUMNS,
+    ClipSummary,
+    Progress,
+    make_folder,
+    write_clip,
 )
+
+__all__ = [
+    "TRUTH_COLUMNS",
+    "ClipRenderer",
+    "ClipSettings",
+    "ClipSummary",
+    "Fleet",
+    "render_clip",
+]
 
 _SHAPE_SHARES = {
     "saloon": 0.27,
@@ -60,24 +49,12 @@ _SHAPE_SHARES = {
     "bus": 0.04,
     "motorcycle": 0.05,
 }
-_PALETTE = Palette(
+PALETTE = Palette(
     asphalt=(112.0, 111.0, 110.0),
     verge=(66.0, 112.0, 100.0),
     pavement=(160.0, 166.0, 170.0),
     foliage=(46.0, 96.0, 70.0),
 )
-
-
-@dataclass(frozen=True)
-class ClipSummary:
-    """What was written."""
-
-    video: Path
-    truth: Path
-    camera: Path
-    frames: int
-    vehicles: int
-    truth_rows: int
 
 
 class Fleet:
@@ -165,7 +142,7 @@ class ClipRenderer:
         self._fleet = Fleet(settings.seed)
         light = draw_light(rng).exposed(float(rng.uniform(1.12, 1.25)))
         self._stage = Stage(
-            self.camera, self.road, light, _PALETTE, rng, density=Density(7.0, 14.0, 5.0)
+            self.camera, self.road, light, PALETTE, rng, density=Density(7.0, 14.0, 5.0)
         )
         self._sensor = Sensor(
             SensorSettings(rng.uniform(0.4, 0.7), rng.uniform(0.1, 0.25), rng.uniform(1.5, 3.0)),
@@ -215,47 +192,16 @@ def render_clip(
         InputError: the folder cannot be written, or OpenCV has no MPEG-4 encoder.
     """
     out_dir = Path(out_dir)
-    try:
-        out_dir.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            out_dir, f"cannot be made ({error.strerror})", "give a writable folder"
-        ) from error
+    make_folder(out_dir)
     renderer = ClipRenderer(settings)
     camera = renderer.camera
-    video, truth, calibration = (out_dir / n for n in ("video.mp4", "truth.csv", "camera.toml"))
-    part_video, part_truth = out_dir / "video.part.mp4", out_dir / "truth.part.csv"
-    writer = cv2.VideoWriter(
-        str(part_video),
-        cv2.VideoWriter.fourcc(*"mp4v"),
-        settings.fps,
-        (camera.width_px, camera.height_px),
-    )
-    if not writer.isOpened():
-        raise InputError(
-            part_video,
-            "no video can be written here",
-            "give a writable folder and an OpenCV with FFmpeg",
-        )
-    identities: set[str] = set()
-    rows_written = 0
-    try:
-        with part_truth.open("w", newline="", encoding="ascii") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(TRUTH_COLUMNS)
-            for done, (image, rows) in enumerate(renderer.frames(), start=1):
-                writer.write(image)
-                table.writerows(rows)
-                rows_written += len(rows)
-                identities.update(row[2] for row in rows)
-                if progress is not None:
-                    progress(done, settings.frames)
-    finally:
-        writer.release()
     name = f"streetdrive-{settings.scenario}-{settings.seed}"
-    calibration.write_text(
-        camera_toml(name, camera, renderer.road, settings.segments), encoding="ascii"
+    return write_clip(
+        out_dir,
+        renderer.frames(),
+        camera_toml(name, camera, renderer.road, settings.segments),
+        frames=settings.frames,
+        fps=settings.fps,
+        size=(camera.width_px, camera.height_px),
+        progress=progress,
     )
-    part_truth.replace(truth)
-    part_video.replace(video)
-    return ClipSummary(video, truth, calibration, settings.frames, len(identities), rows_written)

@@ -7,7 +7,7 @@ layers are painted in order, so that a decal lies on the panel that it decorates
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from itertools import pairwise
 
@@ -48,6 +48,19 @@ class Mesh:
     layers: NDArray[np.int64]
     minor: NDArray[np.bool_]
     outline: Floats
+
+    def resized(self, length_m: float, width_m: float) -> Mesh:
+        """The same vehicle stretched to a length and a width; its height stays."""
+        scale = np.array([length_m / self.length_m, width_m / self.width_m, 1.0])
+        normals = self.normals / scale
+        return replace(
+            self,
+            length_m=length_m,
+            width_m=width_m,
+            corners=self.corners * scale,
+            normals=normals / np.linalg.norm(normals, axis=1)[:, None],
+            outline=self.outline * scale,
+        )
 
 
 @dataclass

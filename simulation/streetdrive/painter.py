@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,17 +23,34 @@ _FINE_DETAIL_PX = 26.0
 
 @dataclass(frozen=True)
 class Placed:
-    """A mesh on the road: ground centre in metres and heading along x (+1 away, -1 towards)."""
+    """A mesh on the road: ground centre in metres and heading along x (+1 away, -1 towards).
+
+    `turn_rad` turns it from there to the left, on roads that are not straight.
+    """
 
     mesh: Mesh
     x_m: float
     y_m: float
     heading: int
+    turn_rad: float = 0.0
+
+    def turned(self, vectors: Floats) -> Floats:
+        """Vectors (..., 2 or 3) turned about the vertical by `turn_rad`."""
+        if self.turn_rad == 0.0:
+            return vectors
+        cos, sin = math.cos(self.turn_rad), math.sin(self.turn_rad)
+        turned = np.array(vectors)
+        turned[..., 0] = cos * vectors[..., 0] - sin * vectors[..., 1]
+        turned[..., 1] = sin * vectors[..., 0] + cos * vectors[..., 1]
+        return turned
+
+    def directed(self, vectors: Floats) -> Floats:
+        """Vectors (..., 3) in the vehicle's axes as world directions."""
+        return self.turned(vectors * np.array([self.heading, self.heading, 1.0]))
 
     def to_world(self, points: Floats) -> Floats:
         """Points (..., 3) in the vehicle's axes as world coordinates."""
-        flip = np.array([self.heading, self.heading, 1.0])
-        return np.asarray(points * flip + np.array([self.x_m, self.y_m, 0.0]))
+        return np.asarray(self.directed(points) + np.array([self.x_m, self.y_m, 0.0]))
 
 
 @dataclass(frozen=True)
@@ -76,8 +94,7 @@ def full_box(pixels: Floats) -> tuple[float, float, float, float]:
 def shade(camera: Camera, light: Light, vehicle: Placed, faces: NDArray[np.int64]) -> Floats:
     """Colours (n, 3) of chosen faces as the camera sees them."""
     mesh = vehicle.mesh
-    flip = np.array([vehicle.heading, vehicle.heading, 1.0])
-    normals = mesh.normals[faces] * flip
+    normals = vehicle.directed(mesh.normals[faces])
     base = mesh.colours[faces]
     material = mesh.materials[faces]
     lit = base * light.lambert(normals)
@@ -109,9 +126,8 @@ def paint_vehicle(image: Image, camera: Camera, light: Light, vehicle: Placed) -
     mesh = vehicle.mesh
     world = vehicle.to_world(mesh.corners)
     pixels, depth = camera.project(world)
-    flip = np.array([vehicle.heading, vehicle.heading, 1.0])
     towards = depth.min(axis=1) >= _NEAREST_M
-    towards &= ((camera.position_m - world[:, 0]) * mesh.normals * flip).sum(axis=1) > 0
+    towards &= ((camera.position_m - world[:, 0]) * vehicle.directed(mesh.normals)).sum(axis=1) > 0
     if mesh.height_m * camera.focal_px / max(float(depth.mean()), 1.0) < _FINE_DETAIL_PX:
         towards &= ~mesh.minor
     faces = np.flatnonzero(towards)
@@ -140,13 +156,14 @@ def paint_shadow(image: Image, camera: Camera, light: Light, vehicle: Placed) ->
     sun = np.asarray(light.sun)
     top = mesh.height_m * 0.96
     foot = np.array([[sx * half_l, sy * half_w] for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1))])
-    foot += np.array([vehicle.x_m, vehicle.y_m])
-    cast = foot * 1.0
     body = np.array([vehicle.x_m, vehicle.y_m])
-    cast = body + (cast - body) * 0.86 - sun[:2] / sun[2] * top
+    foot += body
+    reach = foot - body
+    foot = body + vehicle.turned(reach) if vehicle.turn_rad else foot
+    cast = body + vehicle.turned(reach) * 0.86 - sun[:2] / sun[2] * top
     belt = foot - sun[:2] / sun[2] * mesh.height_m * 0.55
     hard = np.concatenate([foot, belt, cast])
-    soft = body + (foot - body) * np.array([1.04, 1.18])
+    soft = body + vehicle.turned(reach * np.array([1.04, 1.18]))
     for ground, strength in ((hard, light.shadow_strength * 0.82), (soft, 0.62)):
         world = np.column_stack([ground, np.full(len(ground), 0.02)])
         pixels, depth = camera.project(world)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,9 @@ from simulation.streetdrive.painter import Image, fill
 from simulation.streetdrive.road import Road
 
 _NEAREST_M = 2.0
+
+Thing = tuple[float, str, float]
+"""What stands beside the road: x in metres, "building", "tree" or "lamp", y in metres."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +137,7 @@ def _lamp_post(image: Image, camera: Camera, light: Light, x: float, y: float) -
     cv2.polylines(image, [points], False, tuple(float(c) for c in tone), thick, cv2.LINE_AA, 4)
 
 
-def _tree_line(image: Image, camera: Camera, light: Light, rng: np.random.Generator) -> None:
+def paint_tree_line(image: Image, camera: Camera, light: Light, rng: np.random.Generator) -> None:
     """A far, hazy silhouette along the horizon."""
     u = np.arange(0, camera.width_px + 8, 4, dtype=np.float64)
     horizon = camera.height_px / 2 - camera.focal_px * np.tan(camera.pitch_rad)
@@ -169,6 +173,16 @@ def _ground_shadow(
     image[y : y + h, x : x + w] *= (1 - 0.75 * light.shadow_strength * part)[..., None]
 
 
+def paint_tree_shadow(
+    image: Grid, camera: Camera, light: Light, rng: np.random.Generator, foot_m: Floats
+) -> None:
+    """The shadow of a tree at a road point (2,); changes the picture in place."""
+    height = rng.uniform(3, 7)
+    for _ in range(6):
+        wobble = rng.normal(scale=0.9, size=2)
+        _ground_shadow(image, camera, light, foot_m + wobble, rng.uniform(0.7, 1.8), height)
+
+
 def paint_tree_shadows(
     image: Grid, camera: Camera, light: Light, road: Road, rng: np.random.Generator, count: int
 ) -> None:
@@ -177,10 +191,7 @@ def paint_tree_shadows(
         side = rng.choice([-1.0, 1.0])
         edge = road.left_edge_m if side > 0 else -road.right_edge_m
         centre = np.array([rng.uniform(12, 110), side * (edge + rng.uniform(3, 8))])
-        height = rng.uniform(3, 7)
-        for _ in range(6):
-            wobble = rng.normal(scale=0.9, size=2)
-            _ground_shadow(image, camera, light, centre + wobble, rng.uniform(0.7, 1.8), height)
+        paint_tree_shadow(image, camera, light, rng, centre)
 
 
 def paint_scenery(
@@ -196,10 +207,10 @@ def paint_scenery(
 
     Nothing stands between the camera and the carriageway.
     """
-    _tree_line(image, camera, light, rng)
+    paint_tree_line(image, camera, light, rng)
     left = max(road.left_edge_m + road.pavement_m, camera.lateral_m) + 1.0
     right = min(road.right_edge_m - road.pavement_m, camera.lateral_m) - 1.0
-    things: list[tuple[float, str, float]] = []
+    things: list[Thing] = []
     for edge, sign in ((left, 1.0), (right, -1.0)):
         things += [
             (x, "building", edge + sign * rng.uniform(6, 22))
@@ -213,6 +224,18 @@ def paint_scenery(
             spacing = 240 / density.lamp_posts
             posts = np.arange(rng.uniform(20, 45), 280, spacing)
             things += [(float(x), "lamp", edge - sign * 0.4) for x in posts]
+    paint_things(image, camera, light, palette, rng, things)
+
+
+def paint_things(
+    image: Image,
+    camera: Camera,
+    light: Light,
+    palette: Palette,
+    rng: np.random.Generator,
+    things: Sequence[Thing],
+) -> None:
+    """Upright things, from far to near; changes the picture in place."""
     for x, kind, y in sorted(things, reverse=True):
         if kind == "building":
             choice = palette.buildings[int(rng.integers(len(palette.buildings)))]

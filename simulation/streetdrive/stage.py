@@ -32,32 +32,16 @@ class Cover:
     colour: Colour
 
 
-class Stage:
-    """The background, painted once, on which vehicles move."""
+class Backdrop:
+    """A painted picture without vehicles, on which vehicles move."""
 
     def __init__(
-        self,
-        camera: Camera,
-        road: Road,
-        light: Light,
-        palette: Palette,
-        rng: np.random.Generator,
-        *,
-        density: Density | None = None,
-        tree_shadows: int = 3,
-        covers: Sequence[Cover] = (),
+        self, camera: Camera, light: Light, background: Image, covers: Sequence[Cover] = ()
     ) -> None:
         self.camera = camera
-        self.road = road
         self.light = light
+        self._background = background
         self._covers = tuple(covers)
-        sky = shade_sky(camera, light, rng)
-        ground, hits = shade_ground(camera, road, palette, light, rng)
-        if light.shadow_strength > 0.15:
-            paint_tree_shadows(ground, camera, light, road, rng, tree_shadows)
-        picture = np.where(hits[..., None], ground, sky)
-        self._background: Image = np.clip(picture, 0, 255).astype(np.uint8)
-        paint_scenery(self._background, camera, light, road, palette, rng, density or Density())
 
     def render(self, vehicles: Sequence[Placed]) -> tuple[Image, list[Seen | None]]:
         """The picture (h, w, 3) BGR and what is seen of each vehicle, in the order given."""
@@ -82,3 +66,29 @@ class Stage:
         for i, what in zip(order, sorted_seen, strict=True):
             seen[i] = what
         return image, seen
+
+
+class Stage(Backdrop):
+    """The straight road's background, painted once."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        road: Road,
+        light: Light,
+        palette: Palette,
+        rng: np.random.Generator,
+        *,
+        density: Density | None = None,
+        tree_shadows: int = 3,
+        covers: Sequence[Cover] = (),
+    ) -> None:
+        self.road = road
+        sky = shade_sky(camera, light, rng)
+        ground, hits = shade_ground(camera, road, palette, light, rng)
+        if light.shadow_strength > 0.15:
+            paint_tree_shadows(ground, camera, light, road, rng, tree_shadows)
+        picture = np.where(hits[..., None], ground, sky)
+        background: Image = np.clip(picture, 0, 255).astype(np.uint8)
+        paint_scenery(background, camera, light, road, palette, rng, density or Density())
+        super().__init__(camera, light, background, covers)
