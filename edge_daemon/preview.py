@@ -1,23 +1,30 @@
-"""The picture for people: segments in the colour of their flag, boxes and speeds."""
+"""The picture for people: segments in the colour of their flag, boxes, identities and speeds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import cv2
 import numpy as np
 
 from edge_daemon.camera import Camera
+from edge_daemon.drawing import WHITE, Colour, Labels, tint
 from edge_daemon.frame import Image
 from edge_daemon.tracking import Track
 from slipstream.messages import SegmentState
 
-_BGR = {1: (115, 158, 0), 0: (0, 94, 213), None: (150, 150, 150)}
-_WORD = {1: "stable", 0: "turbulent", None: "unknown"}
-_WHITE, _DARK = (255, 255, 255), (45, 38, 30)
-_MPS_TO_KMH = 3.6
-_SEEN_S = 0.1
-_LABELLED_PX = 45
+_BGR: Final[dict[int | None, Colour]] = {
+    1: (115, 158, 0),
+    0: (0, 94, 213),
+    None: (130, 130, 130),
+}
+_WORD: Final = {1: "stable", 0: "turbulent", None: "unknown"}
+_MPS_TO_KMH: Final = 3.6
+_SEEN_S: Final = 0.1
+_SMALLEST_FONT: Final = 0.38
+_LABELLED_OF_FONT: Final = 50  # px of box a unit of font scale
+_TINT: Final = 0.22
 
 
 def annotate(
@@ -28,37 +35,51 @@ def annotate(
     time_s: float,
     width: int,
 ) -> Image:
-    """Draw what the pipeline knows at a media time over a copy of the picture, ``width`` px."""
-    picture = image.copy()
-    overlay = picture.copy()
-    for segment in camera.segments:
-        state = states.get(segment.id)
-        colour = _BGR[state.y_e if state else None]
-        outline = camera.to_image(segment.polygon_m).round().astype(np.int32)
-        cv2.fillPoly(overlay, [outline], colour)
-        cv2.polylines(picture, [outline], True, colour, 3, cv2.LINE_AA)
-    cv2.addWeighted(overlay, 0.22, picture, 0.78, 0, dst=picture)
-    for track in tracks:
-        if time_s - track.last_seen_s > _SEEN_S:
-            continue  # coasting: its last box is somewhere it no longer is
-        x1, y1, x2, y2 = (round(float(edge)) for edge in track.box)
-        cv2.rectangle(picture, (x1, y1), (x2, y2), _WHITE, 2, cv2.LINE_AA)
-        if y2 - y1 >= _LABELLED_PX:
-            _label(picture, f"{_MPS_TO_KMH * track.speed_mps:.0f} km/h", (x1, y1 - 8), 0.8)
+    """Draw what the pipeline knows at a media time over a copy of the picture, ``width`` px wide.
+
+    Boxes of vehicles seen just now, each with its number and its speed where there is room: nearer
+    ones first.
+    """
+    zoom = width / image.shape[1]
+    height = round(image.shape[0] * zoom)
+    picture = (
+        image.copy()
+        if zoom == 1
+        else np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    )
+    stroke = max(1, round(height / 360))
+    labels = Labels(picture)
     for row, segment in enumerate(camera.segments):
         state = states.get(segment.id)
-        word = _WORD[state.y_e if state else None]
-        if state and state.reason:
-            word += f" ({state.reason.replace('_', ' ')})"
-        _label(picture, f"{segment.id}: {word}", (20, 64 + 64 * row), 2.0)
-    height = round(picture.shape[0] * width / picture.shape[1])
-    return np.asarray(
-        cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8
-    )
+        colour = _BGR[state.y_e if state else None]
+        outline = zoom * camera.to_image(segment.polygon_m)
+        tint(picture, outline, colour, _TINT)
+        corners = outline.round().astype(np.int32)
+        cv2.polylines(picture, [corners], True, colour, stroke + 1, cv2.LINE_AA)
+        scale = height / 640
+        labels.put(
+            f"{segment.id}: {_verdict(state)}",
+            [(0.015 * width, 45 * scale * (row + 1))],
+            scale,
+            background=colour,
+        )
+    # A track that coasts is not shown: its last box is somewhere it no longer is.
+    shown = [track for track in tracks if time_s - track.last_seen_s <= _SEEN_S]
+    shown.sort(key=lambda track: -float(track.box[3]))
+    boxes = [[round(zoom * float(edge)) for edge in track.box] for track in shown]
+    for x1, y1, x2, y2 in boxes:
+        cv2.rectangle(picture, (x1, y1), (x2, y2), WHITE, stroke, cv2.LINE_AA)
+    scale = max(_SMALLEST_FONT, height / 1400)
+    for track, (x1, y1, x2, y2) in zip(shown, boxes, strict=True):
+        if y2 - y1 >= _LABELLED_OF_FONT * scale:
+            labels.put(
+                f"#{track.id} {_MPS_TO_KMH * track.speed_mps:.0f} km/h",
+                [(x1, y1 - 12 * scale), (x1, y2 + 32 * scale), (x2, y1), (x2, y2)],
+                scale,
+            )
+    return picture
 
 
-def _label(picture: Image, text: str, at: tuple[int, int], scale: float) -> None:
-    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 2)
-    x, y = at
-    cv2.rectangle(picture, (x - 4, y - height - 6), (x + width + 4, y + below), _DARK, cv2.FILLED)
-    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, _WHITE, 2, cv2.LINE_AA)
+def _verdict(state: SegmentState | None) -> str:
+    word = _WORD[state.y_e if state else None]
+    return f"{word} ({state.reason.replace('_', ' ')})" if state and state.reason else word

@@ -1,0 +1,83 @@
+"""Legible text on a picture: labels that keep out of each other's way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import cv2
+import numpy as np
+
+from edge_daemon.frame import Image
+from edge_daemon.homography import Array
+
+Colour = tuple[int, int, int]
+"""Blue, green, red, 0 to 255."""
+
+WHITE: Final[Colour] = (255, 255, 255)
+DARK: Final[Colour] = (45, 38, 30)
+_PAD: Final = 3
+_FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
+
+
+class Labels:
+    """Draws labels on one picture, none over another."""
+
+    def __init__(self, picture: Image) -> None:
+        self._picture = picture
+        self._taken: list[tuple[int, int, int, int]] = []
+
+    def put(
+        self,
+        text: str,
+        places: Iterable[tuple[float, float]],
+        scale: float,
+        *,
+        background: Colour = DARK,
+        colour: Colour = WHITE,
+    ) -> bool:
+        """Write a text at the first of some places that is free and inside the picture.
+
+        Args:
+            text: ASCII, as OpenCV's fonts have nothing else.
+            places: lower left corners, px, best first.
+            scale: of the font; 1.0 is some 22 px high.
+            background: behind the text.
+            colour: of the text.
+
+        Returns:
+            False if there was no room: nothing is drawn.
+        """
+        thickness = max(1, round(1.8 * scale))
+        (width, height), below = cv2.getTextSize(text, _FONT, scale, thickness)
+        rows, columns = self._picture.shape[:2]
+        for place in places:
+            x, y = round(place[0]), round(place[1])
+            x = min(max(x, _PAD), columns - width - _PAD)
+            left, right = x - _PAD, x + width + _PAD
+            top, bottom = y - height - _PAD, y + below
+            if top < 0 or bottom > rows or left < 0 or not self._free(left, top, right, bottom):
+                continue
+            self._taken.append((left, top, right, bottom))
+            cv2.rectangle(self._picture, (left, top), (right, bottom), background, cv2.FILLED)
+            cv2.putText(self._picture, text, (x, y), _FONT, scale, colour, thickness, cv2.LINE_AA)
+            return True
+        return False
+
+    def _free(self, left: int, top: int, right: int, bottom: int) -> bool:
+        return all(
+            right <= x0 or left >= x1 or bottom <= y0 or top >= y1 for x0, y0, x1, y1 in self._taken
+        )
+
+
+def tint(picture: Image, outline: Array, colour: Colour, strength: float) -> None:
+    """Lay a colour over a polygon (n, 2), px, in place; only the pixels round it are touched."""
+    rows, columns = picture.shape[:2]
+    x0, y0 = np.clip(np.floor(outline.min(axis=0)).astype(int), 0, (columns, rows))
+    x1, y1 = np.clip(np.ceil(outline.max(axis=0)).astype(int) + 1, 0, (columns, rows))
+    if x0 >= x1 or y0 >= y1:
+        return
+    part = picture[y0:y1, x0:x1]
+    over = part.copy()
+    cv2.fillPoly(over, [(outline - (x0, y0)).round().astype(np.int32)], colour)
+    cv2.addWeighted(over, strength, part, 1 - strength, 0, dst=part)
