@@ -2,126 +2,206 @@
 
 from __future__ import annotations
 
+import os
+import threading
 from pathlib import Path
+from queue import SimpleQueue
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 import openvino as ov
 from openvino.preprocess import ColorFormat, PrePostProcessor
 
+from edge_daemon.camera import Camera
+from edge_daemon.detection.placement import Placement, place_freely, place_in
+from edge_daemon.detection.processor import float_precision
 from edge_daemon.detection.protocol import Detections, DetectorSettings, vehicle_class_of
+from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
 from slipstream.errors import InputError
 
 _GREY = 114  # what YOLO's letterbox is padded with in training
+_USUAL_SHAPE = (640, 640)
 
 
 class OpenVinoDetector:
-    """A YOLO11 export with a static input; colour order and scaling run inside the model."""
+    """A YOLO11 export; cutting out, colour order and scaling run without copies.
 
-    def __init__(self, path: Path, settings: DetectorSettings) -> None:
-        """Read and compile the model.
+    A model with a dynamic input is compiled for the part of the picture that holds the road, at the
+    scale that it was trained at; into a static input that part is letterboxed.
+    """
+
+    def __init__(
+        self, path: Path, settings: DetectorSettings, camera: Camera | None = None
+    ) -> None:
+        """Read the model, and compile it if the picture's size is known.
 
         Raises:
             InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
         """
-        core = ov.Core()
+        self._core = ov.Core()
         try:
-            model = core.read_model(path)
+            self._model = self._core.read_model(path)
         except RuntimeError:
             raise InputError(path, "not an OpenVINO model", "export one from YOLO11") from None
-        shape, names = _check(model, path)
-        self._height, self._width = shape
+        self._static, self._trained, names = _check(self._model, path)
+        self._path = path
         self._vehicle_class = vehicle_class_of(names, path)
         self._settings = settings
-        self._canvas: Image = np.full((1, *shape, 3), _GREY, dtype=np.uint8)
-        self._compiled = core.compile_model(
-            _with_preprocessing(model),
-            "CPU",
-            {
-                "PERFORMANCE_HINT": "LATENCY",
-                "INFERENCE_NUM_THREADS": settings.threads,
-                "NUM_STREAMS": "1",
-                "INFERENCE_PRECISION_HINT": _precision(),
-            },
-        )
-        self._request = self._compiled.create_infer_request()
-        self._placed: tuple[int, int] = (0, 0)
+        self._camera = camera
+        self._compiling = threading.Lock()
+        self._network: _Network | None = None
+        if camera is not None:
+            self._for(camera.size)
 
     @property
     def requests(self) -> int:
-        """Pictures at a time: one."""
-        return 1
+        """Pictures at a time."""
+        return self._settings.requests or min(2, _threads(self._settings))
 
     def detect(self, image: Image) -> Detections:
-        """Vehicles in a BGR picture (height, width, 3)."""
-        scale, left, top = self._place(image)
-        output = self._request.infer({0: self._canvas}, share_inputs=True)[0][0]
-        scores_all = output[4:].T
-        best = scores_all.argmax(axis=1)
-        scores = scores_all[np.arange(len(best)), best]
-        classes = self._vehicle_class[best]
-        keep = np.flatnonzero((scores >= self._settings.min_score) & (classes >= 0))
-        centre_size = output[:4, keep].T
-        scores, classes = scores[keep].astype(np.float32), classes[keep]
-        corner = centre_size[:, :2] - centre_size[:, 2:] / 2 - (left, top)
-        boxes = np.hstack([corner, corner + centre_size[:, 2:]]).astype(np.float32) / scale
+        """Vehicles in a BGR picture (height, width, 3); from so many threads as `requests`."""
+        network = self._for((image.shape[1], image.shape[0]))
+        output = network.infer(image)
+        boxes, scores, classes = _candidates(output, self._vehicle_class, self._settings.min_score)
         # Classes compete: one vehicle is either a car or a truck, so overlap is judged across them.
-        kept = cv2.dnn.NMSBoxes(
-            np.hstack([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]]).tolist(),
-            scores.tolist(),
-            self._settings.min_score,
-            self._settings.max_overlap,
+        kept = np.asarray(
+            cv2.dnn.NMSBoxes(
+                boxes.tolist(),
+                scores.tolist(),
+                self._settings.min_score,
+                self._settings.max_overlap,
+            ),
+            dtype=np.int64,
+        ).reshape(-1)
+        corners = boxes[kept]
+        corners[:, 2:] += corners[:, :2]
+        corners = network.placement.to_picture(corners)
+        whole = network.placement.whole(corners)
+        return Detections(corners[whole], scores[kept][whole], classes[kept][whole])
+
+    def _for(self, picture: tuple[int, int]) -> _Network:
+        """The model compiled for pictures of (width, height)."""
+        network = self._network
+        if network is None or network.placement.picture != picture:
+            with self._compiling:
+                network = self._network
+                if network is None or network.placement.picture != picture:
+                    network = self._network = self._compile(picture)
+        return network
+
+    def _compile(self, picture: tuple[int, int]) -> _Network:
+        region = None
+        if self._settings.region and self._camera is not None and self._camera.size == picture:
+            region = road_region(self._camera, self._settings.region_margin_m)
+        wanted = region or Region(0, 0, *picture)
+        model = self._model.clone()
+        if self._static:
+            placement = place_in(picture, wanted, self._trained)
+        else:
+            height, width = self._trained
+            scale = self._settings.scale or min(width / picture[0], height / picture[1])
+            placement = place_freely(picture, wanted, scale)
+            try:
+                model.reshape([1, 3, *placement.shape])
+            except RuntimeError:
+                raise InputError(
+                    self._path,
+                    f"cannot take an input of {placement.shape[1]}×{placement.shape[0]} px",
+                    "export it again with `slipstream model export`",
+                ) from None
+        compiled = self._core.compile_model(
+            _with_preprocessing(model),
+            "CPU",
+            {
+                "INFERENCE_NUM_THREADS": _threads(self._settings),
+                "NUM_STREAMS": self.requests,
+                "INFERENCE_PRECISION_HINT": float_precision(),
+                # Pinned, the threads of two daemons would meet on one core.
+                "ENABLE_CPU_PINNING": False,
+            },
         )
-        index = np.asarray(kept, dtype=np.int64).reshape(-1)
-        return Detections(boxes[index], scores[index], classes[index])
-
-    def _place(self, image: Image) -> tuple[float, int, int]:
-        """Put the picture into the middle of the model's canvas, its aspect kept."""
-        height, width = image.shape[:2]
-        scale = min(self._width / width, self._height / height)
-        new = round(width * scale), round(height * scale)
-        left, top = (self._width - new[0]) // 2, (self._height - new[1]) // 2
-        if new != self._placed:
-            self._canvas[:] = _GREY
-            self._placed = new
-        cv2.resize(
-            image,
-            new,
-            dst=self._canvas[0, top : top + new[1], left : left + new[0]],
-            interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR,
-        )
-        return scale, left, top
+        return _Network(placement, compiled, self.requests)
 
 
-def _check(model: ov.Model, path: Path) -> tuple[tuple[int, int], list[str]]:
-    """(height, width) of the input and the class names.
+class _Network:
+    """A compiled model with its requests and their input pictures."""
+
+    def __init__(self, placement: Placement, compiled: ov.CompiledModel, requests: int) -> None:
+        self.placement = placement
+        self._free: SimpleQueue[tuple[ov.InferRequest, Image]] = SimpleQueue()
+        for _ in range(requests):
+            canvas: Image = np.full((1, *placement.shape, 3), _GREY, dtype=np.uint8)
+            request = compiled.create_infer_request()
+            request.set_input_tensor(ov.Tensor(canvas, shared_memory=True))
+            self._free.put((request, canvas))
+
+    def infer(self, image: Image) -> npt.NDArray[np.float32]:
+        """Raw output of a picture, shape (4 + classes, places); waits for a free request."""
+        crop, inner = self.placement.crop, self.placement.inner
+        request, canvas = self._free.get()
+        try:
+            cv2.resize(
+                image[crop.top : crop.bottom, crop.left : crop.right],
+                (inner.width, inner.height),
+                dst=canvas[0, inner.top : inner.bottom, inner.left : inner.right],
+                interpolation=cv2.INTER_AREA if inner.width < crop.width else cv2.INTER_LINEAR,
+            )
+            request.infer()
+            # A copy: the request's own memory is overwritten by the next picture.
+            return np.array(request.get_output_tensor(0).data[0], dtype=np.float32)
+        finally:
+            self._free.put((request, canvas))
+
+
+def _threads(settings: DetectorSettings) -> int:
+    return settings.threads or len(os.sched_getaffinity(0))
+
+
+def _candidates(
+    output: npt.NDArray[np.float32], vehicle_class: npt.NDArray[np.int64], min_score: float
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int64]]:
+    """Boxes (x, y, width, height), scores and classes of places that are likely a vehicle."""
+    scores_all = output[4:]
+    is_vehicle = vehicle_class >= 0
+    vehicles = scores_all if is_vehicle.all() else scores_all[is_vehicle]
+    likely = np.flatnonzero(vehicles.max(axis=0) >= min_score)
+    scores_all = scores_all[:, likely]
+    best = scores_all.argmax(axis=0)
+    classes = vehicle_class[best]
+    keep = classes >= 0
+    boxes = output[:4, likely[keep]].T
+    boxes[:, :2] -= boxes[:, 2:] / 2
+    return boxes, scores_all.max(axis=0)[keep], classes[keep]
+
+
+def _check(model: ov.Model, path: Path) -> tuple[bool, tuple[int, int], list[str]]:
+    """Whether the input is static, its (height, width) in training, and the class names.
 
     Raises:
-        InputError: it is not a YOLO11 detector with a static input.
+        InputError: it is not a YOLO11 detector.
     """
     try:
         names = str(model.get_rt_info(["model_info", "labels"]).astype(str)).split()
     except RuntimeError:
         raise InputError(path, "the model names no classes", "export it with Ultralytics") from None
     shape = model.input(0).partial_shape
-    if len(model.inputs) != 1 or not shape.is_static or len(shape) != 4 or shape[1] != 3:
-        raise InputError(path, f"input is {shape}", "export it with a static 1×3×H×W input")
+    if len(model.inputs) != 1 or shape.rank.is_dynamic or len(shape) != 4 or shape[1] != 3:
+        raise InputError(path, f"input is {shape}", "export it with a 1×3×H×W input")
     output = model.output(0).partial_shape
-    if len(output) != 3 or output[1] != 4 + len(names):
+    if output.rank.is_dynamic or len(output) != 3 or output[1] != 4 + len(names):
         raise InputError(
             path, f"output {output} does not fit {len(names)} classes", "export a YOLO11 detector"
         )
-    return (shape[2].get_length(), shape[3].get_length()), names
-
-
-def _precision() -> ov.Type:
-    """bf16 only where the processor has matrix tiles for it (AMX): without, f32 is faster."""
+    if shape.is_static:
+        return True, (shape[2].get_length(), shape[3].get_length()), names
     try:
-        tiles = " amx_bf16" in Path("/proc/cpuinfo").read_text()
-    except OSError:
-        tiles = False
-    return ov.Type.bf16 if tiles else ov.Type.f32
+        size = str(model.get_rt_info(["model_info", "trained_size"]).astype(str)).split()
+        height, width = (int(number) for number in size)
+    except (RuntimeError, ValueError):
+        height, width = _USUAL_SHAPE
+    return False, (height, width), names
 
 
 def _with_preprocessing(model: ov.Model) -> ov.Model:

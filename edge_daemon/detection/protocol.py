@@ -36,6 +36,19 @@ class DetectorSettings(Settings):
     threads: Annotated[int, Field(ge=0)] = Field(
         default=0, description="Inference threads; 0: as many as the machine has cores."
     )
+    requests: Annotated[int, Field(ge=0, le=16)] = Field(
+        default=0, description="Pictures in the detector at a time; 0: two, on one core one."
+    )
+    region: bool = Field(
+        default=True, description="Search only the part of the picture that holds the road."
+    )
+    region_margin_m: Annotated[float, Field(ge=0, le=50)] = Field(
+        default=3.0, description="How far before and behind segments vehicles have to be whole too."
+    )
+    scale: Annotated[float, Field(gt=0, le=4)] | None = Field(
+        default=None,
+        description="Network px for each px of the picture; default: as the model was trained.",
+    )
 
 
 @dataclass(frozen=True)
@@ -84,10 +97,7 @@ def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> D
         InputError: the file is missing, not a YOLO11 export, knows no vehicle class, or needs
             an extra that is not installed.
     """
-    if settings.model == BUILTIN_MODEL:
-        path = Path(str(resources.files("edge_daemon") / "weights" / "yolo11n-streetdrive.xml"))
-    else:
-        path = Path(settings.model)
+    path = builtin_model() if settings.model == BUILTIN_MODEL else Path(settings.model)
     if path.is_dir():
         models = sorted(path.glob("*.xml"))
         if len(models) != 1:
@@ -99,12 +109,20 @@ def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> D
     if path.suffix == ".xml":
         from edge_daemon.detection.openvino import OpenVinoDetector
 
-        return OpenVinoDetector(path, settings)
+        return OpenVinoDetector(path, settings, camera)
     if path.suffix in {".pt", ".engine"}:
         from edge_daemon.detection.ultralytics import UltralyticsDetector
 
         return UltralyticsDetector(path, settings)
     raise InputError(path, f"unknown model type {path.suffix!r}", "give .xml, .pt or .engine")
+
+
+def builtin_model() -> Path:
+    """The shipped weights that suit the processor: INT8 where it is fast at that, else float."""
+    from edge_daemon.detection.processor import fast_int8
+
+    kind = "-int8" if fast_int8() else ""
+    return Path(str(resources.files("edge_daemon") / "weights" / f"yolo11n-streetdrive{kind}.xml"))
 
 
 def vehicle_class_of(names: list[str], source: str | Path) -> npt.NDArray[np.int64]:

@@ -1,0 +1,100 @@
+"""How a part of the picture is laid into a network's input, and its boxes back out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+import numpy.typing as npt
+
+from edge_daemon.detection.region import Region
+
+_TOUCHING = 2.0  # px of the network's input: nearer to the border of what was searched is cut off
+
+Boxes = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """What is cut out of a picture and where it lies in the network's input.
+
+    Attributes:
+        picture: (width, height) of the picture, px.
+        crop: the part of it that is searched.
+        shape: (height, width) of the network's input, px.
+        inner: where the scaled crop lies in the input; what is around it is padding.
+    """
+
+    picture: tuple[int, int]
+    crop: Region
+    shape: tuple[int, int]
+    inner: Region
+
+    def to_picture(self, boxes: Boxes) -> Boxes:
+        """Boxes (n, 4) as x1, y1, x2, y2 from px of the input to px of the picture."""
+        scale = np.array(
+            [self.crop.width / self.inner.width, self.crop.height / self.inner.height] * 2
+        )
+        shift = np.array([self.crop.left, self.crop.top] * 2)
+        start = np.array([self.inner.left, self.inner.top] * 2)
+        return np.asarray((boxes - start) * scale + shift, dtype=np.float32)
+
+    def whole(self, boxes: Boxes) -> npt.NDArray[np.bool_]:
+        """Which boxes (n, 4), px of the picture, the crop's left, right and lower border spare.
+
+        Borders that are the picture's own are left to whoever knows what they mean.
+        """
+        near = _TOUCHING * self.crop.width / self.inner.width
+        keep = np.ones(len(boxes), dtype=np.bool_)
+        if self.crop.left > 0:
+            keep &= boxes[:, 0] > self.crop.left + near
+        if self.crop.right < self.picture[0]:
+            keep &= boxes[:, 2] < self.crop.right - near
+        if self.crop.bottom < self.picture[1]:
+            keep &= boxes[:, 3] < self.crop.bottom - near
+        return keep
+
+
+def place_freely(
+    picture: tuple[int, int], wanted: Region, scale: float, stride: int = 32
+) -> Placement:
+    """An input as small as the wanted part needs, in multiples of the network's stride.
+
+    What the rounding adds is filled with more of the picture, below and on both sides, and with
+    padding only where the picture ends.
+
+    Args:
+        picture: (width, height), px.
+        wanted: the part to be searched.
+        scale: px of the input for each px of the picture.
+        stride: of the network, px.
+    """
+    left, right, columns = _stretch(wanted.left, wanted.right, picture[0], scale, stride, 0.5)
+    top, bottom, rows = _stretch(wanted.top, wanted.bottom, picture[1], scale, stride, 0.0)
+    crop = Region(left, top, right, bottom)
+    size = min(columns, round(crop.width * scale)), min(rows, round(crop.height * scale))
+    return Placement(picture, crop, (rows, columns), _middle((rows, columns), size))
+
+
+def place_in(picture: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
+    """The wanted part in the middle of an input of fixed (height, width), its aspect kept."""
+    scale = min(shape[1] / wanted.width, shape[0] / wanted.height)
+    size = max(1, round(wanted.width * scale)), max(1, round(wanted.height * scale))
+    return Placement(picture, wanted, shape, _middle(shape, size))
+
+
+def _middle(shape: tuple[int, int], size: tuple[int, int]) -> Region:
+    left, top = (shape[1] - size[0]) // 2, (shape[0] - size[1]) // 2
+    return Region(left, top, left + size[0], top + size[1])
+
+
+def _stretch(
+    low: int, high: int, limit: int, scale: float, stride: int, before: float
+) -> tuple[int, int, int]:
+    """(low, high) stretched to fill a multiple of the stride, and that multiple."""
+    cells = max(1, ceil((high - low) * scale / stride - 1e-6)) * stride
+    length = min(limit, round(cells / scale))
+    start = low - int(before * max(0, length - (high - low)))
+    start = min(max(0, start), limit - length)
+    return start, start + length, cells
