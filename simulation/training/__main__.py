@@ -11,7 +11,7 @@ from pathlib import Path
 from simulation.streetdrive.vehicles import CLASSES
 from simulation.training.card import REACH_HEIGHT_PX, Record, StageRecord, card_text
 from simulation.training.dataset import write_data_yaml, write_dataset
-from simulation.training.ranges import RIDERS, ROADSIDE, WIDE
+from simulation.training.ranges import QUEUES, RIDERS, ROADSIDE, WIDE
 from simulation.training.shipped import openvino_map
 from simulation.training.train import TrainSettings, export, train, ultralytics_map
 
@@ -32,7 +32,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--first-epochs", type=_positive, default=5, help="epochs on wide scenes")
     parser.add_argument("--epochs", type=_positive, default=15, help="epochs on roadside scenes")
     parser.add_argument(
-        "--last-epochs", type=_positive, default=8, help="epochs with more motorcycles"
+        "--last-epochs", type=_positive, default=8, help="epochs with more motorcycles and jams"
     )
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--threads", type=_positive, default=2, help="CPU threads and processes")
@@ -66,6 +66,7 @@ def main(argv: list[str] | None = None) -> int:
             (WIDE, chosen.images, chosen.held_out),
             (ROADSIDE, chosen.images, chosen.held_out),
             (RIDERS, chosen.images // 3 + 1, 0),
+            (QUEUES, chosen.images, 0),
         )
     }
     # Another seed a set: equal ones would repeat the cameras of the set before.
@@ -78,12 +79,12 @@ def main(argv: list[str] | None = None) -> int:
             limits=limits,
             workers=chosen.threads,
         )
-    wide, roadside, riders = (folder for _, folder, _, _ in sets.values())
+    wide, roadside, riders, queues = (folder for _, folder, _, _ in sets.values())
     plans: tuple[tuple[list[Path], int, float, float], ...] = (
         # The first stage hands over before its rate has fallen, as the first part of a longer run.
         ([wide], chosen.first_epochs, 1e-3, 0.85),
         ([roadside], chosen.epochs, 1e-3, 0.01),
-        ([roadside, riders], chosen.last_epochs, 5e-4, 0.01),
+        ([roadside, riders, queues], chosen.last_epochs, 5e-4, 0.01),
     )
     last: Path | None = None
     stages = []

@@ -101,3 +101,11 @@ ROADSIDE = SceneRange(
 
 RIDERS = replace(ROADSIDE, name="riders", shape_weights=(4.0, 4.0, 3.5, 3.0, 2.0, 1.2, 1.6, 14.0))
 """The roadside with many motorcycles, the class that is smallest in the picture; training only."""
+
+QUEUES = replace(
+    ROADSIDE,
+    name="queues",
+    gaps_m=(0.5, 1.5, 4.0, 10.0),
+    gap_shares=(0.35, 0.3, 0.2, 0.15),
+)
+"""The roadside in a jam, where each vehicle hides part of the next; training only."""
