@@ -21,6 +21,8 @@ class Frame:
         captured_ns: UTC when it was taken or read.
         captured_s: the same moment on this machine's monotonic clock, for latencies.
         cut: True if the scene before it is another one (a loop, a reconnect).
+        clock_jump: True if the stream's own clock ran back or leapt before it; the media time
+            was mended.
     """
 
     image: Image
@@ -28,3 +30,4 @@ class Frame:
     captured_ns: int
     captured_s: float
     cut: bool = False
+    clock_jump: bool = False

@@ -6,7 +6,7 @@ promises is noticed where it arrives. Times are UTC in nanoseconds since 1970; u
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal, Self, TypeVar
+from typing import Annotated, Final, Literal, Self, TypeVar, get_args
 from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -77,12 +77,24 @@ class KinematicFeatures(Message):
     )
 
 
-UnknownReason = Literal[
-    "no_frames",
-    "too_few_vehicles",
-    "window_not_covered",
-    "uncertain",
+CameraFault = Literal[
+    "stale",
+    "dark",
+    "bright",
+    "obscured",
+    "frozen",
+    "corrupt",
+    "camera_moved",
+    "clock_jump",
 ]
+"""What can be wrong with a camera, so that nothing it shows is to be trusted."""
+
+CAMERA_FAULTS: Final[tuple[CameraFault, ...]] = get_args(CameraFault)
+
+UnknownReason = (
+    Literal["no_frames", "too_few_vehicles", "window_not_covered", "uncertain"] | CameraFault
+)
+"""Why a flag is unknown."""
 
 
 class SegmentState(Message):
@@ -121,6 +133,9 @@ class RsuHealth(Message):
     source: str
     segments: tuple[Identifier, ...]
     status: Literal["ok", "no_signal", "ended"]
+    fault: CameraFault | None = Field(
+        default=None, description="Why its camera cannot be trusted now; its flags are unknown."
+    )
     frames: Annotated[int, Field(ge=0)]
     frames_skipped: Annotated[int, Field(ge=0)]
     decode_errors: Annotated[int, Field(ge=0)]

@@ -1,0 +1,34 @@
+"""The picture that a camera was calibrated on."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from edge_daemon.camera import Camera
+from edge_daemon.frame import Image
+from slipstream.errors import InputError
+
+
+def read_reference(camera: Camera) -> Image | None:
+    """Read it, BGR; None where the calibration names none.
+
+    Raises:
+        InputError: the file is no picture, or has another size than the calibration.
+    """
+    path = camera.reference
+    if path is None:
+        return None
+    mend = "save the picture that the calibration was made on"
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise InputError(path, "not a picture that can be read", mend)
+    height, width = picture.shape[:2]
+    if (width, height) != camera.size:
+        raise InputError(
+            path,
+            f"the picture is {width}×{height}, the calibration is for "
+            f"{camera.size[0]}×{camera.size[1]}",
+            mend,
+        )
+    return np.asarray(picture, dtype=np.uint8)
