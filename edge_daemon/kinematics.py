@@ -1,218 +1,318 @@
 """Sightings in a window → the six kinematic features of a road segment (paper, section V-A).
 
-Speeds and accelerations come from local quadratic fits to pieces of each vehicle's track, never
-from differences between frames: a second difference of positions with 0.3 m of noise would drown
-every threshold. The variance of the estimator is subtracted from the variances that it inflates.
+Speeds and accelerations come from smoothing each vehicle's positions over the window, never from
+differences between frames: a second difference of positions with 0.3 m of noise would drown every
+threshold. Each feature is the posterior mean over the segment's vehicles and times, with the
+posterior's standard error.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from edge_daemon.camera import Array, WatchedSegment
-from edge_daemon.tracking import Sighting
+from edge_daemon.motion import Fit, Motion, condense, estimate_components
+from edge_daemon.pose import CameraPose
+from edge_daemon.tracking import Sightings
 from slipstream.messages import Estimate, KinematicFeatures
 
-PIECE_S: Final = 2.0
-MIN_PIECE_S: Final = 1.0
-MIN_PIECE_SIGHTINGS: Final = 8
+MIN_FOLLOWED_S: Final = 1.0
+MIN_SIGHTINGS: Final = 8
+_REACH_M: Final = 25.0
+_PLACES: Final = 8
+MARGIN_M: Final = 15.0
+"""So far before and behind the segment positions still help to smooth those within."""
 NOMINAL_LENGTH_M: Final = (4.5, 8.5, 12.0, 2.2)
 """Length by vehicle class, m: turns distances between vehicles into gaps."""
+LENGTH_STD_M: Final = 0.7
+"""How far lengths spread within a class."""
+NOMINAL_SIZE_M: Final = ((1.8, 1.5), (2.4, 3.0), (2.5, 3.1), (0.8, 1.6))
+"""Width and height by vehicle class, m: what makes a box's lower edge differ from the middle."""
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A quadratic fit to a piece of one vehicle's track.
+class VehicleMotion:
+    """One vehicle's smoothed motion along a segment.
 
     Attributes:
-        track: the vehicle.
-        duration_s: length of the piece.
-        speed_mps: at its middle, along the segment.
-        acceleration_mps2: along the segment.
-        covariance: of (speed, acceleration), shape (2, 2).
+        track: the vehicle's track.
+        motion: at its condensed positions; `along_m` is the vehicle's middle.
+        weight_s: time that each position stands for while the vehicle was in the segment and the
+            window, shape (n,); 0 outside.
+        lane: lane index.
+        length_m: nominal length.
     """
 
     track: int
-    duration_s: float
-    speed_mps: float
-    acceleration_mps2: float
-    covariance: Array
+    motion: Motion
+    weight_s: Array
+    lane: int
+    length_m: float
 
 
 @dataclass(frozen=True)
 class WindowFeatures:
-    """The features of one window, and how many vehicles they rest on."""
+    """The features of one window and the motions that they rest on."""
 
     features: KinematicFeatures
-    vehicles: int
+    vehicles: tuple[VehicleMotion, ...]
 
 
 def features_of(
-    sightings: Iterable[Sighting], segment: WatchedSegment, observed_s: float
+    sightings: Sightings,
+    segment: WatchedSegment,
+    pose: CameraPose | None,
+    begin_s: float,
+    observed_s: float,
 ) -> WindowFeatures | None:
     """Features of one segment over one window.
 
     Args:
-        sightings: all sightings of the window, any order.
+        sightings: of the window and, if there are, some from before it; any order.
         segment: the watched segment.
+        pose: of the camera; without one, vehicles' middles are guessed from their lengths.
+        begin_s: media time at which the window begins.
         observed_s: how much of the window was covered by frames, s, > 0.
 
     Returns:
-        None if no vehicle was followed long enough for a fit.
+        None if no vehicle was followed long enough.
     """
-    paths = _paths(sightings, segment)
-    pieces = [piece for path in paths for piece in _pieces(path)]
-    if not pieces:
+    vehicles = _motions(sightings, segment, pose, begin_s)
+    if not vehicles:
         return None
-    present_s = sum(path.times_s[-1] - path.times_s[0] for path in paths)
-    speed, spread, mean_a, variance_a = _moments(pieces)
+    present_s = sum(float(vehicle.weight_s.sum()) for vehicle in vehicles)
+    weights = [vehicle.weight_s / present_s for vehicle in vehicles]
+    speed, spread = _moments(
+        weights,
+        [vehicle.motion.speed_mps for vehicle in vehicles],
+        [vehicle.motion.speed_covariance for vehicle in vehicles],
+    )
+    acceleration, variance = _moments(
+        weights,
+        [vehicle.motion.acceleration_mps2 for vehicle in vehicles],
+        [vehicle.motion.acceleration_covariance for vehicle in vehicles],
+    )
+    std = float(np.sqrt(spread.value))
+    error = spread.standard_error or 0.0
+    area = observed_s * segment.length_m
     return WindowFeatures(
         KinematicFeatures(
             mean_speed_mps=speed,
-            mean_acceleration_mps2=mean_a,
-            density_veh_per_m=Estimate(value=present_s / (observed_s * segment.length_m)),
-            speed_std_mps=spread,
-            acceleration_variance_m2ps4=variance_a,
-            mean_gap_m=_mean_gap(paths),
+            mean_acceleration_mps2=acceleration,
+            density_veh_per_m=Estimate(
+                value=present_s / area, standard_error=_presence_error_s(vehicles) / area
+            ),
+            speed_std_mps=Estimate(
+                value=std, standard_error=error / max(2 * std, np.sqrt(error), 1e-9)
+            ),
+            acceleration_variance_m2ps4=variance,
+            mean_gap_m=_mean_gap(vehicles),
         ),
-        len({piece.track for piece in pieces}),
+        tuple(vehicles),
     )
+
+
+def _motions(
+    sightings: Sightings, segment: WatchedSegment, pose: CameraPose | None, begin_s: float
+) -> list[VehicleMotion]:
+    paths = [
+        path for seen in _by_vehicle(sightings, segment, pose) if (path := _path(seen, segment))
+    ]
+    if not paths:
+        return []
+    components = estimate_components([path.fit for path in paths])
+    vehicles = []
+    for path in paths:
+        motion = path.fit.smooth(components)
+        weight = _weights(motion, path, segment, begin_s)
+        if weight.sum() > 0:
+            vehicles.append(VehicleMotion(path.track, motion, weight, path.lane, path.length_m))
+    return vehicles
+
+
+def _by_vehicle(
+    sightings: Sightings, segment: WatchedSegment, pose: CameraPose | None
+) -> list[Sightings]:
+    """The sightings of each vehicle that was in the segment, in order; points are its middle."""
+    order = np.lexsort((sightings.time_s, sightings.track))
+    near = segment.along(sightings.point_m[order])
+    low, high = segment.begin_m - _REACH_M, segment.begin_m + segment.length_m + _REACH_M
+    sorted_ = sightings.take(order[(near >= low) & (near <= high)])
+    begins = np.flatnonzero(np.diff(sorted_.track, prepend=-1))
+    parts = [
+        sorted_.take(slice(begin, end))
+        for begin, end in pairwise([*begins.tolist(), len(sorted_)])
+        if end - begin >= MIN_SIGHTINGS
+    ]
+    parts = [part for part in parts if segment.contains(_roughly_middle(part)).sum() >= 2]
+    return [
+        replace(part, point_m=part.point_m + offset)
+        for part, offset in zip(parts, _to_middle(parts, segment, pose), strict=True)
+    ]
+
+
+def _roughly_middle(seen: Sightings) -> Array:
+    length = NOMINAL_LENGTH_M[int(seen.vehicle_class[-1])]
+    return seen.point_m + seen.away * length / 2
+
+
+def _to_middle(
+    parts: Sequence[Sightings], segment: WatchedSegment, pose: CameraPose | None
+) -> list[Array]:
+    """For each vehicle's sightings, from its boxes' lower edges to its middle, m, shape (n, 2)."""
+    if pose is None:
+        return [_roughly_middle(part) - part.point_m for part in parts]
+    # It varies slowly along the road: a few places are enough to draw it through.
+    some = [np.unique(np.linspace(0, len(part) - 1, _PLACES).astype(np.intp)) for part in parts]
+    kinds = [int(part.vehicle_class[-1]) for part in parts]
+    sizes = [
+        np.tile([NOMINAL_LENGTH_M[kind], *NOMINAL_SIZE_M[kind]], (len(rows), 1))
+        for kind, rows in zip(kinds, some, strict=True)
+    ]
+    if not parts:
+        return []
+    points = np.concatenate([part.point_m[rows] for part, rows in zip(parts, some, strict=True)])
+    headings = np.tile(segment.direction, (len(points), 1))
+    offsets = pose.centre_offset(points, headings, np.concatenate(sizes))
+    borders = np.cumsum([len(rows) for rows in some])[:-1]
+    result = []
+    for part, rows, offset in zip(parts, some, np.split(offsets, borders), strict=True):
+        good = np.isfinite(offset).all(axis=1)
+        if good.any():
+            every = np.arange(len(part))
+            columns = [np.interp(every, rows[good], column) for column in offset[good].T]
+            result.append(np.column_stack(columns))
+        else:
+            result.append(_roughly_middle(part) - part.point_m)
+    return result
 
 
 @dataclass(frozen=True)
 class _Path:
     track: int
-    times_s: Array
-    along_m: Array
-    variance_m2: Array
+    fit: Fit
+    first_s: float
+    last_s: float
     lane: int
     length_m: float
 
 
-def _paths(sightings: Iterable[Sighting], segment: WatchedSegment) -> list[_Path]:
-    by_track: dict[int, list[Sighting]] = defaultdict(list)
-    for sighting in sightings:
-        by_track[sighting.track].append(sighting)
-    paths = []
-    for track, seen in sorted(by_track.items()):
-        points = np.stack([s.point_m for s in seen])
-        inside = segment.contains(points)
-        if inside.sum() < 2:
-            continue
-        times = np.array([s.time_s for s in seen])[inside]
-        order = np.argsort(times)
-        covariances = np.stack([s.covariance_m2 for s in seen])[inside]
-        variance = np.einsum("i,nij,j->n", segment.direction, covariances, segment.direction)
-        along = segment.along(points[inside])[order]
-        if along[-1] < along[0] - 1.0:
-            continue  # oncoming traffic seen over this segment's edge
-        paths.append(
-            _Path(
-                track,
-                times[order],
-                along,
-                variance[order],
-                int(np.median(segment.lane(points[inside]))),
-                NOMINAL_LENGTH_M[seen[-1].vehicle_class],
-            )
-        )
-    return paths
-
-
-def _pieces(path: _Path) -> list[Piece]:
-    duration = path.times_s[-1] - path.times_s[0]
-    if duration < MIN_PIECE_S:
-        return []
-    count = max(1, round(duration / PIECE_S))
-    edges = np.linspace(path.times_s[0], path.times_s[-1], count + 1)
-    edges[-1] += 1e-6
-    pieces = []
-    for begin, end in pairwise(edges):
-        chosen = (path.times_s >= begin) & (path.times_s < end)
-        if chosen.sum() >= MIN_PIECE_SIGHTINGS:
-            pieces.append(_fit(path, chosen, (begin + end) / 2, end - begin))
-    return pieces
-
-
-def _fit(path: _Path, chosen: npt.NDArray[np.bool_], middle_s: float, duration_s: float) -> Piece:
-    """Weighted least squares of along = s0 + v τ + a τ²/2.
-
-    The boxes of one vehicle err alike from frame to frame, so the residuals of an AR(1) process
-    widen the covariance by (1 + r)/(1 − r), r their lag-one correlation.
-    """
-    tau = path.times_s[chosen] - middle_s
-    weight = 1.0 / np.sqrt(path.variance_m2[chosen])
-    design = np.column_stack([np.ones_like(tau), tau, tau**2 / 2]) * weight[:, None]
-    target = path.along_m[chosen] * weight
-    inverse = np.linalg.inv(design.T @ design)
-    solution = inverse @ (design.T @ target)
-    residual = target - design @ solution
-    scale = float(residual @ residual) / max(1, len(tau) - 3)
-    lag = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-12)
-    lag = min(max(lag, 0.0), 0.9)
-    covariance: Array = np.asarray(inverse * scale * (1 + lag) / (1 - lag), dtype=np.float64)
-    return Piece(
-        path.track, float(duration_s), float(solution[1]), float(solution[2]), covariance[1:, 1:]
+def _path(seen: Sightings, segment: WatchedSegment) -> _Path | None:
+    """The vehicle's positions along the segment; None if it is not one of this segment."""
+    along = segment.along(seen.point_m)
+    low, high = segment.begin_m - MARGIN_M, segment.begin_m + segment.length_m + MARGIN_M
+    near = np.flatnonzero((along >= low) & (along <= high))
+    inside = segment.contains(seen.point_m)
+    if len(near) < MIN_SIGHTINGS or inside.sum() < 2:
+        return None
+    times, along = seen.time_s[near], along[near]
+    if times[-1] - times[0] < MIN_FOLLOWED_S:
+        return None
+    if along[-1] < along[0] - 1.0:
+        return None  # oncoming traffic seen over this segment's edge
+    variance = np.einsum(
+        "i,nij,j->n", segment.direction, seen.covariance_m2[near], segment.direction
+    )
+    positions = condense(times, along, variance)
+    if len(positions) < 3:
+        return None
+    return _Path(
+        int(seen.track[0]),
+        Fit(positions),
+        float(times[0]),
+        float(times[-1]),
+        int(np.median(segment.lane(seen.point_m[inside]))),
+        NOMINAL_LENGTH_M[int(seen.vehicle_class[-1])],
     )
 
 
-def _moments(pieces: Sequence[Piece]) -> tuple[Estimate, Estimate, Estimate, Estimate]:
-    """Mean speed, spread of speed, mean acceleration, variance of acceleration.
+def _weights(motion: Motion, path: _Path, segment: WatchedSegment, begin_s: float) -> Array:
+    """Time that each condensed position stands for, as far as it lies in segment and window."""
+    time = motion.time_s
+    middles = (time[1:] + time[:-1]) / 2
+    borders = np.concatenate([[path.first_s], middles, [path.last_s]])
+    # Where the vehicle was at the borders between neighbouring positions.
+    along = np.interp(borders, time, motion.along_m)
+    along[0] += (borders[0] - time[0]) * motion.speed_mps[0]
+    along[-1] += (borders[-1] - time[-1]) * motion.speed_mps[-1]
+    # Share of each interval in the segment and the window, motion within it taken as even.
+    low, high = segment.begin_m, segment.begin_m + segment.length_m
+    moved = np.maximum(along[1:] - along[:-1], 1e-6)
+    in_segment = (np.clip(along[1:], low, high) - np.clip(along[:-1], low, high)) / moved
+    standing = along[1:] - along[:-1] < 1e-3
+    in_segment[standing] = ((along[:-1] >= low) & (along[:-1] <= high))[standing]
+    in_window = np.diff(np.maximum(borders, begin_s))
+    return np.asarray(in_window * np.clip(in_segment, 0.0, 1.0))
 
-    Pieces weigh by their duration, as samples at equal times would. Variances are those between
-    pieces less the estimator's own, plus what a piece's own acceleration spreads its speed,
-    a²T²/12; they are not let below zero.
+
+def _moments(
+    weights: Sequence[Array], means: Sequence[Array], covariances: Sequence[Array]
+) -> tuple[Estimate, Estimate]:
+    """Mean and variance over all vehicles and times, each with its posterior standard error.
+
+    With x̂ the posterior mean and P its covariance, E[Σ w (x − x̄)²] is Σ w (x̂ − x̄)² + Σ w P_ii less
+    the variance of x̄ itself.
     """
-    duration = np.array([p.duration_s for p in pieces])
-    v = np.array([p.speed_mps for p in pieces])
-    a = np.array([p.acceleration_mps2 for p in pieces])
-    var_v = np.array([p.covariance[0, 0] for p in pieces])
-    var_a = np.array([p.covariance[1, 1] for p in pieces])
-    w = duration / duration.sum()
-    mean_v, mean_a = float(w @ v), float(w @ a)
-    # Acceleration variance weighs sure pieces more: a far vehicle's fit can be off by m/s².
-    sure = duration / (_TYPICAL_VARIANCE + var_a)
-    sure /= sure.sum()
-    excess_a = float(sure @ ((a - mean_a) ** 2 - var_a))
-    inside = np.maximum(a**2 - var_a, 0.0) * duration**2 / 12
-    excess_v = float(w @ ((v - mean_v) ** 2 - var_v + inside))
-    variance_a, variance_v = max(0.0, excess_a), max(0.0, excess_v)
-    error_a = float(np.sqrt(np.sum(sure**2 * (4 * variance_a * var_a + 2 * var_a**2))))
-    error_v = float(np.sqrt(np.sum(w**2 * (4 * variance_v * var_v + 2 * var_v**2))))
-    spread = float(np.sqrt(variance_v))
+    mean = float(sum(w @ m for w, m in zip(weights, means, strict=True)))
+    mean_variance = float(sum(w @ p @ w for w, p in zip(weights, covariances, strict=True)))
+    value = -mean_variance
+    error = 0.0
+    for w, m, p in zip(weights, means, covariances, strict=True):
+        off = m - mean
+        value += float(w @ off**2 + w @ np.diag(p))
+        weighted = w * off
+        error += float(4 * weighted @ p @ weighted + 2 * np.sum((w[:, None] * p * w) * p))
     return (
-        Estimate(value=mean_v, standard_error=float(np.sqrt(w**2 @ var_v))),
-        Estimate(value=spread, standard_error=error_v / max(2 * spread, np.sqrt(error_v), 1e-9)),
-        Estimate(value=mean_a, standard_error=float(np.sqrt(w**2 @ var_a))),
-        Estimate(value=variance_a, standard_error=error_a),
+        Estimate(value=mean, standard_error=float(np.sqrt(max(0.0, mean_variance)))),
+        Estimate(value=max(0.0, value), standard_error=float(np.sqrt(max(0.0, error)))),
     )
 
 
-_TYPICAL_VARIANCE: Final = 0.5
+def _presence_error_s(vehicles: Sequence[VehicleMotion]) -> float:
+    """Standard error of the time that vehicles spent in the segment.
+
+    Each crosses its two ends at a time that is unsure by the spread of lengths over its speed.
+    """
+    speeds = np.array([max(v.motion.speed_mps.mean(), 1.0) for v in vehicles])
+    return float(np.sqrt(np.sum(2 * (LENGTH_STD_M / 2 / speeds) ** 2)))
 
 
-def _mean_gap(paths: Sequence[_Path]) -> Estimate | None:
-    """Mean clear distance between followers and leaders in one lane, sampled twice a second."""
-    gaps: list[float] = []
-    times = np.concatenate([path.times_s for path in paths])
-    for at in np.arange(times.min(), times.max(), 0.5):
-        there = [
-            (path.lane, float(np.interp(at, path.times_s, path.along_m)), path.length_m)
-            for path in paths
-            if path.times_s[0] <= at <= path.times_s[-1]
+def _mean_gap(vehicles: Sequence[VehicleMotion]) -> Estimate | None:
+    """Mean clear distance between followers and leaders in one lane, sampled twice a second.
+
+    Its error is that of the vehicles' lengths: one draw a pair, however long it was seen.
+    """
+    first = min(float(v.motion.time_s[0]) for v in vehicles)
+    last = max(float(v.motion.time_s[-1]) for v in vehicles)
+    gaps: dict[tuple[int, int], list[float]] = defaultdict(list)
+    grid = np.arange(first, last, 0.5)
+    places = np.stack(
+        [
+            np.where(
+                np.interp(grid, v.motion.time_s, v.weight_s, 0.0, 0.0) > 0,
+                np.interp(grid, v.motion.time_s, v.motion.along_m),
+                np.nan,
+            )
+            for v in vehicles
         ]
-        there.sort()
-        for (lane, behind, own_m), (other, ahead, leader_m) in pairwise(there):
-            if lane == other:
-                # The seen point is the near end of a vehicle; half of each length is its share.
-                gaps.append(max(0.0, ahead - behind - (own_m + leader_m) / 2))
+    )
+    for lane in {vehicle.lane for vehicle in vehicles}:
+        members = np.array([i for i, vehicle in enumerate(vehicles) if vehicle.lane == lane])
+        for column in places[members].T:
+            there = np.argsort(column)[: np.count_nonzero(np.isfinite(column))]
+            for behind, ahead in pairwise(there):
+                pair = int(members[behind]), int(members[ahead])
+                lengths = vehicles[pair[0]].length_m + vehicles[pair[1]].length_m
+                gaps[pair].append(max(0.0, float(column[ahead] - column[behind]) - lengths / 2))
     if not gaps:
         return None
-    return Estimate(value=float(np.mean(gaps)))
+    counts = np.array([len(of_pair) for of_pair in gaps.values()])
+    value = float(np.mean([gap for of_pair in gaps.values() for gap in of_pair]))
+    error = LENGTH_STD_M / np.sqrt(2) * np.sqrt(np.sum((counts / counts.sum()) ** 2))
+    return Estimate(value=value, standard_error=float(error))

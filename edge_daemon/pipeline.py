@@ -11,14 +11,15 @@ from dataclasses import dataclass
 from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
 from edge_daemon.frame import Frame
-from edge_daemon.kinematics import features_of
+from edge_daemon.kinematics import VehicleMotion, features_of
 from edge_daemon.measurement import to_road_points
 from edge_daemon.stability import Flag, StabilitySettings, classify
-from edge_daemon.tracking import Sighting, Track, Tracker, TrackerSettings
+from edge_daemon.tracking import Sightings, Track, Tracker, TrackerSettings
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState, UnknownReason
 
 _LONGEST_GAP_S = 0.5
+_LEAD_S = 3.0  # what was seen before the window helps to smooth its beginning
 
 
 @dataclass(frozen=True)
@@ -45,25 +46,31 @@ class Pipeline:
         self._tracker = Tracker(tracker)
         self._stability = stability
         self._window_s = window_s
-        self._sightings: deque[Sighting] = deque()
+        self._sightings: deque[Sightings] = deque()
         self._frames: deque[_Seen] = deque()
         self._sequence = 0
+        self._vehicles: dict[str, tuple[VehicleMotion, ...]] = {}
 
     @property
     def tracks(self) -> tuple[Track, ...]:
         """Vehicles followed now."""
         return self._tracker.tracks
 
-    def process(self, frame: Frame) -> None:
+    @property
+    def vehicles(self) -> dict[str, tuple[VehicleMotion, ...]]:
+        """By segment, the smoothed motions that the latest states rest on."""
+        return self._vehicles
+
+    def process(self, frame: Frame) -> Sightings:
         """Detect in one frame and take it in: what `take` does after the detector.
 
         Raises:
             InputError: the picture has another size than the calibration.
         """
-        self.take(frame, self._detector.detect(frame.image))
+        return self.take(frame, self._detector.detect(frame.image))
 
-    def take(self, frame: Frame, detections: Detections) -> None:
-        """Take in one frame with what was detected in it.
+    def take(self, frame: Frame, detections: Detections) -> Sightings:
+        """Take in one frame with what was detected in it; the sightings that it confirmed.
 
         Raises:
             InputError: the picture has another size than the calibration.
@@ -81,10 +88,13 @@ class Pipeline:
         if frame.cut:
             self._tracker.reset()
         found = to_road_points(detections, self._camera)
-        self._sightings.extend(self._tracker.update(now, found))
+        sightings = self._tracker.update(now, found)
+        if len(sightings):
+            self._sightings.append(sightings)
         last = self._frames[-1].time_s if self._frames else now
         self._frames.append(_Seen(now, now - last))
         self._forget(now - self._window_s)
+        return sightings
 
     def forget(self) -> None:
         """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
@@ -93,7 +103,7 @@ class Pipeline:
         self._frames.clear()
 
     def _forget(self, before_s: float) -> None:
-        while self._sightings and self._sightings[0].time_s < before_s:
+        while self._sightings and self._sightings[0].time_s[-1] < before_s - _LEAD_S:
             self._sightings.popleft()
         while self._frames and self._frames[0].time_s < before_s:
             self._frames.popleft()
@@ -108,31 +118,36 @@ class Pipeline:
             idle_s: time since the last frame: that much of the window is empty.
             fault: why the camera cannot be trusted now; all segments are unknown for it.
         """
-        if idle_s > 0 and self._frames:
-            self._forget(self._frames[-1].time_s + idle_s - self._window_s)
+        begin_s = self._frames[-1].time_s + idle_s - self._window_s if self._frames else 0.0
+        if idle_s > 0:
+            self._forget(begin_s)
         # A frame stands for the time since the one before it, unless the source paused.
         observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _LONGEST_GAP_S)
         coverage = min(1.0, observed_s / self._window_s)
+        sightings = Sightings.join(self._sightings) if self._sightings else None
         return [
-            self._state(segment, time_ns, observed_s, coverage, fault)
+            self._state(segment, sightings, time_ns, begin_s, observed_s, coverage, fault)
             for segment in self._camera.segments
         ]
 
     def _state(
         self,
         segment: WatchedSegment,
+        sightings: Sightings | None,
         time_ns: int,
+        begin_s: float,
         observed_s: float,
         coverage: float,
         fault: UnknownReason | None,
     ) -> SegmentState:
         measured = (
-            features_of(self._sightings, segment, observed_s)
-            if fault is None and self._sightings and observed_s > 0
+            features_of(sightings, segment, self._camera.pose, begin_s, observed_s)
+            if fault is None and sightings is not None and observed_s > 0
             else None
         )
         features = measured.features if measured else None
-        vehicles = measured.vehicles if measured else 0
+        self._vehicles[segment.id] = measured.vehicles if measured else ()
+        vehicles = len(self._vehicles[segment.id])
         flag = (
             classify(features, vehicles, len(self._frames), coverage, self._stability)
             if fault is None

@@ -2,12 +2,13 @@
 
 Each track is a Kalman filter with constant acceleration, state (x, y, vx, vy, ax, ay). Detections
 are assigned by the Hungarian method on squared Mahalanobis distances: first the sure ones, then the
-unsure ones to tracks that are left over.
+unsure ones to tracks that are left over. The states of all tracks stand in one array, so that a
+frame costs a handful of array operations, however many vehicles are in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -22,6 +23,11 @@ from slipstream.config import Settings
 
 _GATE = 13.8  # 99.9 % of χ² with two degrees of freedom
 _FORBIDDEN = 1e6
+# Two vehicles are never closer than this, along the view and across it, m.
+_BODY_M = (2.5, 1.2)
+_PLACED_M = 2.0
+
+Indices = npt.NDArray[np.intp]
 
 
 class TrackerSettings(Settings):
@@ -45,56 +51,84 @@ class TrackerSettings(Settings):
     )
 
 
-@dataclass
+@dataclass(frozen=True)
+class Sightings:
+    """Detections of confirmed tracks, one a row: what kinematics is made from.
+
+    Attributes:
+        track: the track's id, shape (n,).
+        time_s: media time, shape (n,).
+        point_m: measured point on the road, m, shape (n, 2).
+        covariance_m2: of the point, shape (n, 2, 2).
+        away: unit vector along which the camera looks past the point, shape (n, 2).
+        vehicle_class: index into VEHICLE_CLASSES, of the track so far, shape (n,).
+        box: of the detection, px, shape (n, 4).
+    """
+
+    track: npt.NDArray[np.int64]
+    time_s: Array
+    point_m: Array
+    covariance_m2: Array
+    away: Array
+    vehicle_class: npt.NDArray[np.int64]
+    box: npt.NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.track)
+
+    def take(self, rows: Indices | npt.NDArray[np.bool_] | slice) -> Sightings:
+        """Some of the rows."""
+        return Sightings(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    @staticmethod
+    def join(parts: Sequence[Sightings]) -> Sightings:
+        """All rows of the parts; there must be one part at least."""
+        return Sightings(
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in Sightings.__dataclass_fields__
+            )
+        )
+
+
+@dataclass(frozen=True)
 class Track:
-    """One vehicle.
+    """One vehicle as it is known now.
 
     Attributes:
         id: number, unique while the daemon runs.
         state: x, y, vx, vy, ax, ay in m and s.
-        covariance: of the state, shape (6, 6).
         last_seen_s: media time of its last detection.
-        hits: detections so far.
         box: last detection's box, px.
-        votes: summed scores by vehicle class.
+        vehicle_class: the class with most votes.
     """
 
     id: int
     state: Array
-    covariance: Array
     last_seen_s: float
     box: npt.NDArray[np.float32]
-    hits: int = 1
-    votes: dict[int, float] = field(default_factory=dict)
+    vehicle_class: int
 
     @property
     def speed_mps(self) -> float:
         """Present speed of the filter, m/s."""
         return float(np.hypot(self.state[2], self.state[3]))
 
+
+@dataclass
+class _Identity:
+    """What is known of a track beside its state."""
+
+    id: int
+    box: npt.NDArray[np.float32]
+    last_seen_s: float
+    hits: int = 1
+    votes: dict[int, float] = field(default_factory=dict)
+    early: list[Sightings] = field(default_factory=list)
+
     @property
     def vehicle_class(self) -> int:
-        """The class with most votes."""
         return max(self.votes, key=lambda c: self.votes[c])
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """One detection of a confirmed track: what kinematics is made from.
-
-    Attributes:
-        track: the track's id.
-        time_s: media time.
-        point_m: measured point on the road, m, shape (2,).
-        covariance_m2: of the point, shape (2, 2).
-        vehicle_class: index into VEHICLE_CLASSES.
-    """
-
-    track: int
-    time_s: float
-    point_m: Array
-    covariance_m2: Array
-    vehicle_class: int
 
 
 class Tracker:
@@ -102,23 +136,26 @@ class Tracker:
 
     def __init__(self, settings: TrackerSettings) -> None:
         self._settings = settings
-        self._tracks: list[Track] = []
         self._next_id = 1
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all tracks: the scene has changed."""
+        self._identities: list[_Identity] = []
+        self._states: Array = np.zeros((0, 6))
+        self._covariances: Array = np.zeros((0, 6, 6))
         self._time_s: float | None = None
-        self._early: dict[int, list[Sighting]] = {}
 
     @property
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks, seen in the last frame or coasting."""
-        return tuple(t for t in self._tracks if t.hits >= self._settings.confirm_hits)
+        return tuple(
+            Track(who.id, state, who.last_seen_s, who.box, who.vehicle_class)
+            for who, state in zip(self._identities, self._states, strict=True)
+            if who.hits >= self._settings.confirm_hits
+        )
 
-    def reset(self) -> None:
-        """Forget all tracks: the scene has changed."""
-        self._tracks.clear()
-        self._early.clear()
-        self._time_s = None
-
-    def update(self, time_s: float, found: RoadPoints) -> list[Sighting]:
+    def update(self, time_s: float, found: RoadPoints) -> Sightings:
         """Take one frame's detections in.
 
         Args:
@@ -131,103 +168,156 @@ class Tracker:
         """
         # First, lest a pause of the source hand a lost track's identity to another vehicle.
         self._drop_lost(time_s)
-        if self._time_s is not None:
-            self._predict(max(time_s - self._time_s, 1e-4))
+        if self._time_s is not None and len(self._states):
+            move, noise = _motion(max(time_s - self._time_s, 1e-4), self._settings.jerk_noise)
+            self._states = self._states @ move.T
+            self._covariances = move @ self._covariances @ move.T + noise
         self._time_s = time_s
-        sure = found.scores >= self._settings.sure_score
-        everyone = list(range(len(self._tracks)))
-        matched = dict(self._assign(everyone, np.flatnonzero(sure), found))
-        left = [i for i in everyone if i not in matched]
-        matched |= dict(self._assign(left, np.flatnonzero(~sure), found))
-        sightings: list[Sighting] = []
-        for index, detection in matched.items():
-            track = self._tracks[index]
-            self._correct(track, found.points_m[detection], found.covariances_m2[detection])
-            sightings += self._seen(track, time_s, found, detection)
-        taken = set(matched.values())
-        for new in sorted(set(np.flatnonzero(sure).tolist()) - taken):
-            self._start(time_s, found, new)
+        tracks, detections = self._assign_in_two_stages(found)
+        self._correct(tracks, found.points_m[detections], found.covariances_m2[detections])
+        sightings = self._seen(tracks, detections, time_s, found)
+        new = found.scores >= self._settings.sure_score
+        new[detections] = False
+        self._merge(tracks, found.away[detections])
+        new[new] = ~self._occupied(found.points_m[new], found.away[new])
+        self._start(time_s, found, np.flatnonzero(new))
         return sightings
 
-    def _seen(
-        self, track: Track, time_s: float, found: RoadPoints, detection: int
-    ) -> list[Sighting]:
-        kind = int(found.classes[detection])
-        track.last_seen_s = time_s
-        track.hits += 1
-        track.box = found.boxes[detection]
-        track.votes[kind] = track.votes.get(kind, 0.0) + float(found.scores[detection])
-        sighting = Sighting(
-            track.id,
-            time_s,
-            found.points_m[detection],
-            found.covariances_m2[detection],
-            track.vehicle_class,
-        )
-        if track.hits < self._settings.confirm_hits:
-            self._early[track.id].append(sighting)
-            return []
-        return [*self._early.pop(track.id, []), sighting]
-
-    def _start(self, time_s: float, found: RoadPoints, detection: int) -> None:
-        point, noise = found.points_m[detection], found.covariances_m2[detection]
-        state = np.concatenate([point, np.zeros(4)])
-        covariance = np.zeros((6, 6))
-        covariance[:2, :2] = noise
-        covariance[2:4, 2:4] = np.eye(2) * (self._settings.max_speed_mps / 2) ** 2
-        covariance[4:, 4:] = np.eye(2) * 2.0**2
-        kind = int(found.classes[detection])
-        track = Track(self._next_id, state, covariance, time_s, found.boxes[detection])
-        track.votes[kind] = float(found.scores[detection])
-        self._early[track.id] = [Sighting(track.id, time_s, point, noise, kind)]
-        self._next_id += 1
-        self._tracks.append(track)
-
-    def _drop_lost(self, time_s: float) -> None:
-        kept = []
-        for track in self._tracks:
-            patience = self._settings.lost_after_s
-            if track.hits < self._settings.confirm_hits:
-                patience /= 4  # a single false detection shall not linger
-            if time_s - track.last_seen_s <= patience:
-                kept.append(track)
-            else:
-                self._early.pop(track.id, None)
-        self._tracks = kept
-
-    def _predict(self, dt: float) -> None:
-        if not self._tracks:
-            return
-        move, noise = _motion(dt, self._settings.jerk_noise)
-        states = np.stack([t.state for t in self._tracks]) @ move.T
-        covariances = move @ np.stack([t.covariance for t in self._tracks]) @ move.T + noise
-        for track, state, covariance in zip(self._tracks, states, covariances, strict=True):
-            track.state, track.covariance = state, covariance
+    def _assign_in_two_stages(self, found: RoadPoints) -> tuple[Indices, Indices]:
+        sure = found.scores >= self._settings.sure_score
+        everyone = np.arange(len(self._states))
+        first = self._assign(everyone, np.flatnonzero(sure), found)
+        second = self._assign(np.setdiff1d(everyone, first[0]), np.flatnonzero(~sure), found)
+        return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
 
     def _assign(
-        self, tracks: list[int], detections: npt.NDArray[np.intp], found: RoadPoints
-    ) -> Iterator[tuple[int, int]]:
-        if not tracks or not len(detections):
-            return
-        states = np.stack([self._tracks[i].state[:2] for i in tracks])
-        spread = np.stack([self._tracks[i].covariance[:2, :2] for i in tracks])
-        inverse = spread[:, None] + found.covariances_m2[detections][None]
-        gap = found.points_m[detections][None] - states[:, None]
-        distance = np.einsum("tdi,tdij,tdj->td", gap, np.linalg.inv(inverse), gap)
+        self, tracks: Indices, detections: Indices, found: RoadPoints
+    ) -> tuple[Indices, Indices]:
+        if not len(tracks) or not len(detections):
+            return tracks[:0], detections[:0]
+        gap = found.points_m[detections][None] - self._states[tracks, None, :2]
+        spread = self._covariances[tracks, None, :2, :2] + found.covariances_m2[detections][None]
+        determinant = spread[..., 0, 0] * spread[..., 1, 1] - spread[..., 0, 1] ** 2
+        distance = (
+            spread[..., 1, 1] * gap[..., 0] ** 2
+            - 2 * spread[..., 0, 1] * gap[..., 0] * gap[..., 1]
+            + spread[..., 0, 0] * gap[..., 1] ** 2
+        ) / determinant
         # The log-determinant keeps a track that knows little from taking a sure one's detection.
-        cost = distance + np.log(np.linalg.det(inverse))
-        cost[distance > _GATE] = _FORBIDDEN
-        for row, column in zip(*linear_sum_assignment(cost), strict=True):
-            if cost[row, column] < _FORBIDDEN:
-                yield tracks[row], int(detections[column])
+        cost = np.where(distance > _GATE, _FORBIDDEN, distance + np.log(determinant))
+        rows, columns = linear_sum_assignment(cost)
+        allowed = cost[rows, columns] < _FORBIDDEN
+        return tracks[rows[allowed]], detections[columns[allowed]]
 
-    @staticmethod
-    def _correct(track: Track, point: Array, noise: Array) -> None:
-        spread = track.covariance[:2, :2] + noise
-        gain = np.linalg.solve(spread, track.covariance[:2]).T
-        track.state = track.state + gain @ (point - track.state[:2])
-        covariance = track.covariance - gain @ track.covariance[:2]
-        track.covariance = (covariance + covariance.T) / 2
+    def _correct(self, tracks: Indices, points: Array, noise: Array) -> None:
+        if not len(tracks):
+            return
+        covariance = self._covariances[tracks]
+        spread = covariance[:, :2, :2] + noise
+        gain = np.linalg.solve(spread, covariance[:, :2]).transpose(0, 2, 1)
+        gap = points - self._states[tracks, :2]
+        self._states[tracks] += np.einsum("nij,nj->ni", gain, gap)
+        covariance = covariance - gain @ covariance[:, :2]
+        self._covariances[tracks] = (covariance + covariance.transpose(0, 2, 1)) / 2
+
+    def _occupied(self, points: Array, away: Array) -> npt.NDArray[np.bool_]:
+        """Which points lie where a vehicle is already: a second box on it is no second vehicle."""
+        placed = np.array([who.hits >= self._settings.confirm_hits for who in self._identities])
+        if not placed.any():
+            return np.zeros(len(points), dtype=np.bool_)
+        sure = placed & (self._covariances[:, 0, 0] + self._covariances[:, 1, 1] < _PLACED_M**2)
+        return np.asarray(_overlap(points, self._states[sure, :2], away).any(axis=1))
+
+    def _merge(self, tracks: Indices, away: Array) -> None:
+        """Drop the younger of two tracks that have come to lie on one vehicle."""
+        points = self._states[tracks, :2]
+        same = _overlap(points, self._states[:, :2], away)
+        same[np.arange(len(tracks)), tracks] = False
+        if not same.any():
+            return
+        hits = np.array([who.hits for who in self._identities])
+        drop = np.zeros(len(hits), dtype=np.bool_)
+        for row, other in zip(*np.nonzero(same), strict=True):
+            track = tracks[row]
+            if not drop[track] and not drop[other]:
+                drop[track if hits[track] < hits[other] else other] = True
+        kept = np.flatnonzero(~drop)
+        self._identities = [self._identities[i] for i in kept]
+        self._states, self._covariances = self._states[kept], self._covariances[kept]
+
+    def _seen(
+        self, tracks: Indices, detections: Indices, time_s: float, found: RoadPoints
+    ) -> Sightings:
+        """Note who was seen; the sightings of those that count by now."""
+        chosen = [self._identities[track] for track in tracks]
+        for who, detection in zip(chosen, detections.tolist(), strict=True):
+            kind = int(found.classes[detection])
+            who.last_seen_s = time_s
+            who.hits += 1
+            who.box = found.boxes[detection]
+            who.votes[kind] = who.votes.get(kind, 0.0) + float(found.scores[detection])
+        seen = _sightings(chosen, time_s, found, detections)
+        parts = [seen.take(slice(0, 0))]
+        sure = np.array([who.hits >= self._settings.confirm_hits for who in chosen], dtype=np.bool_)
+        for row, who in enumerate(chosen):
+            if not sure[row]:
+                who.early.append(seen.take(slice(row, row + 1)))
+            elif who.early:
+                parts += who.early
+                who.early = []
+        return Sightings.join([*parts, seen.take(sure)])
+
+    def _start(self, time_s: float, found: RoadPoints, detections: Indices) -> None:
+        if not len(detections):
+            return
+        states = np.zeros((len(detections), 6))
+        states[:, :2] = found.points_m[detections]
+        covariances = np.zeros((len(detections), 6, 6))
+        covariances[:, :2, :2] = found.covariances_m2[detections]
+        covariances[:, 2:4, 2:4] = np.eye(2) * (self._settings.max_speed_mps / 2) ** 2
+        covariances[:, 4:, 4:] = np.eye(2) * 2.0**2
+        self._states = np.concatenate([self._states, states])
+        self._covariances = np.concatenate([self._covariances, covariances])
+        for detection in detections.tolist():
+            who = _Identity(self._next_id, found.boxes[detection], time_s)
+            who.votes[int(found.classes[detection])] = float(found.scores[detection])
+            who.early.append(_sightings([who], time_s, found, np.array([detection])))
+            self._identities.append(who)
+            self._next_id += 1
+
+    def _drop_lost(self, time_s: float) -> None:
+        kept = [i for i, who in enumerate(self._identities) if self._is_followed(who, time_s)]
+        if len(kept) < len(self._identities):
+            self._identities = [self._identities[i] for i in kept]
+            self._states, self._covariances = self._states[kept], self._covariances[kept]
+
+    def _is_followed(self, who: _Identity, time_s: float) -> bool:
+        patience = self._settings.lost_after_s
+        if who.hits < self._settings.confirm_hits:
+            patience /= 4  # a single false detection shall not linger
+        return time_s - who.last_seen_s <= patience
+
+
+def _sightings(
+    who: Sequence[_Identity], time_s: float, found: RoadPoints, detections: Indices
+) -> Sightings:
+    return Sightings(
+        np.array([one.id for one in who], dtype=np.int64),
+        np.full(len(who), time_s),
+        found.points_m[detections],
+        found.covariances_m2[detections],
+        found.away[detections],
+        np.array([one.vehicle_class for one in who], dtype=np.int64),
+        found.boxes[detections],
+    )
+
+
+def _overlap(points: Array, others: Array, away: Array) -> npt.NDArray[np.bool_]:
+    """Which of the others (m, 2) lie within a vehicle's body of the points (n, 2), shape (n, m)."""
+    gap = others[None] - points[:, None]
+    along = np.abs(np.einsum("nmi,ni->nm", gap, away))
+    across = np.abs(gap[..., 0] * away[:, None, 1] - gap[..., 1] * away[:, None, 0])
+    return np.asarray((along < _BODY_M[0]) & (across < _BODY_M[1]))
 
 
 def _motion(dt: float, jerk_noise: float) -> tuple[Array, Array]:

@@ -55,6 +55,7 @@ def seen_at(points_m: npt.NDArray[np.float64], sigma_m: float, score: float = 0.
     return RoadPoints(
         np.asarray(points_m, dtype=np.float64).reshape(-1, 2),
         np.tile(np.eye(2) * sigma_m**2, (n, 1, 1)),
+        np.tile([1.0, 0.0], (n, 1)),
         np.full(n, score, dtype=np.float32),
         np.zeros((n, 4), dtype=np.float32),
         np.zeros(n, dtype=np.int64),

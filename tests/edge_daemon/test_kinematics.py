@@ -8,25 +8,55 @@ import numpy as np
 import pytest
 
 from edge_daemon.camera import Camera
-from edge_daemon.kinematics import features_of
-from edge_daemon.tracking import Sighting
+from edge_daemon.kinematics import NOMINAL_LENGTH_M, WindowFeatures, features_of
+from edge_daemon.motion import NOISE_CORRELATION_S, SLOW_SHARE
+from edge_daemon.tracking import Sightings
 
 FPS = 30
 Position = Callable[[np.ndarray], np.ndarray]  # type: ignore[type-arg]
 
 
-def observe(
-    positions: list[tuple[Position, float]], sigma_m: float, seed: int = 1
-) -> list[Sighting]:
-    """Sightings over 10 s of vehicles given by distance driven over time and lane centre."""
+def observe(positions: list[tuple[Position, float]], sigma_m: float, seed: int = 1) -> Sightings:
+    """Sightings over 10 s of cars given by distance driven over time and lane centre.
+
+    The camera stands at the origin and looks along +x; what is seen is the near end.
+    """
     rng = np.random.default_rng(seed)
     times = np.arange(0, 10, 1 / FPS)
-    sightings = []
+    n = len(times)
+    parts = []
     for track, (position, y) in enumerate(positions, start=1):
-        for time_s, along in zip(times, position(times), strict=True):
-            point = np.array([85.0 - along, y]) + rng.normal(0, sigma_m, 2)
-            sightings.append(Sighting(track, time_s, point, np.eye(2) * sigma_m**2, 0))
-    return sightings
+        middle = np.column_stack([85.0 - position(times), np.full(n, y)])
+        near_end = middle - [NOMINAL_LENGTH_M[0] / 2, 0.0]
+        parts.append(
+            Sightings(
+                np.full(n, track),
+                times,
+                near_end + sigma_m * like_a_detectors(rng, n),
+                np.tile(np.eye(2) * sigma_m**2, (n, 1, 1)),
+                np.tile([1.0, 0.0], (n, 1)),
+                np.zeros(n, dtype=np.int64),
+                np.zeros((n, 4), dtype=np.float32),
+            )
+        )
+    return Sightings.join(parts)
+
+
+def like_a_detectors(rng: np.random.Generator, n: int) -> np.ndarray:  # type: ignore[type-arg]
+    """Unit noise (n, 2) in the two parts that a detector's boxes show: one quick, one slow."""
+    noise = np.zeros((n, 2))
+    for share, correlation_s in ((1 - SLOW_SHARE, NOISE_CORRELATION_S), (SLOW_SHARE, 1.0)):
+        keep = np.exp(-1 / FPS / correlation_s)
+        part = rng.normal(0, 1, (n, 2))
+        for i in range(1, n):
+            part[i] = keep * part[i - 1] + np.sqrt(1 - keep**2) * part[i]
+        noise += np.sqrt(share) * part
+    return noise
+
+
+def measure(sightings: Sightings, camera: Camera) -> WindowFeatures | None:
+    """Features of the only segment over the whole window."""
+    return features_of(sightings, camera.segments[0], None, 0.0, 10.0)
 
 
 def steady(start_s: float, speed: float) -> Position:
@@ -39,10 +69,10 @@ CALM = [(steady(s, 16.0 + 0.2 * (-1) ** i), 1.7) for i, s in enumerate(np.arange
 
 def test_calm_traffic_has_its_true_features_despite_noise(camera: Camera) -> None:
     """With 0.3 m of noise a raw second difference would show 10⁵ m²/s⁴; this shows about 0."""
-    measured = features_of(observe(CALM, 0.3), camera.segments[0], 10.0)
+    measured = measure(observe(CALM, 0.3), camera)
     assert measured is not None
     f = measured.features
-    assert measured.vehicles >= 6
+    assert len(measured.vehicles) >= 6
     assert f.mean_speed_mps.value == pytest.approx(16.0, abs=0.1)
     assert f.speed_std_mps.value == pytest.approx(0.2, abs=0.15)
     assert f.mean_acceleration_mps2.value == pytest.approx(0.0, abs=0.15)
@@ -61,7 +91,7 @@ def test_stop_and_go_shows_its_acceleration_variance(camera: Camera) -> None:
         return lambda t: 5 * t + 25 + offset + 4 / omega * (1 - np.cos(omega * t))
 
     vehicles = [(wave(o), y) for o in (-22.0, -12.0, -2.0) for y in (1.7, 5.2)]
-    measured = features_of(observe(vehicles, 0.2), camera.segments[0], 10.0)
+    measured = measure(observe(vehicles, 0.2), camera)
     assert measured is not None
     assert measured.features.speed_std_mps.value == pytest.approx(np.sqrt(8), rel=0.2)
     assert measured.features.acceleration_variance_m2ps4.value == pytest.approx(4.93, rel=0.3)
@@ -71,8 +101,8 @@ def test_the_standard_error_of_the_mean_speed_is_honest(camera: Camera) -> None:
     """Over 40 noise draws the error is about what its standard error says."""
     ratios = []
     for seed in range(40):
-        measured = features_of(observe(CALM, 0.5, seed), camera.segments[0], 10.0)
-        noiseless = features_of(observe(CALM, 1e-4, seed), camera.segments[0], 10.0)
+        measured = measure(observe(CALM, 0.5, seed), camera)
+        noiseless = measure(observe(CALM, 1e-4, seed), camera)
         assert measured is not None
         assert noiseless is not None
         got, true = measured.features.mean_speed_mps, noiseless.features.mean_speed_mps
@@ -83,19 +113,34 @@ def test_the_standard_error_of_the_mean_speed_is_honest(camera: Camera) -> None:
 
 def test_an_empty_or_oncoming_road_has_no_features(camera: Camera) -> None:
     """Nothing is made up from nothing."""
-    segment = camera.segments[0]
-    assert features_of([], segment, 10.0) is None
     away: list[tuple[Position, float]] = [(lambda t: 70 - 15.0 * t, 1.7)]
-    assert features_of(observe(away, 0.1), segment, 10.0) is None
+    assert measure(observe(away, 0.1), camera) is None
+    assert measure(observe(away, 0.1).take(slice(0, 0)), camera) is None
     short: list[tuple[Position, float]] = [(lambda t: np.where(t < 0.5, 40 + 16 * t, 500.0), 1.7)]
-    assert features_of(observe(short, 0.1), segment, 10.0) is None
+    assert measure(observe(short, 0.1), camera) is None
 
 
 def test_a_lone_vehicle_has_no_gap(camera: Camera) -> None:
     """A gap needs two vehicles in one lane."""
-    measured = features_of(
-        observe([(steady(1, 16), 1.7), (steady(1.2, 16), 5.2)], 0.1), camera.segments[0], 10.0
-    )
+    measured = measure(observe([(steady(1, 16), 1.7), (steady(1.2, 16), 5.2)], 0.1), camera)
     assert measured is not None
-    assert measured.vehicles == 2
+    assert len(measured.vehicles) == 2
     assert measured.features.mean_gap_m is None
+
+
+def test_what_was_seen_before_the_window_counts_for_nothing_in_it(camera: Camera) -> None:
+    """It only helps to smooth: presence is counted from the window's beginning."""
+    whole = measure(observe(CALM, 0.1), camera)
+    later = features_of(observe(CALM, 0.1), camera.segments[0], None, 5.0, 5.0)
+    assert whole is not None
+    assert later is not None
+    present = sum(v.weight_s.sum() for v in later.vehicles)
+    assert present < sum(v.weight_s.sum() for v in whole.vehicles) - 5.0
+    assert min(v.motion.time_s[v.weight_s > 0].min() for v in later.vehicles) > 4.8
+
+
+def test_a_vehicle_in_parts_of_the_segment_counts_for_its_time_there(camera: Camera) -> None:
+    """60 m at 15 m/s are 4 s, of a vehicle that is followed from before to after."""
+    measured = measure(observe([(steady(0.5, 15.0), 1.7)], 0.05), camera)
+    assert measured is not None
+    assert float(measured.vehicles[0].weight_s.sum()) == pytest.approx(4.0, abs=0.05)

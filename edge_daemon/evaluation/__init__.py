@@ -1,0 +1,1 @@
+"""How far the states and tracks of a clip are from its ground truth."""
