@@ -21,10 +21,12 @@ _FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class Labels:
-    """Draws labels on one picture, none over another."""
+    """Places labels on one picture, none over another; `draw` puts them over all else."""
 
     def __init__(self, picture: Image) -> None:
         self._picture = picture
+        self._placed: list[tuple[str, tuple[int, int], float, int, Colour]] = []
+        self._backgrounds: list[Colour] = []
         self._taken: list[tuple[int, int, int, int]] = []
 
     def put(
@@ -36,7 +38,7 @@ class Labels:
         background: Colour = DARK,
         colour: Colour = WHITE,
     ) -> bool:
-        """Write a text at the first of some places that is free and inside the picture.
+        """Place a text at the first of some places that is free and inside the picture.
 
         Args:
             text: ASCII, as OpenCV's fonts have nothing else.
@@ -46,7 +48,7 @@ class Labels:
             colour: of the text.
 
         Returns:
-            False if there was no room: nothing is drawn.
+            False if there was no room: it is left out.
         """
         thickness = max(1, round(1.8 * scale))
         (width, height), below = cv2.getTextSize(text, _FONT, scale, thickness)
@@ -59,10 +61,17 @@ class Labels:
             if top < 0 or bottom > rows or left < 0 or not self._free(left, top, right, bottom):
                 continue
             self._taken.append((left, top, right, bottom))
-            cv2.rectangle(self._picture, (left, top), (right, bottom), background, cv2.FILLED)
-            cv2.putText(self._picture, text, (x, y), _FONT, scale, colour, thickness, cv2.LINE_AA)
+            self._placed.append((text, (x, y), scale, thickness, colour))
+            self._backgrounds.append(background)
             return True
         return False
+
+    def draw(self) -> None:
+        """Draw what was placed."""
+        for (left, top, right, bottom), colour in zip(self._taken, self._backgrounds, strict=True):
+            cv2.rectangle(self._picture, (left, top), (right, bottom), colour, cv2.FILLED)
+        for text, at, scale, thickness, colour in self._placed:
+            cv2.putText(self._picture, text, at, _FONT, scale, colour, thickness, cv2.LINE_AA)
 
     def _free(self, left: int, top: int, right: int, bottom: int) -> bool:
         return all(

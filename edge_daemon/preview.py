@@ -77,6 +77,7 @@ def annotate(
                 [(x1, y1 - 12 * scale), (x1, y2 + 32 * scale), (x2, y1), (x2, y2)],
                 scale,
             )
+    labels.draw()
     return picture
 
 

@@ -1,0 +1,279 @@
+"""From points clicked in a picture to a camera's calibration, and how well it measures.
+
+Clicks are a pixel or so off. What that does to positions and speeds is found by moving each
+click by itself and fitting anew: the misses of the result add up in squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from edge_daemon.camera_checks import check_points, fit_points, seen_share, watched
+from edge_daemon.camera_settings import CalibrationPoint, SegmentSettings
+from edge_daemon.consensus import agreeing, tolerance_px
+from edge_daemon.homography import Array, CalibrationError, Homography
+from edge_daemon.pose import CameraPose, pose_of
+from edge_daemon.segment import WatchedSegment
+from slipstream.errors import InputError
+
+CLICK_PX: Final = 1.0
+WORST_SPEED_ERROR: Final = 0.03
+_LEAST_SEEN: Final = 0.95
+_WIDTH_FACTOR: Final = 1.5
+_PLAUSIBLE_HEIGHT_M: Final = (2.5, 80.0)
+
+
+@dataclass(frozen=True)
+class EndAccuracy:
+    """How well one end of a segment is measured.
+
+    Attributes:
+        segment: its id.
+        end: the end nearer to or farther from the camera.
+        point_m: the middle of that end.
+        metres_per_px: along the direction of travel, for a pixel in the worst direction.
+        position_error_m: standard error of a position along the direction, from the clicks.
+        speed_error: relative standard error of a speed along the direction, from the clicks.
+    """
+
+    segment: str
+    end: str
+    point_m: tuple[float, float]
+    metres_per_px: float
+    position_error_m: float
+    speed_error: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A fitted camera.
+
+    Attributes:
+        size: (width, height) of its pictures, px.
+        road_m: the points on the road, shape (n, 2).
+        image_px: the points in the picture, shape (n, 2).
+        used: which points the fit rests on, shape (n,); the others contradict them.
+        misses_px: of each point, shape (n,).
+        reprojection_error_px: root mean square of those used.
+        click_px: the clicks' standard error that the accuracy is stated for: 1 px, or what the
+            misses tell where they tell more.
+        homography: the fit.
+        pose: where the camera hangs, if it is a plain one.
+        segments: the watched segments.
+        accuracy: at both ends of each segment.
+        warnings: what a person should look at, a sentence each.
+    """
+
+    size: tuple[int, int]
+    road_m: Array
+    image_px: Array
+    used: npt.NDArray[np.bool_]
+    misses_px: Array
+    reprojection_error_px: float
+    click_px: float
+    homography: Homography
+    pose: CameraPose | None
+    segments: tuple[WatchedSegment, ...]
+    accuracy: tuple[EndAccuracy, ...]
+    warnings: tuple[str, ...]
+
+
+def calibrate(
+    points: tuple[CalibrationPoint, ...],
+    segments: tuple[SegmentSettings, ...],
+    size: tuple[int, int],
+    source: Path,
+) -> Calibration:
+    """Fit a camera to points; points that contradict most others are left out and named.
+
+    Args:
+        points: at least four.
+        segments: outlines to check and to state the accuracy for; may be none.
+        size: (width, height) of the picture, px.
+        source: the points' file, for error lines.
+
+    Raises:
+        InputError: what `edge_daemon.camera.load_camera` would refuse.
+    """
+    road, image = check_points(points, size, source)
+    try:
+        used = agreeing(road, image, tolerance_px(size[0]))
+    except CalibrationError as error:
+        raise InputError(source, error.problem, error.mend, key="points") from None
+    homography = fit_points(road[used], image[used], size, source)
+    misses = homography.misses_px(road, image)
+    ids = [segment.id for segment in segments]
+    if len(set(ids)) < len(ids):
+        raise InputError(source, "two segments with one id", "rename one", key="segments.id")
+    outlines = tuple(watched(segment, homography, size, source) for segment in segments)
+    rms = float(np.sqrt(np.mean(misses[used] ** 2)))
+    click_px = max(CLICK_PX, click_error_px(misses[used]))
+    pose = pose_of(homography, size)
+    accuracy = tuple(accuracy_of(homography, road[used], image[used], outlines, click_px))
+    warnings = (
+        *_about_points(misses, used),
+        *_about_pose(pose),
+        *_about_outlines(outlines, homography, size),
+        *_about_accuracy(accuracy, click_px),
+    )
+    return Calibration(
+        size,
+        road,
+        image,
+        used,
+        misses,
+        rms,
+        click_px,
+        homography,
+        pose,
+        outlines,
+        accuracy,
+        warnings,
+    )
+
+
+def click_error_px(misses_px: Array) -> float:
+    """Standard error of one coordinate of a click, told from n misses; 0 where n = 4 tells none."""
+    freedom = 2 * len(misses_px) - 8
+    return float(np.sqrt(np.sum(misses_px**2) / freedom)) if freedom > 0 else 0.0
+
+
+def accuracy_of(
+    homography: Homography,
+    road_m: Array,
+    image_px: Array,
+    segments: tuple[WatchedSegment, ...],
+    click_px: float,
+) -> list[EndAccuracy]:
+    """What clicks that are ``click_px`` off in each coordinate do at both ends of each segment.
+
+    A vehicle that truly moves by v·dt along the direction d moves in the picture by J·d·v·dt, J
+    the true derivative of the picture by the road; another fit, with J' from picture to road, takes
+    its speed for v·dᵀJ'J·d.
+    """
+    ends = [(s, end, point) for s in segments for end, point in _ends(s, homography)]
+    if not ends:
+        return []
+    places = np.stack([point for _, _, point in ends])
+    directions = np.stack([segment.direction for segment, _, _ in ends])
+    pixels = homography.to_image(places)
+    _, to_road = homography.to_road_with_jacobian(pixels)
+    flow = np.einsum("nij,nj->ni", np.linalg.inv(to_road), directions)
+    shift = np.zeros(len(ends))
+    stretch = np.zeros(len(ends))
+    for point in range(len(image_px)):
+        for axis in (0, 1):
+            moved = image_px.copy()
+            moved[point, axis] += click_px
+            try:
+                other = Homography(road_m, moved)
+            except CalibrationError:
+                return [_end(*end, to_road[i], np.inf, np.inf) for i, end in enumerate(ends)]
+            seen, derivative = other.to_road_with_jacobian(pixels)
+            shift += np.einsum("ni,ni->n", directions, seen - places) ** 2
+            speed = np.einsum("ni,nij,nj->n", directions, derivative, flow)
+            stretch += (speed - 1) ** 2
+    return [
+        _end(*end, to_road[i], float(np.sqrt(shift[i])), float(np.sqrt(stretch[i])))
+        for i, end in enumerate(ends)
+    ]
+
+
+def _end(
+    segment: WatchedSegment, end: str, point: Array, to_road: Array, shift: float, stretch: float
+) -> EndAccuracy:
+    per_px = float(np.hypot(*(segment.direction @ to_road)))
+    place = (float(point[0]), float(point[1]))
+    return EndAccuracy(segment.id, end, place, per_px, shift, stretch)
+
+
+def _ends(segment: WatchedSegment, homography: Homography) -> list[tuple[str, Array]]:
+    """The middles of the outline's ends, nearer first."""
+    along = segment.along(segment.polygon_m) - segment.begin_m
+    begin = segment.polygon_m[along <= 0.1 * segment.length_m].mean(axis=0)
+    finish = segment.polygon_m[along >= 0.9 * segment.length_m].mean(axis=0)
+    depths = homography.depth(np.stack([begin, finish]))
+    near, far = (begin, finish) if depths[0] <= depths[1] else (finish, begin)
+    return [("near", near), ("far", far)]
+
+
+def _about_points(misses: Array, used: npt.NDArray[np.bool_]) -> list[str]:
+    said = []
+    for i in np.flatnonzero(~used):
+        by = (
+            f"misses by {misses[i]:.0f} px" if np.isfinite(misses[i]) else "lies beyond the horizon"
+        )
+        said.append(f"point {i + 1} {by} and is left out: check its pixel and its road coordinates")
+    if used.sum() == 4:
+        said.append("four points fit any calibration: a fifth and sixth would show mistakes")
+    return said
+
+
+def _about_pose(pose: CameraPose | None) -> list[str]:
+    if pose is None:
+        return [
+            "no plain camera has this view: wrong distances, a cropped or distorted picture, or a "
+            "road that is not flat"
+        ]
+    low, high = _PLAUSIBLE_HEIGHT_M
+    if not low <= pose.height_m <= high:
+        return [
+            f"the points put the camera {pose.height_m:.1f} m above the road: check the distances"
+        ]
+    return []
+
+
+def _about_outlines(
+    segments: tuple[WatchedSegment, ...], homography: Homography, size: tuple[int, int]
+) -> list[str]:
+    said = []
+    for segment in segments:
+        seen = seen_share(segment.polygon_m, homography, size)
+        if seen < _LEAST_SEEN:
+            said.append(
+                f"segment {segment.id}: only {seen:.0%} of it is in the picture, so its density "
+                "comes out low"
+            )
+        across = segment.polygon_m @ np.array([-segment.direction[1], segment.direction[0]])
+        lanes_m = segment.lanes * segment.lane_width_m
+        if not 1 / _WIDTH_FACTOR <= np.ptp(across) / lanes_m <= _WIDTH_FACTOR:
+            said.append(
+                f"segment {segment.id}: its outline is {np.ptp(across):.1f} m wide, its lanes "
+                f"{lanes_m:.1f} m"
+            )
+    for one, other in combinations(segments, 2):
+        shared = overlap_m2(one, other)
+        if shared > 1.0:
+            said.append(
+                f"segments {one.id} and {other.id} overlap by {shared:.0f} m²: vehicles there "
+                "count in both"
+            )
+    return said
+
+
+def _about_accuracy(accuracy: tuple[EndAccuracy, ...], click_px: float) -> list[str]:
+    return [
+        f"segment {end.segment}: speeds at its {end.end} end are unsure by {end.speed_error:.1%} "
+        f"with clicks {click_px:.1f} px off: add points there"
+        for end in accuracy
+        if end.speed_error > WORST_SPEED_ERROR
+    ]
+
+
+def overlap_m2(one: WatchedSegment, other: WatchedSegment) -> float:
+    """Area that two outlines share, by counting points of a grid."""
+    low = np.maximum(one.polygon_m.min(axis=0), other.polygon_m.min(axis=0))
+    high = np.minimum(one.polygon_m.max(axis=0), other.polygon_m.max(axis=0))
+    if not (high > low).all():
+        return 0.0
+    steps = 100
+    x, y = (low + (np.arange(steps)[:, None] + 0.5) / steps * (high - low)).T
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    both = one.contains(grid) & other.contains(grid)
+    return float(both.mean() * np.prod(high - low))

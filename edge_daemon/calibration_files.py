@@ -1,0 +1,157 @@
+"""The files of a calibration: points and picture in, camera.toml out."""
+
+from __future__ import annotations
+
+import csv
+import os
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import cv2
+import numpy as np
+import tomli_w
+from pydantic import Field
+
+from edge_daemon.calibration import Calibration
+from edge_daemon.camera_settings import CalibrationPoint, ImageSize, SegmentSettings
+from edge_daemon.frame import Image
+from slipstream.config import Settings, check, load
+from slipstream.errors import InputError
+
+_COLUMNS: Final = ("u", "v", "x", "y")
+
+
+class PointsSettings(Settings):
+    """A points file: points, and what else of a camera.toml is known. A camera.toml is one too."""
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    name: str | None = None
+    reference: Path | None = None
+    image: ImageSize | None = None
+    points: Annotated[tuple[CalibrationPoint, ...], Field(min_length=4)]
+    segments: tuple[SegmentSettings, ...] = ()
+
+
+def read_points(path: Path) -> PointsSettings:
+    """Read a points file: TOML, or CSV with the columns u, v (px), x, y (m).
+
+    Raises:
+        InputError: it is missing or not such a file.
+    """
+    return _read_csv(path) if path.suffix.lower() == ".csv" else load(path, PointsSettings)
+
+
+def _read_csv(path: Path) -> PointsSettings:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+    except FileNotFoundError:
+        raise InputError(path, "no such file", "check the path") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(path, f"not readable: {error}", "check the file") from None
+    points = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            u, v, x, y = (float(row[column]) for column in _COLUMNS)
+        except (KeyError, TypeError, ValueError):
+            raise InputError(
+                path, "not four numbers", "give the columns u,v,x,y", key=f"line {line}"
+            ) from None
+        points.append({"image": [u, v], "road": [x, y]})
+    return check({"points": points}, PointsSettings, path)
+
+
+def read_picture(path: Path) -> tuple[Image, bool]:
+    """A picture, or the first readable frame of a video, and whether it was a video.
+
+    Raises:
+        InputError: it is neither.
+    """
+    if not path.is_file():
+        raise InputError(path, "no such picture or video", "check the path")
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if picture is not None:
+        return np.asarray(picture, dtype=np.uint8), False
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        ok, frame = capture.read() if capture.isOpened() else (False, None)
+    finally:
+        capture.release()
+    if not ok or frame is None:
+        raise InputError(path, "neither a picture nor a readable video", "give a PNG, JPEG or clip")
+    return np.asarray(frame, dtype=np.uint8), True
+
+
+def camera_toml(
+    name: str, calibration: Calibration, segments: tuple[SegmentSettings, ...], reference: str
+) -> str:
+    """Text of the camera.toml: the points that the fit rests on, and the segments as they were."""
+    width, height = calibration.size
+    lines = [
+        "schema = 1",
+        *tomli_w.dumps({"name": name, "reference": reference}).splitlines(),
+        "",
+        "[image]",
+        f"width = {width}",
+        f"height = {height}",
+    ]
+    for i in np.flatnonzero(calibration.used):
+        lines += [
+            "",
+            "[[points]]",
+            f"image = {_pair(calibration.image_px[i])}",
+            f"road = {_pair(calibration.road_m[i])}",
+        ]
+    for segment in segments:
+        corners = ", ".join(_pair(corner) for corner in segment.polygon)
+        lines += [
+            "",
+            "[[segments]]",
+            *tomli_w.dumps({"id": segment.id}).splitlines(),
+            f"polygon = [{corners}]",
+            f"direction = {_pair(segment.direction)}",
+            f"lanes = {segment.lanes}",
+            f"lane_width_m = {segment.lane_width_m!r}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _pair(pair: tuple[float, float] | np.ndarray) -> str:
+    return f"[{float(pair[0])!r}, {float(pair[1])!r}]"
+
+
+def reference_of(picture: Path, out: Path) -> str:
+    """The picture's path as a camera.toml at ``out`` names it."""
+    return Path(os.path.relpath(picture.resolve(), out.resolve().parent)).as_posix()
+
+
+def write_picture(path: Path, picture: Image) -> None:
+    """Write a PNG or JPEG, by the name's ending.
+
+    Raises:
+        InputError: the ending is no picture's, or the file cannot be written.
+    """
+    try:
+        ok, data = cv2.imencode(path.suffix or ".", picture)
+    except cv2.error:
+        ok = False
+    if not ok:
+        raise InputError(path, "not a picture's name", "end it in .png or .jpg")
+    write_whole(path, data.tobytes())
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that appears under its name only when complete.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_bytes(content)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(
+            path, f"cannot be written ({error.strerror})", "give a writable place"
+        ) from None
