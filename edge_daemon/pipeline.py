@@ -49,6 +49,7 @@ class Pipeline:
         self._sightings: deque[Sightings] = deque()
         self._frames: deque[_Seen] = deque()
         self._sequence = 0
+        self._stable: set[str] = set()
         self._vehicles: dict[str, tuple[VehicleMotion, ...]] = {}
 
     @property
@@ -99,6 +100,7 @@ class Pipeline:
     def forget(self) -> None:
         """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
         self._tracker.reset()
+        self._stable.clear()
         self._sightings.clear()
         self._frames.clear()
 
@@ -149,10 +151,21 @@ class Pipeline:
         self._vehicles[segment.id] = measured.vehicles if measured else ()
         vehicles = len(self._vehicles[segment.id])
         flag = (
-            classify(features, vehicles, len(self._frames), coverage, self._stability)
+            classify(
+                features,
+                vehicles,
+                len(self._frames),
+                coverage,
+                self._stability,
+                was_stable=segment.id in self._stable,
+            )
             if fault is None
             else Flag(None, fault)
         )
+        if flag.y_e == 1:
+            self._stable.add(segment.id)
+        else:
+            self._stable.discard(segment.id)
         self._sequence += 1
         return SegmentState(
             rsu=self._rsu,

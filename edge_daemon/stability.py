@@ -1,18 +1,20 @@
 """Features → the stability flag y_e, or unknown with a reason.
 
 The paper's rule (section V-A): stable if CV = σ_v/v̄ ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴. A flag is only
-given where the data carry it: everything else is unknown, which gates like turbulent.
+given where the data carry it: everything else is unknown, which gates like turbulent. Hysteresis
+makes the rule stricter, never looser: stable always means that the paper's rule holds.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot, inf, isinf
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from slipstream.config import Settings
-from slipstream.messages import KinematicFeatures, UnknownReason
+from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
 
 
 class StabilitySettings(Settings):
@@ -26,6 +28,18 @@ class StabilitySettings(Settings):
     min_coverage: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.8, description="Share of the window that frames must cover."
     )
+    hysteresis: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=0.05,
+        description="A segment becomes stable only so far under the thresholds; 0: at them.",
+    )
+    sure_sigmas: Annotated[float, Field(ge=0, le=5)] = Field(
+        default=1.0,
+        description="Standard errors that must lie between value and threshold; 0: none.",
+    )
+
+    def bare(self) -> StabilitySettings:
+        """The paper's rule as it stands in the paper: no hysteresis, no regard for errors."""
+        return self.model_copy(update={"hysteresis": 0.0, "sure_sigmas": 0.0})
 
 
 @dataclass(frozen=True)
@@ -42,6 +56,8 @@ def classify(
     frames: int,
     coverage: float,
     settings: StabilitySettings,
+    *,
+    was_stable: bool = False,
 ) -> Flag:
     """Decide the flag of one segment for one window.
 
@@ -51,6 +67,7 @@ def classify(
         frames: processed in the window.
         coverage: share of the window with frames, in [0, 1].
         settings: the thresholds.
+        was_stable: the segment's flag was 1 so far: it stays so up to the threshold itself.
     """
     if frames == 0:
         return Flag(None, "no_frames")
@@ -58,13 +75,49 @@ def classify(
         return Flag(None, "window_not_covered")
     if features is None or vehicles < settings.min_vehicles:
         return Flag(None, "too_few_vehicles")
-    variance = features.acceleration_variance_m2ps4
-    limit = settings.max_acceleration_variance_m2ps4
-    mean, spread = features.mean_speed_mps.value, features.speed_std_mps.value
-    # Standing traffic has no CV; it is anything but a place for close gaps.
-    turbulent = mean <= 0 or spread / mean > settings.max_speed_cv or variance.value > limit
-    if turbulent:
+    ratios = _ratios(features, settings)
+    values = [ratio.value for ratio in ratios]
+    errors = [_doubt(ratio, settings.sure_sigmas) for ratio in ratios]
+    lowest = max(value - (0.0 if isinf(e) else e) for value, e in zip(values, errors, strict=True))
+    highest = max(value + e for value, e in zip(values, errors, strict=True))
+    slack = settings.hysteresis
+    if lowest > 1:
         return Flag(0, None)
-    if variance.standard_error is None or variance.standard_error > limit:
-        return Flag(None, "uncertain")
-    return Flag(1, None)
+    if was_stable and max(values) <= 1 and highest <= 1 + slack:
+        return Flag(1, None)
+    if highest <= 1:
+        return Flag(1 if highest <= 1 - slack else 0, None)
+    return Flag(None, "uncertain")
+
+
+def _ratios(features: KinematicFeatures, settings: StabilitySettings) -> tuple[Estimate, Estimate]:
+    """The rule's two quantities as multiples of their thresholds."""
+    mean, spread = features.mean_speed_mps, features.speed_std_mps
+    if mean.value <= 0:
+        # Standing traffic has no CV; it is anything but a place for close gaps.
+        cv = Estimate(value=1e9, standard_error=0.0)
+    else:
+        value = spread.value / mean.value
+        errors = spread.standard_error, mean.standard_error
+        error = (
+            None
+            if None in errors
+            else hypot(errors[0] or 0.0, value * (errors[1] or 0.0)) / mean.value
+        )
+        cv = _over(Estimate(value=value, standard_error=error), settings.max_speed_cv)
+    variance = features.acceleration_variance_m2ps4
+    return cv, _over(variance, settings.max_acceleration_variance_m2ps4)
+
+
+def _over(estimate: Estimate, limit: float) -> Estimate:
+    error = estimate.standard_error
+    return Estimate(
+        value=estimate.value / limit, standard_error=None if error is None else error / limit
+    )
+
+
+def _doubt(ratio: Estimate, sigmas: float) -> float:
+    """How far a ratio may be off; one without an error is not to be relied on where these count."""
+    if sigmas == 0:
+        return 0.0
+    return inf if ratio.standard_error is None else sigmas * ratio.standard_error

@@ -3,50 +3,97 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from edge_daemon.stability import Flag, StabilitySettings, classify
 from slipstream.config import check
 from slipstream.errors import InputError
 from slipstream.messages import Estimate, KinematicFeatures
 
+BARE = StabilitySettings().bare()
+
 
 def features(
-    mean: float = 16.0, spread: float = 0.5, variance: float = 0.1, error: float = 0.01
+    mean: float = 16.0,
+    spread: float = 0.5,
+    variance: float = 0.1,
+    error: float | None = 0.01,
+    spread_error: float | None = 0.0,
 ) -> KinematicFeatures:
     """Features that matter for the flag."""
     return KinematicFeatures(
-        mean_speed_mps=Estimate(value=mean),
+        mean_speed_mps=Estimate(value=mean, standard_error=0.0),
         mean_acceleration_mps2=Estimate(value=0.0),
         density_veh_per_m=Estimate(value=0.05),
-        speed_std_mps=Estimate(value=spread),
+        speed_std_mps=Estimate(value=spread, standard_error=spread_error),
         acceleration_variance_m2ps4=Estimate(value=variance, standard_error=error),
     )
 
 
 @pytest.mark.parametrize(
-    ("given", "expected"),
+    ("seen", "expected"),
     [
-        (features(), Flag(1, None)),
-        (features(spread=0.12 * 16.0), Flag(1, None)),
-        (features(spread=0.1201 * 16.0), Flag(0, None)),
-        (features(variance=0.5), Flag(1, None)),
-        (features(variance=0.501), Flag(0, None)),
-        (features(mean=0.0, spread=0.0), Flag(0, None)),
-        (features(error=0.6), Flag(None, "uncertain")),
-        (features(variance=2.0, error=0.6), Flag(0, None)),
+        (features(), 1),
+        (features(spread=0.12 * 16.0), 1),
+        (features(spread=0.1201 * 16.0), 0),
+        (features(variance=0.5), 1),
+        (features(variance=0.501), 0),
+        (features(mean=0.0, spread=0.0), 0),
+        (features(error=None, spread_error=None), 1),
     ],
 )
-def test_the_papers_rule(given: KinematicFeatures, expected: Flag) -> None:
+def test_the_papers_rule_bare(seen: KinematicFeatures, expected: int) -> None:
     """CV ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴, both inclusive; standing traffic is not stable."""
-    assert classify(given, 5, 300, 1.0, StabilitySettings()) == expected
+    assert classify(seen, 5, 300, 1.0, BARE) == Flag(expected, None)  # type: ignore[arg-type]
 
 
-def test_a_variance_of_unknown_error_is_not_taken_for_sure() -> None:
-    """No standard error, no stable flag."""
-    unsure = features().model_copy(
-        update={"acceleration_variance_m2ps4": Estimate(value=0.1, standard_error=None)}
-    )
-    assert classify(unsure, 5, 300, 1.0, StabilitySettings()) == Flag(None, "uncertain")
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (features(variance=0.1, error=0.3), Flag(1, None)),
+        (features(variance=0.4, error=0.2), Flag(None, "uncertain")),
+        (features(variance=0.6, error=0.2), Flag(None, "uncertain")),
+        (features(variance=2.0, error=0.6), Flag(0, None)),
+        (features(variance=0.1, error=None), Flag(None, "uncertain")),
+        (features(variance=2.0, error=None), Flag(0, None)),
+        (features(spread=1.9, spread_error=0.3), Flag(None, "uncertain")),
+        (features(spread=1.9, spread_error=0.3, variance=2.0), Flag(0, None)),
+    ],
+)
+def test_a_flag_is_given_only_where_the_errors_allow_it(
+    seen: KinematicFeatures, expected: Flag
+) -> None:
+    """One quantity surely over its threshold decides; otherwise both must be surely under."""
+    assert classify(seen, 5, 300, 1.0, StabilitySettings()) == expected
+
+
+def test_a_segment_becomes_stable_later_than_it_stays_stable() -> None:
+    """Between 0.95 and 1 of a threshold the flag keeps what it was, so that it does not flap."""
+    settings = StabilitySettings(sure_sigmas=0.0)
+    between = features(variance=0.49)
+    assert classify(between, 5, 300, 1.0, settings).y_e == 0
+    assert classify(between, 5, 300, 1.0, settings, was_stable=True).y_e == 1
+    under, over = features(variance=0.47), features(variance=0.501)
+    assert classify(under, 5, 300, 1.0, settings).y_e == 1
+    assert classify(over, 5, 300, 1.0, settings, was_stable=True).y_e == 0
+
+
+@given(
+    st.floats(0.1, 30),
+    st.floats(0, 10),
+    st.floats(0, 3),
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.booleans(),
+)
+def test_stable_always_means_that_the_papers_rule_holds(
+    mean: float, spread: float, variance: float, error: float, spread_error: float, was: bool
+) -> None:
+    """Hysteresis and doubt only ever make the rule stricter."""
+    seen = features(mean, spread, variance, error, spread_error)
+    if classify(seen, 5, 300, 1.0, StabilitySettings(), was_stable=was).y_e == 1:
+        assert classify(seen, 5, 300, 1.0, BARE).y_e == 1
 
 
 @pytest.mark.parametrize(
