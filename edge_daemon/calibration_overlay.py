@@ -62,7 +62,7 @@ class _Sheet:
 
     def at(self, road_m: Array) -> Array:
         """Where road points (n, 2) are drawn."""
-        return self.zoom * self.calibration.homography.to_image(road_m)
+        return np.asarray(self.zoom * self.calibration.homography.to_image(road_m))
 
 
 def _extent(calibration: Calibration) -> tuple[Array, Array]:
