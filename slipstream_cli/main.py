@@ -13,7 +13,19 @@ from slipstream import __version__
 from slipstream.errors import InputError
 from slipstream.service import follow_supervisor
 
-COMMANDS: Final = ("run", "edge", "dispatcher", "dashboard", "check", "clip", "db")
+COMMANDS: Final = (
+    "run",
+    "edge",
+    "dispatcher",
+    "dashboard",
+    "check",
+    "calibrate",
+    "track",
+    "clip",
+    "model",
+    "robustness",
+    "db",
+)
 
 EXIT_BAD_INPUT: Final = 2
 _EXIT_INTERRUPTED: Final = 130
@@ -24,13 +36,17 @@ _EXTRA_OF: Final = {
     "dimod": "dispatcher",
     "dwave": "dispatcher",
     "highspy": "dispatcher",
+    "nncf": "train",
     "openvino": "edge",
     "pebble": "dispatcher",
     "qiskit": "dispatcher",
     "qiskit_aer": "dispatcher",
     "scipy": "edge",
     "sqlalchemy": "dispatcher",
+    "torch": "train",
+    "ultralytics": "train",
     "viser": "dashboard",
+    "yaml": "train",
 }
 
 

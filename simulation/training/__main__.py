@@ -8,12 +8,14 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from simulation.streetdrive.vehicles import CLASSES
 from simulation.training.card import REACH_HEIGHT_PX, Record, StageRecord, card_text
 from simulation.training.dataset import write_data_yaml, write_dataset
+from simulation.training.judge import figures_on
+from simulation.training.labelled import read_labelled_set
 from simulation.training.ranges import QUEUES, RIDERS, ROADSIDE, WIDE
-from simulation.training.shipped import openvino_map
-from simulation.training.train import TrainSettings, export, train, ultralytics_map
+from simulation.training.scenes import TRAIN
+from simulation.training.ship import ship
+from simulation.training.train import INPUT_SHAPE, TrainSettings, train, ultralytics_map
 
 _TOOLS = ("torch", "ultralytics-opencv-headless", "openvino", "opencv-python-headless", "numpy")
 
@@ -101,24 +103,30 @@ def main(argv: list[str] | None = None) -> int:
         stages.append(StageRecord.of(folders, settings))
     minutes = (time.monotonic() - begin) / 60
     assert last is not None
-    pt, xml = export(last, chosen.weights, chosen.out / "export")
-    road, reach = openvino_map(xml, roadside, len(CLASSES), (0.0, REACH_HEIGHT_PX))
+    shipped = ship(last, chosen.weights, chosen.out / "export", roadside / "images" / TRAIN)
+    heights = (0.0, REACH_HEIGHT_PX)
+    figures = {
+        (folder, xml): figures_on(
+            xml, read_labelled_set(folder / "data.yaml"), INPUT_SHAPE, heights
+        )
+        for folder in (roadside, wide)
+        for xml in (shipped.float_xml, shipped.int8_xml)
+    }
     record = Record(
         date=datetime.now(UTC).date().isoformat(),
         stages=tuple(stages),
         held_out_pictures=chosen.held_out,
-        shipped={
-            ROADSIDE.name: road,
-            WIDE.name: openvino_map(xml, wide, len(CLASSES))[0],
-        },
-        in_reach=reach,
-        validator=ultralytics_map(pt, roadside / "data.yaml"),
+        shipped={f.name: figures[f, shipped.float_xml][0] for f in (roadside, wide)},
+        in_reach=figures[roadside, shipped.float_xml][1],
+        int8={f.name: figures[f, shipped.int8_xml][0] for f in (roadside, wide)},
+        int8_in_reach=figures[roadside, shipped.int8_xml][1],
+        validator=ultralytics_map(shipped.pt, roadside / "data.yaml"),
         minutes=minutes,
         versions=_installed(),
     )
     (chosen.weights / "CARD.md").write_text(card_text(record), encoding="utf-8")
-    figures = record.shipped[ROADSIDE.name]
-    print(f"mAP50 {figures.map50:.3f}, mAP50-95 {figures.map50_95:.3f}: {xml}")
+    for name, of in (("float", record.shipped), ("INT8", record.int8)):
+        print(f"{name}: mAP50 {of['roadside'].map50:.3f}, mAP50-95 {of['roadside'].map50_95:.3f}")
     return 0
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simulation.streetdrive.vehicles import CLASSES
+from simulation.training.export import CALIBRATION_PICTURES
 from simulation.training.metrics import Figures
 from simulation.training.ranges import ROADSIDE, WIDE
 from simulation.training.scenes import MIN_HEIGHT_PX, MIN_VISIBLE_FRACTION, TRAIN
@@ -39,13 +40,18 @@ class StageRecord:
 
 @dataclass(frozen=True)
 class Record:
-    """What a finished training measured; `shipped` is keyed by the stage's name."""
+    """What a finished training measured.
+
+    `shipped` and `int8` hold the figures of the float and the INT8 model by the stage's name.
+    """
 
     date: str
     stages: tuple[StageRecord, ...]
     held_out_pictures: int
     shipped: dict[str, Figures]
     in_reach: Figures
+    int8: dict[str, Figures]
+    int8_in_reach: Figures
     validator: tuple[float, float]
     minutes: float
     versions: dict[str, str]
@@ -67,10 +73,18 @@ def card_text(record: Record) -> str:
     """The card as Markdown."""
     road, wide = record.shipped[ROADSIDE.name], record.shipped[WIDE.name]
     last, reach = record.stages[-1], record.in_reach
+    road8, wide8, reach8 = record.int8[ROADSIDE.name], record.int8[WIDE.name], record.int8_in_reach
     rows = "\n".join(
-        f"| {name} | {count} | {ap:.3f} | {near_count} | {near_ap:.3f} |"
-        for name, count, ap, near_count, near_ap in zip(
-            CLASSES, road.boxes, road.ap50, reach.boxes, reach.ap50, strict=True
+        f"| {name} | {count} | {ap:.3f} | {ap8:.3f} | {near_count} | {near_ap:.3f} | {near_ap8:.3f} |"
+        for name, count, ap, ap8, near_count, near_ap, near_ap8 in zip(
+            CLASSES,
+            road.boxes,
+            road.ap50,
+            road8.ap50,
+            reach.boxes,
+            reach.ap50,
+            reach8.ap50,
+            strict=True,
         )
     )
     versions = ", ".join(f"{name} {version}" for name, version in record.versions.items())
@@ -84,28 +98,33 @@ export, measuring and this card.
 
 | file | what |
 |---|---|
-| `{WEIGHTS_NAME}.xml`, `.bin` | OpenVINO, static input 1×3×384×640, weights stored as FP16 |
+| `{WEIGHTS_NAME}-int8.xml`, `.bin` | OpenVINO in INT8 (NNCF, after training), dynamic input; run where the processor has VNNI or AMX |
+| `{WEIGHTS_NAME}.xml`, `.bin` | OpenVINO, dynamic input, weights stored as FP16; run elsewhere |
 | `{WEIGHTS_NAME}.metadata.yaml` | class names, stride, input size |
 | `{WEIGHTS_NAME}.pt` | the same weights for Ultralytics, half precision, optimizer stripped |
 
 ## Figures on held-out pictures
-| measured on | mAP50 | mAP50-95 |
-|---|---|---|
-| {record.held_out_pictures} roadside pictures, the shipped OpenVINO model at 384×640, own COCO-style evaluation | {road.map50:.3f} | {road.map50_95:.3f} |
-| the same pictures and model, boxes of at least {REACH_HEIGHT_PX:.0f} px | {reach.map50:.3f} | {reach.map50_95:.3f} |
-| the same pictures, the shipped `.pt`, Ultralytics' validator (rectangular, padded to 384×672) | {record.validator[0]:.3f} | {record.validator[1]:.3f} |
-| {record.held_out_pictures} wide pictures, the shipped OpenVINO model at 384×640, own COCO-style evaluation | {wide.map50:.3f} | {wide.map50_95:.3f} |
+Own COCO-style evaluation of the shipped OpenVINO models at 384×640; float, then INT8:
 
-| class | roadside held-out boxes | AP50 (OpenVINO) | of at least {REACH_HEIGHT_PX:.0f} px | AP50 |
+| measured on | mAP50 | mAP50-95 | INT8 mAP50 | mAP50-95 |
 |---|---|---|---|---|
+| {record.held_out_pictures} roadside pictures | {road.map50:.3f} | {road.map50_95:.3f} | {road8.map50:.3f} | {road8.map50_95:.3f} |
+| the same, boxes of at least {REACH_HEIGHT_PX:.0f} px | {reach.map50:.3f} | {reach.map50_95:.3f} | {reach8.map50:.3f} | {reach8.map50_95:.3f} |
+| {record.held_out_pictures} wide pictures | {wide.map50:.3f} | {wide.map50_95:.3f} | {wide8.map50:.3f} | {wide8.map50_95:.3f} |
+| roadside, the `.pt`, Ultralytics' validator (rectangular, padded to 384×672) | {record.validator[0]:.3f} | {record.validator[1]:.3f} | | |
+
+| class | roadside held-out boxes | AP50 | INT8 | of at least {REACH_HEIGHT_PX:.0f} px | AP50 | INT8 |
+|---|---|---|---|---|---|---|
 {rows}
+
+INT8 was fitted to {CALIBRATION_PICTURES} roadside training pictures; what turns the heads' answers into boxes stays float.
 
 Cars at the far end (77 to 80 m) of a StreetDrive clip's monitored segment measured 11 to 18 px, 13 in the
 median, at 640 px picture width, hence the row with a least height, which is no substitute for the first row. Lower
 boxes are left out on both sides there, as COCO does with area ranges.
 
 Scores from 0.001 up, NMS per class at IoU 0.7, at most 300 boxes a picture, AP over 101 recall points
-(`simulation/training/metrics.py`, `shipped.py`).
+(`simulation/training/metrics.py`, `judge.py`).
 
 ## Data
 Rendered at 1280×720 and reduced to 640×360. Drawn at random: camera height, focal length, pitch, yaw, roll
@@ -114,7 +133,7 @@ overcast and haze; scenery, tree shadows, pedestrians, signs, cabinets, and post
 vignette, noise, contrast, gamma, colour cast and JPEG quality. Ranges (`simulation/training/ranges.py`):
 *wide* has cameras from {WIDE.height_m[0]:g} to {WIDE.height_m[1]:g} m in any state and vehicles up to {WIDE.far_m[1]:g} m away; *roadside* has poles of
 {ROADSIDE.height_m[0]:g} to {ROADSIDE.height_m[1]:g} m with a camera in working order and most vehicles within the label rule's reach; *riders*,
-only for training, is the roadside with many motorcycles.
+only for training, is the roadside with many motorcycles, *queues* the roadside in a jam.
 
 A vehicle is labelled when at least {MIN_VISIBLE_FRACTION:.0%} of its silhouette is visible inside the picture and its box
 is at least {MIN_HEIGHT_PX:.0f} px high at 640 px picture width. Others stay in the picture unlabelled.
@@ -133,10 +152,11 @@ hue/saturation/value, shift and scale as augmentation. {record.minutes:.0f} minu
 {versions}.
 
 ## Input and output
-Input: RGB, 0..1 (divide by 255 before the model; the model does not), planes first. A 1280×720 picture is
-scaled to 640×360 and gets grey (114) bars of 12 rows above and below. Output: 1×{4 + len(CLASSES)}×5040; rows 0 to 3
-are centre x, centre y, width and height in pixels of the 640×384 input, rows 4 to {3 + len(CLASSES)} are class scores 0..1
-(after the sigmoid). No NMS inside.
+Input: RGB, 0..1 (divide by 255 before the model; the model does not), planes first, height and width any
+multiples of 32. The scale is that of training: half of a 1280×720 picture. All of it is 640×360 and gets grey
+(114) bars of 12 rows above and below; the edge daemon gives only the road's part. Output: 1×{4 + len(CLASSES)}×n, n = 5040
+for 384×640; rows 0 to 3 are centre x, centre y, width and height in pixels of the input, rows 4 to
+{3 + len(CLASSES)} are class scores 0..1 (after the sigmoid). No NMS inside.
 
 ## Limits
 For StreetDrive pictures only. These weights have never seen a real camera: there, use weights trained on

@@ -1,12 +1,11 @@
-"""Trains YOLO11n from its architecture on rendered scenes and exports it to OpenVINO.
+"""Trains YOLO11n on rendered scenes or other labelled pictures.
 
 Everything that needs torch is imported inside the functions: an RSU has none of it.
 """
 
 from __future__ import annotations
 
-import re
-import shutil
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,10 +28,11 @@ class TrainSettings:
     learning_rate: float = 1e-3
     final_rate: float = 0.01
     threads: int = 2
+    width: int = IMAGE_WIDTH
 
     def __post_init__(self) -> None:
-        if min(self.epochs, self.batch, self.threads) < 1:
-            raise ValueError("epochs, batch and threads are at least 1")
+        if min(self.epochs, self.batch, self.threads, self.width) < 1:
+            raise ValueError("epochs, batch, threads and width are at least 1")
         if not (0 < self.learning_rate < 1 and 0 < self.final_rate <= 1):
             raise ValueError("the learning rate and the final share of it lie between 0 and 1")
 
@@ -65,7 +65,7 @@ def train(
     model.train(
         data=str(data),
         epochs=settings.epochs,
-        imgsz=IMAGE_WIDTH,
+        imgsz=settings.width,
         rect=True,
         batch=settings.batch,
         nbs=settings.batch,
@@ -101,61 +101,18 @@ def train(
     return out / name / "weights" / "last.pt"
 
 
-def ultralytics_map(weights: Path, data: Path) -> tuple[float, float]:
+def ultralytics_map(weights: Path, data: Path, width: int = IMAGE_WIDTH) -> tuple[float, float]:
     """mAP50 and mAP50-95 of a .pt on the held-out split, by Ultralytics' own validator."""
     from ultralytics import YOLO
 
-    figures = YOLO(str(weights)).val(
-        data=str(data), imgsz=IMAGE_WIDTH, rect=True, device="cpu", plots=False, verbose=False
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        figures = YOLO(str(weights)).val(
+            data=str(data),
+            imgsz=width,
+            rect=True,
+            device="cpu",
+            plots=False,
+            verbose=False,
+            project=folder,
+        )
     return float(figures.box.map50), float(figures.box.map)
-
-
-def _forget_paths(checkpoint: Path) -> None:
-    """Drop the folders of the training machine from a checkpoint's record of its arguments."""
-    import torch
-
-    content = torch.load(checkpoint, map_location="cpu", weights_only=False)
-    for arguments in (content["train_args"], content["model"].args):
-        for key in ("data", "project", "save_dir"):
-            if key in arguments:
-                arguments[key] = Path(str(arguments[key])).name
-    for key in ("git", "train_results"):
-        content.pop(key, None)
-    torch.save(content, checkpoint)
-
-
-def export(weights: Path, target: Path, work: Path) -> tuple[Path, Path]:
-    """Ship a checkpoint: stripped half-precision .pt and OpenVINO model with FP16 weights.
-
-    Args:
-        weights: checkpoint of the training run; it is not changed.
-        target: folder that receives `yolo11n-streetdrive.{pt,xml,bin}` and
-            `yolo11n-streetdrive.metadata.yaml`.
-        work: folder for intermediate files.
-
-    Returns:
-        Paths of the .pt and the .xml.
-    """
-    from ultralytics import YOLO
-    from ultralytics.utils.torch_utils import strip_optimizer
-
-    target.mkdir(parents=True, exist_ok=True)
-    work.mkdir(parents=True, exist_ok=True)
-    stripped = work / f"{WEIGHTS_NAME}.pt"
-    shutil.copyfile(weights, stripped)
-    strip_optimizer(str(stripped))
-    _forget_paths(stripped)
-    model = YOLO(str(stripped))
-    folder = Path(
-        model.export(format="openvino", imgsz=list(INPUT_SHAPE), quantize=16, batch=1, device="cpu")
-    )
-    xml = next(folder.glob("*.xml"))
-    shutil.copyfile(stripped, target / stripped.name)
-    shutil.copyfile(xml, target / f"{WEIGHTS_NAME}.xml")
-    shutil.copyfile(xml.with_suffix(".bin"), target / f"{WEIGHTS_NAME}.bin")
-    metadata = (folder / "metadata.yaml").read_text(encoding="utf-8")
-    (target / f"{WEIGHTS_NAME}.metadata.yaml").write_text(
-        re.sub(r"(?m)^description:.*$", f"description: {WEIGHTS_NAME}", metadata), encoding="utf-8"
-    )
-    return target / stripped.name, target / f"{WEIGHTS_NAME}.xml"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from edge_daemon.detection.region import Region
+from simulation.training.judge import decode, letterbox
 from simulation.training.metrics import Boxes, average_precision, evaluate, iou
-from simulation.training.shipped import decode, letterbox
 
 
 def boxes(*rows: tuple[float, float, float, float, int, float]) -> Boxes:
@@ -72,16 +73,16 @@ def test_low_boxes_are_left_out_on_both_sides():
 def test_letterbox_and_decode_are_inverse():
     """A box in the network's pixels comes back in picture pixels, without the bars."""
     image = np.full((720, 1280, 3), 200, dtype=np.uint8)
-    planes, scale, top = letterbox(image, 384, 640)
+    planes, placement = letterbox(image, (384, 640))
     assert planes.shape == (1, 3, 384, 640)
-    assert (scale, top) == (0.5, 12.0)
+    assert placement.inner == Region(0, 12, 640, 372)
     assert planes[0, 0, 0, 0] == pytest.approx(114 / 255)
     assert planes[0, 0, 12, 0] == pytest.approx(200 / 255)
     output = np.zeros((1, 8, 3), dtype=np.float32)
     output[0, :4, 0] = (100.0, 112.0, 20.0, 40.0)
     output[0, 4 + 2, 0] = 0.8
     output[0, :, 1] = output[0, :, 0] * np.array([1, 1, 1, 1, 1, 1, 0.5, 1])
-    found = decode(output, 1.0, 12.0)
-    assert found.classes.tolist() == [2]
-    assert found.corners[0] == pytest.approx([90.0, 80.0, 110.0, 120.0])
+    found = decode(output, placement, np.array([3, 0, 1, -1]))
+    assert found.classes.tolist() == [1]
+    assert found.corners[0] == pytest.approx([180.0, 160.0, 220.0, 240.0])
     assert found.scores[0] == pytest.approx(0.8)
