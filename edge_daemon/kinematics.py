@@ -26,6 +26,7 @@ MIN_FOLLOWED_S: Final = 1.0
 MIN_SIGHTINGS: Final = 8
 _REACH_M: Final = 25.0
 _PLACES: Final = 8
+_LONGEST_PAUSE_S: Final = 1.0
 MARGIN_M: Final = 15.0
 """So far before and behind the segment positions still help to smooth those within."""
 NOMINAL_LENGTH_M: Final = (4.5, 8.5, 12.0, 2.2)
@@ -144,7 +145,9 @@ def _by_vehicle(
     near = segment.along(sightings.point_m[order])
     low, high = segment.begin_m - _REACH_M, segment.begin_m + segment.length_m + _REACH_M
     sorted_ = sightings.take(order[(near >= low) & (near <= high)])
-    begins = np.flatnonzero(np.diff(sorted_.track, prepend=-1))
+    # A vehicle that was away for longer has been somewhere else; it may even be another one.
+    paused = np.diff(sorted_.time_s, prepend=0.0) > _LONGEST_PAUSE_S
+    begins = np.flatnonzero((np.diff(sorted_.track, prepend=-1) != 0) | paused)
     parts = [
         sorted_.take(slice(begin, end))
         for begin, end in pairwise([*begins.tolist(), len(sorted_)])

@@ -11,6 +11,7 @@ from edge_daemon.camera import Array, Camera
 from edge_daemon.detection import Detections
 
 _EDGE_PX = 3.0
+_FARTHEST_STD_M = 3.0  # beyond, a box says too little about where its vehicle is
 # Spread of a box's lower edge's middle against truth, over 16,000 boxes of rendered traffic: a part
 # in pixels that all have, a part of the box's size that grows as it is covered and as scores fall.
 _NOISE_PX = (0.9, 0.5)
@@ -43,7 +44,8 @@ class RoadPoints:
 
 
 def to_road_points(detections: Detections, camera: Camera) -> RoadPoints:
-    """Place detections on the road; those cut off by the picture's edge or above the horizon go.
+    """Place detections on the road; those cut off by the picture's edge, above the horizon or
+    too far to be placed go.
 
     A box is uncertain by some half a pixel and a share of its size, more where nearer vehicles
     cover it and where the detector is unsure, and far pixels are worth more metres:
@@ -69,6 +71,9 @@ def to_road_points(detections: Detections, camera: Camera) -> RoadPoints:
     jacobian = camera.jacobian(ground[keep])
     spread = jacobian * sigma[:, None, :]
     covariances = spread @ spread.transpose(0, 2, 1)
+    placed = np.trace(covariances, axis1=1, axis2=2) < _FARTHEST_STD_M**2
+    keep[keep] = placed
+    jacobian, covariances = jacobian[placed], covariances[placed]
     # Up in the picture is away on the road.
     away = -jacobian[:, :, 1]
     away /= np.linalg.norm(away, axis=1, keepdims=True)

@@ -26,6 +26,8 @@ _FORBIDDEN = 1e6
 # Two vehicles are never closer than this, along the view and across it, m.
 _BODY_M = (2.5, 1.2)
 _PLACED_M = 2.0
+# A vehicle that may be anywhere within a few car lengths cannot be told from the next one.
+_ASTRAY_M = 4.0
 
 Indices = npt.NDArray[np.intp]
 
@@ -286,7 +288,12 @@ class Tracker:
             self._next_id += 1
 
     def _drop_lost(self, time_s: float) -> None:
-        kept = [i for i, who in enumerate(self._identities) if self._is_followed(who, time_s)]
+        spread = self._covariances[:, 0, 0] + self._covariances[:, 1, 1]
+        kept = [
+            i
+            for i, who in enumerate(self._identities)
+            if self._is_followed(who, time_s) and spread[i] < _ASTRAY_M**2
+        ]
         if len(kept) < len(self._identities):
             self._identities = [self._identities[i] for i in kept]
             self._states, self._covariances = self._states[kept], self._covariances[kept]

@@ -1,0 +1,174 @@
+"""One recorded video through the whole pipeline: states out, with how long each frame took."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Self
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from edge_daemon.camera import Camera
+from edge_daemon.detection import DetectorSettings, open_detector
+from edge_daemon.detection.stream import ahead, detect_stream
+from edge_daemon.evaluation.score import Recorder
+from edge_daemon.frame import Frame
+from edge_daemon.pipeline import Pipeline
+from edge_daemon.preview import annotate
+from edge_daemon.sources.clip import FastClip, open_clip
+from edge_daemon.stability import StabilitySettings
+from edge_daemon.tracking import TrackerSettings
+from slipstream.config import Settings
+from slipstream.errors import InputError
+from slipstream.messages import SegmentState
+from slipstream.service import rss_mb
+
+_DECODED_AHEAD = 3
+
+
+class TrackSettings(Settings):
+    """How a video is followed."""
+
+    window_s: Annotated[float, Field(ge=2.0, le=60.0)] = 10.0
+    every_s: Annotated[float, Field(gt=0, le=10.0)] = 1.0
+    detector: DetectorSettings = DetectorSettings()
+    tracker: TrackerSettings = TrackerSettings()
+    stability: StabilitySettings = StabilitySettings()
+
+
+@dataclass
+class Run:
+    """What came of a video.
+
+    Attributes:
+        states: all states in order; their times are media times since the clip's beginning.
+        recorder: what scores are made from.
+        done_s: monotonic time at which each frame had gone through, s.
+        latency_s: of each frame, from its picture decoded to its states, s.
+        decode_errors: pictures that could not be read.
+        rss_mb: resident memory at the end.
+    """
+
+    states: list[SegmentState] = field(default_factory=list)
+    recorder: Recorder = field(default_factory=Recorder)
+    done_s: list[float] = field(default_factory=list)
+    latency_s: list[float] = field(default_factory=list)
+    decode_errors: int = 0
+    rss_mb: float = 0.0
+
+
+def track(
+    video: Path,
+    camera: Camera,
+    settings: TrackSettings,
+    *,
+    annotated: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Run:
+    """Follow a video from its first to its last frame, as fast as it goes; no frame is left out.
+
+    Args:
+        video: the file.
+        camera: its calibration.
+        settings: of the pipeline.
+        annotated: where to write the video with what was seen drawn over it.
+        progress: told how many of how many frames are done.
+
+    Raises:
+        InputError: the video, the model or the target cannot be used, or the pictures are not of
+            the calibrated size.
+    """
+    reader = open_clip(video, loop=False, size=camera.size)
+    detector = open_detector(settings.detector, camera)
+    pipeline = Pipeline(
+        "offline", camera, detector, settings.tracker, settings.stability, settings.window_s
+    )
+    run = Run()
+    due_s = 0.0
+    latest: dict[str, SegmentState] = {}
+    source = FastClip(reader)
+    frames = detect_stream(ahead(source.frames(), _DECODED_AHEAD), detector)
+    with closing(frames), _Film(annotated, reader.fps, camera) as film:
+        for frame, detections in frames:
+            if frame is None or detections is None:
+                continue
+            now = frame.media_time_s
+            run.recorder.frame(now, pipeline.take(frame, detections))
+            if now >= due_s:
+                states = pipeline.states(round(now * 1e9))
+                run.recorder.tick(now, settings.every_s, states, pipeline.vehicles)
+                run.states += states
+                latest |= {state.segment: state for state in states}
+                due_s += settings.every_s
+            film.add(frame, pipeline, latest)
+            run.done_s.append(time.monotonic())
+            run.latency_s.append(run.done_s[-1] - frame.captured_s)
+            if progress is not None:
+                progress(len(run.done_s), reader.expected_frames)
+    run.decode_errors = source.counters.decode_errors
+    run.rss_mb = rss_mb()
+    return run
+
+
+class _Film:
+    """The annotated video, if one is wanted; under its name only when complete."""
+
+    def __init__(self, path: Path | None, fps: float, camera: Camera) -> None:
+        self._path = path
+        self._camera = camera
+        self._writer: cv2.VideoWriter | None = None
+        if path is None:
+            return
+        self._part = path.with_name(f"{path.stem}.part{path.suffix or '.mp4'}")
+        self._writer = cv2.VideoWriter(
+            str(self._part), cv2.VideoWriter.fourcc(*"mp4v"), fps, camera.size
+        )
+        if not self._writer.isOpened():
+            raise InputError(
+                path, "no video can be written here", "give a .mp4 in a folder of yours"
+            )
+
+    def add(self, frame: Frame, pipeline: Pipeline, states: dict[str, SegmentState]) -> None:
+        """Draw one frame."""
+        if self._writer is not None:
+            picture = annotate(
+                frame.image,
+                self._camera,
+                pipeline.tracks,
+                states,
+                frame.media_time_s,
+                self._camera.size[0],
+            )
+            self._writer.write(picture)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if self._writer is not None and self._path is not None:
+            self._writer.release()
+            if kind is None:
+                self._part.replace(self._path)
+            else:
+                self._part.unlink(missing_ok=True)
+
+
+def frame_times_ms(run: Run) -> tuple[float, float, float, float]:
+    """Median and 95th percentile of the time a frame takes, and of its latency, ms.
+
+    The time a frame takes is that between frames leaving the pipeline: stages overlap, so it is
+    shorter than the latency. Ticks at which states are made are part of it.
+    """
+    steps = 1e3 * np.diff(run.done_s) if len(run.done_s) > 1 else np.zeros(1)
+    latency = 1e3 * np.array(run.latency_s) if run.latency_s else np.zeros(1)
+    return (
+        float(np.median(steps)),
+        float(np.percentile(steps, 95)),
+        float(np.median(latency)),
+        float(np.percentile(latency, 95)),
+    )

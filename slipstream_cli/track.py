@@ -1,0 +1,119 @@
+"""`slipstream track`: follow one recorded video offline and say how well it went."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from slipstream.errors import InputError
+from slipstream_cli.progress import Progress
+
+
+def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    command = commands.add_parser(
+        "track",
+        help="follow one video: segment states out, figures beside the truth",
+        description="Follow the vehicles of one recorded video, every frame, as fast as it goes. "
+        "Segment states go into a file, one JSON object a line; a summary is printed.",
+    )
+    command.add_argument("video", type=Path, help="a video file")
+    command.add_argument("--camera", type=Path, required=True, help="its calibration, a TOML file")
+    command.add_argument(
+        "--out",
+        type=Path,
+        help="file for the states (default: the video's name .states.jsonl, here)",
+    )
+    command.add_argument("--truth", type=Path, help="truth.csv of `slipstream clip`: adds scores")
+    command.add_argument("--annotated", type=Path, metavar="MP4", help="write the video drawn over")
+    command.add_argument("--model", default=None, help="another YOLO11 export (.xml, folder, .pt)")
+    command.add_argument("--full", action="store_true", help="search the whole picture")
+    command.add_argument("--threads", type=int, default=0, help="inference threads; 0: all cores")
+    command.add_argument("--window", type=float, default=10.0, help="window in s (default: 10)")
+    command.add_argument("--every", type=float, default=1.0, help="time between states in s")
+    command.add_argument(
+        "--bare", action="store_true", help="the paper's rule without hysteresis and error bars"
+    )
+    command.add_argument("--json", action="store_true", help="print the summary as JSON")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Track, write the states, print the summary."""
+    from edge_daemon.camera import load_camera
+    from edge_daemon.evaluation import load_truth, score
+    from edge_daemon.offline import TrackSettings, frame_times_ms, track
+    from slipstream.config import check
+
+    camera = load_camera(options.camera)
+    truth = load_truth(options.truth) if options.truth else None
+    detector: dict[str, Any] = {"threads": options.threads, "region": not options.full}
+    if options.model is not None:
+        detector["model"] = options.model
+    settings = check(
+        {
+            "window_s": options.window,
+            "every_s": options.every,
+            "detector": detector,
+            "stability": {"hysteresis": 0.0, "sure_sigmas": 0.0} if options.bare else {},
+        },
+        TrackSettings,
+        "command line",
+    )
+    out = options.out or Path(f"{options.video.stem}.states.jsonl")
+    try:
+        states = out.open("w", encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            out, f"cannot be written ({error.strerror})", "give another file"
+        ) from None
+    with states, Progress("tracking", sys.stderr) as progress:
+        result = track(
+            options.video,
+            camera,
+            settings,
+            annotated=options.annotated,
+            progress=progress.update,
+        )
+        states.writelines(state.model_dump_json() + "\n" for state in result.states)
+    median, p95, latency_median, latency_p95 = frame_times_ms(result)
+    known = [state.y_e for state in result.states if state.y_e is not None]
+    summary: dict[str, Any] = {
+        "video": str(options.video),
+        "states_file": str(out),
+        "frames": len(result.done_s),
+        "decode_errors": result.decode_errors,
+        "states": len(result.states),
+        "stable": sum(known),
+        "turbulent": len(known) - sum(known),
+        "unknown": len(result.states) - len(known),
+        "ms_per_frame": {"median": round(median, 2), "p95": round(p95, 2)},
+        "latency_ms": {"median": round(latency_median, 2), "p95": round(latency_p95, 2)},
+        "rss_mb": round(result.rss_mb, 1),
+    }
+    if truth is not None:
+        summary |= asdict(score(result.recorder, truth, camera, settings.stability))
+    print(json.dumps(summary) if options.json else _in_words(summary))
+    return 0
+
+
+def _in_words(summary: dict[str, Any]) -> str:
+    lines = []
+    for key, value in summary.items():
+        if key == "features":
+            lines += [f"  {name}: {_in_row(figures)}" for name, figures in value.items()]
+        else:
+            lines.append(f"{key}: {_in_row(value) if isinstance(value, dict) else _short(value)}")
+    return "\n".join(lines)
+
+
+def _in_row(values: dict[str, Any]) -> str:
+    return ", ".join(f"{key} {_short(value)}" for key, value in values.items())
+
+
+def _short(value: object) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
