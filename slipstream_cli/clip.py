@@ -7,8 +7,12 @@ import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from slipstream_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from simulation.streetdrive.writer import ClipSummary
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -16,23 +20,50 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command = commands.add_parser("clip", help="make a video with its ground truth")
     worlds = command.add_subparsers(dest="world", required=True, metavar="WORLD")
     street = worlds.add_parser("streetdrive", help="a rendered roadside view")
-    street.add_argument("--out", type=Path, required=True, help="folder to write into")
-    street.add_argument("--seconds", type=float, default=30.0)
-    street.add_argument("--fps", type=int, default=30)
+    _add_common(street)
     street.add_argument(
         "--scenario",
         choices=("stable", "turbulent", "mixed", "paper"),
         default="stable",
         help="calm traffic; stop-and-go; calm in, stop-and-go out; the paper's law of motion",
     )
-    street.add_argument("--seed", type=int, default=1, help="same seed, same bytes")
     street.add_argument("--segment", default="approach", help="id of the watched road segment")
-    street.add_argument("--json", action="store_true", help="print a summary as JSON")
-    street.set_defaults(run=run)
+    street.set_defaults(run=run_streetdrive)
+
+    sumo = worlds.add_parser(
+        "sumo",
+        help="the same view of traffic that SUMO simulates",
+        epilog="Without --net, --routes and --rsu it shows a built-in avenue.",
+    )
+    _add_common(sumo)
+    sumo.add_argument("--net", default="avenue", help="SUMO net; built in: avenue")
+    sumo.add_argument(
+        "--routes", default="calm", help="SUMO route file; built in: calm, mixed, rough"
+    )
+    sumo.add_argument(
+        "--additional", type=Path, action="append", default=[], help="SUMO additional file"
+    )
+    sumo.add_argument(
+        "--rsu",
+        default="approach",
+        help="RSU file (TOML); built in: approach, bend, crossing, departure, opposite",
+    )
+    sumo.add_argument(
+        "--begin", type=float, default=120.0, help="simulated second of the first frame"
+    )
+    sumo.set_defaults(run=run_sumo)
 
 
-def run(options: argparse.Namespace) -> int:
-    """Render the clip."""
+def _add_common(world: argparse.ArgumentParser) -> None:
+    world.add_argument("--out", type=Path, required=True, help="folder to write into")
+    world.add_argument("--seconds", type=float, default=30.0)
+    world.add_argument("--fps", type=int, default=30)
+    world.add_argument("--seed", type=int, default=1, help="same seed, same bytes")
+    world.add_argument("--json", action="store_true", help="print a summary as JSON")
+
+
+def run_streetdrive(options: argparse.Namespace) -> int:
+    """Render a StreetDrive clip."""
     from simulation.streetdrive.clip import ClipSettings, render_clip
 
     settings = ClipSettings(
@@ -44,6 +75,30 @@ def run(options: argparse.Namespace) -> int:
     )
     with Progress("rendering", sys.stderr) as progress:
         summary = render_clip(settings, options.out, progress.update)
+    return _report(options, summary)
+
+
+def run_sumo(options: argparse.Namespace) -> int:
+    """Render a SUMO view."""
+    from simulation.sumo import SumoClipSettings, render_sumo_clip
+    from simulation.sumo.builtin import find_additional, find_net, find_routes, find_rsu
+
+    settings = SumoClipSettings(
+        net=find_net(options.net),
+        routes=find_routes(options.routes),
+        additional=find_additional(options.routes, options.additional),
+        rsu=find_rsu(options.rsu),
+        seconds=options.seconds,
+        fps=options.fps,
+        begin_s=options.begin,
+        seed=options.seed,
+    )
+    with Progress("rendering", sys.stderr) as progress:
+        summary = render_sumo_clip(settings, options.out, progress.update)
+    return _report(options, summary)
+
+
+def _report(options: argparse.Namespace, summary: ClipSummary) -> int:
     if options.json:
         print(json.dumps(asdict(summary), default=str))
     else:

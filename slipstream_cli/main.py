@@ -36,6 +36,7 @@ _EXTRA_OF: Final = {
     "dimod": "dispatcher",
     "dwave": "dispatcher",
     "highspy": "dispatcher",
+    "libsumo": "sim",
     "nncf": "train",
     "openvino": "edge",
     "pebble": "dispatcher",
