@@ -6,20 +6,30 @@ import logging
 import math
 import time
 from collections import deque
+from contextlib import closing
 
 import cv2
 import numpy as np
 
 from edge_daemon import metrics
 from edge_daemon.camera import Camera, load_camera
-from edge_daemon.detection import open_detector
+from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, open_source
+from edge_daemon.watch import Watch, read_reference
 from slipstream.bus import Bus, Publisher
-from slipstream.messages import RsuHealth, SegmentState, preview_key, rsu_health_key, state_key
+from slipstream.messages import (
+    CAMERA_FAULTS,
+    CameraFault,
+    RsuHealth,
+    SegmentState,
+    preview_key,
+    rsu_health_key,
+    state_key,
+)
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 
 log = logging.getLogger(__name__)
@@ -36,19 +46,24 @@ def run_edge(settings: EdgeSettings) -> None:
     """
     configure_logging(f"edge {settings.rsu}", settings.service.log_level)
     camera = load_camera(settings.camera)
+    reference = read_reference(camera)
+    watch = Watch(camera, settings.watch, reference)
+    detector = open_detector(settings.detector, camera)
     pipeline = Pipeline(
         settings.rsu,
         camera,
-        open_detector(settings.detector),
+        detector,
         settings.tracker,
         settings.stability,
         settings.window_s,
     )
     with Service("edge", settings.service) as service, Bus.open(settings.bus) as bus:
         log.info("the calibration fits its points to %.2f px", camera.reprojection_error_px)
+        if reference is None:
+            log.info("no reference picture: the first seconds are taken for the calibrated view")
         source = open_source(settings.source, camera.size)
         try:
-            EdgeDaemon(settings, camera, pipeline, source, bus, service).run()
+            EdgeDaemon(settings, camera, detector, pipeline, watch, source, bus, service).run()
         finally:
             source.close()
 
@@ -60,14 +75,18 @@ class EdgeDaemon:
         self,
         settings: EdgeSettings,
         camera: Camera,
+        detector: Detector,
         pipeline: Pipeline,
+        watch: Watch,
         source: FrameSource,
         bus: Bus,
         service: Service,
     ) -> None:
         self._settings = settings
         self._camera = camera
+        self._detector = detector
         self._pipeline = pipeline
+        self._watch = watch
         self._source = source
         self._service = service
         self._state_publishers = {
@@ -86,23 +105,30 @@ class EdgeDaemon:
         self._recent: deque[tuple[float, float]] = deque()
         self._latest: dict[str, SegmentState] = {}
         self._last_frame: Frame | None = None
+        self._fault: CameraFault | None = None
+        self._fault_began_s = 0.0
         self._limiter = LogLimiter()
 
     def run(self) -> None:
         """Process frames until the service stops or the source ends."""
         self._service.ready()
+        for reason in CAMERA_FAULTS:
+            metrics.FAULT.labels(reason).set(0)
         due_s = preview_due_s = -math.inf
-        for offered in self._source.frames():
-            if self._service.stopping.is_set():
-                break
-            frame = offered if offered is not None and self._take(offered) else None
-            now = self._now_s(offered)
-            if now >= due_s:
-                self._tell("ok" if frame is not None else "no_signal")
-                due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
-            if frame is not None and now >= preview_due_s:
-                self._show(frame)
-                preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
+        with closing(detect_stream(self._source.frames(), self._detector)) as results:
+            for frame, found in results:
+                if self._service.stopping.is_set():
+                    break
+                self._judge(frame)
+                if frame is not None and found is not None:
+                    self._take(frame, found)
+                now = self._now_s(frame)
+                if now >= due_s:
+                    self._tell("ok" if frame is not None else "no_signal")
+                    due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
+                if frame is not None and now >= preview_due_s:
+                    self._show(frame)
+                    preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
         self._tell("ended")
 
     def _now_s(self, frame: Frame | None) -> float:
@@ -111,16 +137,37 @@ class EdgeDaemon:
             return frame.media_time_s
         return time.monotonic()
 
-    def _take(self, frame: Frame) -> bool:
-        """Process a frame; False if it is not one of the calibrated size."""
-        height, width = frame.image.shape[:2]
-        if (width, height) != self._camera.size:
-            # A camera that fell back to another stream may return; a clip was checked before.
-            self._source.counters.decode_errors += 1
-            if self._limiter.allow("size"):
-                log.warning("pictures of %d×%d do not fit the calibration", width, height)
-            return False
-        self._pipeline.process(frame)
+    def _judge(self, frame: Frame | None) -> None:
+        """Look for a fault of the camera, and say when one begins or ends."""
+        now = time.monotonic()
+        fault = self._watch.look(frame) if frame is not None else self._fault_without_frame(now)
+        if fault == self._fault:
+            return
+        if self._fault is not None:
+            metrics.FAULT.labels(self._fault).set(0)
+            lasted_s = now - self._fault_began_s
+            log.warning("the camera's fault is over: %s, %.0f s", self._fault, lasted_s)
+        if fault is not None:
+            metrics.FAULT.labels(fault).set(1)
+            metrics.FAULTS.labels(fault).inc()
+            log.warning("the camera has a fault: %s; all its segments are unknown", fault)
+            # Neither what was seen while it came up nor what is seen now may count later.
+            self._pipeline.forget()
+        self._fault, self._fault_began_s = fault, now
+
+    def _fault_without_frame(self, now: float) -> CameraFault | None:
+        """What keeps pictures away; None where there never was one, or one was here just now."""
+        misfit_s = self._source.counters.misfit_s
+        if misfit_s is not None and now - misfit_s < self._settings.watch.stale_after_s:
+            return "corrupt"
+        if self._last_frame is None:
+            return None
+        return self._watch.absent(now - self._last_frame.captured_s)
+
+    def _take(self, frame: Frame, found: Detections) -> None:
+        """Take in a frame with what was detected in it, unless the camera has a fault."""
+        if self._fault is None:
+            self._pipeline.take(frame, found)
         done = time.monotonic()
         self._frames += 1
         self._last_frame = frame
@@ -129,14 +176,13 @@ class EdgeDaemon:
             self._recent.popleft()
         metrics.FRAMES.inc()
         metrics.LATENCY.observe(done - frame.captured_s)
-        return True
 
     def _tell(self, status: str) -> None:
         last = self._last_frame
         now = time.monotonic()
         idle_s = now - last.captured_s if last and status != "ok" else 0.0
         time_ns = last.captured_ns if last and status == "ok" else time.time_ns()
-        for state in self._pipeline.states(time_ns, idle_s):
+        for state in self._pipeline.states(time_ns, idle_s, self._fault):
             self._state_publishers[state.segment].put(state)
             self._latest[state.segment] = state
             self._states += 1
@@ -166,6 +212,7 @@ class EdgeDaemon:
             source=str(self._settings.source.clip or "camera"),
             segments=tuple(self._state_publishers),
             status=status,  # type: ignore[arg-type]
+            fault=self._fault,
             frames=self._frames,
             frames_skipped=counters.skipped,
             decode_errors=counters.decode_errors,

@@ -9,6 +9,8 @@ SKIPPED = Gauge("slipstream_edge_frames_skipped", "Frames skipped because a newe
 DECODE_ERRORS = Gauge("slipstream_edge_decode_errors", "Frames or clip ends that were unreadable")
 RECONNECTS = Gauge("slipstream_edge_reconnects", "Times the camera had to be connected again")
 STATES = Counter("slipstream_edge_segment_states", "Segment states published", ["segment", "flag"])
+FAULT = Gauge("slipstream_edge_camera_fault", "1 while the camera has this fault", ["reason"])
+FAULTS = Counter("slipstream_edge_camera_faults", "Camera faults that began", ["reason"])
 LATENCY = Histogram(
     "slipstream_edge_latency_seconds",
     "Frame captured to tracks updated",

@@ -11,6 +11,7 @@ from edge_daemon.detection import DetectorSettings
 from edge_daemon.sources import SourceSettings
 from edge_daemon.stability import StabilitySettings
 from edge_daemon.tracking import TrackerSettings
+from edge_daemon.watch import WatchSettings
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.messages import Identifier
 
@@ -36,6 +37,7 @@ class EdgeSettings(Settings):
     detector: DetectorSettings = DetectorSettings()
     tracker: TrackerSettings = TrackerSettings()
     stability: StabilitySettings = StabilitySettings()
+    watch: WatchSettings = WatchSettings()
     preview: PreviewSettings = PreviewSettings()
     bus: BusSettings = BusSettings()
     service: ServiceSettings = ServiceSettings()

@@ -8,10 +8,14 @@ import time
 from urllib.parse import urlsplit, urlunsplit
 
 import cv2
+import numpy as np
 
-from edge_daemon.frame import Frame
+from edge_daemon.frame import Frame, Image
+from edge_daemon.sources.clock import StreamClock
+from edge_daemon.sources.diagnosis import diagnose
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
+from edge_daemon.sources.quiet import quieten
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -19,7 +23,10 @@ log = logging.getLogger(__name__)
 _FIRST_WAIT_S = 0.5
 _LONGEST_WAIT_S = 30.0
 _BACKLOG_S = 0.004
+_BACKLOG_RATE = 0.5
 _HOLE_S = 0.5
+_ASK_S = 3.0
+_NO_STAMP = -1e18
 
 
 def without_password(url: str) -> str:
@@ -29,54 +36,128 @@ def without_password(url: str) -> str:
     return urlunsplit(parts._replace(netloc=host, query=""))
 
 
-def open_camera(url: str, stall_s: float) -> LiveSource:
+def open_camera(url: str, stall_s: float, size: tuple[int, int] | None = None) -> LiveSource:
     """Watch a camera; it need not be there yet.
 
     Args:
         url: RTSP or HTTP address.
         stall_s: reconnect after so many seconds without a frame.
+        size: (width, height) of the pictures that are wanted, px; others are counted and left
+            out. None takes any.
     """
+    quieten()
     shown = without_password(url)
     limiter = LogLimiter()
 
     def capture(offer: Offer, stopping: threading.Event, counters: SourceCounters) -> None:
+        watched = _Camera(url, shown, stall_s, size, counters, limiter)
         wait_s = _FIRST_WAIT_S
-        began = last = time.monotonic()
-        connected_before = False
         while not stopping.is_set():
-            counters.tried_s = time.monotonic()
-            stream = cv2.VideoCapture(
-                url,
-                cv2.CAP_FFMPEG,
-                [
-                    cv2.CAP_PROP_OPEN_TIMEOUT_MSEC,
-                    int(1e3 * stall_s),
-                    cv2.CAP_PROP_READ_TIMEOUT_MSEC,
-                    int(1e3 * stall_s),
-                ],
-            )
-            cut = connected_before
-            while not stopping.is_set():
-                ok, image = stream.read()
-                if not ok or image is None:
-                    break
-                now = time.monotonic()
-                since, last = now - last, now
-                counters.tried_s = now
-                if since < _BACKLOG_S:
-                    # What piled up during a stall comes at once: its times are not its own.
-                    counters.skipped += 1
-                    continue
-                cut = cut or (connected_before and since > _HOLE_S)
-                offer(Frame(image, now - began, time.time_ns(), now, cut))  # type: ignore[arg-type]
-                cut, connected_before, wait_s = False, True, _FIRST_WAIT_S
-            stream.release()
+            if watched.stream(offer, stopping):
+                wait_s = _FIRST_WAIT_S
             if stopping.is_set():
                 return
             counters.reconnects += 1
             if limiter.allow("lost"):
-                log.warning("%s: no picture; trying again every %.1f to 30 s", shown, wait_s)
+                why = diagnose(url, min(stall_s, _ASK_S))
+                log.warning("%s: no picture (%s); trying again every 0.5 to 30 s", shown, why)
             stopping.wait(wait_s)
             wait_s = min(2 * wait_s, _LONGEST_WAIT_S)
 
     return LiveSource(capture, shown)
+
+
+class _Camera:
+    """What is known of a camera from one connection to the next."""
+
+    def __init__(
+        self,
+        url: str,
+        shown: str,
+        stall_s: float,
+        size: tuple[int, int] | None,
+        counters: SourceCounters,
+        limiter: LogLimiter,
+    ) -> None:
+        self._url = url
+        self._shown = shown
+        self._stall_ms = int(1e3 * stall_s)
+        self._size = size
+        self._counters = counters
+        self._limiter = limiter
+        self._began_s = time.monotonic()
+        self._media_s = 0.0
+        self._seen = False
+
+    def stream(self, offer: Offer, stopping: threading.Event) -> bool:
+        """Connect and offer frames until none comes; True if any did."""
+        counters = self._counters
+        counters.tried_s = time.monotonic()
+        timeouts = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, self._stall_ms]
+        timeouts += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, self._stall_ms]
+        stream = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, timeouts)
+        clock = StreamClock(self._media_s)
+        last_s = stamp_s = None
+        cut = self._seen
+        came = False
+        while not stopping.is_set():
+            ok, image = stream.read()
+            if not ok or image is None:
+                break
+            came = True
+            now = time.monotonic()
+            counters.tried_s = now
+            since = None if last_s is None else now - last_s
+            previous, stamp_s, last_s = stamp_s, _stamp_s(stream), now
+            if self._is_backlog(since, previous, stamp_s):
+                counters.skipped += 1
+                continue
+            if not self._fits(np.asarray(image, dtype=np.uint8)):
+                continue
+            self._media_s, jumped = clock.tell(now - self._began_s, stamp_s)
+            cut = cut or jumped or (self._seen and since is not None and since > _HOLE_S)
+            offer(
+                Frame(
+                    np.asarray(image, dtype=np.uint8),
+                    self._media_s,
+                    time.time_ns(),
+                    now,
+                    cut,
+                    jumped,
+                )
+            )
+            cut, self._seen = False, True
+        stream.release()
+        return came
+
+    @staticmethod
+    def _is_backlog(since: float | None, previous: float | None, stamp: float | None) -> bool:
+        """What piled up before or during a stall comes at once: it is old, its time not its own."""
+        if since is None:
+            # The first picture waited for the connection; one without a stamp may be the only one.
+            return stamp is not None
+        if since < _BACKLOG_S:
+            return True
+        if previous is None or stamp is None:
+            return False
+        return 0 < stamp - previous < _HOLE_S and since < _BACKLOG_RATE * (stamp - previous)
+
+    def _fits(self, image: Image) -> bool:
+        height, width = image.shape[:2]
+        if self._size in (None, (width, height)):
+            return True
+        # A camera that fell back to another stream may return to the calibrated one.
+        self._counters.decode_errors += 1
+        self._counters.misfit_s = time.monotonic()
+        if self._limiter.allow("size"):
+            log.warning(
+                "%s: pictures of %d×%d do not fit the calibration", self._shown, width, height
+            )
+        return False
+
+
+def _stamp_s(stream: cv2.VideoCapture) -> float | None:
+    """The stream's own time of the last frame; None where its container carries none."""
+    if stream.get(cv2.CAP_PROP_PTS) < _NO_STAMP:
+        return None
+    return stream.get(cv2.CAP_PROP_POS_MSEC) / 1e3

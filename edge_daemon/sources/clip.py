@@ -6,19 +6,45 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
+import numpy as np
 
-from edge_daemon.frame import Frame
+from edge_daemon.frame import Frame, Image
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
+from edge_daemon.sources.quiet import quieten
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
 _MAX_FPS = 480.0
+_LEAP_S = 10.0
+_BACK_S = 0.5
+
+
+@dataclass(frozen=True)
+class ClipFrame:
+    """One decoded picture: BGR, media time in s, and the flags of a `Frame`."""
+
+    image: Image
+    media_time_s: float
+    cut: bool
+    clock_jump: bool
+
+    def now(self) -> Frame:
+        """The frame as if it were taken at this moment."""
+        return Frame(
+            self.image,
+            self.media_time_s,
+            time.time_ns(),
+            time.monotonic(),
+            self.cut,
+            self.clock_jump,
+        )
 
 
 class ClipReader:
@@ -34,20 +60,30 @@ class ClipReader:
         self.counters = SourceCounters()
         self._limiter = LogLimiter()
 
-    def read_all(self) -> Iterator[tuple[float, bool, cv2.typing.MatLike]]:
-        """(media time in s, cut, picture) of each frame; ends with the clip unless it loops."""
+    @property
+    def expected_frames(self) -> int:
+        """How many frames the file says it has; may be wrong."""
+        return self._expected
+
+    def read_all(self) -> Iterator[ClipFrame]:
+        """All frames in order; ends with the clip unless it loops."""
         start = 0.0
         while True:
-            shown, last = 0, start - 1 / self.fps
+            shown, last, before = 0, start - 1 / self.fps, 0.0
             while True:
                 self.counters.tried_s = time.monotonic()
                 ok, image = self._capture.read()
                 if not ok or image is None:
                     break
                 position = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                jumped = shown > 0 and not -_BACK_S < position - before < _LEAP_S
+                before = position
+                if jumped or (shown == 0 and position > _LEAP_S):
+                    start = last + 1 / self.fps - position
                 # A stream without usable time stamps is taken to run at its nominal rate.
                 at = start + position if start + position > last else last + 1 / self.fps
-                yield at, shown == 0 and start > 0, image
+                cut = jumped or (shown == 0 and start > 0)
+                yield ClipFrame(np.asarray(image, dtype=np.uint8), at, cut, jumped)
                 last = at
                 shown += 1
             if shown < 0.98 * self._expected:
@@ -80,6 +116,7 @@ def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) ->
     Raises:
         InputError: it is missing, no video, of another size, or its first frame is unreadable.
     """
+    quieten()
     if not path.is_file():
         raise InputError(path, "no such video", "check the path")
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
@@ -111,10 +148,10 @@ class FastClip:
 
     def frames(self) -> Iterator[Frame]:
         """All frames in order."""
-        for media_time_s, cut, image in self._reader.read_all():
+        for frame in self._reader.read_all():
             if self._closed:
                 break
-            yield Frame(image, media_time_s, time.time_ns(), time.monotonic(), cut)  # type: ignore[arg-type]
+            yield frame.now()
         self._reader.close()
 
     def close(self) -> None:
@@ -128,13 +165,13 @@ def paced_clip(reader: ClipReader) -> LiveSource:
     def capture(offer: Offer, stopping: threading.Event, counters: SourceCounters) -> None:
         reader.counters = counters
         began = time.monotonic()
-        for media_time_s, cut, image in reader.read_all():
-            ahead = began + media_time_s - time.monotonic()
+        for frame in reader.read_all():
+            ahead = began + frame.media_time_s - time.monotonic()
             if ahead < -1.0:  # the machine stood still: go on from here, do not race
                 began -= ahead
             if stopping.wait(max(0.0, ahead)):
                 break
-            offer(Frame(image, media_time_s, time.time_ns(), time.monotonic(), cut))  # type: ignore[arg-type]
+            offer(frame.now())
         reader.close()
 
     return LiveSource(capture, reader.path.name)

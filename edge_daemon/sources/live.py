@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from edge_daemon.frame import Frame
 from edge_daemon.sources.protocol import SourceCounters
@@ -52,10 +53,11 @@ class LiveSource:
         with self._changed:
             if self._newest is not None:
                 self.counters.skipped += 1
-                if self._newest.cut:
-                    frame = Frame(
-                        frame.image, frame.media_time_s, frame.captured_ns, frame.captured_s, True
-                    )
+                frame = replace(
+                    frame,
+                    cut=frame.cut or self._newest.cut,
+                    clock_jump=frame.clock_jump or self._newest.clock_jump,
+                )
             self._newest = frame
             self._changed.notify()
 

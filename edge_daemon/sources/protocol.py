@@ -47,12 +47,14 @@ class SourceCounters:
         skipped: frames that a newer one replaced before they were processed.
         decode_errors: pictures or clip ends that could not be used.
         reconnects: times that the camera was lost.
+        misfit_s: monotonic time of the last picture that had not the calibrated size.
         tried_s: monotonic time of the last attempt to read or connect; old if capture hangs.
     """
 
     skipped: int = 0
     decode_errors: int = 0
     reconnects: int = 0
+    misfit_s: float | None = None
     tried_s: float = field(default_factory=time.monotonic)
 
 
@@ -91,4 +93,4 @@ def open_source(settings: SourceSettings, size: tuple[int, int] | None = None) -
         raise InputError("source", "neither clip nor url", "give one of them")
     from edge_daemon.sources.camera import open_camera
 
-    return open_camera(settings.url, settings.stall_s)
+    return open_camera(settings.url, settings.stall_s, size)

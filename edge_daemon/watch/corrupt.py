@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 from edge_daemon.frame import Image
-from edge_daemon.watch.sample import Sample, grid_step, to_grey
+from edge_daemon.watch.sample import Grey, Sample, grid_step, to_grey
 
 _BLOCK_PX = 16
 _BLOCK_LEVELS = 6.0
@@ -16,7 +16,7 @@ _REMEMBERED = 10
 _BAD = 2
 
 
-def repeated_share(colours: Image) -> float:
+def repeated_share(colours: Image, grey: Grey) -> float:
     """Share of sampled pixels that exactly equal the one below (or, if more, the one beside) them.
 
     A decoder fills what it lost with one colour or with streaks. Pixels eight apart seldom agree
@@ -24,13 +24,14 @@ def repeated_share(colours: Image) -> float:
 
     Args:
         colours: sampled pixels, BGR, shape (h, w, 3).
+        grey: the same in grey, shape (h, w).
 
     Returns:
         A share in [0, 1].
     """
     wide = colours.astype(np.uint32)
     codes = wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]
-    counts = (colours.max(axis=-1) >= _BLACK) & (colours.min(axis=-1) <= _WHITE)
+    counts = (grey >= _BLACK) & (grey <= _WHITE)
     below = np.count_nonzero((codes[1:] == codes[:-1]) & counts[1:])
     beside = np.count_nonzero((codes[:, 1:] == codes[:, :-1]) & counts[:, 1:])
     return max(below, beside) / max(1, codes.size)
@@ -57,7 +58,7 @@ class CorruptJudge:
     def look(self, sample: Sample) -> bool:
         """True if several of the last pictures were damaged; a single one does no harm."""
         damaged = (
-            repeated_share(sample.colours) > self._max_repeated_share
+            repeated_share(sample.colours, sample.grey) > self._max_repeated_share
             or blockiness(sample.image) > _BLOCK_LEVELS
         )
         self._recent.append(damaged)

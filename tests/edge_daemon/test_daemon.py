@@ -151,7 +151,7 @@ def test_an_absent_camera_gives_unknown_states(
     [
         ({"camera": "/nowhere/camera.toml"}, "/nowhere/camera.toml: no such file"),
         ({"source": {"clip": "/nowhere/video.mp4"}}, "/nowhere/video.mp4: no such video"),
-        ({"camera": "{tmp}/other_size.toml"}, "the calibration is for 640×360"),
+        ({"camera": "{tmp}/other_size.toml"}, "the calibration is for 1920×1080"),
         ({"rsu": "r" * 201}, "edge.toml: rsu"),
         ({"sauce": 1}, "edge.toml: sauce: unknown key"),
         ({"window_s": "ten"}, "edge.toml: window_s"),
@@ -174,8 +174,8 @@ def test_bad_settings_are_one_line_and_exit_2(
         "bus": {"connect": [router.endpoint]},
     }
     calibration = (folder / "camera.toml").read_text()
-    calibration = calibration.replace("width = 1280", "width = 640")
-    (tmp_path / "other_size.toml").write_text(calibration.replace("height = 720", "height = 360"))
+    calibration = calibration.replace("width = 1280", "width = 1920")
+    (tmp_path / "other_size.toml").write_text(calibration.replace("height = 720", "height = 1080"))
     config = tmp_path / "edge.toml"
     config.write_text(tomli_w.dumps(settings | change).replace("{tmp}", str(tmp_path)))
     result = subprocess.run(

@@ -1,0 +1,100 @@
+"""Media time of a live stream: its own clock where it has one, else smoothed times of arrival.
+
+Times of arrival jitter by what network and scheduling add; at 30 pictures a second 10 ms are a
+third of the way between two of them, and show up as acceleration that nobody drove.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from statistics import median
+
+_SLACK_S = 0.5
+_SLACK_RATE = 0.02
+_LATE_S = 2.0
+_LEAP_S = 1.0
+_MOST_MISFITS = 3
+_REMEMBERED = 31
+_FEWEST = 10
+_GATE = 0.35
+_GAIN = 0.1
+_TICK_S = 1e-3
+
+
+class StreamClock:
+    """Gives each picture of one connection its media time, which never runs back."""
+
+    def __init__(self, not_before_s: float = 0.0) -> None:
+        """Start anew, as after each connection.
+
+        Args:
+            not_before_s: media time that has been given already.
+        """
+        self._last_s = not_before_s
+        self._arrival_s: float | None = None
+        self._stream_s: float | None = None
+        self._anchor: tuple[float, float] | None = None
+        self._misfits = 0
+        self._late_since_s: float | None = None
+        self._steps: deque[float] = deque(maxlen=_REMEMBERED)
+
+    def tell(self, arrival_s: float, stream_s: float | None) -> tuple[float, bool]:
+        """The media time of the picture that has just come.
+
+        Args:
+            arrival_s: when it came, on the time line that media times shall follow.
+            stream_s: its time stamp in the stream; None where it has none.
+
+        Returns:
+            Media time in s, and whether the stream's clock ran back or leapt.
+        """
+        jumped = self._jumped(arrival_s, stream_s)
+        if stream_s is not None and not jumped and self._misfits < _MOST_MISFITS:
+            time_s = self._by_stream(arrival_s, stream_s)
+        else:
+            self._anchor = None
+            time_s = self._by_arrival(arrival_s)
+        if self._arrival_s is not None:
+            self._steps.append(arrival_s - self._arrival_s)
+        self._arrival_s, self._stream_s = arrival_s, stream_s
+        self._last_s = max(time_s, self._last_s + _TICK_S)
+        return self._last_s, jumped
+
+    def _jumped(self, arrival_s: float, stream_s: float | None) -> bool:
+        if stream_s is None or self._stream_s is None or self._arrival_s is None:
+            return False
+        step_s = stream_s - self._stream_s
+        return step_s <= 0 or step_s > arrival_s - self._arrival_s + _LEAP_S
+
+    def _by_stream(self, arrival_s: float, stream_s: float) -> float:
+        if self._anchor is None:
+            self._anchor = (arrival_s, stream_s)
+        anchor_s, stream_anchor_s = self._anchor
+        passed_s = stream_s - stream_anchor_s
+        late_s = arrival_s - anchor_s - passed_s
+        slack_s = _SLACK_S + _SLACK_RATE * passed_s
+        if late_s <= slack_s:
+            self._late_since_s = None
+        elif self._late_since_s is None:
+            self._late_since_s = arrival_s
+        # A stall of the network makes pictures late for a moment; their own times stay right.
+        if late_s < -slack_s or self._is_late_for_long(arrival_s):
+            self._misfits += 1
+            self._late_since_s = None
+            self._anchor = (arrival_s, stream_s)
+            return arrival_s
+        return anchor_s + passed_s
+
+    def _is_late_for_long(self, arrival_s: float) -> bool:
+        return self._late_since_s is not None and arrival_s - self._late_since_s > _LATE_S
+
+    def _by_arrival(self, arrival_s: float) -> float:
+        """Near the usual interval, follow the interval; else (a hole, a burst) the arrival."""
+        if len(self._steps) < _FEWEST:
+            return arrival_s
+        interval_s = median(self._steps)
+        expected_s = self._last_s + interval_s
+        error_s = arrival_s - expected_s
+        if abs(error_s) < _GATE * interval_s:
+            return expected_s + _GAIN * error_s
+        return arrival_s
