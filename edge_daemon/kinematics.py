@@ -37,6 +37,13 @@ NOMINAL_SIZE_M: Final = ((1.8, 1.5), (2.4, 3.0), (2.5, 3.1), (0.8, 1.6))
 """Width and height by vehicle class, m: what makes a box's lower edge differ from the middle."""
 
 
+OWN_SPEED_STD: Final = 0.005
+COMMON_SPEED_STD: Final = 0.003
+OWN_ACCELERATION_STD_MPS2: Final = 0.08
+COMMON_ACCELERATION_STD_MPS2: Final = 0.03
+"""Errors that last for a vehicle's way, as renders show them; those of speed are relative."""
+
+
 @dataclass(frozen=True)
 class VehicleMotion:
     """One vehicle's smoothed motion along a segment.
@@ -55,6 +62,12 @@ class VehicleMotion:
     weight_s: Array
     lane: int
     length_m: float
+
+    @property
+    def speed_std_mps(self) -> Array:
+        """Standard error of the speed at each position, m/s, shape (n,)."""
+        lasting = np.hypot(OWN_SPEED_STD, COMMON_SPEED_STD) * self.motion.speed_mps
+        return np.sqrt(np.maximum(np.diag(self.motion.speed_covariance), 0.0) + lasting**2)
 
 
 @dataclass(frozen=True)
@@ -94,10 +107,17 @@ def features_of(
         [vehicle.motion.speed_mps for vehicle in vehicles],
         [vehicle.motion.speed_covariance for vehicle in vehicles],
     )
-    acceleration, variance = _moments(
+    own, common = OWN_SPEED_STD * speed.value, COMMON_SPEED_STD * speed.value
+    speed, spread = _with_lasting_errors(weights, speed, spread, own, common)
+    acceleration, variance = _with_lasting_errors(
         weights,
-        [vehicle.motion.acceleration_mps2 for vehicle in vehicles],
-        [vehicle.motion.acceleration_covariance for vehicle in vehicles],
+        *_moments(
+            weights,
+            [vehicle.motion.acceleration_mps2 for vehicle in vehicles],
+            [vehicle.motion.acceleration_covariance for vehicle in vehicles],
+        ),
+        OWN_ACCELERATION_STD_MPS2,
+        COMMON_ACCELERATION_STD_MPS2,
     )
     std = float(np.sqrt(spread.value))
     error = spread.standard_error or 0.0
@@ -148,21 +168,21 @@ def _by_vehicle(
     # A vehicle that was away for longer has been somewhere else; it may even be another one.
     paused = np.diff(sorted_.time_s, prepend=0.0) > _LONGEST_PAUSE_S
     begins = np.flatnonzero((np.diff(sorted_.track, prepend=-1) != 0) | paused)
+    inside = np.append(0, np.cumsum(segment.contains(sorted_.point_m + _half_length(sorted_))))
     parts = [
         sorted_.take(slice(begin, end))
         for begin, end in pairwise([*begins.tolist(), len(sorted_)])
-        if end - begin >= MIN_SIGHTINGS
+        if end - begin >= MIN_SIGHTINGS and inside[end] - inside[begin] >= 2
     ]
-    parts = [part for part in parts if segment.contains(_roughly_middle(part)).sum() >= 2]
     return [
         replace(part, point_m=part.point_m + offset)
         for part, offset in zip(parts, _to_middle(parts, segment, pose), strict=True)
     ]
 
 
-def _roughly_middle(seen: Sightings) -> Array:
-    length = NOMINAL_LENGTH_M[int(seen.vehicle_class[-1])]
-    return seen.point_m + seen.away * length / 2
+def _half_length(seen: Sightings) -> Array:
+    """Roughly from a box's lower edge to its vehicle's middle, m, shape (n, 2)."""
+    return np.asarray(seen.away * np.array(NOMINAL_LENGTH_M)[seen.vehicle_class, None] / 2)
 
 
 def _to_middle(
@@ -170,7 +190,7 @@ def _to_middle(
 ) -> list[Array]:
     """For each vehicle's sightings, from its boxes' lower edges to its middle, m, shape (n, 2)."""
     if pose is None:
-        return [_roughly_middle(part) - part.point_m for part in parts]
+        return [_half_length(part) for part in parts]
     # It varies slowly along the road: a few places are enough to draw it through.
     some = [np.unique(np.linspace(0, len(part) - 1, _PLACES).astype(np.intp)) for part in parts]
     kinds = [int(part.vehicle_class[-1]) for part in parts]
@@ -192,7 +212,7 @@ def _to_middle(
             columns = [np.interp(every, rows[good], column) for column in offset[good].T]
             result.append(np.column_stack(columns))
         else:
-            result.append(_roughly_middle(part) - part.point_m)
+            result.append(_half_length(part))
     return result
 
 
@@ -274,6 +294,33 @@ def _moments(
     return (
         Estimate(value=mean, standard_error=float(np.sqrt(max(0.0, mean_variance)))),
         Estimate(value=max(0.0, value), standard_error=float(np.sqrt(max(0.0, error)))),
+    )
+
+
+def _with_lasting_errors(
+    weights: Sequence[Array], mean: Estimate, variance: Estimate, own_std: float, common_std: float
+) -> tuple[Estimate, Estimate]:
+    """Add errors that stay for a vehicle's whole way: its own and those that all vehicles share.
+
+    A vehicle longer or higher than its class seems to change its speed as it comes nearer. Such
+    errors spread the vehicles, which is taken off the variance, and do not average out over a
+    vehicle's positions.
+    """
+    shares = np.array([w.sum() for w in weights])
+    alike = float(shares @ shares)
+    own = own_std**2
+    excess = max(0.0, variance.value - (1 - alike) * own)
+    of_mean = np.hypot(common_std, np.sqrt(alike * own))
+    of_variance = np.sqrt(4 * excess * alike * own + 2 * alike * own**2)
+    return (
+        Estimate(
+            value=mean.value,
+            standard_error=float(np.hypot(mean.standard_error or 0.0, of_mean)),
+        ),
+        Estimate(
+            value=excess,
+            standard_error=float(np.hypot(variance.standard_error or 0.0, of_variance)),
+        ),
     )
 
 

@@ -205,11 +205,9 @@ def _integrals(time_s: Array) -> tuple[Array, Array]:
     and in position since the first time.
     """
     n = len(time_s)
-    to_speed, to_along = np.zeros((n, n)), np.zeros((n, n))
-    for i, dt in enumerate(np.diff(time_s)):
-        to_along[i + 1] = to_along[i] + to_speed[i] * dt
-        to_along[i + 1, i] += dt**2 / 3
-        to_along[i + 1, i + 1] += dt**2 / 6
-        to_speed[i + 1] = to_speed[i]
-        to_speed[i + 1, i : i + 2] += dt / 2
-    return to_speed, to_along
+    dt = np.diff(time_s)[:, None]
+    before, after = np.eye(n)[:-1], np.eye(n)[1:]
+    nothing = np.zeros((1, n))
+    to_speed = np.vstack([nothing, np.cumsum(dt / 2 * (before + after), axis=0)])
+    moved = to_speed[:-1] * dt + dt**2 * (before / 3 + after / 6)
+    return to_speed, np.vstack([nothing, np.cumsum(moved, axis=0)])

@@ -59,7 +59,7 @@ class Recorder:
         begin, end = time_s - _LAG_S - every_s, time_s - _LAG_S
         for vehicle in (v for of_segment in vehicles.values() for v in of_segment):
             motion = vehicle.motion
-            deviation = np.sqrt(np.maximum(np.diag(motion.speed_covariance), 0.0))
+            deviation = vehicle.speed_std_mps
             for i in np.flatnonzero((motion.time_s >= begin) & (motion.time_s < end)):
                 if vehicle.weight_s[i] > 0:
                     self.speeds.append(
