@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -48,6 +49,11 @@ class Mesh:
     layers: NDArray[np.int64]
     minor: NDArray[np.bool_]
     outline: Floats
+
+    @cached_property
+    def middle(self) -> Floats:
+        """Mean of all faces' corners, (3,)."""
+        return np.asarray(self.corners.reshape(-1, 3).mean(axis=0))
 
     def resized(self, length_m: float, width_m: float) -> Mesh:
         """The same vehicle stretched to a length and a width; its height stays."""

@@ -124,16 +124,19 @@ def shade(camera: Camera, light: Light, vehicle: Placed, faces: NDArray[np.int64
 def paint_vehicle(image: Image, camera: Camera, light: Light, vehicle: Placed) -> None:
     """Draw one vehicle's visible faces: parts far to near, then layers, then depth."""
     mesh = vehicle.mesh
-    world = vehicle.to_world(mesh.corners)
-    pixels, depth = camera.project(world)
-    towards = depth.min(axis=1) >= _NEAREST_M
-    towards &= ((camera.position_m - world[:, 0]) * vehicle.directed(mesh.normals)).sum(axis=1) > 0
-    if mesh.height_m * camera.focal_px / max(float(depth.mean()), 1.0) < _FINE_DETAIL_PX:
+    towards = _turned_to(camera, vehicle)
+    middle = vehicle.to_world(mesh.middle)
+    distance = float((middle - camera.position_m) @ camera.rotation[2])
+    if mesh.height_m * camera.focal_px / max(distance, 1.0) < _FINE_DETAIL_PX:
         towards &= ~mesh.minor
     faces = np.flatnonzero(towards)
+    pixels, depth = camera.project(vehicle.to_world(mesh.corners[faces]))
+    ahead = depth.min(axis=1) >= _NEAREST_M
+    if not ahead.all():
+        faces, pixels, depth = faces[ahead], pixels[ahead], depth[ahead]
     if not len(faces):
         return
-    face_depth = depth[faces].mean(axis=1)
+    face_depth = depth.mean(axis=1)
     parts = mesh.parts[faces]
     # Part 0 is the chassis and lies under the others.
     part_depth = np.zeros(len(faces))
@@ -142,11 +145,19 @@ def paint_vehicle(image: Image, camera: Camera, light: Light, vehicle: Placed) -
         part_depth[chosen] = 1e9 if part == 0 else face_depth[chosen].mean()
     order = np.lexsort((-face_depth, mesh.layers[faces], -part_depth))
     colours = shade(camera, light, vehicle, faces)
-    points = fixed(pixels[faces])
-    sizes = mesh.sizes[faces]
-    for i in order:
-        b, g, r = colours[i]
-        cv2.fillConvexPoly(image, points[i, : sizes[i]], (b, g, r), cv2.LINE_AA, _SHIFT)
+    points = fixed(pixels)
+    sizes = mesh.sizes[faces].tolist()
+    tones = colours.tolist()
+    for i in order.tolist():
+        cv2.fillConvexPoly(image, points[i, : sizes[i]], tones[i], cv2.LINE_AA, _SHIFT)
+
+
+def _turned_to(camera: Camera, vehicle: Placed) -> NDArray[np.bool_]:
+    """Which faces show their front to the camera."""
+    mesh = vehicle.mesh
+    sight = camera.position_m - vehicle.to_world(mesh.corners[:, 0])
+    towards = (sight * vehicle.directed(mesh.normals)).sum(axis=1) > 0
+    return np.asarray(towards, dtype=np.bool_)
 
 
 def paint_shadow(image: Image, camera: Camera, light: Light, vehicle: Placed) -> None:
