@@ -24,6 +24,7 @@ log = logging.getLogger(__name__)
 _MAX_FPS = 480.0
 _LEAP_S = 10.0
 _BACK_S = 0.5
+_LONGEST_STEP_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,19 @@ class ClipFrame:
 class ClipReader:
     """Decodes a video file, with times that go on where a loop starts again."""
 
-    def __init__(self, path: Path, capture: cv2.VideoCapture, *, loop: bool) -> None:
+    def __init__(
+        self, path: Path, capture: cv2.VideoCapture, shape: tuple[int, ...], *, loop: bool
+    ) -> None:
+        """Read from a capture that stands at its first frame.
+
+        Args:
+            path: the file.
+            capture: opened on it.
+            shape: (height, width, 3) of its pictures; others are left out.
+            loop: start again at its end.
+        """
         self.path = path
+        self._shape = shape
         self._capture = capture
         self._loop = loop
         fps = float(capture.get(cv2.CAP_PROP_FPS))
@@ -67,9 +79,10 @@ class ClipReader:
 
     def read_all(self) -> Iterator[ClipFrame]:
         """All frames in order; ends with the clip unless it loops."""
-        start = 0.0
+        cut = False
+        start, step = 0.0, min(1 / self.fps, _LONGEST_STEP_S)
         while True:
-            shown, last, before = 0, start - 1 / self.fps, 0.0
+            shown, last, before = 0, start - step, 0.0
             while True:
                 self.counters.tried_s = time.monotonic()
                 ok, image = self._capture.read()
@@ -79,13 +92,19 @@ class ClipReader:
                 jumped = shown > 0 and not -_BACK_S < position - before < _LEAP_S
                 before = position
                 if jumped or (shown == 0 and position > _LEAP_S):
-                    start = last + 1 / self.fps - position
+                    start = last + step - position
                 # A stream without usable time stamps is taken to run at its nominal rate.
-                at = start + position if start + position > last else last + 1 / self.fps
-                cut = jumped or (shown == 0 and start > 0)
-                yield ClipFrame(np.asarray(image, dtype=np.uint8), at, cut, jumped)
+                at = start + position if start + position > last else last + step
+                cut = cut or jumped or (shown == 0 and start > 0)
+                if shown > 0:
+                    step = min(at - last, _LONGEST_STEP_S)
                 last = at
                 shown += 1
+                if image.shape != self._shape:
+                    self._leave_out(image.shape)
+                    continue
+                yield ClipFrame(np.asarray(image, dtype=np.uint8), at, cut, jumped)
+                cut = False
             if shown < 0.98 * self._expected:
                 self.counters.decode_errors += 1
                 if self._limiter.allow("short"):
@@ -97,8 +116,19 @@ class ClipReader:
                     )
             if not self._loop or shown == 0:
                 return
-            start = last + 1 / self.fps
+            start = last + step
             self._capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+
+    def _leave_out(self, shape: tuple[int, ...]) -> None:
+        self.counters.decode_errors += 1
+        self.counters.misfit_s = time.monotonic()
+        if self._limiter.allow("size"):
+            log.warning(
+                "%s: a picture of %d×%d amid others of %d×%d is left out",
+                self.path,
+                *shape[1::-1],
+                *self._shape[1::-1],
+            )
 
     def close(self) -> None:
         """Release the file."""
@@ -134,8 +164,10 @@ def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) ->
             f"its pictures are {width}×{height} px, the calibration is for {size[0]}×{size[1]}",
             "calibrate this camera",
         )
-    capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
-    return ClipReader(path, capture, loop=loop)
+    # Going back to the start would lose the first frame of a file without an index.
+    capture.release()
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    return ClipReader(path, capture, first.shape, loop=loop)
 
 
 class FastClip:
