@@ -1,0 +1,116 @@
+"""`slipstream track` as a user runs it, on rendered video with the shipped detector."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import pytest
+
+from slipstream.messages import SegmentState
+from slipstream_cli.main import main
+
+
+def arguments(folder: Path, *more: str | Path) -> list[str]:
+    """The command line for a clip's folder."""
+    return [
+        "track",
+        str(folder / "video.mp4"),
+        "--camera",
+        str(folder / "camera.toml"),
+        *map(str, more),
+    ]
+
+
+def test_a_clip_is_followed_scored_and_drawn(
+    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every frame goes through; states, figures beside the truth, and the picture for people."""
+    folder = street_clips["stable"]
+    states, film = tmp_path / "states.jsonl", tmp_path / "drawn.mp4"
+    status = main(
+        arguments(
+            folder, "--truth", folder / "truth.csv", "--out", states, "--annotated", film, "--json"
+        )
+    )
+    summary = json.loads(capsys.readouterr().out)
+    assert status == 0
+    assert summary["frames"] == 14 * 15
+    assert summary["states"] == 14
+    assert 0 < summary["ms_per_frame"]["median"] <= summary["ms_per_frame"]["p95"]
+    assert 50 < summary["rss_mb"] < 1500
+    assert summary["speed_mae_kmh"] < 1.0
+    assert summary["idf1"] > 0.95
+    assert 0.5 < summary["hota"] <= 1.0
+    assert summary["y_e_agreement"] == 1.0
+    assert summary["features"]["mean_speed_mps"]["mean_abs_error"] < 0.3
+    lines = states.read_text().splitlines()
+    parsed = [SegmentState.model_validate_json(line) for line in lines]
+    assert [state.sequence for state in parsed] == list(range(1, 15))
+    assert parsed[-1].y_e == 1
+    capture = cv2.VideoCapture(str(film))
+    assert int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) == 14 * 15
+    assert not list(tmp_path.glob("*.part*"))
+    drawn, plain = capture.read()[1], cv2.VideoCapture(str(folder / "video.mp4")).read()[1]
+    assert drawn.shape == plain.shape
+    assert (cv2.absdiff(drawn, plain) > 60).any()
+
+
+def test_stop_and_go_is_seen_as_what_it_is(
+    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Never stable, in words for people."""
+    folder = street_clips["turbulent"]
+    assert main(arguments(folder, "--out", tmp_path / "s.jsonl", "--bare")) == 0
+    printed = capsys.readouterr().out
+    assert "\nstable: 0\n" in printed
+    assert "turbulent: " in printed
+    assert "speed_mae" not in printed
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        (["--truth", "none.csv"], "none.csv"),
+        (["--model", "none.xml"], "none.xml"),
+        (["--window", "1"], "window_s"),
+        (["--every", "0"], "every_s"),
+        (["--out", "/proc/none/states.jsonl"], "cannot be written"),
+        (["--annotated", "/proc/none/film.mp4"], "no video can be written"),
+    ],
+)
+def test_bad_input_is_one_line(
+    street_clips: dict[str, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    more: list[str],
+    problem: str,
+) -> None:
+    """It says what is wrong, and exits with 2."""
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments(street_clips["stable"], *more)) == 2
+    captured = capsys.readouterr()
+    (line,) = [text for text in captured.err.splitlines() if text.startswith("slipstream: ")]
+    assert problem in line
+    assert captured.out == ""
+
+
+def test_a_video_of_another_size_is_one_line(
+    street_clips: dict[str, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The calibration is for another picture."""
+    monkeypatch.chdir(tmp_path)
+    small = tmp_path / "small.mp4"
+    writer = cv2.VideoWriter(str(small), cv2.VideoWriter.fourcc(*"mp4v"), 15, (640, 360))
+    picture = cv2.VideoCapture(str(street_clips["stable"] / "video.mp4")).read()[1]
+    for _ in range(5):
+        writer.write(cv2.resize(picture, (640, 360)))
+    writer.release()
+    camera = street_clips["stable"] / "camera.toml"
+    assert main(["track", str(small), "--camera", str(camera)]) == 2
+    assert "640×360" in capsys.readouterr().err
