@@ -63,7 +63,8 @@ def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Pa
         homography = Homography(road_m, image_px)
     except CalibrationError as error:
         culprit = _culprit(road_m, image_px, size)
-        problem = error.problem + (f" ({culprit} off the others)" if culprit else "")
+        told = culprit is not None and culprit != error.problem
+        problem = f"{error.problem} ({culprit})" if told else error.problem
         raise InputError(source, problem, error.mend, key="points") from None
     misses = homography.misses_px(road_m, image_px)
     rms = float(np.sqrt(np.mean(misses**2)))
@@ -80,20 +81,20 @@ def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Pa
 
 
 def _culprit(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
-    """The point that contradicts the others most, if most agree."""
+    """What contradicts the others, if most agree."""
     try:
         agree = agreeing(road_m, image_px, tolerance_px(size[0]))
         if agree.all():
             return None
         misses = Homography(road_m[agree], image_px[agree]).misses_px(road_m, image_px)
-    except CalibrationError:
-        return None
+    except CalibrationError as error:
+        return error.problem
     return _miss(int(np.argmax(np.nan_to_num(misses, nan=np.inf))), misses)
 
 
 def _miss(point: int, misses: Array) -> str:
     by = f"{misses[point]:.0f} px" if np.isfinite(misses[point]) else "more than the picture"
-    return f"point {point + 1} by {by}"
+    return f"point {point + 1} misses by {by}"
 
 
 def watched(

@@ -14,46 +14,91 @@ from edge_daemon.homography import Array, CalibrationError, Homography
 
 _MOST_TRIALS: Final = 1000
 _FEWEST: Final = 6
+_MOST_REFINED: Final = 30
+
+Agreement = npt.NDArray[np.bool_]
 
 
-def agreeing(road_m: Array, image_px: Array, tolerance_px: float) -> npt.NDArray[np.bool_]:
+def agreeing(road_m: Array, image_px: Array, tolerance_px: float) -> Agreement:
     """Which of n points agree on one homography to within a tolerance, shape (n,).
 
-    The homography through four points that leaves the least truncated squared misses decides (all
-    fours are tried, or 1000 of them), then least squares over those that agree with it. Of fewer
-    than six points none can be told to be wrong, so all agree.
+    Homographies through four of the points (all fours are tried, or 1000 of them) vote for the
+    points that they meet; the largest votes are refined by least squares. Of fewer than six points
+    none can be told to be wrong, so all agree.
 
     Raises:
-        CalibrationError: no more than half of the points, or fewer than five, agree.
+        CalibrationError: no more than half of the points, or fewer than five, agree; or it cannot
+            be told which of them are wrong.
     """
     n = len(road_m)
     if n < _FEWEST:
         return np.ones(n, dtype=np.bool_)
-    middle = road_m.mean(axis=0)
-    road = road_m - middle
-    best, least = None, np.inf
+    enough = max(5, n // 2 + 1)
+    best: Agreement | None = None
+    suspects = np.zeros(n, dtype=np.bool_)
+    for vote in _votes(road_m, image_px, tolerance_px)[:_MOST_REFINED]:
+        if vote.sum() < enough:
+            break
+        agreed = _refined(vote, road_m, image_px, tolerance_px)
+        if agreed is None or agreed.sum() < enough:
+            continue
+        if best is None or agreed.sum() > best.sum():
+            best, suspects = agreed, ~agreed
+        elif agreed.sum() == best.sum():
+            suspects = suspects | ~agreed
+    if best is None:
+        Homography(road_m, image_px)  # may have a better reason
+        raise CalibrationError(
+            "no homography fits most of the points", "check the points for mistakes"
+        )
+    if suspects.sum() > (~best).sum():
+        names = ", ".join(str(i + 1) for i in np.flatnonzero(suspects))
+        raise CalibrationError(
+            f"{(~best).sum()} of the points {names} must be wrong, but any of them could be",
+            "check them, or add points away from them",
+        )
+    return best
+
+
+def _votes(road_m: Array, image_px: Array, tolerance_px: float) -> list[Agreement]:
+    """Different sets of points met by homographies through four of them, best first."""
+    n = len(road_m)
+    road = road_m - road_m.mean(axis=0)
+    point = np.column_stack([road, np.ones(n)])
+    misses: dict[bytes, float] = {}
     for four in _fours(n):
         matrix = cv2.getPerspectiveTransform(
             road[four].astype(np.float32), image_px[four].astype(np.float32)
         )
-        seen = np.column_stack([road, np.ones(n)]) @ matrix.T
+        seen = point @ matrix.T
         with np.errstate(all="ignore"):
             squared = np.sum((seen[:, :2] / seen[:, 2:] - image_px) ** 2, axis=1)
-        score = np.minimum(np.nan_to_num(squared, nan=np.inf), tolerance_px**2).sum()
-        if score < least:
-            best, least = squared <= tolerance_px**2, score
+        vote = np.nan_to_num(squared, nan=np.inf) <= tolerance_px**2
+        score = float(squared[vote].sum())
+        key = vote.tobytes()
+        misses[key] = min(score, misses.get(key, np.inf))
+    votes = {key: np.frombuffer(key, dtype=np.bool_) for key in misses}
+    return [votes[key] for key in sorted(misses, key=lambda k: (-votes[k].sum(), misses[k], k))]
+
+
+def _refined(
+    agreed: Agreement, road_m: Array, image_px: Array, tolerance_px: float
+) -> Agreement | None:
+    """The points that agree with the least squares fit to those that agree; None without one."""
     for _ in range(10):
-        if best is None or best.sum() < max(5, n // 2 + 1):
-            raise CalibrationError(
-                "no homography fits most of the points", "check the points for mistakes"
-            )
-        fit = Homography(road_m[best], image_px[best])
+        if agreed.sum() < 4:
+            return None
+        try:
+            fit = Homography(road_m[agreed], image_px[agreed])
+        except CalibrationError:
+            return None
         # A point behind the camera misses by no number.
-        now = np.nan_to_num(fit.misses_px(road_m, image_px), nan=np.inf) <= tolerance_px
-        if (now == best).all():
+        misses = np.nan_to_num(fit.misses_px(road_m, image_px), nan=np.inf)
+        now = np.asarray(misses <= tolerance_px)
+        if (now == agreed).all():
             break
-        best = now
-    return np.asarray(best, dtype=np.bool_)
+        agreed = now
+    return agreed
 
 
 def tolerance_px(width: int) -> float:
