@@ -147,7 +147,7 @@ def run_train(options: argparse.Namespace) -> int:
     if not 0 < options.rate < 1:
         raise InputError("--rate", f"{options.rate:g} is out of range", "give one below 1, as 5e-4")
     _need("torch", "ultralytics")
-    from simulation.training.export import load_yolo
+    from simulation.training.export import load_yolo, terminal_only
     from simulation.training.labelled import read_labelled_set
     from simulation.training.train import TrainSettings, train, ultralytics_map
 
@@ -163,9 +163,10 @@ def run_train(options: argparse.Namespace) -> int:
         threads=options.threads,
         width=options.width,
     )
-    before = ultralytics_map(weights, options.data, options.width)
-    last = train(options.data, options.out, settings, options.data.stem, weights)
-    after = ultralytics_map(last, options.data, options.width)
+    with terminal_only():
+        before = ultralytics_map(weights, options.data, options.width)
+        last = train(options.data, options.out, settings, options.data.stem, weights)
+        after = ultralytics_map(last, options.data, options.width)
     if options.json:
         print(json.dumps({"weights": str(last), "map_before": before, "map_after": after}))
         return 0

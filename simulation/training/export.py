@@ -212,7 +212,7 @@ def quantised(model: Any, inputs: list[Image]) -> Any:
         ],
         validate=False,
     )
-    with _progress():
+    with terminal_only():
         return nncf.quantize(
             model,
             nncf.Dataset(inputs, to_planes),
@@ -223,8 +223,8 @@ def quantised(model: Any, inputs: list[Image]) -> Any:
 
 
 @contextmanager
-def _progress() -> Iterator[None]:
-    """Bars go to the terminal, and nowhere in a pipe: standard output is for the report."""
+def terminal_only() -> Iterator[None]:
+    """Progress bars go to the terminal, and nowhere in a pipe: standard output is for reports."""
     with (
         open(os.devnull, "w") as nowhere,
         redirect_stdout(sys.stderr if sys.stderr.isatty() else nowhere),
