@@ -1,0 +1,1 @@
+"""How fast is the edge? Our pipeline and Ultralytics on one clip in turns, and cameras live."""

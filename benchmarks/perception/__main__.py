@@ -1,0 +1,62 @@
+"""`python -m benchmarks.perception`: exit status 0 if all aims that were measured are reached."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.perception.bench import BenchSettings, run_bench
+from benchmarks.perception.report import checks
+from slipstream.errors import InputError
+
+_DEFAULTS = BenchSettings()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.perception", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0, help="two cameras live (default 10)")
+    parser.add_argument(
+        "--memory-minutes", type=float, default=30.0, help="a daemon at full speed (default 30)"
+    )
+    parser.add_argument("--rounds", type=int, default=_DEFAULTS.rounds)
+    parser.add_argument("--frames", type=int, default=_DEFAULTS.frames, help="of ours in a round")
+    parser.add_argument(
+        "--peer", type=Path, default=_DEFAULTS.peer_python, help="a Python that has Ultralytics"
+    )
+    parser.add_argument("--clip", type=Path, default=_DEFAULTS.clip, help="folder of the clip")
+    parser.add_argument("--out", type=Path, default=_DEFAULTS.out, help="folder for the report")
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    options = parser.parse_args(arguments)
+    try:
+        for name in ("rounds", "frames"):
+            if getattr(options, name) < 1:
+                raise InputError(f"--{name}", "is less than 1", "give 1 or more")
+        settings = BenchSettings(
+            out=options.out,
+            clip=options.clip,
+            rounds=options.rounds,
+            frames=options.frames,
+            peer_python=options.peer,
+            cameras_s=60 * options.minutes,
+            memory_s=60 * options.memory_minutes,
+        )
+        results = run_bench(settings, lambda text: print(text, file=sys.stderr, flush=True))
+    except InputError as error:
+        print(f"bench-perception: {error}", file=sys.stderr)
+        return 2
+    except RuntimeError as error:
+        print(f"bench-perception: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    print((settings.out / ("report.json" if options.json else "report.md")).read_text(), end="")
+    return 1 if any(check.reached is False for check in checks(results)) else 0
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    sys.exit(main())

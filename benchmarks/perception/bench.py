@@ -1,0 +1,201 @@
+"""One run of everything: the clip, the runners in turns, the daemons."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from benchmarks.perception import report
+from benchmarks.perception.daemons import DaemonRun, run_daemons
+from benchmarks.perception.report import LIVE, ROAD, SAME_EXPORT, TORCH, WHOLE, Results
+from benchmarks.perception.speed import Speed, measured, speed_of
+from edge_daemon.detection.protocol import builtin_model
+from slipstream.errors import InputError
+
+CAMERA_FPS: Final = 45.6
+"""What one frame in the 21.9 ms of the paper amounts to."""
+
+_TIME_LIMIT_S = 900.0
+
+
+@dataclass(frozen=True)
+class BenchSettings:
+    """How long and on what.
+
+    Attributes:
+        out: folder for the report and the logs.
+        clip: folder of the clip; rendered if it is not there.
+        clip_seconds: of a clip that is rendered.
+        rounds: turns of all runners.
+        frames: a turn of ours; peers take a quarter, at least 30.
+        peer_python: Python that has Ultralytics; None or absent: its runs are left out.
+        cameras_s: how long two daemons run in real time; 0: not at all.
+        memory_s: how long a daemon runs at full speed; 0: not at all.
+    """
+
+    out: Path = Path(".slipstream/bench-perception")
+    clip: Path = Path(".slipstream/clips/bench-mixed-4-20s")
+    clip_seconds: float = 20.0
+    rounds: int = 3
+    frames: int = 600
+    peer_python: Path | None = Path(".venv-train/bin/python")
+    cameras_s: float = 600.0
+    memory_s: float = 1800.0
+
+
+def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
+    """Measure all and write the report.
+
+    Raises:
+        InputError: the output folder cannot be used.
+        RuntimeError: one of our own runs failed.
+    """
+    try:
+        settings.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(settings.out, f"{error.strerror}", "choose another --out") from None
+    log = settings.out / "runs.log"
+    log.unlink(missing_ok=True)
+    _render(settings, say)
+    load_before = os.getloadavg()[0]
+    missing: list[str] = []
+    peer = _peer(settings, missing)
+    rounds = []
+    for number in range(1, settings.rounds + 1):
+        say(f"round {number} of {settings.rounds}")
+        rounds.append(_round(settings, peer, log, missing))
+    cameras: tuple[DaemonRun, ...] = ()
+    if settings.cameras_s > 0:
+        say(f"two cameras in real time, {settings.cameras_s:.0f} s")
+        cameras = tuple(
+            run_daemons(
+                settings.clip,
+                settings.out,
+                ("camera-1", "camera-2"),
+                "real_time",
+                settings.cameras_s,
+                warm_up_s=min(10.0, settings.cameras_s / 3),
+            )
+        )
+    fast = None
+    if settings.memory_s > 0:
+        say(f"a daemon at full speed, {settings.memory_s:.0f} s")
+        (fast,) = run_daemons(
+            settings.clip,
+            settings.out,
+            ("fast",),
+            "fast",
+            settings.memory_s,
+            warm_up_s=min(120.0, settings.memory_s / 3),
+        )
+    results = Results(tuple(rounds), cameras, fast, tuple(dict.fromkeys(missing)))
+    report.write(settings.out, results, _about(settings, load_before))
+    return results
+
+
+def _render(settings: BenchSettings, say: Callable[[str], None]) -> None:
+    """The clip: 720p at the cameras' rate; a part of one is never taken for it."""
+    if (settings.clip / "camera.toml").is_file():
+        return
+    from simulation.streetdrive import ClipSettings, render_clip
+
+    say(f"rendering {settings.clip_seconds:.0f} s of video")
+    part = settings.clip.with_name(f"{settings.clip.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    clip = ClipSettings(seconds=settings.clip_seconds, fps=CAMERA_FPS, scenario="mixed", seed=4)
+    render_clip(clip, part)
+    part.rename(settings.clip)
+
+
+def _peer(settings: BenchSettings, missing: list[str]) -> Path | None:
+    python = settings.peer_python
+    if python is None or not python.is_file():
+        missing.append(f"Ultralytics: no {python}; make one with `make train-venv`")
+        return None
+    found = subprocess.run(
+        [python, "-c", "import ultralytics, torch"], capture_output=True, check=False
+    )
+    if found.returncode != 0:
+        missing.append(f"Ultralytics: {python} cannot import it")
+        return None
+    return python
+
+
+def _round(
+    settings: BenchSettings, peer: Path | None, log: Path, missing: list[str]
+) -> dict[str, Speed]:
+    """Each runner once, one after the other, so that a busy minute hits them alike."""
+    ours = [
+        *(sys.executable, "-m", "benchmarks.perception.ours", str(settings.clip)),
+        *("--frames", str(settings.frames)),
+    ]
+    speeds = {ROAD: measured(ours, log, _TIME_LIMIT_S)}
+    if peer is not None:
+        weights = builtin_model()
+        with tempfile.TemporaryDirectory(suffix="_openvino_model") as folder:
+            for file in (weights, weights.with_suffix(".bin")):
+                shutil.copy(file, folder)
+            shutil.copy(
+                weights.with_name("yolo11n-streetdrive.metadata.yaml"),
+                Path(folder) / "metadata.yaml",
+            )
+            for name, model in (
+                (TORCH, str(weights.with_name("yolo11n-streetdrive.pt"))),
+                (SAME_EXPORT, folder),
+            ):
+                try:
+                    speeds[name] = _measured_peer(settings, peer, model, log)
+                except (RuntimeError, subprocess.TimeoutExpired) as error:
+                    missing.append(f"{name}: {error}")
+    speeds[LIVE] = measured([*ours, "--live"], log, _TIME_LIMIT_S)
+    speeds[WHOLE] = measured([*ours, "--whole-picture"], log, _TIME_LIMIT_S)
+    return speeds
+
+
+def _measured_peer(settings: BenchSettings, python: Path, model: str, log: Path) -> Speed:
+    command = [
+        *(str(python), str(Path(__file__).with_name("peer.py")), model),
+        *(str(settings.clip / "video.mp4"), "--frames", str(max(30, settings.frames // 4))),
+    ]
+    with log.open("a") as errors:
+        done = subprocess.run(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            timeout=_TIME_LIMIT_S,
+            check=False,
+        )
+        errors.write(done.stdout)
+    lines = done.stdout.strip().splitlines()
+    if done.returncode != 0 or not lines:
+        raise RuntimeError(f"failed with status {done.returncode}; see {log}")
+    told = json.loads(lines[-1])
+    return speed_of(told["done_s"], [], told["cpu_s"], told["vehicles"], told["rss_mb"])
+
+
+def _about(settings: BenchSettings, load_before: float) -> dict[str, object]:
+    return {
+        "machine": f"{os.cpu_count()} cores, {_processor()}, Python {platform.python_version()}",
+        "load before and after": f"{load_before:.2f}, {os.getloadavg()[0]:.2f}",
+        "clip": f"{settings.clip}, 1280×720",
+        "rounds": f"{settings.rounds} of {settings.frames} frames; peers a quarter of them",
+        "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
+    }
+
+
+def _processor() -> str:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.machine()
