@@ -38,20 +38,18 @@ class WatchedSegment:
 
         A point on an edge that two segments share lies in one of them.
         """
-        (x0, y0, y1), slope = self._edges
+        (x0, y0, y1), run, rise = self._edges
         x, y = points_m[:, :1], points_m[:, 1:]
         crossed = (y0 > y) != (y1 > y)
-        right = crossed & (x < x0 + (y - y0) * slope)
+        right = crossed & ((run * (y - y0) > rise * (x - x0)) == (rise > 0))
         return np.asarray(right.sum(axis=1) % 2 == 1)
 
     @cached_property
-    def _edges(self) -> tuple[Array, Array]:
-        """Rows (x0, y0, y1) of the outline's edges, and their dx/dy, for `contains`."""
+    def _edges(self) -> tuple[Array, Array, Array]:
+        """Rows (x0, y0, y1) of the outline's edges, and their extents in x and y."""
         begin, end = self.polygon_m, np.roll(self.polygon_m, -1, axis=0)
-        rise = end[:, 1] - begin[:, 1]
-        level = rise == 0  # never crossed by a level ray
-        slope = (end[:, 0] - begin[:, 0]) / np.where(level, 1.0, rise)
-        return np.stack([begin[:, 0], begin[:, 1], end[:, 1]]), slope
+        run, rise = (end - begin).T
+        return np.stack([begin[:, 0], begin[:, 1], end[:, 1]]), run, rise
 
     def along(self, points_m: Array) -> Array:
         """Position along the direction of travel, m, shape (n,)."""
