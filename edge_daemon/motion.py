@@ -144,33 +144,34 @@ class Fit:
     def smooth(self, components: Components) -> Motion:
         """Posterior of the motion, given how strong acceleration and noise are."""
         variance = components.acceleration_variance
-        total = variance * self._moved @ self._to_along.T + components.noise_scale * self._noise
-        wanted = np.vstack(
-            [self._to_along, self._to_speed, np.eye(len(self.positions))]
-        )  # what of the accelerations makes along, speed and acceleration
+        noise = components.noise_scale * self._noise
+        total = variance * self._moved @ self._to_along.T + noise
+        n = len(self.positions)
+        # What of the accelerations makes position, speed and acceleration, and what of s₀ and v₀.
+        wanted = np.vstack([self._to_along, self._to_speed, np.eye(n)])
+        shape = np.zeros((3 * n, 2))
+        shape[:n] = self._design
+        shape[n : 2 * n, 1] = 1.0
         cross = variance * (wanted @ self._moved.T)
-        zero, one = np.zeros(len(self.positions)), np.ones(len(self.positions))
-        shape = np.vstack(
-            [self._design, np.column_stack([zero, one]), np.column_stack([zero, zero])]
-        )
         solved = np.linalg.solve(total, np.column_stack([self._target, self._design, cross.T]))
         precision = self._design.T @ solved[:, 1:3]
         start = np.linalg.solve(precision, self._design.T @ solved[:, 0])
         mean = cross @ (solved[:, 0] - solved[:, 1:3] @ start) + shape @ start
+        # Covariances of speed and of acceleration only.
+        wanted, cross, shape = wanted[n:], cross[n:], shape[n:]
         left = shape - cross @ solved[:, 1:3]
         covariance = (
             variance * (wanted @ self._correlation @ wanted.T)
-            - cross @ solved[:, 3:]
+            - cross @ solved[:, 3 + n :]
             + left @ np.linalg.solve(precision, left.T)
         )
-        n = len(self.positions)
         return Motion(
             self.positions.time_s,
             mean[:n] + self._middle,
             mean[n : 2 * n],
             mean[2 * n :],
-            covariance[n : 2 * n, n : 2 * n],
-            covariance[2 * n :, 2 * n :],
+            covariance[:n, :n],
+            covariance[n:, n:],
         )
 
 

@@ -23,6 +23,9 @@ from slipstream.config import Settings
 
 _GATE = 13.8  # 99.9 % of χ² with two degrees of freedom
 _FORBIDDEN = 1e6
+# In a jam the next vehicle is a few metres on: a track must not jump there, however unsure it is.
+_FARTHEST_JUMP_M = 3.0
+_YOUNG_HITS = 5
 # Two vehicles are never closer than this, along the view and across it, m.
 _BODY_M = (2.5, 1.2)
 _PLACED_M = 2.0
@@ -146,6 +149,7 @@ class Tracker:
         self._identities: list[_Identity] = []
         self._states: Array = np.zeros((0, 6))
         self._covariances: Array = np.zeros((0, 6, 6))
+        self._reach_m: Array = np.zeros(0)
         self._time_s: float | None = None
 
     @property
@@ -170,11 +174,15 @@ class Tracker:
         """
         # First, lest a pause of the source hand a lost track's identity to another vehicle.
         self._drop_lost(time_s)
-        if self._time_s is not None and len(self._states):
-            move, noise = _motion(max(time_s - self._time_s, 1e-4), self._settings.jerk_noise)
+        step_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 1e-4)
+        if step_s > 0 and len(self._states):
+            move, noise = _motion(step_s, self._settings.jerk_noise)
             self._states = self._states @ move.T
             self._covariances = move @ self._covariances @ move.T + noise
         self._time_s = time_s
+        # Of a vehicle just found the speed is unknown yet.
+        young = np.array([who.hits < _YOUNG_HITS for who in self._identities], dtype=np.float64)
+        self._reach_m = _FARTHEST_JUMP_M + young * self._settings.max_speed_mps * step_s
         tracks, detections = self._assign_in_two_stages(found)
         self._correct(tracks, found.points_m[detections], found.covariances_m2[detections])
         sightings = self._seen(tracks, detections, time_s, found)
@@ -207,6 +215,7 @@ class Tracker:
         ) / determinant
         # The log-determinant keeps a track that knows little from taking a sure one's detection.
         cost = np.where(distance > _GATE, _FORBIDDEN, distance + np.log(determinant))
+        cost[np.hypot(gap[..., 0], gap[..., 1]) > self._reach_m[tracks, None]] = _FORBIDDEN
         rows, columns = linear_sum_assignment(cost)
         allowed = cost[rows, columns] < _FORBIDDEN
         return tracks[rows[allowed]], detections[columns[allowed]]
