@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak train clean
+.PHONY: setup run test lint format soak bench-perception train train-venv clean
 
 setup: $(VENV)/.ready
 
@@ -36,10 +36,23 @@ format: setup
 soak: setup
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
 
+# Speed of the edge beside Ultralytics, two cameras live for MINUTES, memory for MEMORY_MINUTES; all
+# on an idle machine. PEER is a Python that has Ultralytics; without it its rows are left out.
+PEER ?= $(TRAIN)/bin/python
+MEMORY_MINUTES ?= 30
+bench-perception: MINUTES = 10
+bench-perception: setup
+	$(BIN)/python -m benchmarks.perception --minutes $(MINUTES) --memory-minutes $(MEMORY_MINUTES) --peer $(PEER)
+
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
-train: setup
-	test -x $(TRAIN)/bin/yolo || ($(PYTHON) -m venv $(TRAIN) && $(TRAIN)/bin/python -m pip install --quiet -e '.[train,sim]')
+train: train-venv
 	$(TRAIN)/bin/python -m simulation.training --out .slipstream/training
+
+train-venv: $(TRAIN)/bin/yolo
+
+$(TRAIN)/bin/yolo:
+	$(PYTHON) -m venv $(TRAIN)
+	$(TRAIN)/bin/python -m pip install --quiet -e '.[train,sim]'
 
 clean:
 	rm -rf $(VENV) $(TRAIN) .slipstream .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist *.egg-info
