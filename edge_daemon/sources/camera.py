@@ -15,7 +15,6 @@ from edge_daemon.sources.clock import StreamClock
 from edge_daemon.sources.diagnosis import diagnose
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
-from edge_daemon.sources.quiet import quieten
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -45,7 +44,6 @@ def open_camera(url: str, stall_s: float, size: tuple[int, int] | None = None) -
         size: (width, height) of the pictures that are wanted, px; others are counted and left
             out. None takes any.
     """
-    quieten()
     shown = without_password(url)
     limiter = LogLimiter()
 

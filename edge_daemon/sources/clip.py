@@ -15,7 +15,6 @@ import numpy as np
 from edge_daemon.frame import Frame, Image
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
-from edge_daemon.sources.quiet import quieten
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
 
@@ -146,7 +145,6 @@ def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) ->
     Raises:
         InputError: it is missing, no video, of another size, or its first frame is unreadable.
     """
-    quieten()
     if not path.is_file():
         raise InputError(path, "no such video", "check the path")
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
