@@ -52,8 +52,17 @@ class Feed:
             number += 1
 
 
+_encoded: dict[int, tuple[Picture, bytes]] = {}
+
+
 def jpeg(picture: Picture) -> bytes:
-    """A baseline JPEG with the standard tables."""
+    """A baseline JPEG with the standard tables; made once for each array."""
+    if id(picture) not in _encoded:
+        _encoded[id(picture)] = (picture, _encode(picture))
+    return _encoded[id(picture)][1]
+
+
+def _encode(picture: Picture) -> bytes:
     ok, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     assert ok
     return data.tobytes()

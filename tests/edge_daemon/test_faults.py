@@ -1,0 +1,330 @@
+"""The edge daemon through a camera's faults: what it says meanwhile, and how it comes back."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from edge_daemon import metrics
+from edge_daemon.camera import Camera, load_camera
+from edge_daemon.daemon import EdgeDaemon
+from edge_daemon.detection import Detections
+from edge_daemon.frame import Frame
+from edge_daemon.pipeline import Pipeline
+from edge_daemon.settings import EdgeSettings
+from edge_daemon.sources import FrameSource, SourceCounters
+from edge_daemon.sources.camera import open_camera
+from edge_daemon.sources.live import LiveSource
+from edge_daemon.watch import Watch, WatchSettings
+from slipstream.config import ServiceSettings
+from slipstream.messages import RsuHealth, SegmentState
+from slipstream.service import Service
+
+from .cameras import Feed, RtspServer
+
+Picture = npt.NDArray[np.uint8]
+
+WINDOW_S = 4.0
+FPS = 15
+QUICK = WatchSettings(
+    sample_s=0.1,
+    frozen_after_s=1.5,
+    exposure_after_s=0.3,
+    moved_after_s=1.5,
+    stale_after_s=1.0,
+    clear_after_s=0.5,
+)
+
+
+class Recorder:
+    """Stands in for the bus and keeps what is published."""
+
+    def __init__(self) -> None:
+        self.states: list[SegmentState] = []
+        self.health: list[RsuHealth] = []
+
+    def publisher(self, key: str, **_: object) -> Recorder:
+        """One for all keys."""
+        return self
+
+    def has_subscribers(self) -> bool:
+        """Nobody looks at previews."""
+        return False
+
+    def put(self, message: Any) -> None:
+        """Keep it."""
+        (self.states if isinstance(message, SegmentState) else self.health).append(message)
+
+    def until(self, condition: Callable[[], bool], seconds: float) -> None:
+        """Wait until the condition holds."""
+        deadline = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < deadline, self.health[-1:]
+            time.sleep(0.05)
+
+
+class Still:
+    """A detector that sees the same vehicles in every picture, or those told for it."""
+
+    requests = 1
+
+    def __init__(self, told: dict[int, Detections] | None = None) -> None:
+        self._told = told or {}
+
+    def detect(self, image: Picture) -> Detections:
+        """What was told for this picture."""
+        nothing = Detections(
+            np.zeros((0, 4), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int64)
+        )
+        return self._told.get(id(image), nothing)
+
+
+class Reel:
+    """A source that shows frames made before."""
+
+    def __init__(self, frames: list[Frame]) -> None:
+        self.counters = SourceCounters()
+        self._frames = frames
+
+    def frames(self) -> Iterator[Frame]:
+        """All of them."""
+        return iter(self._frames)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def a_daemon(
+    camera: Camera, source: FrameSource, detector: Still, pace: str
+) -> tuple[EdgeDaemon, Recorder, Service]:
+    """A daemon with short windows that tells its states four times a second."""
+    settings = EdgeSettings.model_validate(
+        {
+            "rsu": "r",
+            "camera": "camera.toml",
+            "source": {"clip": "clip.mp4", "pace": pace},
+            "window_s": WINDOW_S,
+            "every_s": 0.25,
+            "watch": QUICK,
+        }
+    )
+    recorder = Recorder()
+    service = Service("edge", ServiceSettings())
+    pipeline = Pipeline(
+        "r", camera, detector, settings.tracker, settings.stability, settings.window_s
+    )
+    watch = Watch(camera, settings.watch)
+    daemon = EdgeDaemon(
+        settings,
+        camera,
+        detector,
+        pipeline,
+        watch,
+        source,
+        recorder,  # type: ignore[arg-type]
+        service,
+    )
+    return daemon, recorder, service
+
+
+@pytest.fixture(scope="module")
+def calm(street_clips: dict[str, Path]) -> tuple[Camera, list[Picture], list[Detections]]:
+    """The calm clip's pictures with what a perfect detector sees in them."""
+    folder = street_clips["stable"]
+    boxes: dict[int, list[list[float]]] = {}
+    for line in (folder / "truth.csv").read_text().splitlines()[1:]:
+        cells = line.split(",")
+        if float(cells[12]) > 0.6:
+            boxes.setdefault(int(cells[0]), []).append([float(cell) for cell in cells[8:12]])
+    capture = cv2.VideoCapture(str(folder / "video.mp4"))
+    pictures = [np.asarray(capture.read()[1], dtype=np.uint8) for _ in range(14 * FPS)]
+    seen = []
+    for number in range(len(pictures)):
+        found = np.array(boxes.get(number, []), dtype=np.float32).reshape(-1, 4)
+        count = len(found)
+        seen.append(Detections(found, np.full(count, 0.9, np.float32), np.zeros(count, np.int64)))
+    return load_camera(folder / "camera.toml"), pictures, seen
+
+
+def turned(picture: Picture) -> Picture:
+    """Seen by a camera that was knocked 20 px aside."""
+    return np.ascontiguousarray(np.roll(picture, 20, axis=1))
+
+
+def torn(picture: Picture) -> Picture:
+    """Half of it lost."""
+    picture = picture.copy()
+    picture[360:] = 128
+    return picture
+
+
+BEGIN, END = 6 * FPS, 9 * FPS
+
+
+@pytest.mark.parametrize(
+    ("reason", "spoil"),
+    [
+        ("frozen", None),
+        ("dark", np.zeros_like),
+        ("corrupt", torn),
+        ("camera_moved", turned),
+    ],
+)
+def test_a_fault_closes_all_segments_and_a_window_later_they_are_back(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+    caplog: pytest.LogCaptureFixture,
+    reason: str,
+    spoil: Callable[[Picture], Picture] | None,
+) -> None:
+    """States, health, metrics and one log line at each end say why; then y_e is known again."""
+    camera, pictures, seen = calm
+    caplog.set_level(logging.WARNING)
+    shown, told = [], {}
+    for number in range(14 * FPS):
+        picture = pictures[number].copy()
+        if BEGIN <= number < END:
+            picture = pictures[BEGIN].copy() if spoil is None else spoil(picture)
+        time_s = number / FPS
+        shown.append(Frame(picture, time_s, round(1e18 + 1e9 * time_s), time_s))
+        told[id(picture)] = seen[number]
+    begun = metrics.FAULTS.labels(reason)._value.get()
+    daemon, recorder, _ = a_daemon(camera, Reel(shown), Still(told), "fast")
+    daemon.run()
+    at = np.array([state.time_ns / 1e9 - 1e9 for state in recorder.states[:-1]])
+    flags = [state.y_e for state in recorder.states[:-1]]
+    reasons = [state.reason for state in recorder.states[:-1]]
+    first = reasons.index(reason)
+    last = len(reasons) - 1 - reasons[::-1].index(reason)
+    assert flags[first - 1] == 1  # it had been known until then
+    assert BEGIN / FPS <= at[first] <= BEGIN / FPS + 2.5
+    assert END / FPS - 0.3 <= at[last] <= END / FPS + 2.0
+    assert set(reasons[first : last + 1]) == {reason}
+    assert {state.frames for state in recorder.states[first : last + 1]} == {0}
+    known_again = next(i for i in range(last, len(flags)) if flags[i] is not None)
+    assert 0.8 * WINDOW_S <= at[known_again] - at[last] <= WINDOW_S + 1.5
+    assert set(reasons[last + 1 : known_again]) <= {"window_not_covered", "too_few_vehicles"}
+    assert flags[known_again] == 1
+    assert {health.fault for health in recorder.health} == {None, reason}
+    assert recorder.health[-1].fault is None
+    assert metrics.FAULTS.labels(reason)._value.get() == begun + 1
+    assert metrics.FAULT.labels(reason)._value.get() == 0
+    lines = [r.getMessage() for r in caplog.records if reason in r.getMessage()]
+    assert ["has a fault" in line for line in lines] == [True, False]
+
+
+def test_a_clock_that_steps_empties_the_window(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+) -> None:
+    """The wall clock is set back by an hour: a declared reason, then known again."""
+    camera, pictures, seen = calm
+    shown, told = [], {}
+    for number, picture in enumerate(pictures):
+        time_s = number / FPS
+        wall_s = time_s - (3600 if number >= BEGIN else 0)
+        shown.append(Frame(picture, time_s, round(1e18 + 1e9 * wall_s), time_s))
+        told[id(picture)] = seen[number]
+    daemon, recorder, _ = a_daemon(camera, Reel(shown), Still(told), "fast")
+    daemon.run()
+    reasons = [state.reason for state in recorder.states]
+    first = reasons.index("clock_jump")
+    assert recorder.states[first - 1].y_e == 1
+    assert recorder.states[first].time_ns < recorder.states[0].time_ns
+    assert "window_not_covered" in reasons[first:]
+    assert recorder.states[-2].y_e == 1
+
+
+def test_pictures_of_another_size_are_corrupt_until_they_fit_again(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+) -> None:
+    """The source leaves them out and says so; the daemon gives the reason, not `stale`."""
+    camera, pictures, _ = calm
+
+    class Misfit(Reel):
+        def frames(self) -> Iterator[Frame | None]:  # type: ignore[override]
+            now = time.monotonic()
+            for number, picture in enumerate(pictures[:5]):
+                yield Frame(picture, number / FPS, time.time_ns(), now)
+            self.counters.misfit_s = time.monotonic()
+            yield None
+
+    daemon, recorder, _ = a_daemon(camera, Misfit([]), Still(), "real_time")
+    daemon.run()
+    assert "corrupt" in {health.fault for health in recorder.health}
+
+
+def test_a_live_camera_goes_through_every_fault_and_is_trusted_again(
+    calm: tuple[Camera, list[Picture], list[Detections]], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Over RTSP: freezes, goes black, stalls, is cut off, each told in time and left again."""
+    camera, pictures, _ = calm
+    caplog.set_level(logging.WARNING)
+    chosen = [pictures[n] for n in range(0, 40, 4)]
+    black = np.zeros_like(chosen[0])
+    feed = Feed(lambda number: chosen[number % len(chosen)], fps=10)
+    server = RtspServer(feed)
+    source = open_camera(server.url, 1.5, camera.size)
+    daemon, recorder, service = a_daemon(camera, source, Still(), "real_time")
+    running = threading.Thread(target=daemon.run)
+    running.start()
+
+    def fault() -> str | None:
+        return recorder.health[-1].fault if recorder.health else "none yet"
+
+    def flowing() -> bool:
+        return fault() is None and recorder.health[-1].status == "ok"
+
+    try:
+        recorder.until(flowing, 15)
+        feed.picture = lambda _: chosen[0]
+        recorder.until(lambda: fault() == "frozen", 10)
+        feed.picture = lambda _: black
+        recorder.until(lambda: fault() == "dark", 10)
+        feed.picture = lambda number: chosen[number % len(chosen)]
+        recorder.until(flowing, 10)
+        feed.stalled = True
+        recorder.until(lambda: fault() == "stale", 10)
+        feed.stalled = False
+        recorder.until(flowing, 10)
+        feed.off = True
+        recorder.until(lambda: fault() == "stale", 10)
+        feed.off = False
+        recorder.until(flowing, 15)
+    finally:
+        service.stopping.set()
+        running.join(10)
+        source.close()
+        server.close()
+    assert not running.is_alive()
+    told = [state for state in recorder.states if state.reason in {"frozen", "dark", "stale"}]
+    assert {state.y_e for state in told} == {None}
+    assert {"frozen", "dark", "stale"} <= {state.reason for state in told}
+
+
+def test_what_was_skipped_keeps_its_marks(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+) -> None:
+    """A jump of the clock is not lost with a frame that a newer one replaced."""
+    picture = calm[1][0]
+    offered = threading.Event()
+
+    def capture(offer: Callable[[Frame], None], *_: object) -> None:
+        frame = Frame(picture, 0.0, 0, 0.0)
+        offer(replace(frame, clock_jump=True, cut=True))
+        offer(frame)
+        offered.set()
+
+    source = LiveSource(capture, "test")  # type: ignore[arg-type]
+    assert offered.wait(5)
+    (frame,) = source.frames()
+    assert frame is not None
+    assert (frame.clock_jump, frame.cut) == (True, True)
