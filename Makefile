@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak bench-perception train train-venv clean
+.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy
 
 setup: $(VENV)/.ready
 
@@ -43,6 +43,10 @@ MEMORY_MINUTES ?= 30
 bench-perception: MINUTES = 10
 bench-perception: setup
 	$(BIN)/python -m benchmarks.perception --minutes $(MINUTES) --memory-minutes $(MEMORY_MINUTES) --peer $(PEER)
+
+# Speeds, accelerations, flags and identities against the truth of clips that training never saw.
+bench-accuracy: setup
+	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv

@@ -67,7 +67,8 @@ class VehicleMotion:
     def speed_std_mps(self) -> Array:
         """Standard error of the speed at each position, m/s, shape (n,)."""
         lasting = np.hypot(OWN_SPEED_STD, COMMON_SPEED_STD) * self.motion.speed_mps
-        return np.sqrt(np.maximum(np.diag(self.motion.speed_covariance), 0.0) + lasting**2)
+        variance = np.maximum(np.diag(self.motion.speed_covariance), 0.0)
+        return np.asarray(np.sqrt(variance + lasting**2))
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Track, write the states, print the summary."""
     from edge_daemon.camera import load_camera
-    from edge_daemon.evaluation import load_truth, score
+    from edge_daemon.evaluation import compare, load_truth, score
     from edge_daemon.offline import TrackSettings, frame_times_ms, track
     from slipstream.config import check
 
@@ -96,7 +96,8 @@ def run(options: argparse.Namespace) -> int:
         "rss_mb": round(result.rss_mb, 1),
     }
     if truth is not None:
-        summary |= asdict(score(result.recorder, truth, camera, settings.stability))
+        compared = compare(result.recorder, truth, camera, settings.stability)
+        summary |= asdict(score([compared]))
     print(json.dumps(summary) if options.json else _in_words(summary))
     return 0
 

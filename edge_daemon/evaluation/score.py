@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from edge_daemon.camera import Array, Camera, WatchedSegment
@@ -23,6 +24,7 @@ _LAG_S: Final = 1.0
 _SAME_OVERLAP: Final = 0.5
 _LEAST_VISIBLE: Final = 0.4
 _MANY_VEHICLES: Final = 8
+_IDS_A_CLIP: Final = 10_000_000
 _FEATURES: Final = (
     "mean_speed_mps",
     "mean_acceleration_mps2",
@@ -114,11 +116,38 @@ class Scores:
     features: dict[str, FeatureScore]
 
 
-def score(recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySettings) -> Scores:
-    """Compare a recording with the truth of the same clip."""
+@dataclass(frozen=True)
+class Comparison:
+    """One clip's recording laid against its truth.
+
+    Attributes:
+        frames: who is where, frame by frame.
+        speed_errors_mps: estimate less truth, shape (n,).
+        speed_covered: whether the truth lies within ± 1.96 standard errors, shape (n,).
+        windows: states of covered windows with what was true in them.
+    """
+
+    frames: list[FrameIdentities]
+    speed_errors_mps: Array
+    speed_covered: npt.NDArray[np.bool_]
+    windows: list[tuple[SegmentState, TrueWindow]]
+
+
+def compare(
+    recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySettings
+) -> Comparison:
+    """Lay a recording against the truth of the same clip."""
     frames, owners = _match(recorder, truth, camera)
     errors, covered = _speed_errors(recorder, truth, owners)
-    windows = _windows(recorder, truth, camera, rule)
+    return Comparison(frames, errors, covered, _windows(recorder, truth, camera, rule))
+
+
+def score(comparisons: Sequence[Comparison]) -> Scores:
+    """The figures over all speeds, windows and frames of one or more clips."""
+    errors = np.concatenate([np.zeros(0), *(c.speed_errors_mps for c in comparisons)])
+    covered = np.concatenate([np.zeros(0, np.bool_), *(c.speed_covered for c in comparisons)])
+    windows = [window for c in comparisons for window in c.windows]
+    frames = _told_apart([c.frames for c in comparisons])
     many = [
         abs(s.features.acceleration_variance_m2ps4.value - t.acceleration_variance_m2ps4)
         for s, t in windows
@@ -148,7 +177,16 @@ def score(recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySetti
     )
 
 
-def _mean(values: Array | Sequence[float]) -> float | None:
+def _told_apart(clips: Sequence[list[FrameIdentities]]) -> list[FrameIdentities]:
+    """Frames of several clips, with identities that are nobody's twice."""
+    return [
+        FrameIdentities(f.true + k * _IDS_A_CLIP, f.found + k * _IDS_A_CLIP, f.overlap)
+        for k, frames in enumerate(clips)
+        for f in frames
+    ]
+
+
+def _mean(values: Array | npt.NDArray[np.bool_] | Sequence[float]) -> float | None:
     return float(np.mean(values)) if len(values) else None
 
 
@@ -181,7 +219,7 @@ def _match(
     return frames, owners
 
 
-def _in_segments(points_m: Array, camera: Camera) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _in_segments(points_m: Array, camera: Camera) -> npt.NDArray[np.bool_]:
     inside = np.zeros(len(points_m), dtype=np.bool_)
     for segment in camera.segments:
         inside |= segment.contains(points_m)
@@ -190,7 +228,7 @@ def _in_segments(points_m: Array, camera: Camera) -> np.ndarray[tuple[int], np.d
 
 def _speed_errors(
     recorder: Recorder, truth: Truth, owners: dict[tuple[int, int], int]
-) -> tuple[Array, list[bool]]:
+) -> tuple[Array, npt.NDArray[np.bool_]]:
     times = np.array(recorder.frame_times_s)
     motions = {
         int(vehicle): truth.take(np.flatnonzero(truth.vehicle == vehicle))
@@ -205,7 +243,7 @@ def _speed_errors(
         error = speed - float(np.interp(time_s, motion.time_s, motion.speed_mps))
         errors.append(error)
         covered.append(abs(error) <= 1.96 * deviation)
-    return np.array(errors), covered
+    return np.array(errors), np.array(covered, dtype=np.bool_)
 
 
 def _windows(

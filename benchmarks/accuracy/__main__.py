@@ -1,0 +1,58 @@
+"""`make bench-accuracy`: render the clips, follow each, print how true the perception is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from benchmarks.accuracy.clips import CLIPS, make
+from benchmarks.accuracy.report import Row, features, misses, table
+from edge_daemon.camera import load_camera
+from edge_daemon.evaluation import Comparison, compare, load_truth, score
+from edge_daemon.offline import TrackSettings, track
+from slipstream_cli.progress import Progress
+
+
+def main() -> int:
+    """Run the benchmark; 1 if a target is missed."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
+    parser.add_argument("--folder", type=Path, default=Path(".slipstream/accuracy"))
+    parser.add_argument("--only", default="", help="clips whose name contains this")
+    parser.add_argument("--json", type=Path, help="also write all figures into a file")
+    options = parser.parse_args()
+    chosen = [clip for clip in CLIPS if options.only in clip.name]
+    if not chosen:
+        parser.error(f"no clip's name contains {options.only!r}")
+    settings = TrackSettings()
+    compared: list[tuple[str, str, Comparison]] = []
+    with Progress("clips", sys.stderr) as progress:
+        for done, (clip, folder) in enumerate(make(options.folder, chosen), start=1):
+            camera = load_camera(folder / "camera.toml")
+            run = track(folder / "video.mp4", camera, settings)
+            truth = load_truth(folder / "truth.csv")
+            comparison = compare(run.recorder, truth, camera, settings.stability)
+            compared.append((clip.name, clip.world, comparison))
+            progress.update(done, len(chosen))
+    rows = [Row(name, score([comparison])) for name, _, comparison in compared]
+    totals = [
+        Row(world, score([c for _, of, c in compared if of == world]))
+        for world in dict.fromkeys(world for _, world, _ in compared)
+    ]
+    total = Row("all", score([comparison for _, _, comparison in compared]))
+    print(table(rows, [*totals, total]))
+    print()
+    print(features(total.scores))
+    if options.json:
+        figures = {row.name: asdict(row.scores) for row in (*rows, *totals, total)}
+        options.json.write_text(json.dumps(figures, indent=1) + "\n")
+    missed = misses(total.scores)
+    for miss in missed:
+        print(f"missed: {miss}")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

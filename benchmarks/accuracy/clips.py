@@ -1,0 +1,76 @@
+"""The clips: seeds and cameras that the detector's training has never seen."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+SECONDS: Final = 30
+FPS: Final = 30
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One clip: its world, what goes on in it, and the seed of traffic, light and camera."""
+
+    world: str
+    traffic: str
+    seed: int
+    rsu: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+        return "-".join(filter(None, (self.world, self.traffic, self.rsu, str(self.seed))))
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of `slipstream clip`."""
+        options = {"--seconds": SECONDS, "--fps": FPS, "--seed": self.seed}
+        if self.world == "sumo":
+            options |= {"--routes": self.traffic, "--rsu": self.rsu}  # type: ignore[dict-item]
+        else:
+            options |= {"--scenario": self.traffic}  # type: ignore[dict-item]
+        return [self.world, *(str(word) for option in options.items() for word in option)]
+
+
+# StreetDrive's seeds are those from 1000 up whose camera has both its height and its focal length
+# in the bins that the training set leaves out (simulation/training/scenes.py).
+CLIPS: Final = (
+    Clip("streetdrive", "mixed", 1022),
+    Clip("streetdrive", "stable", 1031),
+    Clip("streetdrive", "turbulent", 1033),
+    Clip("streetdrive", "stable", 1044),
+    Clip("streetdrive", "mixed", 1075),
+    Clip("streetdrive", "turbulent", 1106),
+    Clip("streetdrive", "stable", 1245),
+    Clip("streetdrive", "turbulent", 1250),
+    Clip("streetdrive", "paper", 1253),
+    Clip("streetdrive", "stable", 1279),
+    Clip("streetdrive", "turbulent", 1281),
+    Clip("streetdrive", "mixed", 1282),
+    Clip("sumo", "calm", 101, "approach"),
+    Clip("sumo", "calm", 102, "departure"),
+    Clip("sumo", "calm", 103, "opposite"),
+    Clip("sumo", "calm", 104, "bend"),
+    Clip("sumo", "mixed", 301, "approach"),
+    Clip("sumo", "mixed", 302, "opposite"),
+    Clip("sumo", "rough", 201, "departure"),
+    Clip("sumo", "rough", 202, "crossing"),
+    Clip("sumo", "rough", 203, "approach"),
+    Clip("sumo", "rough", 204, "bend"),
+)
+
+
+def make(folder: Path, clips: Sequence[Clip]) -> Iterator[tuple[Clip, Path]]:
+    """Render what is not there yet, and hand on each clip with its folder."""
+    for clip in clips:
+        target = folder / clip.name
+        if not (target / "camera.toml").is_file():
+            command = [sys.executable, "-m", "slipstream_cli", "clip", *clip.arguments]
+            subprocess.run([*command, "--out", str(target)], check=True, stdout=subprocess.DEVNULL)
+        yield clip, target
