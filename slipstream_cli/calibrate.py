@@ -122,9 +122,10 @@ def _report(calibration: Calibration, out: Path) -> str:
     lines = [f"{out}: {calibration.used.sum()} points, reprojection error {rms:.2f} px"]
     if calibration.pose is not None:
         pose = calibration.pose
+        x, y = (round(float(c), 1) + 0.0 for c in pose.foot_m)  # no "-0.0"
         lines.append(
-            f"  camera {pose.height_m:.1f} m above the road at "
-            f"({pose.foot_m[0]:.1f}, {pose.foot_m[1]:.1f}), focal length {pose.focal_px:.0f} px"
+            f"  camera {pose.height_m:.1f} m above the road at ({x:.1f}, {y:.1f}), "
+            f"focal length {pose.focal_px:.0f} px"
         )
     lines += [
         f"  {end.segment}, {end.end} end: 1 px is {end.metres_per_px:.2f} m, reprojection error "

@@ -1,0 +1,80 @@
+"""The annotated picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge_daemon.camera import Camera
+from edge_daemon.drawing import Labels
+from edge_daemon.frame import Image
+from edge_daemon.preview import annotate
+from edge_daemon.tracking import Track
+from slipstream.messages import SegmentState
+
+from .conftest import project
+
+STATE = SegmentState(
+    rsu="r",
+    segment="approach",
+    sequence=0,
+    time_ns=0,
+    window_s=10.0,
+    features=None,
+    y_e=None,
+    reason="too_few_vehicles",
+    vehicles=0,
+    frames=0,
+    coverage=0.0,
+)
+
+
+@pytest.fixture
+def picture() -> Image:
+    """A grey one of the camera's size."""
+    return np.full((720, 1280, 3), 90, dtype=np.uint8)
+
+
+def track(number: int, box: tuple[float, float, float, float], last_seen_s: float) -> Track:
+    """A vehicle at 10 m/s."""
+    state = np.array([40.0, 3.0, -10.0, 0.0, 0.0, 0.0])
+    return Track(number, state, last_seen_s, np.array(box, dtype=np.float32), 0)
+
+
+@pytest.mark.parametrize("width", [1280, 640, 321])
+def test_the_picture_has_the_width_asked_for(camera: Camera, picture: Image, width: int) -> None:
+    """The height follows, and the frame itself is left as it was."""
+    shown = annotate(picture, camera, [], {"approach": STATE}, 0.0, width)
+    assert shown.shape == (round(720 * width / 1280), width, 3)
+    assert shown.dtype == np.uint8
+    assert (picture == 90).all()
+
+
+def test_segments_and_vehicles_are_drawn_where_they_are(camera: Camera, picture: Image) -> None:
+    """The segment is tinted, a box seen now outlined and labelled, one that coasts is not."""
+    seen, lost = (900.0, 300.0, 1000.0, 380.0), (100.0, 300.0, 200.0, 380.0)
+    shown = annotate(
+        picture, camera, [track(1, seen, 5.0), track(2, lost, 4.0)], {"approach": STATE}, 5.0, 1280
+    )
+    u, v = project([[40.0, 3.0]])[0].round().astype(int)
+    assert (shown[v, u] != 90).any()
+    assert (shown[340, 900] > 200).all()
+    assert (shown[285:298, 900:960] != 90).any()
+    assert (shown[280:400, 90:210] == 90).all()
+
+
+def test_labels_keep_out_of_each_others_way(picture: Image) -> None:
+    """The second of two at one place takes its next place, the third has none."""
+    labels = Labels(picture)
+    places = [(100.0, 100.0), (100.0, 160.0)]
+    assert [labels.put("#1 50 km/h", places, 1.0) for _ in range(3)] == [True, True, False]
+    labels.draw()
+    assert (picture[80:100, 100:200] != 90).any()
+    assert (picture[140:160, 100:200] != 90).any()
+
+
+def test_labels_stay_in_the_picture(picture: Image) -> None:
+    """One that would hang over the right edge moves in; one above the top is left out."""
+    labels = Labels(picture)
+    assert labels.put("beyond the edge", [(1270.0, 100.0)], 1.0)
+    assert not labels.put("too high", [(100.0, 5.0)], 1.0)
