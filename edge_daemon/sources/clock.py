@@ -7,17 +7,18 @@ third of the way between two of them, and show up as acceleration that nobody dr
 from __future__ import annotations
 
 from collections import deque
-from statistics import median
+from statistics import fmean, median
 
 _SLACK_S = 0.5
 _SLACK_RATE = 0.02
 _LATE_S = 2.0
 _LEAP_S = 1.0
 _MOST_MISFITS = 3
-_REMEMBERED = 31
-_FEWEST = 10
-_GATE = 0.35
+_LEARNED = 30
+_MOST_MISSES = 10
+_GATE = 0.45
 _GAIN = 0.1
+_RATE_GAIN = 0.003
 _TICK_S = 1e-3
 
 
@@ -36,7 +37,9 @@ class StreamClock:
         self._anchor: tuple[float, float] | None = None
         self._misfits = 0
         self._late_since_s: float | None = None
-        self._steps: deque[float] = deque(maxlen=_REMEMBERED)
+        self._interval_s: float | None = None
+        self._misses = 0
+        self._steps: deque[float] = deque(maxlen=_LEARNED)
 
     def tell(self, arrival_s: float, stream_s: float | None) -> tuple[float, bool]:
         """The media time of the picture that has just come.
@@ -90,11 +93,25 @@ class StreamClock:
 
     def _by_arrival(self, arrival_s: float) -> float:
         """Near the usual interval, follow the interval; else (a hole, a burst) the arrival."""
-        if len(self._steps) < _FEWEST:
+        if self._interval_s is None:
+            self._interval_s = self._usual_interval_s()
+        if self._interval_s is None:
             return arrival_s
-        interval_s = median(self._steps)
-        expected_s = self._last_s + interval_s
+        expected_s = self._last_s + self._interval_s
         error_s = arrival_s - expected_s
-        if abs(error_s) < _GATE * interval_s:
+        if abs(error_s) < _GATE * self._interval_s:
+            self._misses = 0
+            self._interval_s += _RATE_GAIN * error_s
             return expected_s + _GAIN * error_s
+        self._misses += 1
+        if self._misses >= _MOST_MISSES:
+            # The camera has another rate now.
+            self._misses, self._interval_s = 0, None
+            self._steps.clear()
         return arrival_s
+
+    def _usual_interval_s(self) -> float | None:
+        """Mean time between the last pictures, s; None where holes make it none."""
+        if len(self._steps) < _LEARNED or max(self._steps) > 2 * median(self._steps):
+            return None
+        return fmean(self._steps)

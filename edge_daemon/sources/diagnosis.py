@@ -18,8 +18,8 @@ def diagnose(url: str, timeout_s: float) -> str:
         url: HTTP or RTSP address, with user and password if it needs them.
         timeout_s: for connecting, and for the answer.
     """
-    parts = urlsplit(url)
     try:
+        parts = urlsplit(url)
         port = parts.port or _PORTS[parts.scheme]
         host = parts.hostname or ""
         with socket.create_connection((host, port), timeout_s) as plain:
