@@ -17,7 +17,7 @@ from slipstream.messages import SegmentState
 _BGR: Final[dict[int | None, Colour]] = {
     1: (115, 158, 0),
     0: (0, 94, 213),
-    None: (130, 130, 130),
+    None: (170, 170, 170),
 }
 _WORD: Final = {1: "stable", 0: "turbulent", None: "unknown"}
 _MPS_TO_KMH: Final = 3.6
@@ -37,8 +37,8 @@ def annotate(
 ) -> Image:
     """Draw what the pipeline knows at a media time over a copy of the picture, ``width`` px wide.
 
-    Boxes of vehicles seen just now, each with its number and its speed where there is room: nearer
-    ones first.
+    Boxes of vehicles seen just now, each with its number where there is room, nearer ones first;
+    speeds are shown in the segments, as nobody vouches for the calibration elsewhere.
     """
     zoom = width / image.shape[1]
     height = round(image.shape[0] * zoom)
@@ -70,15 +70,26 @@ def annotate(
     for x1, y1, x2, y2 in boxes:
         cv2.rectangle(picture, (x1, y1), (x2, y2), WHITE, stroke, cv2.LINE_AA)
     scale = max(_SMALLEST_FONT, height / 1400)
-    for track, (x1, y1, x2, y2) in zip(shown, boxes, strict=True):
+    watched = _watched(camera, shown)
+    for track, inside, (x1, y1, x2, y2) in zip(shown, watched, boxes, strict=True):
         if y2 - y1 >= _LABELLED_OF_FONT * scale:
+            speed = f" {_MPS_TO_KMH * track.speed_mps:.0f} km/h" if inside else ""
             labels.put(
-                f"#{track.id} {_MPS_TO_KMH * track.speed_mps:.0f} km/h",
+                f"#{track.id}{speed}",
                 [(x1, y1 - 12 * scale), (x1, y2 + 32 * scale), (x2, y1), (x2, y2)],
                 scale,
             )
     labels.draw()
     return picture
+
+
+def _watched(camera: Camera, tracks: Sequence[Track]) -> list[bool]:
+    """Which vehicles are in a segment."""
+    if not tracks:
+        return []
+    places = np.stack([track.state[:2] for track in tracks])
+    inside = np.any([s.contains(places) for s in camera.segments], axis=0)
+    return [bool(one) for one in inside]
 
 
 def _verdict(state: SegmentState | None) -> str:

@@ -35,9 +35,11 @@ def picture() -> Image:
     return np.full((720, 1280, 3), 90, dtype=np.uint8)
 
 
-def track(number: int, box: tuple[float, float, float, float], last_seen_s: float) -> Track:
+def track(
+    number: int, box: tuple[float, float, float, float], last_seen_s: float, y_m: float = 3.0
+) -> Track:
     """A vehicle at 10 m/s."""
-    state = np.array([40.0, 3.0, -10.0, 0.0, 0.0, 0.0])
+    state = np.array([40.0, y_m, -10.0, 0.0, 0.0, 0.0])
     return Track(number, state, last_seen_s, np.array(box, dtype=np.float32), 0)
 
 
@@ -61,6 +63,16 @@ def test_segments_and_vehicles_are_drawn_where_they_are(camera: Camera, picture:
     assert (shown[340, 900] > 200).all()
     assert (shown[285:298, 900:960] != 90).any()
     assert (shown[280:400, 90:210] == 90).all()
+
+
+def test_speeds_are_shown_in_the_segments_only(camera: Camera, picture: Image) -> None:
+    """Beside them the label is the number alone, and so a shorter one."""
+    box = (900.0, 300.0, 1000.0, 380.0)
+    inside, beside = (
+        annotate(picture, camera, [track(1, box, 5.0, y_m)], {}, 5.0, 1280) for y_m in (3.0, -3.0)
+    )
+    changed = [(shown[270:298, 880:] != 90).any(axis=(0, 2)).sum() for shown in (inside, beside)]
+    assert changed[0] > 2 * changed[1] > 0
 
 
 def test_labels_keep_out_of_each_others_way(picture: Image) -> None:
