@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from edge_daemon.camera import Array, WatchedSegment
+from edge_daemon.course import Course, learn_course
 from edge_daemon.motion import Fit, Motion, condense, estimate_components
 from edge_daemon.pose import CameraPose
 from edge_daemon.tracking import Sightings
@@ -143,16 +144,18 @@ def features_of(
 def _motions(
     sightings: Sightings, segment: WatchedSegment, pose: CameraPose | None, begin_s: float
 ) -> list[VehicleMotion]:
-    paths = [
-        path for seen in _by_vehicle(sightings, segment, pose) if (path := _path(seen, segment))
-    ]
+    parts = _by_vehicle(sightings, segment, pose)
+    left = np.array([-segment.direction[1], segment.direction[0]])
+    course = learn_course([(segment.along(part.point_m), part.point_m @ left) for part in parts])
+    paths = [path for part in parts if (path := _path(part, segment, course))]
     if not paths:
         return []
     components = estimate_components([path.fit for path in paths])
+    low, high = (float(end) for end in course.arc(_ends(segment)))
     vehicles = []
     for path in paths:
         motion = path.fit.smooth(components)
-        weight = _weights(motion, path, segment, begin_s)
+        weight = _weights(motion, path, low, high, begin_s)
         if weight.sum() > 0:
             vehicles.append(VehicleMotion(path.track, motion, weight, path.lane, path.length_m))
     return vehicles
@@ -179,6 +182,11 @@ def _by_vehicle(
         replace(part, point_m=part.point_m + offset)
         for part, offset in zip(parts, _to_middle(parts, segment, pose), strict=True)
     ]
+
+
+def _ends(segment: WatchedSegment) -> Array:
+    """Where the segment begins and ends along its direction, m, shape (2,)."""
+    return np.array([segment.begin_m, segment.begin_m + segment.length_m])
 
 
 def _half_length(seen: Sightings) -> Array:
@@ -227,11 +235,11 @@ class _Path:
     length_m: float
 
 
-def _path(seen: Sightings, segment: WatchedSegment) -> _Path | None:
+def _path(seen: Sightings, segment: WatchedSegment, course: Course) -> _Path | None:
     """The vehicle's positions along the segment; None if it is not one of this segment."""
     along = segment.along(seen.point_m)
-    low, high = segment.begin_m - MARGIN_M, segment.begin_m + segment.length_m + MARGIN_M
-    near = np.flatnonzero((along >= low) & (along <= high))
+    low, high = _ends(segment)
+    near = np.flatnonzero((along >= low - MARGIN_M) & (along <= high + MARGIN_M))
     inside = segment.contains(seen.point_m)
     if len(near) < MIN_SIGHTINGS or inside.sum() < 2:
         return None
@@ -243,7 +251,7 @@ def _path(seen: Sightings, segment: WatchedSegment) -> _Path | None:
     variance = np.einsum(
         "i,nij,j->n", segment.direction, seen.covariance_m2[near], segment.direction
     )
-    positions = condense(times, along, variance)
+    positions = condense(times, course.arc(along), variance)
     if len(positions) < 3:
         return None
     return _Path(
@@ -256,7 +264,7 @@ def _path(seen: Sightings, segment: WatchedSegment) -> _Path | None:
     )
 
 
-def _weights(motion: Motion, path: _Path, segment: WatchedSegment, begin_s: float) -> Array:
+def _weights(motion: Motion, path: _Path, low: float, high: float, begin_s: float) -> Array:
     """Time that each condensed position stands for, as far as it lies in segment and window."""
     time = motion.time_s
     middles = (time[1:] + time[:-1]) / 2
@@ -266,7 +274,6 @@ def _weights(motion: Motion, path: _Path, segment: WatchedSegment, begin_s: floa
     along[0] += (borders[0] - time[0]) * motion.speed_mps[0]
     along[-1] += (borders[-1] - time[-1]) * motion.speed_mps[-1]
     # Share of each interval in the segment and the window, motion within it taken as even.
-    low, high = segment.begin_m, segment.begin_m + segment.length_m
     moved = np.maximum(along[1:] - along[:-1], 1e-6)
     in_segment = (np.clip(along[1:], low, high) - np.clip(along[:-1], low, high)) / moved
     standing = along[1:] - along[:-1] < 1e-3

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from edge_daemon.camera import Camera
 from edge_daemon.kinematics import NOMINAL_LENGTH_M, WindowFeatures, features_of
 from edge_daemon.motion import NOISE_CORRELATION_S, SLOW_SHARE
+from edge_daemon.segment import WatchedSegment
 from edge_daemon.tracking import Sightings
 
 FPS = 30
@@ -146,3 +149,33 @@ def test_a_vehicle_in_parts_of_the_segment_counts_for_its_time_there(camera: Cam
     measured = measure(observe([(steady(0.5, 15.0), 1.7)], 0.05), camera)
     assert measured is not None
     assert float(measured.vehicles[0].weight_s.sum()) == pytest.approx(4.0, abs=0.05)
+
+
+def test_speeds_are_those_along_a_road_that_bends(camera: Camera) -> None:
+    """On a curve of 120 m radius the way along the segment's direction is up to 6 % short."""
+    radius, speed = 120.0, 15.0
+    parts = []
+    for track, start_s in enumerate(np.arange(-2.0, 7.0, 1.2), start=1):
+        angle = speed * (np.arange(0, 10, 1 / FPS) - start_s) / radius - 0.35
+        parts.append(
+            replace(
+                observe([(steady(0.0, 1.0), 1.7)], 0.05, track),
+                track=np.full(len(angle), track),
+                point_m=np.column_stack(
+                    [50.0 - radius * np.sin(angle), 3.5 + 3.0 - radius * (1 - np.cos(angle))]
+                ),
+            )
+        )
+    measured = measure(Sightings.join(parts), wide(camera))
+    assert measured is not None
+    assert measured.features.mean_speed_mps.value == pytest.approx(speed, abs=0.12)
+    assert measured.features.speed_std_mps.value < 0.3
+
+
+def wide(camera: Camera) -> Camera:
+    """The same camera over a segment wide enough for the curve."""
+    outline = np.array([[20.0, -30.0], [80.0, -30.0], [80.0, 30.0], [20.0, 30.0]])
+    segment = WatchedSegment("bend", outline, np.array([-1.0, 0.0]), 60.0, 1, 60.0)
+    bent = copy(camera)
+    bent.segments = (segment,)
+    return bent

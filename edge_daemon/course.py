@@ -1,0 +1,76 @@
+"""The course of a road, learned from the vehicles on it.
+
+A segment has one direction of travel. Where the road bends, or the direction was drawn a few
+degrees off, distances along that direction are shorter than those driven: speeds would come out
+low by the cosine. Vehicles follow the road, so their paths tell how it runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from edge_daemon.camera import Array
+
+_LEAST_SPREAD_M: Final = 5.0
+_STEEPEST: Final = 1.0
+
+
+@dataclass(frozen=True)
+class Course:
+    """A road whose sideways slope against the segment's direction changes evenly along it.
+
+    Attributes:
+        middle_m: position along the direction at which distances agree.
+        slope: sideways metres a metre at the middle.
+        bend_per_m: change of the slope, 1/m.
+    """
+
+    middle_m: float = 0.0
+    slope: float = 0.0
+    bend_per_m: float = 0.0
+
+    def arc(self, along_m: Array) -> Array:
+        """Distance driven, m, at positions along the direction: ∫ √(1 + slope²)."""
+        off = np.asarray(along_m, dtype=np.float64) - self.middle_m
+        if abs(self.bend_per_m) < 1e-7:
+            return np.asarray(self.middle_m + np.sqrt(1 + self.slope**2) * off)
+        begin = _primitive(np.float64(self.slope))
+        end = _primitive(self.slope + self.bend_per_m * off)
+        return np.asarray(self.middle_m + (end - begin) / self.bend_per_m)
+
+
+def learn_course(paths: Sequence[tuple[Array, Array]]) -> Course:
+    """The course that vehicles took.
+
+    Args:
+        paths: of each vehicle, positions along and across the segment's direction, m, both (n,).
+
+    Returns:
+        Least squares over all vehicles, each with a lane of its own; straight on where they have
+        moved too little to tell.
+    """
+    if not paths:
+        return Course()
+    middle = float(np.mean(np.concatenate([along for along, _ in paths])))
+    design, target = [], []
+    for along, across in paths:
+        off = along - middle
+        columns = np.column_stack([off, off**2 / 2])
+        design.append(columns - columns.mean(axis=0))
+        target.append(across - across.mean())
+    matrix = np.concatenate(design)
+    if np.sqrt(np.mean(matrix[:, 0] ** 2)) < _LEAST_SPREAD_M:
+        return Course(middle)
+    slope, bend = np.linalg.lstsq(matrix, np.concatenate(target), rcond=None)[0]
+    reach = float(np.abs(matrix[:, 0]).max())
+    if abs(slope) + abs(bend) * reach > _STEEPEST:
+        return Course(middle)  # no road: another street is in the view, or tracks are mixed up
+    return Course(middle, float(slope), float(bend))
+
+
+def _primitive(slope: Array | np.float64) -> Array:
+    return np.asarray((slope * np.sqrt(1 + slope**2) + np.arcsinh(slope)) / 2)
