@@ -162,6 +162,8 @@ def _rsus(
         if age_s > FORGET_AFTER_S:
             continue
         status, level = _STATUS[health.status]
+        if health.fault is not None:
+            status, level = words.camera_fault(health.fault), "bad"
         fault = freshness.fault(health.time_ns, now_ns, stale_after_s=stale_after_s)
         fresh = fault is None
         if not fresh:

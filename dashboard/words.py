@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
+from slipstream.messages import CameraFault
+
 Traffic = Literal["stable", "turbulent", "unknown"]
 Level = Literal["ok", "warn", "bad"]
 Rgb = tuple[int, int, int]
@@ -29,12 +31,30 @@ VEHICLE_RGB: Final[tuple[Rgb, ...]] = (
     (110, 60, 30),
 )
 
+_FAULTS: Final[dict[CameraFault, str]] = {
+    "stale": "no picture",
+    "dark": "picture black",
+    "bright": "picture white",
+    "obscured": "lens covered or out of focus",
+    "frozen": "picture frozen",
+    "corrupt": "pictures damaged",
+    "camera_moved": "camera moved",
+    "clock_jump": "clock jumped",
+}
+
 _REASONS: Final[dict[str, str]] = {
     "no_frames": "no picture from the camera",
     "too_few_vehicles": "too few vehicles to tell",
     "window_not_covered": "camera not watching long enough yet",
     "uncertain": "too uncertain to tell",
     "stale": "no fresh data",
+    "dark": "the camera's picture is black",
+    "bright": "the camera's picture is white",
+    "obscured": "the camera's lens is covered or out of focus",
+    "frozen": "the camera's picture is frozen",
+    "corrupt": "the camera's pictures are damaged",
+    "camera_moved": "the camera has moved",
+    "clock_jump": "a clock has jumped",
     "future": "the camera's clock is ahead",
     "missing": "no data",
     "turbulent": "turbulent traffic",
@@ -52,6 +72,11 @@ def reason(code: str | None) -> str:
         return ""
     code = code.removeprefix("unknown: ")
     return _REASONS.get(code, code.replace("_", " "))
+
+
+def camera_fault(code: CameraFault) -> str:
+    """A camera's fault in a word or two."""
+    return _FAULTS[code]
 
 
 def why_closed(flag: Literal[0, 1] | None, code: str | None) -> str:

@@ -112,12 +112,13 @@ class _Camera:
                 continue
             if not self._fits(np.asarray(image, dtype=np.uint8)):
                 continue
-            self._media_s, jumped = clock.tell(now - self._began_s, stamp_s)
-            cut = cut or jumped or (self._seen and since is not None and since > _HOLE_S)
+            time_s, anew, jumped = clock.tell(now - self._began_s, stamp_s)
+            self._media_s = time_s
+            cut = cut or anew or (self._seen and since is not None and since > _HOLE_S)
             offer(
                 Frame(
                     np.asarray(image, dtype=np.uint8),
-                    self._media_s,
+                    time_s,
                     time.time_ns(),
                     now,
                     cut,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from statistics import fmean, median
+from typing import NamedTuple
 
 _SLACK_S = 0.5
 _SLACK_RATE = 0.02
@@ -20,6 +21,20 @@ _GATE = 0.45
 _GAIN = 0.1
 _RATE_GAIN = 0.003
 _TICK_S = 1e-3
+
+
+class MediaTime(NamedTuple):
+    """When a picture was taken.
+
+    Attributes:
+        time_s: media time.
+        cut: True if the time line begins anew with it: times before are not comparable.
+        jumped: True if that is because the stream's clock ran back or leapt.
+    """
+
+    time_s: float
+    cut: bool
+    jumped: bool
 
 
 class StreamClock:
@@ -41,16 +56,14 @@ class StreamClock:
         self._misses = 0
         self._steps: deque[float] = deque(maxlen=_LEARNED)
 
-    def tell(self, arrival_s: float, stream_s: float | None) -> tuple[float, bool]:
+    def tell(self, arrival_s: float, stream_s: float | None) -> MediaTime:
         """The media time of the picture that has just come.
 
         Args:
             arrival_s: when it came, on the time line that media times shall follow.
             stream_s: its time stamp in the stream; None where it has none.
-
-        Returns:
-            Media time in s, and whether the stream's clock ran back or leapt.
         """
+        misfits = self._misfits
         jumped = self._jumped(arrival_s, stream_s)
         if stream_s is not None and not jumped and self._misfits < _MOST_MISFITS:
             time_s = self._by_stream(arrival_s, stream_s)
@@ -61,7 +74,7 @@ class StreamClock:
             self._steps.append(arrival_s - self._arrival_s)
         self._arrival_s, self._stream_s = arrival_s, stream_s
         self._last_s = max(time_s, self._last_s + _TICK_S)
-        return self._last_s, jumped
+        return MediaTime(self._last_s, jumped or self._misfits > misfits, jumped)
 
     def _jumped(self, arrival_s: float, stream_s: float | None) -> bool:
         if stream_s is None or self._stream_s is None or self._arrival_s is None:

@@ -8,6 +8,7 @@ from dashboard import words
 from dashboard.live import Snapshot
 from dashboard.view_model import FORGET_AFTER_S, build_view, planned_position
 from dashboard.views import DashboardView
+from slipstream.messages import CAMERA_FAULTS
 
 S = 1_000_000_000
 
@@ -104,6 +105,20 @@ def test_rsu_status(world, now_ns, status, age_s, shown, level):
     assert (unit.status, unit.level) == (shown, level)
     assert unit.skipped_share == pytest.approx(9 / 9000)
     assert unit.fps == (None if shown in ("silent", "clock ahead") else 29.97)
+
+
+@pytest.mark.parametrize("fault", CAMERA_FAULTS)
+def test_a_cameras_fault_is_told_in_words(world, now_ns, fault):
+    """The unit's status and its roads say what is wrong, and no road is shown as known."""
+    health = world.health("avenue_east", now_ns).model_copy(update={"fault": fault})
+    state = world.state("avenue_east", now_ns, y_e=None, reason=fault)
+    view = _view(Snapshot(rsus={health.rsu: health}, states=_states(state)), now_ns)
+    (unit,), (road,) = view.rsus, view.roads
+    assert unit.level == "bad"
+    assert unit.status == words.camera_fault(fault)
+    assert road.traffic == "unknown"
+    assert "_" not in unit.status + road.why
+    assert road.why != fault.replace("_", " ")
 
 
 def test_long_gone_units_are_forgotten(world, now_ns):

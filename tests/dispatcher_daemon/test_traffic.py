@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import MAX_RSUS_PER_SEGMENT, TrafficBook, Verdict, take_snapshot
-from slipstream.messages import SegmentState
+from slipstream.messages import CAMERA_FAULTS, SegmentState
 
 State = Callable[..., SegmentState]
 SECOND = 1_000_000_000
@@ -43,6 +43,18 @@ def test_gate_opens_only_for_a_fresh_stable_state(
     assert (traffic.open, traffic.reason) == (is_open, reason)
     (gate,) = snapshot.gates()
     assert (gate.segment, gate.open, gate.reason) == ("avenue_east", is_open, reason)
+
+
+@pytest.mark.parametrize("fault", CAMERA_FAULTS)
+def test_every_fault_of_a_camera_closes_the_gate(
+    demo: RoutingProblem, state: State, now_ns: int, fault: str
+) -> None:
+    """A fresh state that is unknown for a fault is closed, and planned at free flow."""
+    faulty = {"reason": fault, "features": None}
+    seen = state("avenue_east", None, time_ns=now_ns).model_copy(update=faulty)
+    traffic = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0).segments["avenue_east"]
+    assert (traffic.open, traffic.reason) == (False, f"unknown: {fault}")
+    assert traffic.speed_mps == demo.network.segments["avenue_east"].speed_limit_mps
 
 
 def test_unwatched_segments_are_closed_at_free_flow(demo: RoutingProblem, now_ns: int) -> None:

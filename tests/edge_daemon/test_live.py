@@ -60,7 +60,8 @@ def test_rtsp_frames_carry_the_streams_own_time() -> None:
     feed.late_s = 0.03
     server = RtspServer(feed)
     source = open_camera(server.url, 5.0)
-    frames = take(source.frames(), 40)
+    # The first may come while the connection's backlog drains.
+    frames = take(source.frames(), 50)[10:]
     source.close()
     server.close()
     arrived = roughness_s([f.captured_s for f in frames], 25)
@@ -161,7 +162,7 @@ def test_a_silent_server_is_given_up_and_tried_again(
 
 def told(clock: StreamClock, arrivals: list[float], stamps: list[float | None]) -> list[float]:
     """Media times of a row of pictures."""
-    return [clock.tell(a, s)[0] for a, s in zip(arrivals, stamps, strict=True)]
+    return [clock.tell(a, s).time_s for a, s in zip(arrivals, stamps, strict=True)]
 
 
 def test_small_jitter_of_arrival_is_smoothed_and_holes_are_kept() -> None:
@@ -190,9 +191,10 @@ def test_a_streams_clock_that_jumps_is_told_and_mended() -> None:
         clock = StreamClock()
         jumps, times = [], []
         for n in range(100):
-            time_s, jumped = clock.tell(n / 25, n / 25 + (step if n >= 50 else 0.0))
-            times.append(time_s)
-            jumps.append(jumped)
+            now = clock.tell(n / 25, n / 25 + (step if n >= 50 else 0.0))
+            times.append(now.time_s)
+            jumps.append(now.jumped)
+            assert now.cut == now.jumped
         assert [n for n, jumped in enumerate(jumps) if jumped] == [50]
         assert times == pytest.approx([n / 25 for n in range(100)], abs=0.05)
 
