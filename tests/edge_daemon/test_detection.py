@@ -12,24 +12,42 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import openvino as ov
 import pytest
 
-from edge_daemon.detection import VEHICLE_CLASSES, Detections, DetectorSettings, open_detector
-from edge_daemon.detection.protocol import vehicle_class_of
+from edge_daemon.camera import Camera, load_camera
+from edge_daemon.detection import (
+    VEHICLE_CLASSES,
+    Detections,
+    DetectorSettings,
+    detect_stream,
+    open_detector,
+    processor,
+)
+from edge_daemon.detection.protocol import builtin_model, vehicle_class_of
+from edge_daemon.detection.region import road_region
+from edge_daemon.frame import Frame
+from edge_daemon.segment import WatchedSegment
 from slipstream.errors import InputError
 
 WEIGHTS = Path(str(resources.files("edge_daemon") / "weights"))
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, list[dict[str, str]]]:  # type: ignore[type-arg]
-    """The last frame of a short clip with its truth rows."""
-    import csv
-
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short clip with its truth and camera."""
     from simulation.streetdrive.clip import ClipSettings, render_clip
 
-    folder = tmp_path_factory.mktemp("clip")
-    render_clip(ClipSettings(seconds=0.5, fps=10, scenario="stable", seed=77), folder)
+    path = tmp_path_factory.mktemp("clip")
+    render_clip(ClipSettings(seconds=0.5, fps=10, scenario="stable", seed=77), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def rendered(folder: Path) -> tuple[np.ndarray, list[dict[str, str]]]:  # type: ignore[type-arg]
+    """The last frame of the clip with its truth rows."""
+    import csv
+
     capture = cv2.VideoCapture(str(folder / "video.mp4"))
     image = None
     for _ in range(5):
@@ -40,6 +58,12 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, list
     with (folder / "truth.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["frame"] == "4"]
     return image, rows
+
+
+@pytest.fixture(scope="module")
+def road(folder: Path) -> Camera:
+    """The camera of the rendered picture."""
+    return load_camera(folder / "camera.toml")
 
 
 def overlap(a: np.ndarray, b: np.ndarray) -> float:  # type: ignore[type-arg]
@@ -87,6 +111,71 @@ def test_the_same_picture_gives_the_same_boxes(
     assert np.array_equal(first.scores, second.scores)
 
 
+def test_the_road_s_part_is_searched_as_the_whole_picture_is(
+    rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
+    road: Camera,
+) -> None:
+    """Sure vehicles well inside the region are found in the same places with it and without."""
+    image, _ = rendered
+    region = road_region(road, DetectorSettings().region_margin_m)
+    assert region is not None
+    part = open_detector(DetectorSettings(min_score=0.3), road).detect(image)
+    whole = open_detector(DetectorSettings(min_score=0.6, region=False), road).detect(image)
+    low = np.array([region.left, region.top, region.left, region.top]) + 10
+    high = np.array([region.right, region.bottom, region.right, region.bottom]) - 10
+    inside = whole.boxes[((whole.boxes > low) & (whole.boxes < high)).all(axis=1)]
+    assert len(inside) >= 3
+    assert all(any(overlap(a, b) > 0.8 for b in part.boxes) for a in inside)
+    assert ((part.boxes[:, 2] > region.left) & (part.boxes[:, 3] > region.top)).all()
+
+
+def test_pictures_at_a_time_do_not_mix(
+    rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
+    road: Camera,
+) -> None:
+    """With two requests each picture gets its own boxes, those that it gets alone."""
+    image, _ = rendered
+    empty = np.full_like(image, 100)
+    detector = open_detector(DetectorSettings(requests=2, threads=2), road)
+    assert detector.requests == 2
+    alone = detector.detect(image)
+    frames = [Frame(image if n % 3 else empty, n / 30, 0, 0.0) for n in range(12)]
+    for frame, found in detect_stream(frames, detector):
+        assert frame is not None
+        assert found is not None
+        if frame.image is image:
+            assert np.array_equal(found.boxes, alone.boxes)
+        else:
+            assert not (found.scores > 0.4).any()
+
+
+def test_the_built_in_model_suits_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """INT8 where bytes are multiplied fast; elsewhere float, which finds the same."""
+    for flags, name in (({"avx512_vnni"}, "-int8"), ({"avx2"}, "")):
+        monkeypatch.setattr(processor, "_flags", lambda flags=flags: frozenset(flags))
+        assert builtin_model().name == f"yolo11n-streetdrive{name}.xml"
+        assert builtin_model().is_file()
+        assert processor.float_precision() == ov.Type.f32
+    monkeypatch.setattr(processor, "_flags", lambda: frozenset({"amx_bf16", "amx_int8"}))
+    assert processor.float_precision() == ov.Type.bf16
+
+
+def test_float_and_int8_weights_agree(
+    rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
+) -> None:
+    """What one is sure of the other finds too."""
+    image, _ = rendered
+    found = [
+        open_detector(
+            DetectorSettings(model=str(WEIGHTS / f"yolo11n-streetdrive{kind}.xml"), min_score=0.5)
+        ).detect(image)
+        for kind in ("", "-int8")
+    ]
+    for one, other in (found, found[::-1]):
+        hits = sum(any(overlap(a, b) > 0.7 for b in other.boxes) for a in one.boxes)
+        assert hits >= 0.9 * len(one)
+
+
 def test_an_empty_picture_holds_no_vehicle() -> None:
     """Neither black nor white is taken for a car."""
     detector = open_detector(DetectorSettings(min_score=0.4))
@@ -123,6 +212,14 @@ def test_coco_weights_find_real_cars(shared_data: Path) -> None:
     found = open_detector(DetectorSettings(model=model, min_score=0.4)).detect(image)
     assert 3 <= len(found) <= 20
     assert found.boxes[:, 2].max() <= image.shape[1] + 5
+    # Its input is fixed: the road's part is scaled up into it, so more is found, in its place.
+    road = np.array([[0.0, 6.0], [0.0, -6.0], [40.0, 6.0], [40.0, -6.0]])
+    pixels = np.array([[40.0, 340.0], [600.0, 340.0], [250.0, 180.0], [390.0, 180.0]])
+    segment = WatchedSegment("s", road[[0, 1, 3, 2]], np.array([1.0, 0.0]), 40.0, 3, 3.5)
+    camera = Camera("motorway", (640, 360), road, pixels, (segment,))
+    part = open_detector(DetectorSettings(model=model, min_score=0.4), camera).detect(image)
+    assert len(part) >= 2
+    assert sum(any(overlap(a, b) > 0.6 for b in found.boxes) for a in part.boxes) >= 2
 
 
 @pytest.mark.parametrize("case", ["missing", "folder", "suffix", "broken"])
