@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +19,14 @@ from simulation.streetdrive.stage import Backdrop
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE
 from simulation.streetdrive.writer import ClipSummary, Progress, make_folder, write_clip
 from simulation.sumo.ground import paint_roads
-from simulation.sumo.lanes import Roads, read_roads
-from simulation.sumo.pose import Site, draw_pose
+from simulation.sumo.lanes import Roads
+from simulation.sumo.pose import Pose, Site, draw_pose
 from simulation.sumo.roadside import Plan, choose_things, tree_shadow_feet
 from simulation.sumo.settings import RsuSettings, SceneSettings, SumoClipSettings, load_rsu
 from simulation.sumo.shapes import mesh_of
-from simulation.sumo.traffic import Vehicle, drive
+from simulation.sumo.simulation import Order, Simulation
+from simulation.sumo.traffic import Vehicle
 from simulation.sumo.watch import Stretch, View, camera_text, choose_stretches
-from simulation.sumo.world import World
 
 RADIUS_M = 320.0
 """How far away vehicles are drawn."""
@@ -75,17 +75,14 @@ def _axis_rad(stretches: tuple[Stretch, ...], heading_rad: float) -> float:
 
 
 class SumoRenderer:
-    """One clip of a running world: iterate over `frames` for pictures and truth rows.
+    """One clip's camera and backdrop.
 
     Raises:
         InputError: an edge that cannot be watched.
     """
 
-    def __init__(self, settings: SumoClipSettings, rsu: RsuSettings, world: World) -> None:
+    def __init__(self, settings: SumoClipSettings, rsu: RsuSettings, pose: Pose, roads: Roads):
         self.settings = settings
-        self._world = world
-        pose = draw_pose(rsu, settings.seed, settings.rsu)
-        roads = read_roads(pose.x_m, pose.y_m, RADIUS_M)
         straight = View(pose.camera(pose.heading_rad), Site(pose.x_m, pose.y_m, pose.heading_rad))
         self.stretches = choose_stretches(rsu, roads, straight, settings.rsu)
         axis = _axis_rad(self.stretches, pose.heading_rad)
@@ -104,17 +101,16 @@ class SumoRenderer:
         self.camera_toml = camera_text(
             f"sumo-{rsu.name}-{settings.seed}", self.stretches, self.view
         )
-        world.look(pose.x_m, pose.y_m, RADIUS_M)
 
-    def frames(self) -> Iterator[tuple[Image, list[list[str]]]]:
-        """Pictures (h, w, 3) BGR with their truth rows in the order of TRUTH_COLUMNS."""
-        settings = self.settings
-        scenes = drive(self._world, settings.begin_s, settings.fps, settings.frames)
+    def paint(self, scenes: Iterable[list[Vehicle]]) -> Iterator[tuple[Image, list[list[str]]]]:
+        """Pictures (h, w, 3) BGR of the vehicles of each frame, with their truth rows in the order
+        of TRUTH_COLUMNS.
+        """
         for frame, vehicles in enumerate(scenes):
             placed = [self._place(vehicle) for vehicle in vehicles]
             image, seen = self._backdrop.render(placed)
             rows = [
-                _truth_row(frame, settings.fps, vehicle, mesh, what)
+                _truth_row(frame, self.settings.fps, vehicle, mesh, what)
                 for vehicle, mesh, what in zip(
                     vehicles, (p.mesh for p in placed), seen, strict=True
                 )
@@ -157,17 +153,30 @@ def render_sumo_clip(
     Raises:
         InputError: a file that SUMO or the RSU's settings refuse, an edge that cannot be watched,
             a vehicle that cannot be drawn, a folder that cannot be written.
-        RuntimeError: a simulation already runs in this process.
+        ModuleNotFoundError: libsumo is not installed.
     """
     rsu = load_rsu(settings.rsu)
     out_dir = Path(out_dir)
     make_folder(out_dir)
-    with World(settings.net, settings.routes, settings.additional, settings.seed) as world:
-        renderer = SumoRenderer(settings, rsu, world)
+    pose = draw_pose(rsu, settings.seed, settings.rsu)
+    order = Order(
+        settings.net,
+        settings.routes,
+        settings.additional,
+        settings.seed,
+        pose.x_m,
+        pose.y_m,
+        RADIUS_M,
+        settings.begin_s,
+        settings.fps,
+        settings.frames,
+    )
+    with Simulation(order) as simulation:
+        renderer = SumoRenderer(settings, rsu, pose, simulation.roads)
         camera = renderer.view.camera
         return write_clip(
             out_dir,
-            renderer.frames(),
+            renderer.paint(simulation.frames()),
             renderer.camera_toml,
             frames=settings.frames,
             fps=settings.fps,

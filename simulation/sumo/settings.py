@@ -166,8 +166,8 @@ class SumoClipSettings:
             if not (math.isfinite(value) and low <= value <= high):
                 raise InputError(
                     "clip settings",
-                    f"{value:g} is out of range",
-                    f"give {low:g} to {high:g}",
+                    f"{value:.12g} is out of range",
+                    f"give {low:.12g} to {high:.12g}",
                     key=key,
                 )
 

@@ -5,9 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 from simulation.sumo.shapes import Kind
-from simulation.sumo.world import STEP_S, State, World
+
+if TYPE_CHECKING:
+    from simulation.sumo.world import World
+
+STEP_S: Final = 0.02
+"""SUMO's step whatever the frame rate is, so that the traffic of a seed does not depend on it."""
+
+
+@dataclass(frozen=True)
+class State:
+    """A vehicle at one step.
+
+    Attributes:
+        x_m: middle of the front bumper in the net, with y_m.
+        heading_rad: anticlockwise from +x.
+        speed_mps: over ground: SUMO's speed along its lane times the lane's drawn length over its
+            driven one, which is 1 on straight lanes and differs by percents in curves.
+        acceleration_mps2: over ground, in the step that ended here.
+    """
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float
 
 
 @dataclass(frozen=True)
@@ -55,6 +80,7 @@ def drive(world: World, begin_s: float, fps: float, frames: int) -> Iterator[lis
     numbers: dict[str, int] = {}
     start_s = round(begin_s / STEP_S) * STEP_S
     world.advance(max(start_s, STEP_S))
+    world.expect_vehicles()
     step = 0
     before = world.vehicles()
     kinds = {name: world.kind(name) for name in before}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from simulation.streetdrive.calibration import Point, SegmentText, calibration_text
 from simulation.streetdrive.camera import Camera
-from simulation.sumo.lanes import Carriageway, Roads, is_edge
+from simulation.sumo.lanes import Carriageway, Roads
 from simulation.sumo.lines import Floats, at, distances
 from simulation.sumo.pose import Site
 from simulation.sumo.settings import RsuSettings, WatchSettings
@@ -101,7 +101,7 @@ def _named(watch: WatchSettings, roads: Roads, view: View, source: Path) -> Stre
     key = f"watch.{watch.edge}"
     way = roads.find(watch.edge)
     if way is None:
-        known = is_edge(watch.edge)
+        known = watch.edge in roads.edges
         problem = "not near the mast, or without lanes" if known else "no such edge in the net"
         raise InputError(source, problem, "give an edge in view", key=key)
     low, high = watch.from_m, watch.to_m

@@ -1,24 +1,20 @@
 """One running SUMO simulation: started, stepped, read around the RSU, and closed again.
 
-SUMO lives in this process (libsumo), which holds one simulation at a time. It moves in steps of
-20 ms whatever the frame rate is, so that the traffic of a seed does not depend on it.
+SUMO lives in the calling process (libsumo), which holds one simulation at a time.
 """
 
 from __future__ import annotations
 
-import gzip
 import math
 import os
 import sys
 import tempfile
-import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Final
-from xml.etree import ElementTree
 
 import libsumo
 import numpy as np
@@ -26,9 +22,9 @@ from libsumo import constants
 
 from simulation.sumo.lines import distances
 from simulation.sumo.shapes import Kind, is_known
+from simulation.sumo.traffic import STEP_S, State
 from slipstream.errors import InputError
 
-STEP_S: Final = 0.02
 _PLACE: Final = "slipstream-rsu"
 _VARIABLES: Final = (
     constants.VAR_POSITION,
@@ -39,37 +35,16 @@ _VARIABLES: Final = (
 )
 
 
-@dataclass(frozen=True)
-class State:
-    """A vehicle at one step.
-
-    Attributes:
-        x_m: middle of the front bumper in the net, with y_m.
-        heading_rad: anticlockwise from +x.
-        speed_mps: over ground: SUMO's speed along its lane times the lane's drawn length over its
-            driven one, which is 1 on straight lanes and differs by percents in curves.
-        acceleration_mps2: over ground, in the step that ended here.
-    """
-
-    x_m: float
-    y_m: float
-    heading_rad: float
-    speed_mps: float
-    acceleration_mps2: float
-
-
 class World:
     """A simulation as a context manager: `with World(...) as world`.
 
     Raises:
-        InputError: a file is missing, no SUMO net, or refused by SUMO.
+        InputError: SUMO refuses a file.
         RuntimeError: a simulation already runs in this process.
     """
 
     def __init__(self, net: Path, routes: Path, additional: tuple[Path, ...], seed: int) -> None:
         self._files = (net, routes, *additional)
-        for path, tags in ((net, ("net",)), *((p, ()) for p in self._files[1:])):
-            _check_xml(path, tags)
         self._command = [
             *("sumo", "--net-file", str(net), "--route-files", str(routes)),
             *(("--additional-files", ",".join(map(str, additional))) if additional else ()),
@@ -85,12 +60,11 @@ class World:
     def __enter__(self) -> World:
         if libsumo.isLoaded():
             raise RuntimeError("a SUMO simulation already runs in this process")
-        with _messages() as said:
-            try:
-                libsumo.start(self._command)
-            except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-                _close()
-                raise self._refusal("\n".join([*said(), str(error)])) from None
+        try:
+            self._run(lambda: libsumo.start(self._command))
+        except InputError:
+            _close()
+            raise
         return self
 
     def __exit__(
@@ -112,11 +86,36 @@ class World:
         Raises:
             InputError: SUMO refuses a vehicle or a route.
         """
+        self._run(lambda: libsumo.simulationStep(until_s or 0.0))
+
+    def _run(self, command: Callable[[], object]) -> None:
+        """Have SUMO do something that it may refuse, with or without an exception.
+
+        Raises:
+            InputError: it did.
+        """
         with _messages() as said:
+            reasons: list[str] = []
             try:
-                libsumo.simulationStep(until_s or 0.0)
+                command()
             except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-                raise self._refusal("\n".join([str(error), *said()])) from None
+                reasons = [str(error)]
+            spoken = said()
+        if reasons or any(line.startswith("Error") for line in spoken):
+            raise self._refusal([*spoken, *reasons])
+
+    def expect_vehicles(self) -> None:
+        """Make sure that there is something to see.
+
+        Raises:
+            InputError: no vehicle drives, and none is due.
+        """
+        if libsumo.simulation.getMinExpectedNumber() == 0:
+            raise InputError(
+                self._files[1],
+                f"no vehicle drives at {self.time_s:g} s or soon after",
+                "give another begin, or a route file with vehicles",
+            )
 
     def look(self, x_m: float, y_m: float, radius_m: float) -> None:
         """Ask for the vehicles around a point of the net from now on."""
@@ -173,13 +172,16 @@ class World:
             self._stretch[lane] = drawn / libsumo.lane.getLength(lane) if drawn > 1.0 else 1.0
         return self._stretch[lane]
 
-    def _refusal(self, text: str) -> InputError:
-        """SUMO's complaint about one of the files, the routes unless it names another."""
-        lines = [line.removeprefix("Error: ").strip() for line in text.splitlines()]
-        told = [line for line in lines if line and line not in ("Process Error", _QUIT)]
-        problem = " ".join(told[:2]).rstrip(".") or "SUMO gives no reason"
-        source = next((path for path in self._files if str(path) in text), self._files[1])
-        problem = problem.replace(f"'{source}' ", "").replace(str(source), "the file")
+    def _refusal(self, lines: list[str]) -> InputError:
+        """SUMO's complaint about one of the files; about all but the net if it names none."""
+        text = "\n".join(lines)
+        parts = [line.removeprefix("Error: ").strip() for line in text.splitlines()]
+        told = list(dict.fromkeys(p for p in parts if p and p not in ("Process Error", _QUIT)))
+        problem = " ".join(told[:3]).rstrip(".") or "it gives no reason"
+        named = next((path for path in self._files if str(path) in text), None)
+        source = named or ", ".join(path.name for path in self._files[1:])
+        if named is not None:
+            problem = problem.replace(f"In file '{named}'", "").replace(f"'{named}' ", "")
         return InputError(source, f"SUMO refuses it: {problem}", "mend the file")
 
 
@@ -191,24 +193,6 @@ def _close() -> None:
     if libsumo.isLoaded():
         with _messages():
             libsumo.close()
-
-
-def _check_xml(path: Path, tags: tuple[str, ...]) -> None:
-    """Look at the first element of a file: SUMO's own words for other files are no help.
-
-    Raises:
-        InputError: the file cannot be read, is no XML, or is no net where one is wanted.
-    """
-    try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            _, root = next(iter(ElementTree.iterparse(file, events=("start",))))
-    except OSError as error:
-        problem = error.strerror or str(error)
-        raise InputError(path, f"not readable: {problem}", "check the path") from None
-    except (ElementTree.ParseError, StopIteration, EOFError, zlib.error) as error:
-        raise InputError(path, f"not XML: {error}", "give a SUMO file") from None
-    if tags and root.tag not in tags:
-        raise InputError(path, f"a <{root.tag}> is no SUMO net", "build one with netconvert")
 
 
 @contextmanager
