@@ -236,7 +236,7 @@ def test_a_backlog_after_a_stall_is_dropped(monkeypatch: pytest.MonkeyPatch) -> 
             return True, np.zeros((4, 4, 3), np.uint8)
 
         def get(self, _: int) -> float:
-            return -2.0**63  # no time stamps
+            return -(2.0**63)  # no time stamps
 
         def release(self) -> None:
             pass
