@@ -47,12 +47,14 @@ def _check_edge(path: Path) -> None:
     from edge_daemon.detection import open_detector
     from edge_daemon.settings import EdgeSettings
     from edge_daemon.sources.clip import open_clip
+    from edge_daemon.watch import read_reference
 
     settings = load(path, EdgeSettings)
-    load_camera(settings.camera)
+    camera = load_camera(settings.camera)
+    read_reference(camera)
     open_detector(settings.detector)
     if settings.source.clip is not None:
-        open_clip(settings.source.clip, loop=False).close()
+        open_clip(settings.source.clip, loop=False, size=camera.size).close()
 
 
 def _check_dispatcher(path: Path) -> None:

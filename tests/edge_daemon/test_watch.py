@@ -18,6 +18,7 @@ from edge_daemon.watch.clocks import ClockJudge
 from edge_daemon.watch.hold import Hold
 from edge_daemon.watch.sample import small_grey, texture
 from edge_daemon.watch.tiles import choose_tiles
+from edge_daemon.watch.view import ViewJudge
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault
 
@@ -353,3 +354,24 @@ def test_evidence_must_last_to_begin_and_be_gone_to_end() -> None:
     seen = {0.0, 0.5, 1.5, 2.0, 2.5, 3.0, 4.0}
     active = [t / 2 for t in range(20) if hold.update(t / 2, t / 2 in seen)]
     assert active == [2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5]
+
+
+def test_a_view_that_changes_with_the_hours_is_followed_but_a_turn_is_not(road: Road) -> None:
+    """Over 50 minutes the scene becomes another; the camera is then turned by 8 px."""
+    first = small_grey(road.picture)
+    other = small_grey(np.ascontiguousarray(road.picture[::-1, ::-1]))
+    judge = ViewJudge(0.003, 20.0, np.zeros(first.shape, np.bool_), first)
+
+    def moved(time_s: float, share: float, aside: int) -> bool:
+        mixed = cv2.addWeighted(other, share, first, 1 - share, 0)
+        mixed = np.roll(np.asarray(mixed, dtype=np.uint8), aside, axis=1)
+        return judge.look(time_s, mixed, texture(mixed))
+
+    assert not any(moved(time_s, time_s / 3000, 0) for time_s in range(0, 3000, 5))
+    assert not any(moved(time_s, 1.0, 0) for time_s in range(3000, 3400, 5))
+    # 2 px of the small picture are 8 of the full one.
+    later = [moved(time_s, 1.0, 2 if time_s >= 3420 else 0) for time_s in range(3400, 3460, 5)]
+    assert later[-1]
+    assert not later[0]
+    turned_at_once = ViewJudge(0.003, 20.0, np.zeros(first.shape, np.bool_), first)
+    assert [turned_at_once.look(t, other, texture(other)) for t in range(0, 40, 5)][-1]
