@@ -69,7 +69,10 @@ def read_picture(path: Path) -> tuple[Image, bool]:
     """
     if not path.is_file():
         raise InputError(path, "no such picture or video", "check the path")
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    try:
+        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    except cv2.error:  # a size beyond its limits, true or forged
+        picture = None
     if picture is not None:
         return np.asarray(picture, dtype=np.uint8), False
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)

@@ -105,9 +105,10 @@ def _fit(road: Array, image: Array) -> Array:
         [
             np.hstack([point, zero, -image_n[:, :1] * point]),
             np.hstack([zero, point, -image_n[:, 1:] * point]),
+            np.zeros((1, 9)),  # four points give eight rows, of which nine are needed
         ]
     )
-    _, strength, basis = np.linalg.svd(rows)
+    _, strength, basis = np.linalg.svd(rows, full_matrices=False)
     if strength[7] <= _WEAKEST * strength[0]:
         raise CalibrationError(
             "too many of the points lie on one line", "add points away from that line"

@@ -57,6 +57,11 @@ def run(options: argparse.Namespace) -> int:
     )
     from edge_daemon.calibration_overlay import draw_grid
 
+    for target in (options.out, options.overlay):
+        if target is not None and _same(target, options.image):
+            raise InputError(target, "is the picture itself", "write to another file")
+    if options.overlay is not None and options.overlay.absolute() == options.out.absolute():
+        raise InputError(options.overlay, "is --out too", "write the overlay to another file")
     picture, is_video = read_picture(options.image)
     given = read_points(options.points)
     size = (picture.shape[1], picture.shape[0])
@@ -83,6 +88,10 @@ def run(options: argparse.Namespace) -> int:
     write_whole(options.out, text.encode())
     print(json.dumps(_summary(calibration)) if options.json else _report(calibration, options.out))
     return 0
+
+
+def _same(one: Path, other: Path) -> bool:
+    return one.exists() and other.exists() and one.samefile(other)
 
 
 def _summary(calibration: Calibration) -> dict[str, object]:

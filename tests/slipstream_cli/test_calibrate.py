@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -131,9 +133,13 @@ def test_bad_points_are_one_line(
 def test_bad_pictures_and_places_are_one_line(
     view: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A picture that is none, an overlay that is none, a file that is no camera's."""
+    """Pictures that are none or of forged size; targets that are no picture's, or the input."""
     text = view.with_name("text.png")
     text.write_text("no picture")
+    huge = view.with_name("huge.png")
+    header = b"IHDR" + struct.pack(">IIBBBBB", 2**31 - 1, 2**31 - 1, 8, 2, 0, 0, 0)
+    check = struct.pack(">I", zlib.crc32(header))
+    huge.write_bytes(b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + header + check)
     points = view.with_name("points.toml")
     out = view.with_name("camera.toml")
     for picture, overlay, target in (
@@ -142,6 +148,10 @@ def test_bad_pictures_and_places_are_one_line(
         (view, "grid.txt", out),
         (view, "none/grid.png", out),
         (view, "grid.png", text),
+        (view, "view.png", out),
+        (view, "grid.png", view),
+        (view, "camera.toml", out),
+        (huge, "grid.png", out),
     ):
         arguments = ["--points", str(points), "--out", str(target)]
         overlay_path = str(view.parent / overlay)
