@@ -73,7 +73,7 @@ def annotate(
     watched = _watched(camera, shown)
     for track, inside, (x1, y1, x2, y2) in zip(shown, watched, boxes, strict=True):
         if y2 - y1 >= _LABELLED_OF_FONT * scale:
-            speed = f" {_MPS_TO_KMH * track.speed_mps:.0f} km/h" if inside else ""
+            speed = f"  {_MPS_TO_KMH * track.speed_mps:.0f} km/h" if inside else ""
             labels.put(
                 f"#{track.id}{speed}",
                 [(x1, y1 - 12 * scale), (x1, y2 + 32 * scale), (x2, y1), (x2, y2)],
