@@ -14,7 +14,7 @@ from edge_daemon.homography import Array, CalibrationError, Homography
 
 _MOST_TRIALS: Final = 1000
 _FEWEST: Final = 6
-_MOST_REFINED: Final = 30
+_MOST_REFINED: Final = 12
 _BORDERLINE: Final = 2.0
 
 Agreement = npt.NDArray[np.bool_]
@@ -43,6 +43,8 @@ def agreeing(road_m: Array, image_px: Array, tolerance_px: float) -> Agreement:
         agreed = _refined(vote, road_m, image_px, tolerance_px)
         if agreed is None or agreed.sum() < enough:
             continue
+        if agreed.all():
+            return agreed
         if best is None or agreed.sum() > best.sum():
             best, suspects = agreed, ~agreed
         elif agreed.sum() == best.sum():

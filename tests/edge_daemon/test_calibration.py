@@ -95,8 +95,8 @@ def test_the_stated_accuracy_is_what_repeated_clicking_shows() -> None:
 
 def test_clicks_that_are_worse_than_a_pixel_are_told_from_the_misses() -> None:
     """The error of the clicks comes from the misses where these show more than 1 px."""
-    told = [calibrated(2.0, seed).click_px for seed in range(12)]
-    assert np.mean(told) == pytest.approx(2.0, rel=0.2)
+    told = [calibrated(2.0, seed).click_px for seed in range(8)]
+    assert np.mean(told) == pytest.approx(2.0, rel=0.25)
     assert calibrated(0.1).click_px == 1.0
 
 
