@@ -92,7 +92,7 @@ def choose_things(
         things += [
             (float(x), "lamp", float(y))
             for x, y in _lamp_spots(way, site, scene.lamp_spacing_m, rng)
-            if x > 15.0 and not plan.hides_road(np.array([[x, y]]), _THIN_M)
+            if 15.0 < x < 300.0 and not plan.hides_road(np.array([[x, y]]), _THIN_M)
         ]
     return things
 
