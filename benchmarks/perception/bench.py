@@ -17,7 +17,15 @@ from typing import Final
 
 from benchmarks.perception import report
 from benchmarks.perception.daemons import DaemonRun, run_daemons
-from benchmarks.perception.report import LIVE, ROAD, SAME_EXPORT, TORCH, WHOLE, Results
+from benchmarks.perception.report import (
+    LIVE,
+    ROAD,
+    SAME_EXPORT,
+    TORCH,
+    TORCH_ALL,
+    WHOLE,
+    Results,
+)
 from benchmarks.perception.speed import Speed, measured, speed_of
 from edge_daemon.detection.protocol import builtin_model
 from slipstream.errors import InputError
@@ -149,12 +157,14 @@ def _round(
                 weights.with_name("yolo11n-streetdrive.metadata.yaml"),
                 Path(folder) / "metadata.yaml",
             )
-            for name, model in (
-                (TORCH, str(weights.with_name("yolo11n-streetdrive.pt"))),
-                (SAME_EXPORT, folder),
+            torch_weights = str(weights.with_name("yolo11n-streetdrive.pt"))
+            for name, options in (
+                (TORCH, [torch_weights]),
+                (TORCH_ALL, [torch_weights, "--all-cores"]),
+                (SAME_EXPORT, [folder]),
             ):
                 try:
-                    speeds[name] = _measured_peer(settings, peer, model, log)
+                    speeds[name] = _measured_peer(settings, peer, options, log)
                 except (RuntimeError, subprocess.TimeoutExpired) as error:
                     missing.append(f"{name}: {error}")
     speeds[LIVE] = measured([*ours, "--live"], log, _TIME_LIMIT_S)
@@ -162,10 +172,12 @@ def _round(
     return speeds
 
 
-def _measured_peer(settings: BenchSettings, python: Path, model: str, log: Path) -> Speed:
+def _measured_peer(settings: BenchSettings, python: Path, options: list[str], log: Path) -> Speed:
+    model, *flags = options
     command = [
         *(str(python), str(Path(__file__).with_name("peer.py")), model),
         *(str(settings.clip / "video.mp4"), "--frames", str(max(30, settings.frames // 4))),
+        *flags,
     ]
     with log.open("a") as errors:
         done = subprocess.run(

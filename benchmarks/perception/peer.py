@@ -21,15 +21,20 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=150)
     parser.add_argument("--warm-up", type=int, default=20)
     parser.add_argument("--min-score", type=float, default=0.1)
+    parser.add_argument(
+        "--all-cores", action="store_true", help="left to itself, Ultralytics leaves a core out"
+    )
     options = parser.parse_args()
     os.environ["YOLO_OFFLINE"] = "true"
     os.environ["YOLO_AUTOINSTALL"] = "false"
     import torch
     from ultralytics import YOLO
 
-    # Ultralytics leaves a core out; the peer shall have them all.
-    torch.set_num_threads(len(os.sched_getaffinity(0)))
-    results = YOLO(options.model, task="detect").track(
+    model = YOLO(options.model, task="detect")
+    if options.all_cores:
+        cores = len(os.sched_getaffinity(0))
+        model.add_callback("on_predict_start", lambda _: torch.set_num_threads(cores))
+    results = model.track(
         source=options.video,
         stream=True,
         imgsz=options.imgsz,

@@ -15,6 +15,7 @@ from benchmarks.perception.speed import Speed
 
 ROAD, WHOLE, LIVE = "slipstream", "slipstream, whole picture", "slipstream, live"
 TORCH, SAME_EXPORT = "Ultralytics, PyTorch", "Ultralytics, same export"
+TORCH_ALL = "Ultralytics, PyTorch, told to use all cores"
 
 MOST_MS: Final = 8.0
 MOST_LATENCY_MS: Final = 21.9
@@ -150,7 +151,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
         "| processor ms a frame | boxes a frame | RSS, MB |",
         "|---|--:|--:|--:|--:|--:|--:|--:|",
     ]
-    for name in (ROAD, WHOLE, LIVE, TORCH, SAME_EXPORT):
+    for name in (ROAD, WHOLE, LIVE, TORCH, TORCH_ALL, SAME_EXPORT):
         speeds = results.of(name)
         if not speeds:
             continue
