@@ -8,8 +8,8 @@ from typing import Final
 import cv2
 import numpy as np
 
+from edge_daemon.camera.homography import Array
 from edge_daemon.frame import Image
-from edge_daemon.homography import Array
 
 Colour = tuple[int, int, int]
 """Blue, green, red, 0 to 255."""

@@ -17,9 +17,9 @@ from typing import Final
 import numpy as np
 
 from edge_daemon.camera import Array, WatchedSegment
+from edge_daemon.camera.pose import CameraPose
 from edge_daemon.course import Course, learn_course
 from edge_daemon.motion import Fit, Motion, condense, estimate_components
-from edge_daemon.pose import CameraPose
 from edge_daemon.tracking import Sightings
 from slipstream.messages import Estimate, KinematicFeatures
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.homography import Array
+from edge_daemon.camera.homography import Array
 from edge_daemon.stability import StabilitySettings, classify
 from slipstream.messages import KinematicFeatures, SegmentState
 

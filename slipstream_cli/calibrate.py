@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from slipstream.errors import InputError
 
 if TYPE_CHECKING:
-    from edge_daemon.calibration import Calibration
+    from edge_daemon.calibration.calibration import Calibration
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -46,8 +46,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate and report."""
-    from edge_daemon.calibration import calibrate
-    from edge_daemon.calibration_files import (
+    from edge_daemon.calibration.calibration import calibrate
+    from edge_daemon.calibration.files import (
         camera_toml,
         read_picture,
         read_points,
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         write_picture,
         write_whole,
     )
-    from edge_daemon.calibration_overlay import draw_grid
+    from edge_daemon.calibration.overlay import draw_grid
 
     for target in (options.out, options.overlay):
         if target is not None and _same(target, options.image):

@@ -11,18 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edge_daemon.calibration import Calibration, calibrate, overlap_m2
-from edge_daemon.calibration_files import (
+from edge_daemon.calibration.calibration import Calibration, calibrate, overlap_m2
+from edge_daemon.calibration.files import (
     camera_toml,
     read_picture,
     read_points,
     reference_of,
     write_picture,
 )
-from edge_daemon.calibration_overlay import draw_grid
+from edge_daemon.calibration.overlay import draw_grid
 from edge_daemon.camera import WatchedSegment, load_camera
-from edge_daemon.camera_settings import CalibrationPoint, SegmentSettings
-from edge_daemon.homography import Homography
+from edge_daemon.camera.homography import Homography
+from edge_daemon.camera.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
 from .conftest import POLE_M, project

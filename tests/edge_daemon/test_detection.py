@@ -16,6 +16,7 @@ import openvino as ov
 import pytest
 
 from edge_daemon.camera import Camera, load_camera
+from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.detection import (
     VEHICLE_CLASSES,
     Detections,
@@ -27,7 +28,6 @@ from edge_daemon.detection import (
 from edge_daemon.detection.protocol import builtin_model, vehicle_class_of
 from edge_daemon.detection.region import road_region
 from edge_daemon.frame import Frame
-from edge_daemon.segment import WatchedSegment
 from slipstream.errors import InputError
 
 WEIGHTS = Path(str(resources.files("edge_daemon") / "weights"))

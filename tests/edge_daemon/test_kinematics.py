@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from edge_daemon.camera import Camera
+from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.kinematics import NOMINAL_LENGTH_M, WindowFeatures, features_of
 from edge_daemon.motion import NOISE_CORRELATION_S, SLOW_SHARE
-from edge_daemon.segment import WatchedSegment
 from edge_daemon.tracking import Sightings
 
 FPS = 30

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edge_daemon.camera import Camera
-from edge_daemon.homography import Homography
-from edge_daemon.pose import pose_of
+from edge_daemon.camera.homography import Homography
+from edge_daemon.camera.pose import pose_of
 from simulation.streetdrive.camera import Camera as Pinhole
 from simulation.streetdrive.painter import Placed
 from simulation.streetdrive.vehicles import build_vehicle

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from edge_daemon.camera import Camera, load_camera
+from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.detection.placement import Placement, place_freely, place_in
 from edge_daemon.detection.region import Region, road_region
-from edge_daemon.segment import WatchedSegment
 
 PICTURE = (1280, 720)
 

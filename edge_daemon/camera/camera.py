@@ -11,15 +11,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera_checks import check_points, fit_points, watched
-from edge_daemon.camera_settings import CameraSettings
-from edge_daemon.homography import Array, Homography
-from edge_daemon.pose import CameraPose, pose_of
-from edge_daemon.segment import WatchedSegment
+from edge_daemon.camera.checks import check_points, fit_points, watched
+from edge_daemon.camera.homography import Array, Homography
+from edge_daemon.camera.pose import CameraPose, pose_of
+from edge_daemon.camera.segment import WatchedSegment
+from edge_daemon.camera.settings import CameraSettings
 from slipstream.config import load
 from slipstream.errors import InputError
-
-__all__ = ["Array", "Camera", "CameraPose", "WatchedSegment", "load_camera"]
 
 
 class Camera:
@@ -84,7 +82,7 @@ def load_camera(path: Path) -> Camera:
     Raises:
         InputError: an unknown key, a wrong type, a reference picture that is missing; points
             outside the picture, at one place or on a line, that fix no homography or do not fit
-            it; a segment that `edge_daemon.camera_checks.watched` refuses.
+            it; a segment that `edge_daemon.camera.checks.watched` refuses.
     """
     settings = load(path, CameraSettings)
     ids = [segment.id for segment in settings.segments]

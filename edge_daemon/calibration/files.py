@@ -12,8 +12,8 @@ import numpy as np
 import tomli_w
 from pydantic import Field
 
-from edge_daemon.calibration import Calibration
-from edge_daemon.camera_settings import CalibrationPoint, ImageSize, SegmentSettings
+from edge_daemon.calibration.calibration import Calibration
+from edge_daemon.camera.settings import CalibrationPoint, ImageSize, SegmentSettings
 from edge_daemon.frame import Image
 from slipstream.config import Settings, check, load
 from slipstream.errors import InputError

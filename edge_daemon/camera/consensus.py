@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.homography import Array, CalibrationError, Homography
+from edge_daemon.camera.homography import Array, CalibrationError, Homography
 
 _MOST_TRIALS: Final = 1000
 _FEWEST: Final = 6

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.homography import Array, Homography
+from edge_daemon.camera.homography import Array, Homography
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera_checks import check_points, fit_points, seen_share, watched
-from edge_daemon.camera_settings import CalibrationPoint, SegmentSettings
-from edge_daemon.consensus import agreeing, tolerance_px
-from edge_daemon.homography import Array, CalibrationError, Homography
-from edge_daemon.pose import CameraPose, pose_of
-from edge_daemon.segment import WatchedSegment
+from edge_daemon.camera.checks import check_points, fit_points, seen_share, watched
+from edge_daemon.camera.consensus import agreeing, tolerance_px
+from edge_daemon.camera.homography import Array, CalibrationError, Homography
+from edge_daemon.camera.pose import CameraPose, pose_of
+from edge_daemon.camera.segment import WatchedSegment
+from edge_daemon.camera.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
 CLICK_PX: Final = 1.0

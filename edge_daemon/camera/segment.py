@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.homography import Array
+from edge_daemon.camera.homography import Array
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from typing import Final
 import cv2
 import numpy as np
 
-from edge_daemon.calibration import Calibration
+from edge_daemon.calibration.calibration import Calibration
+from edge_daemon.camera.homography import Array
 from edge_daemon.drawing import DARK, Colour, Labels, tint
 from edge_daemon.frame import Image
-from edge_daemon.homography import Array
 
 _MINOR: Final[Colour] = (190, 190, 60)
 _MAJOR: Final[Colour] = (235, 235, 0)

@@ -1,0 +1,1 @@
+"""Calibrating a camera from points: the fit, its accuracy, files in and out, the grid."""
