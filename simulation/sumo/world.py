@@ -1,6 +1,7 @@
 """One running SUMO simulation: started, stepped, read around the RSU, and closed again.
 
-SUMO lives in the calling process (libsumo), which holds one simulation at a time.
+SUMO lives in the calling process (libsumo), which holds one simulation at a time and writes nothing
+to its terminal meanwhile.
 """
 
 from __future__ import annotations
@@ -10,8 +11,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -60,11 +60,11 @@ class World:
     def __enter__(self) -> World:
         if libsumo.isLoaded():
             raise RuntimeError("a SUMO simulation already runs in this process")
-        try:
+        with ExitStack() as stack:
+            self._said = stack.enter_context(_messages())
+            stack.callback(_close)
             self._run(lambda: libsumo.start(self._command))
-        except InputError:
-            _close()
-            raise
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(
@@ -73,7 +73,7 @@ class World:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        _close()
+        self._stack.close()
 
     @property
     def time_s(self) -> float:
@@ -94,13 +94,12 @@ class World:
         Raises:
             InputError: it did.
         """
-        with _messages() as said:
-            reasons: list[str] = []
-            try:
-                command()
-            except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-                reasons = [str(error)]
-            spoken = said()
+        reasons: list[str] = []
+        try:
+            command()
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            reasons = [str(error)]
+        spoken = self._said.news()
         if reasons or any(line.startswith("Error") for line in spoken):
             raise self._refusal([*spoken, *reasons])
 
@@ -189,15 +188,14 @@ _QUIT: Final = "Quitting (on error)."
 
 
 def _close() -> None:
-    """Close the simulation if one is loaded; what SUMO says at its end is of no use."""
+    """Close the simulation if one is loaded."""
     if libsumo.isLoaded():
-        with _messages():
-            libsumo.close()
+        libsumo.close()
 
 
 @contextmanager
 def _messages() -> Iterator[_Said]:
-    """Keep what SUMO writes to the terminal: its reasons stand there, not in its exceptions."""
+    """Keep what this process writes to the terminal: SUMO gives its reasons there alone."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = os.dup(1), os.dup(2)
@@ -213,12 +211,16 @@ def _messages() -> Iterator[_Said]:
             os.close(saved[1])
 
 
-@dataclass(frozen=True)
 class _Said:
-    """Reads the lines that went into a file."""
+    """Reads what went into a file."""
 
-    descriptor: int
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._read = 0
 
-    def __call__(self) -> list[str]:
-        size = os.fstat(self.descriptor).st_size
-        return os.pread(self.descriptor, size, 0).decode(errors="replace").splitlines()
+    def news(self) -> list[str]:
+        """The lines since the last call."""
+        new = os.fstat(self._descriptor).st_size - self._read
+        text = os.pread(self._descriptor, new, self._read) if new else b""
+        self._read += new
+        return text.decode(errors="replace").splitlines()

@@ -44,7 +44,7 @@ def settings_for(folder: Path, rsu: str, routes: str = "calm") -> SumoClipSettin
         rsu=small_rsu(folder, rsu),
         seconds=1.2,
         fps=25.0,
-        begin_s=40.0,
+        begin_s=25.0,
         seed=4,
     )
 
