@@ -15,12 +15,16 @@ FPS: Final = 30
 
 @dataclass(frozen=True)
 class Clip:
-    """One clip: its world, what goes on in it, and the seed of traffic, light and camera."""
+    """One clip: its world, what goes on in it, and the seed of traffic, light and camera.
+
+    SUMO's have a place, and the simulated second at which they begin.
+    """
 
     world: str
     traffic: str
     seed: int
     rsu: str = ""
+    begin_s: int = 120
 
     @property
     def name(self) -> str:
@@ -30,11 +34,15 @@ class Clip:
     @property
     def arguments(self) -> list[str]:
         """Arguments of `slipstream clip`."""
-        options = {"--seconds": SECONDS, "--fps": FPS, "--seed": self.seed}
+        options: dict[str, object] = {"--seconds": SECONDS, "--fps": FPS, "--seed": self.seed}
         if self.world == "sumo":
-            options |= {"--routes": self.traffic, "--rsu": self.rsu}  # type: ignore[dict-item]
+            options |= {
+                "--routes": self.traffic,
+                "--rsu": self.rsu,
+                "--begin": self.begin_s,
+            }
         else:
-            options |= {"--scenario": self.traffic}  # type: ignore[dict-item]
+            options |= {"--scenario": self.traffic}
         return [self.world, *(str(word) for option in options.items() for word in option)]
 
 
@@ -54,15 +62,17 @@ CLIPS: Final = (
     Clip("streetdrive", "turbulent", 1281),
     Clip("streetdrive", "mixed", 1282),
     Clip("sumo", "calm", 101, "approach"),
-    Clip("sumo", "calm", 102, "departure"),
-    Clip("sumo", "calm", 103, "opposite"),
-    Clip("sumo", "calm", 104, "bend"),
+    Clip("sumo", "calm", 102, "opposite"),
+    Clip("sumo", "calm", 103, "departure"),
+    Clip("sumo", "calm", 104, "crossing"),
+    Clip("sumo", "calm", 105, "bend"),
     Clip("sumo", "mixed", 301, "approach"),
     Clip("sumo", "mixed", 302, "opposite"),
-    Clip("sumo", "rough", 201, "departure"),
-    Clip("sumo", "rough", 202, "crossing"),
-    Clip("sumo", "rough", 203, "approach"),
-    Clip("sumo", "rough", 204, "bend"),
+    Clip("sumo", "mixed", 303, "departure", 132),
+    Clip("sumo", "mixed", 305, "crossing", 104),
+    Clip("sumo", "rough", 201, "approach", 180),
+    Clip("sumo", "rough", 203, "departure"),
+    Clip("sumo", "rough", 204, "crossing", 240),
 )
 
 
