@@ -80,28 +80,74 @@ class WindowFeatures:
     vehicles: tuple[VehicleMotion, ...]
 
 
-def features_of(
-    sightings: Sightings,
-    segment: WatchedSegment,
-    pose: CameraPose | None,
-    begin_s: float,
-    observed_s: float,
-) -> WindowFeatures | None:
-    """Features of one segment over one window.
+class SegmentKinematics:
+    """Measures one segment, window after window.
 
-    Args:
-        sightings: of the window and, if there are, some from before it; any order.
-        segment: the watched segment.
-        pose: of the camera; without one, vehicles' middles are guessed from their lengths.
-        begin_s: media time at which the window begins.
-        observed_s: how much of the window was covered by frames, s, > 0.
-
-    Returns:
-        None if no vehicle was followed long enough.
+    Vehicles that have gone on keep the fit that they had: most of a window is the last one's.
     """
-    vehicles = _motions(sightings, segment, pose, begin_s)
-    if not vehicles:
-        return None
+
+    def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:
+        """Set it up.
+
+        Args:
+            segment: the watched segment.
+            pose: of the camera; without one, vehicles' middles are guessed from their lengths.
+        """
+        self._segment = segment
+        self._pose = pose
+        self._paths: dict[_Key, _Path | None] = {}
+
+    def features(
+        self, sightings: Sightings, begin_s: float, observed_s: float
+    ) -> WindowFeatures | None:
+        """Features over one window.
+
+        Args:
+            sightings: of the window and, if there are, some from before it; any order.
+            begin_s: media time at which the window begins.
+            observed_s: how much of the window was covered by frames, s, > 0.
+
+        Returns:
+            None if no vehicle was followed long enough.
+        """
+        vehicles = self._motions(sightings, begin_s)
+        return _features(vehicles, observed_s * self._segment.length_m) if vehicles else None
+
+    def _motions(self, sightings: Sightings, begin_s: float) -> list[VehicleMotion]:
+        segment = self._segment
+        parts = _by_vehicle(sightings, segment)
+        left = np.array([-segment.direction[1], segment.direction[0]])
+        course = learn_course([(segment.along(p.point_m), p.point_m @ left) for p in parts])
+        known, self._paths = self._paths, {}
+        new = [part for part in parts if _key(part) not in known]
+        for part, offset in zip(new, _to_middle(new, segment, self._pose), strict=True):
+            middle = replace(part, point_m=part.point_m + offset)
+            known[_key(part)] = _path(middle, segment, course)
+        self._paths = {_key(part): known[_key(part)] for part in parts}
+        paths = [path for path in self._paths.values() if path is not None]
+        if not paths:
+            return []
+        components = estimate_components([path.fit for path in paths])
+        low, high = (float(end) for end in course.arc(_ends(segment)))
+        vehicles = []
+        for path in paths:
+            motion = path.fit.smooth(components)
+            weight = _weights(motion, path, low, high, begin_s)
+            if weight.sum() > 0:
+                vehicle = VehicleMotion(path.track, motion, weight, path.lane, path.length_m)
+                vehicles.append(vehicle)
+        return vehicles
+
+
+_Key = tuple[int, float, float, int]
+
+
+def _key(seen: Sightings) -> _Key:
+    return int(seen.track[0]), float(seen.time_s[0]), float(seen.time_s[-1]), len(seen)
+
+
+def _features(vehicles: Sequence[VehicleMotion], area: float) -> WindowFeatures:
+    """The six features; the area is the segment's length times the observed time, m s."""
     present_s = sum(float(vehicle.weight_s.sum()) for vehicle in vehicles)
     weights = [vehicle.weight_s / present_s for vehicle in vehicles]
     speed, spread = _moments(
@@ -123,7 +169,6 @@ def features_of(
     )
     std = float(np.sqrt(spread.value))
     error = spread.standard_error or 0.0
-    area = observed_s * segment.length_m
     return WindowFeatures(
         KinematicFeatures(
             mean_speed_mps=speed,
@@ -141,30 +186,8 @@ def features_of(
     )
 
 
-def _motions(
-    sightings: Sightings, segment: WatchedSegment, pose: CameraPose | None, begin_s: float
-) -> list[VehicleMotion]:
-    parts = _by_vehicle(sightings, segment, pose)
-    left = np.array([-segment.direction[1], segment.direction[0]])
-    course = learn_course([(segment.along(part.point_m), part.point_m @ left) for part in parts])
-    paths = [path for part in parts if (path := _path(part, segment, course))]
-    if not paths:
-        return []
-    components = estimate_components([path.fit for path in paths])
-    low, high = (float(end) for end in course.arc(_ends(segment)))
-    vehicles = []
-    for path in paths:
-        motion = path.fit.smooth(components)
-        weight = _weights(motion, path, low, high, begin_s)
-        if weight.sum() > 0:
-            vehicles.append(VehicleMotion(path.track, motion, weight, path.lane, path.length_m))
-    return vehicles
-
-
-def _by_vehicle(
-    sightings: Sightings, segment: WatchedSegment, pose: CameraPose | None
-) -> list[Sightings]:
-    """The sightings of each vehicle that was in the segment, in order; points are its middle."""
+def _by_vehicle(sightings: Sightings, segment: WatchedSegment) -> list[Sightings]:
+    """The sightings of each vehicle that was in the segment, in order."""
     order = np.lexsort((sightings.time_s, sightings.track))
     near = segment.along(sightings.point_m[order])
     low, high = segment.begin_m - _REACH_M, segment.begin_m + segment.length_m + _REACH_M
@@ -173,14 +196,10 @@ def _by_vehicle(
     paused = np.diff(sorted_.time_s, prepend=0.0) > _LONGEST_PAUSE_S
     begins = np.flatnonzero((np.diff(sorted_.track, prepend=-1) != 0) | paused)
     inside = np.append(0, np.cumsum(segment.contains(sorted_.point_m + _half_length(sorted_))))
-    parts = [
+    return [
         sorted_.take(slice(begin, end))
         for begin, end in pairwise([*begins.tolist(), len(sorted_)])
         if end - begin >= MIN_SIGHTINGS and inside[end] - inside[begin] >= 2
-    ]
-    return [
-        replace(part, point_m=part.point_m + offset)
-        for part, offset in zip(parts, _to_middle(parts, segment, pose), strict=True)
     ]
 
 

@@ -119,15 +119,24 @@ class Fit:
     def __init__(self, positions: Positions) -> None:
         """Set up the process at the positions' times; at least three of them."""
         self.positions = positions
+        n = len(positions)
         time = positions.time_s - positions.time_s[0]
-        self._to_speed, self._to_along = _integrals(time)
+        to_speed, to_along = _integrals(time)
         distance = np.sqrt(3.0) * np.abs(time[:, None] - time[None]) / CORRELATION_S
-        self._correlation: Array = (1 + distance) * np.exp(-distance)
+        correlation: Array = (1 + distance) * np.exp(-distance)
+        # Covariances for σ²_a = 1: of position, speed and acceleration with position, of each.
+        with_along = correlation @ to_along.T
+        self._of_along = to_along @ with_along
+        self._with_along = np.vstack([self._of_along, to_speed @ with_along, with_along])
+        self._of_speed = to_speed @ correlation @ to_speed.T
+        self._of_acceleration = correlation
         slow = np.sqrt(positions.slow_m2)
         apart = np.abs(time[:, None] - time[None]) / SLOW_CORRELATION_S
         self._noise: Array = slow[:, None] * slow * np.exp(-apart) + np.diag(positions.variance_m2)
-        self._moved = self._to_along @ self._correlation
-        self._design = np.column_stack([np.ones_like(time), time])
+        # What s₀ and v₀ add to position, speed and acceleration.
+        self._start = np.zeros((3 * n, 2))
+        self._start[:n, 0] = self._start[n : 2 * n, 1] = 1.0
+        self._start[:n, 1] = time
         self._middle = float(positions.along_m.mean())
         self._target = positions.along_m - self._middle
         self._contrasts()
@@ -135,43 +144,39 @@ class Fit:
     def _contrasts(self) -> None:
         """Independent contrasts free of s₀ and v₀: contrast k has variance noise + σ²_a · gain."""
         whiten = np.linalg.inv(np.linalg.cholesky(self._noise))
-        basis = np.linalg.qr(whiten @ self._design, mode="complete")[0][:, 2:]
+        design = self._start[: len(self.positions)]
+        basis = np.linalg.qr(whiten @ design, mode="complete")[0][:, 2:]
         projected = basis.T @ whiten
-        gain, vectors = np.linalg.eigh(projected @ self._moved @ self._to_along.T @ projected.T)
+        gain, vectors = np.linalg.eigh(projected @ self._of_along @ projected.T)
         self.gains = np.maximum(gain, 0.0)
         self.contrasts = vectors.T @ (projected @ self._target)
 
     def smooth(self, components: Components) -> Motion:
         """Posterior of the motion, given how strong acceleration and noise are."""
-        variance = components.acceleration_variance
-        noise = components.noise_scale * self._noise
-        total = variance * self._moved @ self._to_along.T + noise
         n = len(self.positions)
-        # What of the accelerations makes position, speed and acceleration, and what of s₀ and v₀.
-        wanted = np.vstack([self._to_along, self._to_speed, np.eye(n)])
-        shape = np.zeros((3 * n, 2))
-        shape[:n] = self._design
-        shape[n : 2 * n, 1] = 1.0
-        cross = variance * (wanted @ self._moved.T)
-        solved = np.linalg.solve(total, np.column_stack([self._target, self._design, cross.T]))
-        precision = self._design.T @ solved[:, 1:3]
-        start = np.linalg.solve(precision, self._design.T @ solved[:, 0])
-        mean = cross @ (solved[:, 0] - solved[:, 1:3] @ start) + shape @ start
-        # Covariances of speed and of acceleration only.
-        wanted, cross, shape = wanted[n:], cross[n:], shape[n:]
-        left = shape - cross @ solved[:, 1:3]
-        covariance = (
-            variance * (wanted @ self._correlation @ wanted.T)
-            - cross @ solved[:, 3 + n :]
-            + left @ np.linalg.solve(precision, left.T)
+        variance = components.acceleration_variance
+        total = variance * self._of_along + components.noise_scale * self._noise
+        cross = variance * self._with_along
+        solved = np.linalg.solve(
+            total, np.hstack([self._target[:, None], self._start[:n], cross[n:].T])
         )
+        weighted, started = solved[:, 0], solved[:, 1:3]
+        spread = np.linalg.inv(self._start[:n].T @ started)
+        start = spread @ (self._start[:n].T @ weighted)
+        mean = cross @ (weighted - started @ start) + self._start @ start
+        left = self._start - cross @ started
+        speed, acceleration = np.s_[n : 2 * n], np.s_[2 * n :]
         return Motion(
             self.positions.time_s,
             mean[:n] + self._middle,
-            mean[n : 2 * n],
-            mean[2 * n :],
-            covariance[:n, :n],
-            covariance[n:, n:],
+            mean[speed],
+            mean[acceleration],
+            variance * self._of_speed
+            - cross[speed] @ solved[:, 3 : 3 + n]
+            + left[speed] @ spread @ left[speed].T,
+            variance * self._of_acceleration
+            - cross[acceleration] @ solved[:, 3 + n :]
+            + left[acceleration] @ spread @ left[acceleration].T,
         )
 
 

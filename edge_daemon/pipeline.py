@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
 from edge_daemon.frame import Frame
-from edge_daemon.kinematics import VehicleMotion, features_of
+from edge_daemon.kinematics import SegmentKinematics, VehicleMotion
 from edge_daemon.measurement import to_road_points
 from edge_daemon.stability import Flag, StabilitySettings, classify
 from edge_daemon.tracking import Sightings, Track, Tracker, TrackerSettings
@@ -50,6 +50,9 @@ class Pipeline:
         self._frames: deque[_Seen] = deque()
         self._sequence = 0
         self._stable: set[str] = set()
+        self._kinematics = {
+            segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
+        }
         self._vehicles: dict[str, tuple[VehicleMotion, ...]] = {}
 
     @property
@@ -143,7 +146,7 @@ class Pipeline:
         fault: UnknownReason | None,
     ) -> SegmentState:
         measured = (
-            features_of(sightings, segment, self._camera.pose, begin_s, observed_s)
+            self._kinematics[segment.id].features(sightings, begin_s, observed_s)
             if fault is None and sightings is not None and observed_s > 0
             else None
         )

@@ -11,7 +11,7 @@ import pytest
 
 from edge_daemon.camera import Camera
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.kinematics import NOMINAL_LENGTH_M, WindowFeatures, features_of
+from edge_daemon.kinematics import NOMINAL_LENGTH_M, SegmentKinematics, WindowFeatures
 from edge_daemon.motion import NOISE_CORRELATION_S, SLOW_SHARE
 from edge_daemon.tracking import Sightings
 
@@ -59,7 +59,7 @@ def like_a_detectors(rng: np.random.Generator, n: int) -> np.ndarray:  # type: i
 
 def measure(sightings: Sightings, camera: Camera) -> WindowFeatures | None:
     """Features of the only segment over the whole window."""
-    return features_of(sightings, camera.segments[0], None, 0.0, 10.0)
+    return SegmentKinematics(camera.segments[0], None).features(sightings, 0.0, 10.0)
 
 
 def steady(start_s: float, speed: float) -> Position:
@@ -136,7 +136,7 @@ def test_a_lone_vehicle_has_no_gap(camera: Camera) -> None:
 def test_what_was_seen_before_the_window_counts_for_nothing_in_it(camera: Camera) -> None:
     """It only helps to smooth: presence is counted from the window's beginning."""
     whole = measure(observe(CALM, 0.1), camera)
-    later = features_of(observe(CALM, 0.1), camera.segments[0], None, 5.0, 5.0)
+    later = SegmentKinematics(camera.segments[0], None).features(observe(CALM, 0.1), 5.0, 5.0)
     assert whole is not None
     assert later is not None
     present = sum(v.weight_s.sum() for v in later.vehicles)
@@ -179,3 +179,17 @@ def wide(camera: Camera) -> Camera:
     bent = copy(camera)
     bent.segments = (segment,)
     return bent
+
+
+def test_what_is_kept_between_windows_changes_nothing(camera: Camera) -> None:
+    """Measured window after window, the last one is what it would be on its own."""
+    sightings = observe(CALM, 0.2)
+    kept = SegmentKinematics(camera.segments[0], None)
+    for now in (6.0, 7.0, 8.0, 9.0):
+        kept.features(sightings.take(sightings.time_s <= now), 0.0, now)
+    last, alone = kept.features(sightings, 0.0, 10.0), measure(sightings, camera)
+    assert last is not None
+    assert alone is not None
+    for name in ("mean_speed_mps", "speed_std_mps", "acceleration_variance_m2ps4"):
+        got, wanted = getattr(last.features, name), getattr(alone.features, name)
+        assert got.value == pytest.approx(wanted.value, rel=1e-3, abs=1e-4)
