@@ -107,6 +107,11 @@ def _add_train(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     train.add_argument("--rate", type=float, default=5e-4, help="AdamW's rate (default 0.0005)")
     train.add_argument("--width", type=_positive, default=640, help="pictures are scaled to, px")
     train.add_argument("--threads", type=_positive, default=2)
+    train.add_argument(
+        "--hard-swish",
+        action="store_true",
+        help="with hard-swish for SiLU: a quarter faster in INT8 (the shipped weights have it)",
+    )
     train.add_argument("--seed", type=int, default=1)
     train.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder for the run (default runs)"
@@ -162,6 +167,7 @@ def run_train(options: argparse.Namespace) -> int:
         learning_rate=options.rate,
         threads=options.threads,
         width=options.width,
+        hard_swish=options.hard_swish,
     )
     with terminal_only():
         before = ultralytics_map(weights, options.data, options.width)

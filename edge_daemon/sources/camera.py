@@ -91,9 +91,10 @@ class _Camera:
         """Connect and offer frames until none comes; True if any did."""
         counters = self._counters
         counters.tried_s = time.monotonic()
-        timeouts = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, self._stall_ms]
-        timeouts += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, self._stall_ms]
-        stream = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, timeouts)
+        options = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, self._stall_ms]
+        options += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, self._stall_ms]
+        options += [cv2.CAP_PROP_N_THREADS, 1]  # more would hold back a picture each
+        stream = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, options)
         clock = StreamClock(self._media_s)
         last_s = stamp_s = None
         cut = self._seen

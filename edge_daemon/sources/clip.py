@@ -164,7 +164,8 @@ def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) ->
         )
     # Going back to the start would lose the first frame of a file without an index.
     capture.release()
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    # Decoding overlaps with everything else as it is: more threads would only hold frames back.
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     return ClipReader(path, capture, first.shape, loop=loop)
 
 

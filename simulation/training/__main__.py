@@ -97,6 +97,7 @@ def main(argv: list[str] | None = None) -> int:
             threads=chosen.threads,
             learning_rate=rate,
             final_rate=final_rate,
+            hard_swish=True,
         )
         data = write_data_yaml(chosen.out / f"stage{number}.yaml", folders, folders[0])
         last = train(data, chosen.out, settings, f"stage{number}", last)

@@ -91,7 +91,7 @@ def card_text(record: Record) -> str:
     classes = ", ".join(f"{i} {name}" for i, name in enumerate(CLASSES))
     return f"""# {WEIGHTS_NAME}
 
-YOLO11n, trained from random weights on StreetDrive renders only. Classes: {classes}.
+YOLO11n with hard-swish in place of SiLU, trained from random weights on StreetDrive renders only. Classes: {classes}.
 Made on {record.date} by `simulation/training`; `python -m simulation.training --out DIR` does scenes, training,
 export, measuring and this card.
 {record.remark}
