@@ -22,8 +22,8 @@ WEIGHTS_NAME = "yolo11n-streetdrive"
 class TrainSettings:
     """What a training run is told.
 
-    `final_rate` is the share of the rate left at the end. With `hard_swish` the network's SiLU gives
-    way to hard-swish (Howard et al., ICCV 2019), which costs an RSU a quarter less time in INT8.
+    `final_rate` is the share of the rate left at the end. With `hard_swish` the network's SiLU
+    gives way to hard-swish (Howard et al., ICCV 2019), which costs an RSU a quarter less in INT8.
     """
 
     epochs: int
