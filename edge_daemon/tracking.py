@@ -39,7 +39,7 @@ class TrackerSettings(Settings):
     """How vehicles are followed."""
 
     sure_score: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.4, description="Detections from here up may start a track."
+        default=0.5, description="Detections from here up may start a track."
     )
     confirm_hits: Annotated[int, Field(ge=1)] = Field(
         default=3, description="Detections that a new track needs before it counts."

@@ -31,7 +31,7 @@ class DetectorSettings(Settings):
         default=0.1, description="Boxes below are dropped; the tracker has its own higher bar."
     )
     max_overlap: Annotated[float, Field(gt=0, lt=1)] = Field(
-        default=0.6, description="Boxes that overlap a better one by more (IoU) are dropped."
+        default=0.45, description="Boxes that overlap a better one by more (IoU) are dropped."
     )
     threads: Annotated[int, Field(ge=0)] = Field(
         default=0, description="Inference threads; 0: as many as the machine has cores."
