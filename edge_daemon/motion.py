@@ -22,7 +22,7 @@ BIN_S: Final = 0.2
 """Positions are averaged over so long before smoothing: little is lost, much time is won."""
 MOST_BINS: Final = 24
 """A vehicle that is in view for long gets longer bins: smoothing costs the cube of their number."""
-CORRELATION_S: Final = 1.5
+CORRELATION_S: Final = 2.5
 """Length scale of the acceleration's correlation."""
 NOISE_CORRELATION_S: Final = 0.05
 """For so long most of a box's error stays: the detector sees nearly the same picture."""
