@@ -1,9 +1,10 @@
-"""A source with a capture thread: the reader gets the newest frame, older ones are counted."""
+"""A source with a capture thread: nothing queues up, and what is skipped is counted."""
 
 from __future__ import annotations
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -12,12 +13,18 @@ from edge_daemon.sources.protocol import SourceCounters
 
 log = logging.getLogger(__name__)
 
+_MOST_WAITING = 4
+
 Offer = Callable[[Frame], None]
 Capture = Callable[[Offer, threading.Event, SourceCounters], None]
 
 
 class LiveSource:
-    """Runs a capture function in a thread and hands on what it offers, the newest frame first."""
+    """Runs a capture function in a thread and hands on what it offers.
+
+    A few frames may wait for a reader that was busy for a moment; when more would, all but the
+    newest are skipped.
+    """
 
     def __init__(self, capture: Capture, name: str) -> None:
         """Start capturing.
@@ -29,7 +36,7 @@ class LiveSource:
         """
         self.counters = SourceCounters()
         self._changed = threading.Condition()
-        self._newest: Frame | None = None
+        self._waiting: deque[Frame] = deque()
         self._ended = False
         self._fault: Exception | None = None
         self._stopping = threading.Event()
@@ -51,14 +58,16 @@ class LiveSource:
 
     def _offer(self, frame: Frame) -> None:
         with self._changed:
-            if self._newest is not None:
-                self.counters.skipped += 1
+            if len(self._waiting) >= _MOST_WAITING:
+                # A hiccup is caught up with; who is slower than the camera gets the newest.
+                self.counters.skipped += len(self._waiting)
                 frame = replace(
                     frame,
-                    cut=frame.cut or self._newest.cut,
-                    clock_jump=frame.clock_jump or self._newest.clock_jump,
+                    cut=frame.cut or any(old.cut for old in self._waiting),
+                    clock_jump=frame.clock_jump or any(old.clock_jump for old in self._waiting),
                 )
-            self._newest = frame
+                self._waiting.clear()
+            self._waiting.append(frame)
             self._changed.notify()
 
     def frames(self) -> Iterator[Frame | None]:
@@ -69,8 +78,8 @@ class LiveSource:
         """
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._newest is not None or self._ended, timeout=1.0)
-                frame, self._newest = self._newest, None
+                self._changed.wait_for(lambda: self._waiting or self._ended, timeout=1.0)
+                frame = self._waiting.popleft() if self._waiting else None
                 if frame is None and (self._ended or self._stopping.is_set()):
                     if self._fault is not None:
                         raise self._fault

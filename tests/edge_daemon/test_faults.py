@@ -320,7 +320,8 @@ def test_what_was_skipped_keeps_its_marks(
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
         frame = Frame(picture, 0.0, 0, 0.0)
         offer(replace(frame, clock_jump=True, cut=True))
-        offer(frame)
+        for _ in range(4):
+            offer(frame)
         offered.set()
 
     source = LiveSource(capture, "test")  # type: ignore[arg-type]
