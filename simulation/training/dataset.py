@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import cv2
@@ -56,8 +57,13 @@ def write_dataset(
         (out / "labels" / split).mkdir(parents=True, exist_ok=True)
         task = partial(_write_stage, split=split, seed=seed, limits=limits, out=out)
         stages = -(-count // limits.shots)
-        with ProcessPoolExecutor(max_workers=workers) as pool:
-            boxes = sum(pool.map(task, range(stages), chunksize=2))
+        if workers == 1:
+            boxes = sum(map(task, range(stages)))
+        else:
+            # A fork would take along the locks of threads that it does not take along.
+            context = get_context("spawn")
+            with ProcessPoolExecutor(max_workers=workers, mp_context=context) as pool:
+                boxes = sum(pool.map(task, range(stages), chunksize=2))
         print(f"{limits.name} {split}: {stages * limits.shots} pictures, {boxes} boxes", flush=True)
     return write_data_yaml(out / "data.yaml", [out], out)
 
