@@ -116,8 +116,7 @@ class SegmentKinematics:
     def _motions(self, sightings: Sightings, begin_s: float) -> list[VehicleMotion]:
         segment = self._segment
         parts = _by_vehicle(sightings, segment)
-        left = np.array([-segment.direction[1], segment.direction[0]])
-        course = learn_course([(segment.along(p.point_m), p.point_m @ left) for p in parts])
+        course = learn_course([(segment.along(p.point_m), p.point_m @ segment.left) for p in parts])
         known, self._paths = self._paths, {}
         new = [part for part in parts if _key(part) not in known]
         for part, offset in zip(new, _to_middle(new, segment, self._pose), strict=True):

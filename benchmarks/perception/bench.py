@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shutil
@@ -26,7 +25,7 @@ from benchmarks.perception.report import (
     WHOLE,
     Results,
 )
-from benchmarks.perception.speed import Speed, measured, speed_of
+from benchmarks.perception.speed import Speed, last_line, measured, speed_of
 from edge_daemon.detection.protocol import builtin_model
 from slipstream.errors import InputError
 
@@ -179,20 +178,7 @@ def _measured_peer(settings: BenchSettings, python: Path, options: list[str], lo
         *(str(settings.clip / "video.mp4"), "--frames", str(max(30, settings.frames // 4))),
         *flags,
     ]
-    with log.open("a") as errors:
-        done = subprocess.run(
-            command,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            text=True,
-            timeout=_TIME_LIMIT_S,
-            check=False,
-        )
-        errors.write(done.stdout)
-    lines = done.stdout.strip().splitlines()
-    if done.returncode != 0 or not lines:
-        raise RuntimeError(f"failed with status {done.returncode}; see {log}")
-    told = json.loads(lines[-1])
+    told = last_line(command, log, _TIME_LIMIT_S)
     return speed_of(told["done_s"], [], told["cpu_s"], told["vehicles"], told["rss_mb"])
 
 

@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -83,10 +83,19 @@ def written(speed: Speed) -> str:
 
 
 def measured(command: Sequence[str], log: Path, timeout_s: float) -> Speed:
-    """Run a measuring process and read the last line that it prints.
+    """The figures that a measuring process prints as its last line.
 
     Raises:
         RuntimeError: it failed, or printed something else; the log has what it said.
+    """
+    return Speed(**last_line(command, log, timeout_s))
+
+
+def last_line(command: Sequence[str], log: Path, timeout_s: float) -> dict[str, Any]:
+    """Run a process and read the JSON object that it prints as its last line.
+
+    Raises:
+        RuntimeError: it failed, or printed nothing; the log has what it said.
     """
     with log.open("a") as errors:
         done = subprocess.run(
@@ -101,4 +110,5 @@ def measured(command: Sequence[str], log: Path, timeout_s: float) -> Speed:
     lines = done.stdout.strip().splitlines()
     if done.returncode != 0 or not lines:
         raise RuntimeError(f"{command[0]} failed with status {done.returncode}; see {log}")
-    return Speed(**json.loads(lines[-1]))
+    told: dict[str, Any] = json.loads(lines[-1])
+    return told

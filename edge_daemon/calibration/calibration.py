@@ -240,7 +240,7 @@ def _about_outlines(
                 f"segment {segment.id}: only {seen:.0%} of it is in the picture, so its density "
                 "comes out low"
             )
-        across = segment.polygon_m @ np.array([-segment.direction[1], segment.direction[0]])
+        across = segment.polygon_m @ segment.left
         lanes_m = segment.lanes * segment.lane_width_m
         if not 1 / _WIDTH_FACTOR <= np.ptp(across) / lanes_m <= _WIDTH_FACTOR:
             said.append(

@@ -62,14 +62,15 @@ class WatchedSegment:
 
     def lane(self, points_m: Array) -> npt.NDArray[np.int_]:
         """Lane index of points (n, 2), counted from the right edge of the outline."""
-        offset = points_m @ self._left - self._right_edge_m
+        offset = points_m @ self.left - self._right_edge_m
         lanes = np.clip(np.floor(offset / self.lane_width_m), 0, self.lanes - 1)
         return np.asarray(lanes, dtype=np.int_)
 
     @cached_property
-    def _left(self) -> Array:
+    def left(self) -> Array:
+        """Unit vector across the direction of travel, to the left, shape (2,)."""
         return np.array([-self.direction[1], self.direction[0]])
 
     @cached_property
     def _right_edge_m(self) -> float:
-        return float((self.polygon_m @ self._left).min())
+        return float((self.polygon_m @ self.left).min())

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from edge_daemon.evaluation.identity import box_overlap
+
 Floats = NDArray[np.float64]
 
 IOU_THRESHOLDS = tuple(round(0.5 + 0.05 * i, 2) for i in range(10))
@@ -22,21 +24,12 @@ class Boxes:
     scores: Floats
 
 
-def iou(a: Floats, b: Floats) -> Floats:
-    """Intersection over union (n, m) of boxes (n, 4) and (m, 4)."""
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
-    inter = np.prod(np.clip(high - low, 0, None), axis=2)
-    areas = [np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) for boxes in (a, b)]
-    return np.asarray(inter / np.maximum(areas[0][:, None] + areas[1] - inter, 1e-9))
-
-
 def _matches(found: Floats, true: Floats, threshold: float) -> NDArray[np.bool_]:
     """Which found boxes, best score first, take a true box that none before them took."""
     hit = np.zeros(len(found), dtype=np.bool_)
     if not len(true):
         return hit
-    overlap = iou(found, true)
+    overlap = box_overlap(found, true)
     free = np.ones(len(true), dtype=np.bool_)
     for i in range(len(found)):
         candidates = np.where(free, overlap[i], -1.0)
