@@ -59,11 +59,12 @@ def run(options: argparse.Namespace) -> int:
             "window_s": options.window,
             "every_s": options.every,
             "detector": detector,
-            "stability": {"hysteresis": 0.0, "sure_sigmas": 0.0} if options.bare else {},
         },
         TrackSettings,
         "command line",
     )
+    if options.bare:
+        settings = settings.model_copy(update={"stability": settings.stability.bare()})
     out = options.out or Path(f"{options.video.stem}.states.jsonl")
     try:
         states = out.open("w", encoding="utf-8")
