@@ -216,6 +216,22 @@ def arc_problem(
     )
 
 
+def arc_problem_of(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    sync_window_s: float,
+    reference_s: float = 0.0,
+) -> ArcProblem:
+    """The arc form of a routing problem under given traffic.
+
+    Args:
+        sync_window_s: Δt_sync.
+        reference_s: when a vehicle that is ready at once leaves.
+    """
+    arcs = candidate_arcs(problem, least_energy_legs(problem, snapshot), reference_s)
+    return arc_problem(problem, arcs, tuple(judge_pairs(problem, arcs, snapshot, sync_window_s)))
+
+
 def _baseline(model: ArcProblem, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
     """Name and arcs of the plan without platooning; the insertion plan if the solver is out."""
     if outcome.selected is not None:
