@@ -1,14 +1,15 @@
-"""From a selection of arcs to routes, or to the rules that it breaks.
+"""From a selection of arcs or options to routes, or to the rules that it breaks.
 
-This knows nothing of penalties, QUBOs or MILPs: it follows each vehicle from the depot and looks.
+This knows nothing of penalties, QUBOs or MILPs: it follows each vehicle and looks.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
 
 
 @dataclass(frozen=True)
@@ -19,13 +20,34 @@ class Decoded:
     violations: tuple[str, ...]
 
 
-def decode(problem: ArcProblem, selected: Collection[int]) -> Decoded:
-    """Read routes from the selected arcs (indices into ``problem.arcs``).
+def decode(problem: Problem, selected: Collection[int]) -> Decoded:
+    """Read routes from the selected arcs or options (indices into the problem's).
 
-    Valid means: every vehicle drives exactly one closed tour from the depot over at least one stop,
-    every stop is on exactly one tour, once, and no selected arc is left over.
+    Valid means in the arc form: every vehicle drives exactly one closed tour from the depot over at
+    least one stop, and no selected arc is left over. In the route form: every vehicle has exactly
+    one option. In both: every stop is served exactly once.
     """
-    violations: list[str] = []
+    if isinstance(problem, ArcProblem):
+        routes, faults = _arc_routes(problem, selected)
+        stops = problem.customers
+    else:
+        routes, faults = _option_routes(problem, selected)
+        stops = problem.stops
+    if not faults:
+        visits = Counter(stop for served in routes.values() for stop in served)
+        faults = [f"{stop}: served {visits[stop]} times" for stop in stops if visits[stop] != 1]
+    return Decoded(None, tuple(faults)) if faults else Decoded(routes, ())
+
+
+def violations(problem: Problem, selected: Collection[int]) -> tuple[str, ...]:
+    """The rules that a selection breaks, in words; empty if it is valid."""
+    return decode(problem, selected).violations
+
+
+def _arc_routes(
+    problem: ArcProblem, selected: Collection[int]
+) -> tuple[dict[str, tuple[str, ...]], list[str]]:
+    faults: list[str] = []
     routes: dict[str, tuple[str, ...]] = {}
     by_vehicle: dict[str, list[tuple[str, str]]] = {vehicle: [] for vehicle in problem.vehicles}
     for index in sorted(selected):
@@ -34,17 +56,24 @@ def decode(problem: ArcProblem, selected: Collection[int]) -> Decoded:
     for vehicle, arcs in by_vehicle.items():
         stops, fault = _follow(problem.depot, arcs)
         if fault is not None:
-            violations.append(f"{vehicle}: {fault}")
+            faults.append(f"{vehicle}: {fault}")
         else:
             routes[vehicle] = stops
-    visits = [stop for stops in routes.values() for stop in stops]
-    if not violations:
-        violations += [
-            f"{stop}: served {visits.count(stop)} times"
-            for stop in problem.customers
-            if visits.count(stop) != 1
-        ]
-    return Decoded(None, tuple(violations)) if violations else Decoded(routes, ())
+    return routes, faults
+
+
+def _option_routes(
+    problem: RouteProblem, selected: Collection[int]
+) -> tuple[dict[str, tuple[str, ...]], list[str]]:
+    chosen: dict[str, list[tuple[str, ...]]] = {vehicle: [] for vehicle in problem.vehicles}
+    for index in sorted(selected):
+        chosen[problem.options[index].vehicle].append(problem.options[index].stops)
+    faults = [
+        f"{vehicle}: {len(options)} options selected"
+        for vehicle, options in chosen.items()
+        if len(options) != 1
+    ]
+    return {vehicle: options[0] for vehicle, options in chosen.items() if options}, faults
 
 
 def _follow(depot: str, arcs: list[tuple[str, str]]) -> tuple[tuple[str, ...], str | None]:

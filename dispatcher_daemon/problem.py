@@ -1,4 +1,4 @@
-"""What is to be solved: the routing problem, and its arc form that all solvers take."""
+"""What is to be solved: the routing problem, and the arc and route forms that solvers take."""
 
 from __future__ import annotations
 
@@ -85,6 +85,16 @@ class ArcProblem:
             if not (math.isfinite(reward.saving_kwh) and reward.saving_kwh > 0):
                 raise ValueError(f"reward must be positive: {reward}")
 
+    @property
+    def choices(self) -> int:
+        """Number of x that a selection is made of."""
+        return len(self.arcs)
+
+    @property
+    def costs_kwh(self) -> tuple[float, ...]:
+        """Cost of each arc."""
+        return tuple(arc.cost_kwh for arc in self.arcs)
+
     @cached_property
     def pair_savings(self) -> dict[tuple[int, int], float]:
         """Saving of each rewarded pair of arcs over all their shared segments, kWh."""
@@ -118,3 +128,94 @@ class ArcProblem:
     def without_platooning(self) -> ArcProblem:
         """The same model with H_platoon = 0: the paper's baseline (section II-C)."""
         return replace(self, rewards=())
+
+
+@dataclass(frozen=True)
+class RouteOption:
+    """One x_{k,r}: vehicle k serves these stops in this order, by one way and departure.
+
+    Attributes:
+        vehicle: k.
+        stops: in order; none where the vehicle stays idle.
+        cost_kwh: finite; below 0 where rewards with vehicles outside the problem are counted in.
+    """
+
+    vehicle: str
+    stops: tuple[str, ...]
+    cost_kwh: float
+
+
+@dataclass(frozen=True)
+class RouteProblem:
+    """The route form as plain data: small enough to send to a worker process.
+
+    A selection is valid if it has exactly one option of each vehicle and serves every stop once.
+
+    Attributes:
+        vehicles: names, K of them.
+        stops: names of the stops that the options share out.
+        options: route options; the index is the x.
+        savings: kWh > 0 by pair (a, b) of options of different vehicles, a < b.
+    """
+
+    vehicles: tuple[str, ...]
+    stops: tuple[str, ...]
+    options: tuple[RouteOption, ...]
+    savings: Mapping[tuple[int, int], float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        vehicles, stops = set(self.vehicles), set(self.stops)
+        if len(vehicles) < len(self.vehicles) or len(stops) < len(self.stops):
+            raise ValueError("vehicles and stops need names of their own")
+        for option in self.options:
+            if option.vehicle not in vehicles or not stops.issuperset(option.stops):
+                raise ValueError(f"option of an unknown vehicle or stop: {option}")
+            if len(set(option.stops)) < len(option.stops):
+                raise ValueError(f"option serves a stop twice: {option}")
+            if not math.isfinite(option.cost_kwh):
+                raise ValueError(f"option without a finite cost: {option}")
+        for (first, second), saving in self.savings.items():
+            if not 0 <= first < second < len(self.options):
+                raise ValueError(f"saving for unknown options: {(first, second)}")
+            if self.options[first].vehicle == self.options[second].vehicle:
+                raise ValueError(f"saving for a vehicle with itself: {(first, second)}")
+            if not (math.isfinite(saving) and saving > 0):
+                raise ValueError(f"saving must be positive: {(first, second)}: {saving}")
+
+    @property
+    def choices(self) -> int:
+        """Number of x that a selection is made of."""
+        return len(self.options)
+
+    @property
+    def costs_kwh(self) -> tuple[float, ...]:
+        """Cost of each option."""
+        return tuple(option.cost_kwh for option in self.options)
+
+    @property
+    def pair_savings(self) -> Mapping[tuple[int, int], float]:
+        """`savings`, by the arc form's name."""
+        return self.savings
+
+    @cached_property
+    def options_of(self) -> dict[str, tuple[int, ...]]:
+        """Indices of each vehicle's options, in order."""
+        groups: dict[str, list[int]] = {vehicle: [] for vehicle in self.vehicles}
+        for index, option in enumerate(self.options):
+            groups[option.vehicle].append(index)
+        return {vehicle: tuple(group) for vehicle, group in groups.items()}
+
+    def objective_kwh(self, selected: Collection[int]) -> float:
+        """Σ c_{k,r} x_{k,r} − Σ s x x of a selection of options."""
+        chosen = set(selected)
+        cost = sum(self.options[i].cost_kwh for i in sorted(chosen))
+        saving = sum(value for (a, b), value in self.savings.items() if a in chosen and b in chosen)
+        return cost - saving
+
+    def without_platooning(self) -> RouteProblem:
+        """The same options without savings between them."""
+        return replace(self, savings={})
+
+
+Problem = ArcProblem | RouteProblem
+"""What solvers take: `choices` binary x, `costs_kwh`, `pair_savings`, `objective_kwh`."""

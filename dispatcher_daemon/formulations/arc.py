@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
-import dimod
-
+from dispatcher_daemon.formulations.qubo import Encoding, QuboModel, add_square, empty_bqm
 from dispatcher_daemon.formulations.subtours import bits_for, order_rows
 from dispatcher_daemon.problem import ArcProblem
 
@@ -49,45 +46,20 @@ class SlackBit:
 
 
 Variable = ArcVariable | OrderBit | SlackBit
+"""Arcs come in the problem's order, then order bits, then slack bits."""
 
 
-@dataclass(frozen=True)
-class ArcModel:
-    """A QUBO of the arc form.
-
-    Attributes:
-        problem: what it models.
-        variables: arcs in the problem's order, then order bits, then slack bits.
-        objective: H_cost − H_platoon, kWh, over all variables.
-        penalty: H_constraints, an integer ≥ 0 in every state, over all variables.
-        gamma: weight of the penalty, kWh.
-    """
-
-    problem: ArcProblem
-    variables: tuple[Variable, ...]
-    objective: dimod.BinaryQuadraticModel
-    penalty: dimod.BinaryQuadraticModel
-    gamma: float
-
-    @cached_property
-    def total(self) -> Any:
-        """H_total, kWh: a `dimod.BinaryQuadraticModel`."""
-        bqm: Any = dimod.BinaryQuadraticModel(self.penalty)
-        bqm.scale(self.gamma)
-        bqm.update(self.objective)
-        return bqm
-
-    def selected(self, bits: Sequence[int]) -> frozenset[int]:
-        """Indices of the arcs that a state selects; bits in the order of `variables`."""
-        return frozenset(i for i in range(len(self.problem.arcs)) if bits[i])
-
-
-def build_arc_model(problem: ArcProblem, gamma: float | None = None) -> ArcModel:
+def build_arc_model(
+    problem: ArcProblem, gamma: float | None = None, encoding: Encoding = "reduced"
+) -> QuboModel:
     """Build the QUBO.
 
     Args:
         gamma: penalty weight, kWh; None: `sufficient_gamma`.
+        encoding: how subtours are excluded.
     """
+    if encoding != "reduced":
+        raise NotImplementedError(f"encoding {encoding!r}")
     x = [ArcVariable(a.vehicle, a.start, a.end) for a in problem.arcs]
     rows = order_rows(problem)
     width = bits_for(len(problem.customers))
@@ -96,9 +68,9 @@ def build_arc_model(problem: ArcProblem, gamma: float | None = None) -> ArcModel
     slack = [SlackBit(r.start, r.end, b) for r in rows for b in range(len(r.slack))]
     variables: tuple[Variable, ...] = (*x, *order, *slack)
 
-    penalty = _empty(variables)
+    penalty = empty_bqm(variables)
     for terms, constant in _degree_rows(problem):
-        _add_square(penalty, {x[i]: c for i, c in terms.items()}, constant)
+        add_square(penalty, {x[i]: c for i, c in terms.items()}, constant)
     for row in rows:
         coefficients: dict[Variable, int] = {}
         for bit in range(width):
@@ -109,16 +81,16 @@ def build_arc_model(problem: ArcProblem, gamma: float | None = None) -> ArcModel
                 coefficients[variable] = row.weight
         for bit, weight in enumerate(row.slack):
             coefficients[SlackBit(row.start, row.end, bit)] = weight
-        _add_square(penalty, coefficients, row.constant)
+        add_square(penalty, coefficients, row.constant)
 
-    objective = _empty(variables)
+    objective = empty_bqm(variables)
     for variable, arc in zip(x, problem.arcs, strict=True):
         objective.add_linear(variable, arc.cost_kwh)
     for (first, second), saving in problem.pair_savings.items():
         objective.add_quadratic(x[first], x[second], -saving)
     if gamma is None:
         gamma = sufficient_gamma(problem)
-    return ArcModel(problem, variables, objective, penalty, gamma)
+    return QuboModel(problem, variables, objective, penalty, gamma)
 
 
 def sufficient_gamma(problem: ArcProblem) -> float:
@@ -157,20 +129,3 @@ def _degree_rows(problem: ArcProblem) -> Iterable[tuple[dict[int, int], int]]:
                 yield flow, 0
         yield {i: 1 for i, a in own if a.start == problem.depot}, -1
         yield {i: 1 for i, a in own if a.end == problem.depot}, -1
-
-
-def _empty(variables: Iterable[Variable]) -> Any:
-    bqm = dimod.BinaryQuadraticModel("BINARY")
-    for variable in variables:
-        bqm.add_variable(variable)
-    return bqm
-
-
-def _add_square(bqm: Any, coefficients: Mapping[Any, int], constant: int) -> None:
-    """Add (Σ c_i x_i + constant)², with x_i² = x_i."""
-    items = list(coefficients.items())
-    bqm.offset += constant**2
-    for position, (u, a) in enumerate(items):
-        bqm.add_linear(u, a * a + 2 * a * constant)
-        for v, b in items[position + 1 :]:
-            bqm.add_quadratic(u, v, 2 * a * b)

@@ -1,4 +1,4 @@
-"""Exactness of an arc-form QUBO by looking at every one of its states."""
+"""Exactness of a QUBO by looking at every one of its states."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.decode import decode
-from dispatcher_daemon.formulations.arc import ArcModel
+from dispatcher_daemon.formulations.qubo import QuboModel
 
 MAX_VARIABLES = 30
 BLOCK_BITS = 18
@@ -88,13 +88,13 @@ class Exactness:
         return self.lowest_infeasible_kwh > self.highest_feasible_kwh
 
 
-def enumerate_model(model: ArcModel) -> Exactness:
+def enumerate_model(model: QuboModel) -> Exactness:
     """Look at every state of a model.
 
     A selection of arcs counts as accepted by the penalty if some setting of order and slack bits
     brings the penalty to zero; the decoder looks at the arcs alone.
     """
-    arcs = len(model.problem.arcs)
+    arcs = model.problem.choices
     width = max(arcs, BLOCK_BITS)
     best_penalty = np.full(1 << arcs, np.inf)
     minimum, minimum_state = np.inf, 0

@@ -1,7 +1,13 @@
-"""The linearised MILP of the arc form, solved exactly with HiGHS.
+"""The linearised MILP of either form, solved exactly with HiGHS.
 
-It shares arcs, costs and rewards with the QUBO and nothing else: subtours are excluded by the
-classical Miller–Tucker–Zemlin inequalities with continuous orders, products by y ≤ x_a, y ≤ x_b.
+It shares choices, costs and savings with the QUBO and nothing else: in the arc form subtours are
+excluded by the classical Miller–Tucker–Zemlin inequalities with continuous orders, in the route
+form every stop has its row, whether its coverage is in question or not.
+
+A saving s_ab x_a x_b becomes s_ab y_ab. Of options of one vehicle, or arcs by which it leaves one
+place, at most one is chosen. So the y of a with any such group G add up to at most x_a,
+Σ_{b∈G} y_ab ≤ x_a, which holds y_ab ≤ x_a and is tighter. Savings only push y up, so y = x_a x_b
+at every optimum with binary x.
 """
 
 from __future__ import annotations
@@ -12,7 +18,7 @@ from typing import Any, Literal
 import highspy
 import numpy as np
 
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
 
 
 @dataclass(frozen=True)
@@ -21,8 +27,8 @@ class MilpResult:
 
     Attributes:
         status: "optimal", "feasible" (time was up), "infeasible" or "timeout" (no answer).
-        selected: chosen arcs; None without an answer.
-        objective_kwh: H_cost − H_platoon of these arcs, re-evaluated; None without an answer.
+        selected: chosen arcs or options; None without an answer.
+        objective_kwh: H_cost − H_platoon of these, re-evaluated; None without an answer.
     """
 
     status: Literal["optimal", "feasible", "infeasible", "timeout"]
@@ -48,16 +54,40 @@ class _Rows:
         self.start.append(len(self.index))
 
 
-def build_milp(problem: ArcProblem) -> highspy.HighsLp:
-    """The model: columns are arcs (binary), pair savings y (continuous) and orders u (continuous).
-
-    Rewards only push y up, so y ≤ x_a and y ≤ x_b make y = x_a x_b at every optimum.
-    """
-    arcs, pairs = problem.arcs, problem.pair_savings
-    n, m, customers = len(arcs), len(pairs), problem.customers
-    order = {name: n + m + i for i, name in enumerate(customers)}
-    infinity = highspy.kHighsInf
+def build_milp(problem: Problem) -> highspy.HighsLp:
+    """The model: columns are x (binary), pair savings y (continuous), orders u (continuous)."""
+    n, m = problem.choices, len(problem.pair_savings)
+    orders = 0
     rows = _Rows()
+    if isinstance(problem, ArcProblem):
+        orders = len(problem.customers)
+        _arc_rows(problem, rows, n + m)
+    else:
+        _route_rows(problem, rows)
+    _product_rows(problem, rows)
+
+    lp = highspy.HighsLp()
+    lp.num_col_ = n + m + orders
+    lp.num_row_ = len(rows.lower)
+    savings = [-s for s in problem.pair_savings.values()]
+    lp.col_cost_ = np.array([*problem.costs_kwh, *savings, *[0.0] * orders])
+    lp.col_lower_ = np.zeros(lp.num_col_)
+    lp.col_upper_ = np.array([1.0] * (n + m) + [float(orders - 1)] * orders)
+    lp.row_lower_ = np.array(rows.lower)
+    lp.row_upper_ = np.array(rows.upper)
+    lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
+    lp.a_matrix_.start_ = np.array(rows.start, dtype=np.int32)
+    lp.a_matrix_.index_ = np.array(rows.index, dtype=np.int32)
+    lp.a_matrix_.value_ = np.array(rows.value)
+    integer, continuous = highspy.HighsVarType.kInteger, highspy.HighsVarType.kContinuous
+    lp.integrality_ = [integer] * n + [continuous] * (m + orders)
+    return lp
+
+
+def _arc_rows(problem: ArcProblem, rows: _Rows, first_order: int) -> None:
+    """H_cust, H_flow and H_depot as equalities, and MTZ."""
+    arcs, customers = problem.arcs, problem.customers
+    order = {name: first_order + i for i, name in enumerate(customers)}
     for customer in customers:
         rows.add({i: 1.0 for i, a in enumerate(arcs) if a.end == customer}, 1.0, 1.0)
     for vehicle in problem.vehicles:
@@ -73,31 +103,41 @@ def build_milp(problem: ArcProblem) -> highspy.HighsLp:
             continue
         size = float(len(customers))
         terms = {i: size for i, a in enumerate(arcs) if (a.start, a.end) == (start, end)}
-        rows.add({order[start]: 1.0, order[end]: -1.0, **terms}, -infinity, size - 1)
-    for position, pair in enumerate(pairs):
-        for arc in pair:
-            rows.add({n + position: 1.0, arc: -1.0}, -infinity, 0.0)
-
-    lp = highspy.HighsLp()
-    lp.num_col_ = n + m + len(customers)
-    lp.num_row_ = len(rows.lower)
-    lp.col_cost_ = np.array(
-        [a.cost_kwh for a in arcs] + [-s for s in pairs.values()] + [0.0] * len(customers)
-    )
-    lp.col_lower_ = np.zeros(lp.num_col_)
-    lp.col_upper_ = np.array([1.0] * (n + m) + [float(len(customers) - 1)] * len(customers))
-    lp.row_lower_ = np.array(rows.lower)
-    lp.row_upper_ = np.array(rows.upper)
-    lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-    lp.a_matrix_.start_ = np.array(rows.start, dtype=np.int32)
-    lp.a_matrix_.index_ = np.array(rows.index, dtype=np.int32)
-    lp.a_matrix_.value_ = np.array(rows.value)
-    integer, continuous = highspy.HighsVarType.kInteger, highspy.HighsVarType.kContinuous
-    lp.integrality_ = [integer] * n + [continuous] * (m + len(customers))
-    return lp
+        rows.add({order[start]: 1.0, order[end]: -1.0, **terms}, -highspy.kHighsInf, size - 1)
 
 
-def solve_milp(problem: ArcProblem, deadline_s: float, seed: int = 0) -> MilpResult:
+def _route_rows(problem: RouteProblem, rows: _Rows) -> None:
+    """One option for each vehicle, each stop served once."""
+    servers: dict[str, dict[int, float]] = {stop: {} for stop in problem.stops}
+    for i, option in enumerate(problem.options):
+        for stop in option.stops:
+            servers[stop][i] = 1.0
+    for group in problem.options_of.values():
+        rows.add(dict.fromkeys(group, 1.0), 1.0, 1.0)
+    for terms in servers.values():
+        rows.add(terms, 1.0, 1.0)
+
+
+def _product_rows(problem: Problem, rows: _Rows) -> None:
+    """Σ_{b∈G} y_ab ≤ x_a for each choice a and each group G of its partners."""
+    groups: dict[tuple[int, tuple[str, ...]], list[int]] = {}
+    for position, (first, second) in enumerate(problem.pair_savings):
+        for x, partner in ((first, second), (second, first)):
+            groups.setdefault((x, _exclusive_group(problem, partner)), []).append(position)
+    for (x, _), members in groups.items():
+        terms = {problem.choices + position: 1.0 for position in members}
+        rows.add({x: -1.0, **terms}, -highspy.kHighsInf, 0.0)
+
+
+def _exclusive_group(problem: Problem, index: int) -> tuple[str, ...]:
+    """Name of a set of choices, this one among them, of which at most one is selected."""
+    if isinstance(problem, ArcProblem):
+        arc = problem.arcs[index]
+        return (arc.vehicle, arc.start)
+    return (problem.options[index].vehicle,)
+
+
+def solve_milp(problem: Problem, deadline_s: float, seed: int = 0) -> MilpResult:
     """Solve to optimality, or as far as time allows.
 
     Raises:
@@ -126,7 +166,7 @@ def solve_milp(problem: ArcProblem, deadline_s: float, seed: int = 0) -> MilpRes
         raise RuntimeError(f"HiGHS ended with {solver.modelStatusToString(status)}")
     if info.primal_solution_status != highspy.SolutionStatus.kSolutionStatusFeasible:
         return MilpResult("timeout", None, None)
-    values = np.asarray(solver.getSolution().col_value)[: len(problem.arcs)]
+    values = np.asarray(solver.getSolution().col_value)[: problem.choices]
     selected = frozenset(int(i) for i in np.flatnonzero(values > 0.5))
     return MilpResult(
         "optimal" if in_time else "feasible", selected, problem.objective_kwh(selected)

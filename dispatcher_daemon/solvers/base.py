@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.problem import Problem
 
 Status = Literal["optimal", "feasible", "infeasible", "timeout", "failed"]
 
@@ -67,7 +67,7 @@ class Solver(Protocol):
         """Import what it needs, so that no cycle pays for it."""
         ...
 
-    def solve(self, problem: ArcProblem, deadline_s: float, seed: int) -> Outcome:
+    def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """Solve within the deadline; the worker is killed a little after it.
 
         Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome
 
 
@@ -19,7 +19,7 @@ class ExactSolver:
         """Import HiGHS."""
         from dispatcher_daemon.formulations import milp  # noqa: F401
 
-    def solve(self, problem: ArcProblem, deadline_s: float, seed: int) -> Outcome:
+    def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """See `Solver.solve`."""
         from dispatcher_daemon.formulations.milp import solve_milp
 

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.decode import decode
-from dispatcher_daemon.formulations.arc import ArcModel, build_arc_model
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome, Samples
 from dispatcher_daemon.solvers.chain import heavy_path
 from dispatcher_daemon.solvers.ising import Ising, to_ising
@@ -89,7 +89,7 @@ def counts_to_bits(
     return bits, np.array([counts[s] for s in strings], dtype=np.int64)
 
 
-def descend(model: ArcModel, bits: Bits, seed: int) -> Bits:
+def descend(model: QuboModel, bits: Bits, seed: int) -> Bits:
     """Each state's local minimum of the full QUBO under one-flip steepest descent."""
     import dimod
     from dwave.samplers import SteepestDescentSolver
@@ -129,10 +129,10 @@ class LcQaoaSolver:
         sample_mps(chain_circuit(model, [(0.1, 0.1)]), 16, 1)
         import dwave.samplers  # noqa: F401
 
-    def solve(self, problem: ArcProblem, deadline_s: float, seed: int) -> Outcome:
+    def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """See `Solver.solve`; the deadline is left to the worker, as no step can be cut short."""
         began = time.perf_counter()
-        model = build_arc_model(problem, self.gamma)
+        model = build_model(problem, self.gamma)
         ising = to_ising(model.total, model.variables)
         order = heavy_path(ising.coupling)
         angles = linear_ramp(self.layers, self.delta_beta, self.delta_gamma)
@@ -155,10 +155,10 @@ class LcQaoaSolver:
 
 
 def _valid_shots(
-    problem: ArcProblem, bits: Bits, shots: npt.NDArray[np.int64]
+    problem: Problem, bits: Bits, shots: npt.NDArray[np.int64]
 ) -> tuple[tuple[tuple[float, int], ...], tuple[float, frozenset[int]] | None]:
     """Shots by objective of the samples that decode to routes, and the best (objective, arcs)."""
-    arcs = bits[:, : len(problem.arcs)]
+    arcs = bits[:, : problem.choices]
     patterns, inverse = np.unique(arcs, axis=0, return_inverse=True)
     weights = np.bincount(inverse.ravel(), weights=shots).astype(np.int64)
     found: dict[float, int] = {}

@@ -21,7 +21,7 @@ from typing import Any, Literal, Protocol, Self
 
 import pebble
 
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome, Solver
 from slipstream.service import die_with_parent
 
@@ -37,7 +37,7 @@ class Job:
     """One problem for one solver (by name)."""
 
     solver: str
-    problem: ArcProblem
+    problem: Problem
     seed: int
 
 
@@ -71,7 +71,7 @@ def _warm_up(solver: Solver) -> int:
     return os.getpid()
 
 
-def _run(solver: Solver, problem: ArcProblem, deadline_s: float, seed: int) -> Outcome:
+def _run(solver: Solver, problem: Problem, deadline_s: float, seed: int) -> Outcome:
     return solver.solve(problem, deadline_s, seed)
 
 
@@ -104,7 +104,7 @@ class _Worker:
     def warm_up(self) -> Future[int]:
         return self._note(self._living_pool().schedule(_warm_up, args=(self.solver,)))
 
-    def submit(self, problem: ArcProblem, deadline_s: float, seed: int) -> Future[Outcome]:
+    def submit(self, problem: Problem, deadline_s: float, seed: int) -> Future[Outcome]:
         return self._note(
             self._living_pool().schedule(
                 _run, args=(self.solver, problem, deadline_s, seed), timeout=deadline_s + GRACE_S

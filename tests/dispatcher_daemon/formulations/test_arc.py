@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.formulations.arc import (
-    ArcModel,
     ArcVariable,
     OrderBit,
     SlackBit,
     build_arc_model,
     sufficient_gamma,
 )
+from dispatcher_daemon.formulations.qubo import QuboModel
 from dispatcher_daemon.problem import ArcProblem, ArcReward, CandidateArc
 
 Demo = Callable[..., ArcProblem]
@@ -31,7 +31,7 @@ def test_demo_has_exactly_25_variables(demo_arcs: Demo) -> None:
     assert touched == set(model.variables)
 
 
-def penalty_in_words(model: ArcModel, state: dict[object, int]) -> int:
+def penalty_in_words(model: QuboModel, state: dict[object, int]) -> int:
     """H_constraints of the demo written out rule by rule, without the builder."""
 
     def x(vehicle: str | None, start: str | None, end: str | None) -> int:
