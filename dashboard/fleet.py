@@ -27,12 +27,12 @@ class FleetLayer:
 
     Args:
         canvas: what to draw on.
-        depot: junction that is marked already, so not as a stop again.
+        depots: junctions that are marked already, so not as stops again.
     """
 
-    def __init__(self, canvas: Canvas, depot: str | None = None) -> None:
+    def __init__(self, canvas: Canvas, depots: Sequence[str] = ()) -> None:
         self._canvas = canvas
-        self._depot = depot
+        self._depots = frozenset(depots)
         self._routes: list[tuple[object, ...]] = []
         self._stops: tuple[tuple[str, str], ...] = ()
         self._places_m: Array = np.empty((0, 2))
@@ -51,13 +51,14 @@ class FleetLayer:
 
     def _update_stops(self, vehicles: Sequence[VehicleView]) -> None:
         junctions = self._canvas.network.junctions
-        planned = {
-            stop
-            for van in vehicles
-            for stop in van.stops
-            if stop[1] in junctions and stop[1] != self._depot
-        }
-        stops = tuple(sorted(planned))[:MAX_LABELS]
+        names: dict[str, set[str]] = {}
+        for van in vehicles:
+            for stop, node in van.stops:
+                if node in junctions and node not in self._depots:
+                    names.setdefault(node, set()).add(stop)
+        # Stops at one junction share a label; theirs would lie on top of each other.
+        planned = sorted((" + ".join(sorted(names[node])), node) for node in names)
+        stops = tuple(planned[:MAX_LABELS])
         if stops == self._stops:
             return
         for index in range(len(stops), len(self._stops)):

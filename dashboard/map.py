@@ -35,14 +35,16 @@ class RoadMap:
     Args:
         server: the viser server to draw on.
         network: the road network.
-        depot: junction of the depot; None or unknown: not marked.
+        depots: junctions of the depots; unknown ones are not marked.
     """
 
-    def __init__(self, server: viser.ViserServer, network: RoadNetwork, depot: str | None) -> None:
+    def __init__(
+        self, server: viser.ViserServer, network: RoadNetwork, depots: Sequence[str]
+    ) -> None:
         self._server = server
         self._network = network
         self._canvas = Canvas(server.scene, network)
-        self._fleet = FleetLayer(self._canvas, depot)
+        self._fleet = FleetLayer(self._canvas, depots)
         self._watched: tuple[str, ...] = ()
         self._traffic: tuple[Traffic, ...] = ()
         self._node: viser.LineSegmentsHandle | None = None
@@ -51,7 +53,7 @@ class RoadMap:
         self._cameras: dict[str, tuple[viser.PointCloudHandle, viser.LabelHandle]] = {}
         self._prepare_scene()
         self._draw_roads()
-        self._draw_depot(depot)
+        self._draw_depots(depots)
 
     def update(self, view: DashboardView) -> None:
         """Show a view; what has not changed is not sent again."""
@@ -79,11 +81,14 @@ class RoadMap:
         strokes = np.concatenate([geometry.strokes(line) for line in lines])
         self._canvas.lines("/roads", strokes, _ROAD_RGB, 0.22, height=0.0)
 
-    def _draw_depot(self, depot: str | None) -> None:
-        place = self._network.junctions.get(depot or "")
-        if place is not None:
-            self._canvas.points("/depot", [place], _DARK, 1.3, "square")
-            self._canvas.label("/depot_label", "Depot", np.array(place), 1.4, "bottom-center")
+    def _draw_depots(self, depots: Sequence[str]) -> None:
+        junctions = self._network.junctions
+        places = [junctions[node] for node in depots if node in junctions]
+        if places:
+            self._canvas.points("/depots", places, _DARK, 1.3, "square")
+        for index, place in enumerate(places[:MAX_LABELS]):
+            name = f"/depot_label_{index}"
+            self._canvas.label(name, "Depot", np.array(place), 1.4, "bottom-center")
 
     def _update_watched(self, roads: Sequence[RoadView]) -> None:
         watched = tuple(road.segment for road in roads)

@@ -87,7 +87,7 @@ class Page:
         self._updates = 0
         self._server = start_server(self._settings.host, self._settings.port)
         try:
-            self._map = RoadMap(self._server, self._network, self._settings.depot)
+            self._map = RoadMap(self._server, self._network, self._settings.depots)
             self._panels = Panels(self._server)
             self._server.on_client_connect(self._welcome)
             self._serving = True

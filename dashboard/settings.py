@@ -17,8 +17,9 @@ class DashboardSettings(Settings):
     network: str = Field(
         default=DEMO_NETWORK, description="Road network to draw: a SUMO net, or 'demo'."
     )
-    depot: str | None = Field(
-        default="depot", description="Junction to mark as the depot; not drawn where it is unknown."
+    depots: tuple[str, ...] = Field(
+        default=("depot",),
+        description="Junctions to mark as depots; not drawn where they are unknown.",
     )
     database_url: str | None = Field(
         default="sqlite:///slipstream.db",

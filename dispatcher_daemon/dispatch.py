@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from dispatcher_daemon.appraisal import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.decode import decode
+from dispatcher_daemon.fleet import DEPOT
 from dispatcher_daemon.formulations.arc import build_arc_model
 from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.plans import vehicle_plans
@@ -207,11 +208,19 @@ def arc_problem(
     problem: RoutingProblem, arcs: Sequence[RoutedArc], judged: Sequence[JudgedPair]
 ) -> ArcProblem:
     """The arc form of one cycle."""
+    depots = problem.fleet.depot_by_id
+
+    def place(name: str) -> str:
+        return DEPOT if name in depots else name
+
     return ArcProblem(
-        depot=problem.fleet.depot.id,
+        depot=DEPOT,
         customers=tuple(stop.id for stop in problem.fleet.stops),
         vehicles=tuple(vehicle.id for vehicle in problem.fleet.vehicles),
-        arcs=tuple(CandidateArc(a.vehicle, a.leg.start, a.leg.end, a.leg.cost_kwh) for a in arcs),
+        arcs=tuple(
+            CandidateArc(a.vehicle, place(a.leg.start), place(a.leg.end), a.leg.cost_kwh)
+            for a in arcs
+        ),
         rewards=rewards(judged),
     )
 

@@ -143,7 +143,7 @@ def _earliest_departures(
     legs: Mapping[tuple[str, str], Leg],
     reference_s: float,
 ) -> dict[str, tuple[float, bool]]:
-    fleet, depot = problem.fleet, problem.fleet.depot.id
+    fleet, depot = problem.fleet, problem.fleet.depot_of(vehicle).id
     before: dict[str, list[str]] = {}
     for start, end in pairs:
         before.setdefault(end, []).append(start)
@@ -180,7 +180,7 @@ def timetable(
     reference_s: float = 0.0,
 ) -> Route:
     """Exact times of one vehicle's route over its stops in order."""
-    fleet, depot = problem.fleet, problem.fleet.depot.id
+    fleet, depot = problem.fleet, problem.fleet.depot_of(vehicle).id
     clock = reference_s + vehicle.ready_s
     visits, driven = [StopVisit(depot, clock, clock)], []
     for start, end in zip((depot, *stops), (*stops, depot), strict=True):

@@ -37,6 +37,7 @@ class SegmentTraffic:
         measured_speed_mps: mean speed in that state, m/s.
         mean_acceleration_mps2: ā of the traffic there, 0 where not measured.
         acceleration_variance_m2ps4: σ²_a of the traffic there, 0 where not measured.
+        stops: expected number of full stops on the segment, ≥ 0; 0 where nothing is known.
     """
 
     segment: str
@@ -48,6 +49,7 @@ class SegmentTraffic:
     measured_speed_mps: float | None = None
     mean_acceleration_mps2: float = 0.0
     acceleration_variance_m2ps4: float = 0.0
+    stops: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -62,9 +62,13 @@ def _stop_faults(plan: VehiclePlan, fleet: Fleet) -> Iterator[str]:
     if len(plan.stops) < 3:
         yield "serves no stop"
         return
-    for where, stop in (("start", plan.stops[0]), ("end", plan.stops[-1])):
-        if (stop.stop, stop.node) != (fleet.depot.id, fleet.depot.node):
-            yield f"does not {where} at the depot"
+    for vehicle in fleet.vehicles:
+        if vehicle.id != plan.vehicle:
+            continue
+        depot = fleet.depot_of(vehicle)
+        for where, stop in (("start", plan.stops[0]), ("end", plan.stops[-1])):
+            if (stop.stop, stop.node) != (depot.id, depot.node):
+                yield f"does not {where} at its depot"
     for stop in plan.stops[1:-1]:
         known = fleet.stop_by_id.get(stop.stop)
         if known is None or known.node != stop.node:

@@ -75,7 +75,7 @@ def _no_tunnel(*_: object) -> None:
 
 def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
     """After hundreds of updates, roads and vans coming and going, no more is kept than before."""
-    road_map, panels = RoadMap(server, world.network, "depot"), Panels(server)
+    road_map, panels = RoadMap(server, world.network, ("depot",)), Panels(server)
     buffer = server._websock_server._broadcast_buffer
 
     def show(tick: int) -> None:

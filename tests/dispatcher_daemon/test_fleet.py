@@ -6,16 +6,15 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.fleet import Vehicle, fleet_from, load_fleet
+from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, fleet_from, load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
-from slipstream.roads import Segment, build_network
 
 
 def demo_data() -> dict[str, Any]:
     """The demo's fleet as plain data."""
     return {
-        "depot": {"node": "depot"},
+        "depots": [{"node": "depot"}],
         "stops": [{"id": c, "node": c} for c in ("c1", "c2", "c3", "c4")],
         "vehicles": [
             {"id": "van-a", "first_stop": "c1"},
@@ -49,15 +48,11 @@ def _unknown_node(data: dict[str, Any]) -> None:
 
 
 def _depot_node(data: dict[str, Any]) -> None:
-    data["depot"]["node"] = "nowhere"
+    data["depots"][0]["node"] = "nowhere"
 
 
 def _twice(data: dict[str, Any]) -> None:
     data["stops"].append({"id": "c1", "node": "west"})
-
-
-def _same_node(data: dict[str, Any]) -> None:
-    data["stops"].append({"id": "c5", "node": "c1"})
 
 
 def _vehicle_twice(data: dict[str, Any]) -> None:
@@ -76,8 +71,36 @@ def _shared_stop(data: dict[str, Any]) -> None:
     data["vehicles"][1]["first_stop"] = "c1"
 
 
-def _idle(data: dict[str, Any]) -> None:
-    data["vehicles"] += [{"id": f"spare-{i}"} for i in range(3)]
+def _depot_twice(data: dict[str, Any]) -> None:
+    data["depots"].append({"node": "west"})
+
+
+def _missing_depot(data: dict[str, Any]) -> None:
+    data["vehicles"][1]["depot"] = "north"
+
+
+def _no_depots(data: dict[str, Any]) -> None:
+    data["depots"] = []
+
+
+def _closed_window(data: dict[str, Any]) -> None:
+    data["stops"][1] |= {"earliest_s": 9.0, "latest_s": 5.0}
+
+
+def _hurried(data: dict[str, Any]) -> None:
+    data["vehicles"][0] |= {"ready_s": 2.0, "depart_by_s": 1.0}
+
+
+def _back_before(data: dict[str, Any]) -> None:
+    data["vehicles"][0] |= {"ready_s": 2.0, "return_by_s": 1.0}
+
+
+def _half_parcel(data: dict[str, Any]) -> None:
+    data["stops"][0]["demand"] = 0.5
+
+
+def _nan(data: dict[str, Any]) -> None:
+    data["stops"][0]["latest_s"] = float("nan")
 
 
 def _depot_id(data: dict[str, Any]) -> None:
@@ -97,15 +120,21 @@ def _spelling(data: dict[str, Any]) -> None:
     [
         (_drop, "stops: "),
         (_unknown_node, "stops.c2.node: unknown node 'nowhere'"),
-        (_depot_node, "depot.node: unknown node 'nowhere'"),
+        (_depot_node, "depots.depot.node: unknown node 'nowhere'"),
         (_twice, "2 stops with id 'c1'"),
-        (_same_node, "2 stops with node 'c1'; merge"),
         (_vehicle_twice, "2 vehicles with id 'van-a'"),
         (_no_vehicles, "vehicles: "),
         (_missing_stop, "vehicles.van-a.first_stop: no stop 'c9'"),
         (_shared_stop, "2 vehicles with first_stop 'c1'"),
-        (_idle, "vehicles: 3 vehicles without a first stop for 2 pooled stops"),
-        (_depot_id, "depot: a stop has the depot's id"),
+        (_depot_twice, "depots: 2 depots with id 'depot'"),
+        (_missing_depot, "vehicles.van-b.depot: no depot 'north'; name one of the depots"),
+        (_no_depots, "depots: "),
+        (_closed_window, "stops.1: value error, latest_s (5) must not be below earliest_s (9)"),
+        (_hurried, "vehicles.0: value error, depart_by_s (1) must not be below ready_s (2)"),
+        (_back_before, "vehicles.0: value error, return_by_s (1) must not be below ready_s (2)"),
+        (_half_parcel, "stops.0.demand: "),
+        (_nan, "stops.0.latest_s: "),
+        (_depot_id, "stops.depot: a stop has a depot's id"),
         (_negative, "stops.0.service_s"),
         (_spelling, "vehicles.0.first_stopp: unknown key"),
     ],
@@ -123,28 +152,57 @@ def test_a_fleet_that_cannot_be_dispatched_is_named(
     assert "; " in str(caught.value)
 
 
-def test_unreachable_stop_is_named() -> None:
-    """A stop that can be reached but not left again is refused before any cycle."""
-    network = build_network(
-        "dead end",
-        [
-            Segment("there", "depot", "c1", 100.0, 10.0, 1, ((0, 0), (1, 0))),
-            Segment("trap", "c1", "c2", 100.0, 10.0, 1, ((1, 0), (2, 0))),
-            Segment("back", "c1", "depot", 100.0, 10.0, 1, ((1, 0), (0, 0))),
-        ],
-        {"depot": (0, 0), "c1": (1, 0), "c2": (2, 0)},
-    )
-    data = {
-        "depot": {"node": "depot"},
-        "stops": [{"id": "a", "node": "c1"}, {"id": "b", "node": "c2"}],
-        "vehicles": [{"id": "v"}],
-    }
-    with pytest.raises(InputError, match=r"stops\.b\.node: node 'c2' cannot be left for the depot"):
-        fleet_from(data, network, "fleet.toml")
+def test_vehicles_have_depots_of_their_own(demo: RoutingProblem) -> None:
+    """A vehicle starts and ends at the depot it names, or else at the first one."""
+    data = demo_data()
+    data["depots"] = [{"id": "north", "node": "west"}, {"id": "south", "node": "depot"}]
+    data["vehicles"][1]["depot"] = "south"
+    fleet = fleet_from(data, demo.network, "fleet.toml")
+    assert [fleet.depot_of(vehicle).id for vehicle in fleet.vehicles] == ["north", "south"]
+    assert ("north", "c1") in fleet.legs(fleet.vehicles[0])
+    assert ("south", "c3") in fleet.legs(fleet.vehicles[1])
+    assert (fleet.node("north"), fleet.service_s("north"), fleet.node("c1")) == ("west", 0, "c1")
+
+
+def test_what_can_be_routed_in_part_is_no_fault(demo: RoutingProblem) -> None:
+    """Stops at one junction, a stop at the depot and vehicles without work are accepted."""
+    data = demo_data()
+    data["stops"] += [{"id": "c5", "node": "c1"}, {"id": "c6", "node": "depot"}]
+    data["vehicles"] += [{"id": f"spare-{i}"} for i in range(9)]
+    assert len(fleet_from(data, demo.network, "fleet.toml").pooled) == 4
 
 
 @pytest.mark.parametrize(
-    ("text", "line"), [(None, "no such file"), ("[depot", "not TOML"), ("", "missing key")]
+    ("change", "obstacle"),
+    [
+        ({}, None),
+        ({"stops": {"demand": 3}}, None),
+        ({"vehicles": {"capacity": 3}}, None),
+        ({"stops": {"demand": 1}, "vehicles": {"capacity": 3}}, None),
+        ({"vehicles": {"depart_by_s": 9.0}}, None),
+        ({"stops": {"demand": 1}, "vehicles": {"capacity": 2}}, "vehicle 'van-a' has a capacity"),
+        ({"stops": {"latest_s": 9.0}}, "stop 'c1' has a time window"),
+        ({"stops": {"earliest_s": 9.0}}, "stop 'c1' has a time window"),
+        ({"vehicles": {"return_by_s": 900.0}}, "vehicle 'van-a' has to be back in time"),
+        ({"vehicles": {"first_stop": None}}, None),
+        ({"spare": 3}, "3 without a first stop are too many for 2 pooled stops"),
+    ],
+)
+def test_what_the_arc_form_cannot_express_is_named(
+    demo: RoutingProblem, change: dict[str, Any], obstacle: str | None
+) -> None:
+    """Windows, capacities that can bind and vehicles that must idle are obstacles, no more."""
+    data = demo_data()
+    for table in ("stops", "vehicles"):
+        for row in data[table]:
+            row |= change.get(table, {})
+    data["vehicles"] += [{"id": f"spare-{i}"} for i in range(change.get("spare", 0))]
+    found = arc_form_obstacle(fleet_from(data, demo.network, "fleet.toml"))
+    assert found is None if obstacle is None else found is not None and obstacle in found
+
+
+@pytest.mark.parametrize(
+    ("text", "line"), [(None, "no such file"), ("[[depots", "not TOML"), ("", "missing key")]
 )
 def test_unreadable_files_are_named(
     demo: RoutingProblem, tmp_path: Path, text: str | None, line: str

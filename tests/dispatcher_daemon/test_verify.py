@@ -149,7 +149,7 @@ def _swapped(p: Plain) -> None:
         (_twice, "van-a: has not exactly one plan"),
         (_stranger, "van-x: not in the fleet"),
         (_other_cycle, "different cycles"),
-        (_stays_out, "does not end at the depot"),
+        (_stays_out, "does not end at its depot"),
         (_wrong_node, "no stop c1 at node west"),
         (_not_first, "does not serve c1 first"),
         (_jump, "no turn from depot_road_east into avenue_east"),
