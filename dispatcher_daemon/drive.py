@@ -37,7 +37,7 @@ class Drive:
     """A speed profile over consecutive segments, linear in time between its break points.
 
     Attributes:
-        times_s: break points from the departure, shape (n,), increasing.
+        times_s: break points from the departure, shape (n,), increasing; only 0 for no way at all.
         speeds_mps: speed at each, shape (n,); 0 at both ends.
         entry_s: when each segment is entered.
         length_m: driven distance.
@@ -110,4 +110,6 @@ def drive_energy(
         speeds = np.linspace(v0, v1, steps + 1)
         step = (end_s - begin_s) / steps
         parts.append(trace_energy(speeds, step, drag_reductions[segment], vehicle))
+    if not parts:
+        return Energy(0.0, 0.0, 0.0, 0.0)
     return Energy(*(sum(values) for values in zip(*parts, strict=True)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from dispatcher_daemon.costs import segment_cost_kwh
 from dispatcher_daemon.drive import Drive, plan_drive
@@ -172,21 +173,73 @@ def _earliest_departures(
     return {place: (time, is_exact(place)) for place, time in earliest.items()}
 
 
+def still_leg(start: str, end: str) -> Leg:
+    """The way between two places at one junction."""
+    return Leg(start, end, (), 0.0, Drive((0.0,), (0.0,), (), 0.0))
+
+
 def timetable(
     problem: RoutingProblem,
     legs: Mapping[tuple[str, str], Leg],
     vehicle: Vehicle,
     stops: Sequence[str],
     reference_s: float = 0.0,
+    depart_s: float | None = None,
 ) -> Route:
-    """Exact times of one vehicle's route over its stops in order."""
-    fleet, depot = problem.fleet, problem.fleet.depot_of(vehicle).id
-    clock = reference_s + vehicle.ready_s
-    visits, driven = [StopVisit(depot, clock, clock)], []
-    for start, end in zip((depot, *stops), (*stops, depot), strict=True):
-        leg = legs[start, end]
+    """Exact times of one vehicle's route over its stops in order.
+
+    A vehicle that comes before a stop's window opens waits for it; see `lateness_s` for windows
+    that are missed.
+
+    Args:
+        reference_s: when a vehicle that is ready at once leaves; all times of the fleet count
+            from it.
+        depart_s: when this one leaves; None: as soon as it is ready.
+    """
+    places = _places(problem, vehicle, stops)
+    return timed(problem, [legs[pair] for pair in pairwise(places)], vehicle, reference_s, depart_s)
+
+
+def timed(
+    problem: RoutingProblem,
+    legs: Sequence[Leg],
+    vehicle: Vehicle,
+    reference_s: float = 0.0,
+    depart_s: float | None = None,
+) -> Route:
+    """The same for given legs, from the vehicle's depot and back to it."""
+    fleet = problem.fleet
+    clock = reference_s + vehicle.ready_s if depart_s is None else depart_s
+    visits = [StopVisit(legs[0].start, clock, clock)]
+    for leg in legs:
         arrival = clock + leg.drive.duration_s
-        clock = arrival + fleet.service_s(end)
-        visits.append(StopVisit(end, arrival, clock))
-        driven.append(leg)
-    return Route(vehicle.id, tuple(visits), tuple(driven))
+        stop = fleet.stop_by_id.get(leg.end)
+        clock = arrival
+        if stop is not None:
+            clock = max(arrival, reference_s + stop.earliest_s) + stop.service_s
+        visits.append(StopVisit(leg.end, arrival, clock))
+    return Route(vehicle.id, tuple(visits), tuple(legs))
+
+
+def lateness_s(
+    problem: RoutingProblem, vehicle: Vehicle, route: Route, reference_s: float = 0.0
+) -> float:
+    """By how much a route misses its worst window; 0 or less: it keeps them all.
+
+    Windows are those of its stops (for the start of service), of its departure and its return.
+    """
+    leaves, back = route.visits[0].departure_s - reference_s, route.visits[-1].arrival_s
+    latest = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
+    late = [leaves - latest, vehicle.ready_s - leaves]
+    if vehicle.return_by_s is not None:
+        late.append(back - reference_s - vehicle.return_by_s)
+    for visit in route.visits[1:-1]:
+        stop = problem.fleet.stop_by_id[visit.place]
+        if stop.latest_s is not None:
+            late.append(visit.arrival_s - reference_s - stop.latest_s)
+    return max(late)
+
+
+def _places(problem: RoutingProblem, vehicle: Vehicle, stops: Sequence[str]) -> list[str]:
+    depot = problem.fleet.depot_of(vehicle).id
+    return [depot, *stops, depot]
