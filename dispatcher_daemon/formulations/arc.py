@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dispatcher_daemon.formulations.qubo import Encoding, QuboModel, add_square, empty_bqm
-from dispatcher_daemon.formulations.subtours import bits_for, order_rows
+from dispatcher_daemon.formulations.subtours import OrderRow, bits_for, full_rows, order_rows
 from dispatcher_daemon.problem import ArcProblem
 
 
@@ -24,29 +24,42 @@ class ArcVariable:
 
 @dataclass(frozen=True)
 class OrderBit:
-    """Bit of the order variable u_j of a customer, shared by the vehicles; it weighs 2^bit."""
+    """Bit of the order variable of a customer; it weighs 2^bit.
+
+    The variable is u_j, shared by the vehicles, or the paper's u_{jk} if a vehicle is named.
+    """
 
     customer: str
     bit: int
+    vehicle: str | None = None
 
     def __str__(self) -> str:
-        return f"u[{self.customer}:{self.bit}]"
+        return f"u[{_owner(self.vehicle)}{self.customer}:{self.bit}]"
 
 
 @dataclass(frozen=True)
 class SlackBit:
-    """Slack bit of the order row of the arc (start, end)."""
+    """Slack bit of the order row of the arc (start, end), of one vehicle or of all."""
 
     start: str
     end: str
     bit: int
+    vehicle: str | None = None
 
     def __str__(self) -> str:
-        return f"w[{self.start}>{self.end}:{self.bit}]"
+        return f"w[{_owner(self.vehicle)}{self.start}>{self.end}:{self.bit}]"
 
 
 Variable = ArcVariable | OrderBit | SlackBit
 """Arcs come in the problem's order, then order bits, then slack bits."""
+
+
+@dataclass(frozen=True)
+class PenaltyRow:
+    """Σ coefficient · variable + constant, which is 0 where the row holds."""
+
+    coefficients: Mapping[Variable, int]
+    constant: int
 
 
 def build_arc_model(
@@ -56,41 +69,39 @@ def build_arc_model(
 
     Args:
         gamma: penalty weight, kWh; None: `sufficient_gamma`.
-        encoding: how subtours are excluded.
+        encoding: how subtours are excluded: "reduced" by `order_rows`, "full" by `full_rows`.
     """
-    if encoding != "reduced":
-        raise NotImplementedError(f"encoding {encoding!r}")
-    x = [ArcVariable(a.vehicle, a.start, a.end) for a in problem.arcs]
-    rows = order_rows(problem)
-    width = bits_for(len(problem.customers))
-    ordered = {name for row in rows for name in (row.start, row.end)}
-    order = [OrderBit(c, b) for c in problem.customers if c in ordered for b in range(width)]
-    slack = [SlackBit(r.start, r.end, b) for r in rows for b in range(len(r.slack))]
-    variables: tuple[Variable, ...] = (*x, *order, *slack)
-
+    variables, rows = constraint_rows(problem, encoding)
     penalty = empty_bqm(variables)
-    for terms, constant in _degree_rows(problem):
-        add_square(penalty, {x[i]: c for i, c in terms.items()}, constant)
     for row in rows:
-        coefficients: dict[Variable, int] = {}
-        for bit in range(width):
-            coefficients[OrderBit(row.start, bit)] = 1 << bit
-            coefficients[OrderBit(row.end, bit)] = -(1 << bit)
-        for variable in x:
-            if (variable.start, variable.end) == (row.start, row.end):
-                coefficients[variable] = row.weight
-        for bit, weight in enumerate(row.slack):
-            coefficients[SlackBit(row.start, row.end, bit)] = weight
-        add_square(penalty, coefficients, row.constant)
-
+        add_square(penalty, row.coefficients, row.constant)
     objective = empty_bqm(variables)
-    for variable, arc in zip(x, problem.arcs, strict=True):
+    for variable, arc in zip(variables, problem.arcs, strict=False):
         objective.add_linear(variable, arc.cost_kwh)
     for (first, second), saving in problem.pair_savings.items():
-        objective.add_quadratic(x[first], x[second], -saving)
+        objective.add_quadratic(variables[first], variables[second], -saving)
     if gamma is None:
         gamma = sufficient_gamma(problem)
     return QuboModel(problem, variables, objective, penalty, gamma)
+
+
+def constraint_rows(
+    problem: ArcProblem, encoding: Encoding = "reduced"
+) -> tuple[tuple[Variable, ...], tuple[PenaltyRow, ...]]:
+    """The model's variables, and the rows whose squares add up to H_constraints."""
+    x = [ArcVariable(a.vehicle, a.start, a.end) for a in problem.arcs]
+    width = bits_for(len(problem.customers))
+    if encoding == "full":
+        orders = full_rows(problem)
+        named = [(k, c) for k in problem.vehicles for c in problem.customers]
+        order = [OrderBit(c, bit, k) for k, c in named for bit in range(width)]
+    else:
+        orders = order_rows(problem)
+        used = {name for row in orders for name in (row.start, row.end)}
+        order = [OrderBit(c, b) for c in problem.customers if c in used for b in range(width)]
+    slack = [SlackBit(r.start, r.end, b, r.vehicle) for r in orders for b in range(len(r.slack))]
+    rows = [*_degree_rows(problem, x), *_order_rows(orders, x, width)]
+    return (*x, *order, *slack), tuple(rows)
 
 
 def sufficient_gamma(problem: ArcProblem) -> float:
@@ -115,17 +126,45 @@ def sufficient_gamma(problem: ArcProblem) -> float:
     return 1.01 * (above - below) + 1e-6
 
 
-def _degree_rows(problem: ArcProblem) -> Iterable[tuple[dict[int, int], int]]:
-    """H_cust, H_flow and H_depot (paper section III-B) as Σ c_i x_i + constant = 0."""
-    arcs = list(enumerate(problem.arcs))
+def _degree_rows(problem: ArcProblem, x: list[ArcVariable]) -> Iterator[PenaltyRow]:
+    """H_cust, H_flow and H_depot (paper section III-B), restricted to candidate arcs."""
+    into: dict[tuple[str, str], list[Variable]] = {}
+    out: dict[tuple[str, str], list[Variable]] = {}
+    for variable in x:
+        into.setdefault((variable.vehicle, variable.end), []).append(variable)
+        out.setdefault((variable.vehicle, variable.start), []).append(variable)
     for customer in problem.customers:
-        yield {i: 1 for i, a in arcs if a.end == customer}, -1
+        entering = [v for k in problem.vehicles for v in into.get((k, customer), ())]
+        yield PenaltyRow(dict.fromkeys(entering, 1), -1)
     for vehicle in problem.vehicles:
-        own = [(i, a) for i, a in arcs if a.vehicle == vehicle]
         for customer in problem.customers:
-            flow = {i: 1 for i, a in own if a.end == customer}
-            flow |= {i: -1 for i, a in own if a.start == customer}
+            flow = dict.fromkeys(into.get((vehicle, customer), ()), 1)
+            flow |= dict.fromkeys(out.get((vehicle, customer), ()), -1)
             if flow:
-                yield flow, 0
-        yield {i: 1 for i, a in own if a.start == problem.depot}, -1
-        yield {i: 1 for i, a in own if a.end == problem.depot}, -1
+                yield PenaltyRow(flow, 0)
+        for group in (out, into):
+            yield PenaltyRow(dict.fromkeys(group.get((vehicle, problem.depot), ()), 1), -1)
+
+
+def _order_rows(
+    orders: tuple[OrderRow, ...], x: list[ArcVariable], width: int
+) -> Iterator[PenaltyRow]:
+    """H_subtour: the order rows over x, order bits and slack bits."""
+    arcs: dict[tuple[str | None, str, str], list[Variable]] = {}
+    for variable in x:
+        for owner in (None, variable.vehicle):
+            arcs.setdefault((owner, variable.start, variable.end), []).append(variable)
+    for row in orders:
+        coefficients: dict[Variable, int] = {}
+        for bit in range(width):
+            coefficients[OrderBit(row.start, bit, row.vehicle)] = 1 << bit
+            coefficients[OrderBit(row.end, bit, row.vehicle)] = -(1 << bit)
+        for variable in arcs[row.vehicle, row.start, row.end]:
+            coefficients[variable] = row.weight
+        for bit, weight in enumerate(row.slack):
+            coefficients[SlackBit(row.start, row.end, bit, row.vehicle)] = weight
+        yield PenaltyRow(coefficients, row.constant)
+
+
+def _owner(vehicle: str | None) -> str:
+    return "" if vehicle is None else f"{vehicle}:"

@@ -1,8 +1,9 @@
-"""Which order rows the arc form needs, and no more.
+"""The rows that exclude subtours in the arc form: the paper's, and no more than are needed.
 
-A row is a linear equality over order variables u_j ≥ 0, arc sums x_ij = Σ_k x_ijk and slack bits;
-its square is the penalty. `order_rows` gives rows that every valid route set can satisfy and no set
-with a cycle apart from the depot can. Reasons and proofs: docs/formulation.md.
+A row is a linear equality over order variables u ≥ 0, arcs and slack bits; its square is the
+penalty. Every valid route set can satisfy the rows and no set with a cycle apart from the depot
+can, be they `full_rows` (Miller–Tucker–Zemlin for each vehicle) or `order_rows` (order variables
+u_j shared by the vehicles, x_ij = Σ_k x_ijk). Reasons and proofs: docs/formulation.md.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ class OrderRow:
 
     Attributes:
         slack: weight of each slack bit of the row.
+        vehicle: whose u and x they are; None: u is shared and x_ij the sum over the vehicles.
     """
 
     start: str
@@ -32,11 +34,27 @@ class OrderRow:
     weight: int
     constant: int
     slack: tuple[int, ...] = ()
+    vehicle: str | None = None
 
 
 def bits_for(values: int) -> int:
     """Number of bits that hold 0..values − 1; ⌈log2 values⌉."""
     return (values - 1).bit_length()
+
+
+def full_rows(problem: ArcProblem) -> tuple[OrderRow, ...]:
+    """u_ik − u_jk + N x_ijk ≤ N − 1 for each candidate arc between customers (paper III-B).
+
+    u takes the values 0..2^B − 1 of its B bits, of which a tour needs 0..N − 1, so the slack needs
+    0..2(N − 1). Pairs (i, j, k) that are no candidate arc have no x and need no row.
+    """
+    size = len(problem.customers)
+    slack = tuple(1 << bit for bit in range(bits_for(2 * size - 1)))
+    return tuple(
+        OrderRow(arc.start, arc.end, size, 1 - size, slack, arc.vehicle)
+        for arc in problem.arcs
+        if problem.depot not in (arc.start, arc.end)
+    )
 
 
 def order_rows(problem: ArcProblem) -> tuple[OrderRow, ...]:
