@@ -159,8 +159,8 @@ def _order_rows(
         for bit in range(width):
             coefficients[OrderBit(row.start, bit, row.vehicle)] = 1 << bit
             coefficients[OrderBit(row.end, bit, row.vehicle)] = -(1 << bit)
-        for variable in arcs[row.vehicle, row.start, row.end]:
-            coefficients[variable] = row.weight
+        for arc in arcs[row.vehicle, row.start, row.end]:
+            coefficients[arc] = row.weight
         for bit, weight in enumerate(row.slack):
             coefficients[SlackBit(row.start, row.end, bit, row.vehicle)] = weight
         yield PenaltyRow(coefficients, row.constant)
