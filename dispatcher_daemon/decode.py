@@ -6,8 +6,11 @@ This knows nothing of penalties, QUBOs or MILPs: it follows each vehicle and loo
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
 
 from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
 
@@ -42,6 +45,38 @@ def decode(problem: Problem, selected: Collection[int]) -> Decoded:
 def violations(problem: Problem, selected: Collection[int]) -> tuple[str, ...]:
     """The rules that a selection breaks, in words; empty if it is valid."""
     return decode(problem, selected).violations
+
+
+def valid_selections(problem: Problem) -> npt.NDArray[np.bool_]:
+    """Whether each of the 2^choices selections is valid, shape (2^choices,).
+
+    Selection s holds choice i if bit i of s is set. Routes are followed one selection at a time;
+    options are judged by counting bits.
+    """
+    if isinstance(problem, ArcProblem):
+        indices = range(problem.choices)
+        return np.array(
+            [
+                not violations(problem, [i for i in indices if s >> i & 1])
+                for s in range(1 << problem.choices)
+            ]
+        )
+    masks = [
+        *(_mask(o.vehicle == vehicle for o in problem.options) for vehicle in problem.vehicles),
+        *(_mask(stop in o.stops for o in problem.options) for stop in problem.stops),
+    ]
+    valid = np.ones(1 << problem.choices, dtype=bool)
+    size = 1 << min(16, problem.choices)  # blocks that fit a cache
+    for first in range(0, len(valid), size):
+        block = valid[first : first + size]
+        states = np.arange(first, first + size, dtype=np.uint32)
+        for mask in masks:
+            block &= np.bitwise_count(states & mask) == 1
+    return valid
+
+
+def _mask(members: Iterable[bool]) -> np.uint32:
+    return np.uint32(sum(1 << i for i, member in enumerate(members) if member))
 
 
 def _arc_routes(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.decode import decode
+from dispatcher_daemon.decode import valid_selections
 from dispatcher_daemon.formulations.qubo import QuboModel
 
 MAX_VARIABLES = 30
@@ -65,10 +65,10 @@ class Exactness:
     Attributes:
         states: number of states looked at.
         feasible_states: states with zero penalty.
-        valid_selections: arc selections that the independent decoder accepts.
-        mismatches: arc selections that the decoder and the penalty judge differently.
+        valid_selections: selections that the independent decoder accepts.
+        mismatches: selections that the decoder and the penalty judge differently.
         minimum_kwh: lowest H_total of all states.
-        minimum_selected: arcs of that state.
+        minimum_selected: arcs or options of that state.
         highest_feasible_kwh: highest H_total with zero penalty; −inf if there is none.
         lowest_infeasible_kwh: lowest H_total with a penalty; inf if there is none.
     """
@@ -91,23 +91,22 @@ class Exactness:
 def enumerate_model(model: QuboModel) -> Exactness:
     """Look at every state of a model.
 
-    A selection of arcs counts as accepted by the penalty if some setting of order and slack bits
-    brings the penalty to zero; the decoder looks at the arcs alone.
+    A selection of arcs or options counts as accepted by the penalty if some setting of auxiliary
+    bits brings the penalty to zero; the decoder looks at the selection alone.
     """
-    arcs = model.problem.choices
-    width = max(arcs, BLOCK_BITS)
-    best_penalty = np.full(1 << arcs, np.inf)
+    choices = model.problem.choices
+    # Selections whose penalty some auxiliary bits bring to zero.
+    accepted = np.zeros(1 << choices, dtype=bool)
     minimum, minimum_state = np.inf, 0
     highest, lowest = -np.inf, np.inf
     feasible = states = 0
     blocks = zip(
-        all_energies(model.penalty, model.variables, width),
-        all_energies(model.objective, model.variables, width),
+        all_energies(model.penalty, model.variables),
+        all_energies(model.objective, model.variables),
         strict=True,
     )
     for penalty, total in blocks:
         total += model.gamma * penalty
-        np.minimum(best_penalty, penalty.reshape(-1, 1 << arcs).min(axis=0), out=best_penalty)
         at = int(total.argmin())
         if total[at] < minimum:
             minimum, minimum_state = float(total[at]), states + at
@@ -115,20 +114,19 @@ def enumerate_model(model: QuboModel) -> Exactness:
         feasible += int(zero.sum())
         highest = max(highest, float(total.max(where=zero, initial=-np.inf)))
         lowest = min(lowest, float(total.min(where=~zero, initial=np.inf)))
+        rows = zero.reshape(-1, min(len(zero), len(accepted)))
+        by_selection = np.logical_or.reduce(rows, axis=0)
+        first = states % len(accepted)
+        accepted[first : first + len(by_selection)] |= by_selection
         states += len(total)
-    valid = np.array(
-        [
-            decode(model.problem, [i for i in range(arcs) if s >> i & 1]).routes is not None
-            for s in range(1 << arcs)
-        ]
-    )
+    valid = valid_selections(model.problem)
     return Exactness(
         states=states,
         feasible_states=feasible,
         valid_selections=int(valid.sum()),
-        mismatches=int((valid != (best_penalty < 0.5)).sum()),
+        mismatches=int((valid != accepted).sum()),
         minimum_kwh=minimum,
-        minimum_selected=frozenset(i for i in range(arcs) if minimum_state >> i & 1),
+        minimum_selected=frozenset(i for i in range(choices) if minimum_state >> i & 1),
         highest_feasible_kwh=highest,
         lowest_infeasible_kwh=lowest,
     )
