@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 import shutil
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from benchmarks.aims import machine
 from benchmarks.perception import report
 from benchmarks.perception.daemons import DaemonRun, run_daemons
 from benchmarks.perception.report import (
@@ -184,16 +184,9 @@ def _measured_peer(settings: BenchSettings, python: Path, options: list[str], lo
 
 def _about(settings: BenchSettings, load_before: float) -> dict[str, object]:
     return {
-        "machine": f"{os.cpu_count()} cores, {_processor()}, Python {platform.python_version()}",
+        "machine": machine(),
         "load before and after": f"{load_before:.2f}, {os.getloadavg()[0]:.2f}",
         "clip": f"{settings.clip}, 1280×720",
         "rounds": f"{settings.rounds} of {settings.frames} frames; peers a quarter of them",
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
     }
-
-
-def _processor() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.aims import Check, check_table
 from benchmarks.perception.daemons import DaemonRun
 from benchmarks.perception.speed import Speed
 
@@ -22,22 +23,6 @@ MOST_LATENCY_MS: Final = 21.9
 LEAST_OVER_TORCH: Final = 8.0
 LEAST_OVER_EXPORT: Final = 1.5
 MOST_RSS_MB: Final = 450.0
-
-
-@dataclass(frozen=True)
-class Check:
-    """One aim.
-
-    Attributes:
-        what: in words.
-        measured, aim: as shown.
-        reached: None where it could not be measured.
-    """
-
-    what: str
-    measured: str
-    aim: str
-    reached: bool | None
 
 
 @dataclass(frozen=True)
@@ -140,11 +125,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
     lines = ["# Perception: how fast", ""]
     lines += [f"- {name}: {value}" for name, value in about.items()]
     lines += [f"- **not measured:** {why}" for why in results.missing]
-    lines += ["", "| aim | measured | target | |", "|---|--:|--:|---|"]
-    words = {True: "reached", False: "MISSED", None: "–"}
-    lines += [
-        f"| {c.what} | {c.measured} | {c.aim} | {words[c.reached]} |" for c in checks(results)
-    ]
+    lines += ["", *check_table(checks(results))]
     lines += [
         "",
         "| runner (median of rounds) | ms a frame | p95 of blocks | latency p50 | p95 "
