@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dispatcher_daemon.traffic import SegmentTraffic
-from slipstream.energy import JOULE_PER_KWH, PAPER_CAR, VehicleParameters, steady_energy_kwh
+from slipstream.energy import PAPER_CAR, VehicleParameters, steady_energy_kwh, stop_energy_kwh
 from slipstream.roads import Segment
 
 
@@ -34,10 +34,13 @@ def segment_cost_kwh(
     In turbulent traffic the vehicle is carried along, with a ~ N(ā, σ²_a), and the expected
     tractive force is paid. There |ā| is limited to v²_limit/2d, the most that speeds between
     standstill and the limit allow over the segment's length d.
+
+    Expected stops come on top of either, each with the kinetic energy of the planning speed.
     """
     speed = traffic.speed_mps
+    stops_kwh = traffic.stops * stop_energy_kwh(speed, vehicle)
     if traffic.y_e != 0 or traffic.measured_speed_mps is None:
-        return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle)
+        return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle) + stops_kwh
     bound = segment.speed_limit_mps**2 / (2 * segment.length_m)
     mean_acceleration = min(bound, max(-bound, traffic.mean_acceleration_mps2))
     resistance_n = vehicle.rolling_force_n + vehicle.drag_force_n(speed)
@@ -45,5 +48,4 @@ def segment_cost_kwh(
         vehicle.mass_kg * mean_acceleration + resistance_n,
         vehicle.mass_kg * math.sqrt(traffic.acceleration_variance_m2ps4),
     )
-    joule = max(force_n, 1.0) * segment.length_m
-    return joule / (JOULE_PER_KWH * vehicle.powertrain_efficiency)
+    return vehicle.electrical_kwh(max(force_n, 1.0) * segment.length_m) + stops_kwh

@@ -1,15 +1,18 @@
-"""Physics of traction: wheel power, drag reduction in platoons, electrical energy.
+"""Physics of traction: wheel power, drag reduction in platoons, electrical energy and its parts.
 
 Formulas: paper section II. Regeneration is excluded, so energies are gross traction demand.
+Everything takes arrays: a trajectory, a stack of them, or all phases of many plans at once.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ConfigDict, Field
 
 Array = npt.NDArray[np.float64]
 
@@ -17,6 +20,8 @@ JOULE_PER_KWH = 3.6e6
 ETA_ALONE = 0.0
 ETA_LEADER = 0.05
 ETA_FOLLOWER = 0.20
+
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
@@ -33,13 +38,16 @@ class VehicleParameters:
         gravity_mps2: g.
     """
 
-    mass_kg: float = 1800.0
-    drag_coefficient: float = 0.30
-    frontal_area_m2: float = 2.4
-    rolling_resistance: float = 0.012
-    powertrain_efficiency: float = 0.88
-    air_density_kgpm3: float = 1.225
-    gravity_mps2: float = 9.81
+    # Where files give it, as part of a settings model.
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    mass_kg: _Positive = 1800.0
+    drag_coefficient: _Positive = 0.30
+    frontal_area_m2: _Positive = 2.4
+    rolling_resistance: _Positive = 0.012
+    powertrain_efficiency: Annotated[_Positive, Field(le=1)] = 0.88
+    air_density_kgpm3: _Positive = 1.225
+    gravity_mps2: _Positive = 9.81
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -53,10 +61,18 @@ class VehicleParameters:
         """Rolling resistance m g f_r, N."""
         return self.mass_kg * self.gravity_mps2 * self.rolling_resistance
 
+    @property
+    def drag_factor_kgpm(self) -> float:
+        """½ρC_dA: drag force over speed squared, kg/m."""
+        return 0.5 * self.air_density_kgpm3 * self.drag_coefficient * self.frontal_area_m2
+
     def drag_force_n(self, speed_mps: float, drag_reduction: float = ETA_ALONE) -> float:
         """Aerodynamic drag ½ρC_d(1−η)A v², N."""
-        area = self.drag_coefficient * self.frontal_area_m2
-        return 0.5 * self.air_density_kgpm3 * area * (1 - drag_reduction) * speed_mps**2
+        return self.drag_factor_kgpm * (1 - drag_reduction) * speed_mps**2
+
+    def electrical_kwh(self, work_j: float) -> float:
+        """Electrical energy for mechanical work at the wheels, kWh."""
+        return work_j / (JOULE_PER_KWH * self.powertrain_efficiency)
 
 
 PAPER_CAR = VehicleParameters()
@@ -69,6 +85,54 @@ class Energy(NamedTuple):
     rolling_kwh: float
     drag_kwh: float
     acceleration_kwh: float
+
+
+class Energies(NamedTuple):
+    """`Energy` of many trajectories: arrays of one shape, kWh."""
+
+    total_kwh: Array
+    rolling_kwh: Array
+    drag_kwh: Array
+    acceleration_kwh: Array
+
+    def sum(self) -> Energy:
+        """Of all of them together: a plan's energy from its phases', a fleet's from its plans'."""
+        return Energy(*(float(part.sum()) for part in self))
+
+
+class Saving(NamedTuple):
+    """What one set of drives needs less than another, kWh; the parts add up."""
+
+    total_kwh: float
+    distance_kwh: float
+    drag_kwh: float
+    acceleration_kwh: float
+
+
+def total(energies: Iterable[Energy]) -> Energy:
+    """Sum of energies; zero of none."""
+    parts = np.array([*energies], dtype=np.float64).reshape(-1, len(Energy._fields))
+    return Energies(*parts.T).sum()
+
+
+def split_saving(baseline: Energy, alone: Energy, driven: Energy) -> Saving:
+    """Split a saving by its causes (paper section II-C has only the total).
+
+    - drag: what drafting saves, the same drive with and without it;
+    - acceleration: the difference of the undrafted drives in energy for speed changes;
+    - distance: their difference in rolling resistance and undrafted drag: how far, how fast.
+
+    Args:
+        baseline: the drives compared with, every vehicle alone.
+        alone: our drives as if every vehicle were alone.
+        driven: our drives with their drag reductions.
+    """
+    return Saving(
+        baseline.total_kwh - driven.total_kwh,
+        baseline.rolling_kwh + baseline.drag_kwh - alone.rolling_kwh - alone.drag_kwh,
+        alone.total_kwh - driven.total_kwh,
+        baseline.acceleration_kwh - alone.acceleration_kwh,
+    )
 
 
 def wheel_power_w(
@@ -87,8 +151,58 @@ def wheel_power_w(
     v = np.asarray(speed_mps, dtype=np.float64)
     a = np.asarray(acceleration_mps2, dtype=np.float64)
     eta = np.asarray(drag_reduction, dtype=np.float64)
-    drag = vehicle.drag_force_n(1.0) * (1 - eta) * v**2
+    drag = vehicle.drag_factor_kgpm * (1 - eta) * v**2
     return np.maximum(0.0, (vehicle.mass_kg * a + vehicle.rolling_force_n + drag) * v)
+
+
+def stack_traces(traces: Sequence[npt.ArrayLike]) -> Array:
+    """Trajectories of different lengths as rows of one array for `trace_energies`.
+
+    Args:
+        traces: speeds at the sample times, each of shape (n_i,).
+
+    Returns:
+        Shape (traces, longest n_i), short rows filled up with NaN.
+    """
+    rows = [np.asarray(trace, dtype=np.float64) for trace in traces]
+    stack = np.full((len(rows), max((len(row) for row in rows), default=0)), np.nan)
+    for row, filled in zip(rows, stack, strict=True):
+        filled[: len(row)] = row
+    return stack
+
+
+def trace_energies(
+    speed_mps: npt.ArrayLike,
+    step_s: npt.ArrayLike,
+    drag_reduction: npt.ArrayLike = ETA_ALONE,
+    vehicle: VehicleParameters = PAPER_CAR,
+) -> Energies:
+    """Electrical energy of sampled drives (paper eq. 2), mid-step speed and a = Δv/Δt.
+
+    In a step where traction is needed, rolling and drag take their own work and acceleration the
+    rest (less than nothing where the vehicle slows: kinetic energy then pays for part of them).
+
+    Args:
+        speed_mps: speeds at the sample times, shape (..., n); a step next to a NaN counts nothing.
+        step_s: time between samples, broadcast to (..., n − 1).
+        drag_reduction: η_drag in each step, broadcast to (..., n − 1).
+
+    Returns:
+        Arrays of shape (...).
+    """
+    v = np.asarray(speed_mps, dtype=np.float64)
+    seconds = np.asarray(step_s, dtype=np.float64)
+    mid = 0.5 * (v[..., 1:] + v[..., :-1])
+    a = np.diff(v, axis=-1) / seconds
+    eta = np.broadcast_to(np.asarray(drag_reduction, dtype=np.float64), mid.shape)
+    power = np.nan_to_num(wheel_power_w(mid, a, eta, vehicle), nan=0.0)
+    pulling_s = np.where(power > 0, seconds, 0.0)
+    moving = np.nan_to_num(mid, nan=0.0)
+    factor = vehicle.electrical_kwh(1.0)
+    energy = (power * seconds).sum(axis=-1) * factor
+    rolling = vehicle.rolling_force_n * (moving * pulling_s).sum(axis=-1) * factor
+    drag = vehicle.drag_factor_kgpm * ((1 - eta) * moving**3 * pulling_s).sum(axis=-1) * factor
+    return Energies(energy, rolling, drag, energy - rolling - drag)
 
 
 def trace_energy(
@@ -97,29 +211,53 @@ def trace_energy(
     drag_reduction: npt.ArrayLike = ETA_ALONE,
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> Energy:
-    """Electrical energy of a sampled drive (paper eq. 2), mid-step speed and a = Δv/Δt.
+    """`trace_energies` of one trajectory, speeds of shape (n,)."""
+    return Energy(*map(float, trace_energies(speed_mps, step_s, drag_reduction, vehicle)))
 
-    In a step where traction is needed, rolling and drag take their own work and acceleration the
-    rest (less than nothing where the vehicle slows: kinetic energy then pays for part of them).
+
+def phase_energies(
+    start_mps: npt.ArrayLike,
+    end_mps: npt.ArrayLike,
+    duration_s: npt.ArrayLike,
+    drag_reduction: npt.ArrayLike = ETA_ALONE,
+    vehicle: VehicleParameters = PAPER_CAR,
+) -> Energies:
+    """Paper eq. 2 without sampling, for phases in which speed changes linearly with time.
+
+    Traction is needed from the speed upwards at which drag, rolling resistance and inertia cancel,
+    so each phase is one integral over a range of speeds: ∫v dt and ∫v³ dt are (v₁² − v₀²)/2a and
+    (v₁⁴ − v₀⁴)/4a.
 
     Args:
-        speed_mps: speeds at the sample times, shape (n,), n ≥ 2.
-        step_s: time between samples, s.
-        drag_reduction: η_drag in each of the n − 1 steps, or one for all.
+        start_mps: speeds at the begin of the phases, any shape.
+        end_mps: speeds at their end, same shape.
+        duration_s: their durations, same shape; 0 counts nothing.
+        drag_reduction: η_drag, broadcast.
+
+    Returns:
+        Arrays of that shape.
     """
-    v = np.asarray(speed_mps, dtype=np.float64)
-    mid = 0.5 * (v[1:] + v[:-1])
-    a = np.diff(v) / step_s
-    eta = np.broadcast_to(np.asarray(drag_reduction, dtype=np.float64), mid.shape)
-    power = wheel_power_w(mid, a, eta, vehicle)
-    drag = vehicle.drag_force_n(1.0) * (1 - eta) * mid**3
-    rolling = vehicle.rolling_force_n * mid
-    pulling = power > 0
-    to_kwh = step_s / (JOULE_PER_KWH * vehicle.powertrain_efficiency)
-    total = float(power.sum()) * to_kwh
-    rolling_kwh = float(rolling[pulling].sum()) * to_kwh
-    drag_kwh = float(drag[pulling].sum()) * to_kwh
-    return Energy(total, rolling_kwh, drag_kwh, total - rolling_kwh - drag_kwh)
+    v0, v1, seconds, eta = np.broadcast_arrays(
+        *(np.asarray(x, dtype=np.float64) for x in (start_mps, end_mps, duration_s, drag_reduction))
+    )
+    lasting = np.where(seconds > 0, seconds, 1.0)
+    a = np.where(seconds > 0, v1 - v0, 0.0) / lasting
+    drag_factor = vehicle.drag_factor_kgpm * (1 - eta)
+    braking_n = -(vehicle.mass_kg * a + vehicle.rolling_force_n)
+    least = np.sqrt(np.maximum(0.0, braking_n) / drag_factor)
+    low = np.minimum(np.maximum(np.minimum(v0, v1), least), np.maximum(v0, v1))
+    high = np.maximum(v0, v1)
+    # The share of the phase above that speed; all of a phase at one speed, which needs traction.
+    span = np.abs(v1 - v0)
+    share = np.where(span > 0, (high - low) / np.where(span > 0, span, 1.0), 1.0)
+    pulling_s = np.where(seconds > 0, share * seconds, 0.0)
+    distance = 0.5 * (low + high) * pulling_s
+    cubed = 0.25 * (low + high) * (low**2 + high**2) * pulling_s
+    factor = vehicle.electrical_kwh(1.0)
+    rolling = vehicle.rolling_force_n * distance * factor
+    drag = drag_factor * cubed * factor
+    acceleration = vehicle.mass_kg * a * distance * factor
+    return Energies(rolling + drag + acceleration, rolling, drag, acceleration)
 
 
 def steady_energy_kwh(
@@ -135,7 +273,12 @@ def steady_energy_kwh(
         + vehicle.rolling_force_n
         + vehicle.drag_force_n(speed_mps, drag_reduction)
     )
-    return max(0.0, force) * distance_m / (JOULE_PER_KWH * vehicle.powertrain_efficiency)
+    return vehicle.electrical_kwh(max(0.0, force) * distance_m)
+
+
+def stop_energy_kwh(speed_mps: float, vehicle: VehicleParameters = PAPER_CAR) -> float:
+    """What one full stop costs beside driving on at a speed, kWh: the lost ½mv² over η_elec."""
+    return vehicle.electrical_kwh(0.5 * vehicle.mass_kg * speed_mps**2)
 
 
 def drag_saving_kwh(
@@ -146,4 +289,4 @@ def drag_saving_kwh(
 ) -> float:
     """Energy that a drag reduction η saves over a distance, kWh (the paper's s_{e,k,l})."""
     force = vehicle.drag_force_n(speed_mps) - vehicle.drag_force_n(speed_mps, drag_reduction)
-    return force * distance_m / (JOULE_PER_KWH * vehicle.powertrain_efficiency)
+    return vehicle.electrical_kwh(force * distance_m)
