@@ -7,11 +7,11 @@ low by the cosine. Vehicles follow the road, so their paths tell how it runs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from edge_daemon.camera import Array
 
@@ -43,29 +43,31 @@ class Course:
         return np.asarray(self.middle_m + (end - begin) / self.bend_per_m)
 
 
-def learn_course(paths: Sequence[tuple[Array, Array]]) -> Course:
+def learn_course(vehicle: npt.NDArray[np.intp], along_m: Array, across_m: Array) -> Course:
     """The course that vehicles took.
 
     Args:
-        paths: of each vehicle, positions along and across the segment's direction, m, both (n,).
+        vehicle: number from 0 of each position's vehicle, shape (n,).
+        along_m: positions along the segment's direction, shape (n,).
+        across_m: and across it, shape (n,).
 
     Returns:
         Least squares over all vehicles, each with a lane of its own; straight on where they have
         moved too little to tell.
     """
-    if not paths:
+    if not len(vehicle):
         return Course()
-    middle = float(np.mean(np.concatenate([along for along, _ in paths])))
-    design, target = [], []
-    for along, across in paths:
-        off = along - middle
-        columns = np.column_stack([off, off**2 / 2])
-        design.append(columns - columns.mean(axis=0))
-        target.append(across - across.mean())
-    matrix = np.concatenate(design)
+    middle = float(along_m.mean())
+    off = along_m - middle
+    counts = np.bincount(vehicle)
+
+    def centred(values: Array) -> Array:
+        return np.asarray(values - (np.bincount(vehicle, values) / counts)[vehicle])
+
+    matrix = np.column_stack([centred(off), centred(off**2 / 2)])
     if np.sqrt(np.mean(matrix[:, 0] ** 2)) < _LEAST_SPREAD_M:
         return Course(middle)
-    slope, bend = np.linalg.lstsq(matrix, np.concatenate(target), rcond=None)[0]
+    slope, bend = np.linalg.lstsq(matrix, centred(across_m), rcond=None)[0]
     reach = float(np.abs(matrix[:, 0]).max())
     if abs(slope) + abs(bend) * reach > _STEEPEST:
         return Course(middle)  # no road: another street is in the view, or tracks are mixed up

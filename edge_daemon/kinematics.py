@@ -8,10 +8,8 @@ posterior's standard error.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,25 +17,13 @@ import numpy as np
 from edge_daemon.camera import Array, WatchedSegment
 from edge_daemon.camera.pose import CameraPose
 from edge_daemon.course import Course, learn_course
-from edge_daemon.motion import Fit, Motion, condense, estimate_components
+from edge_daemon.motion import Fits, Motion, estimate_components
+from edge_daemon.paths import Followed, Key, Path, find_paths, follow
 from edge_daemon.tracking import Sightings
 from slipstream.messages import Estimate, KinematicFeatures
 
-MIN_FOLLOWED_S: Final = 1.0
-MIN_SIGHTINGS: Final = 8
-_REACH_M: Final = 25.0
-_PLACES: Final = 8
-_LONGEST_PAUSE_S: Final = 1.0
-MARGIN_M: Final = 15.0
-"""So far before and behind the segment positions still help to smooth those within."""
-NOMINAL_LENGTH_M: Final = (4.5, 8.5, 12.0, 2.2)
-"""Length by vehicle class, m: turns distances between vehicles into gaps."""
 LENGTH_STD_M: Final = 0.7
 """How far lengths spread within a class."""
-NOMINAL_SIZE_M: Final = ((1.8, 1.5), (2.4, 3.0), (2.5, 3.1), (0.8, 1.6))
-"""Width and height by vehicle class, m: what makes a box's lower edge differ from the middle."""
-
-
 OWN_SPEED_STD: Final = 0.005
 COMMON_SPEED_STD: Final = 0.003
 OWN_ACCELERATION_STD_MPS2: Final = 0.08
@@ -83,7 +69,7 @@ class WindowFeatures:
 class SegmentKinematics:
     """Measures one segment, window after window.
 
-    Vehicles that have gone on keep the fit that they had: most of a window is the last one's.
+    Vehicles that have gone on keep the path that they had.
     """
 
     def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:
@@ -95,7 +81,7 @@ class SegmentKinematics:
         """
         self._segment = segment
         self._pose = pose
-        self._paths: dict[_Key, _Path | None] = {}
+        self._paths: dict[Key, Path | None] = {}
 
     def features(
         self, sightings: Sightings, begin_s: float, observed_s: float
@@ -110,221 +96,145 @@ class SegmentKinematics:
         Returns:
             None if no vehicle was followed long enough.
         """
-        vehicles = self._motions(sightings, begin_s)
-        return _features(vehicles, observed_s * self._segment.length_m) if vehicles else None
-
-    def _motions(self, sightings: Sightings, begin_s: float) -> list[VehicleMotion]:
         segment = self._segment
-        parts = _by_vehicle(sightings, segment)
-        course = learn_course([(segment.along(p.point_m), p.point_m @ segment.left) for p in parts])
-        known, self._paths = self._paths, {}
-        new = [part for part in parts if _key(part) not in known]
-        for part, offset in zip(new, _to_middle(new, segment, self._pose), strict=True):
-            middle = replace(part, point_m=part.point_m + offset)
-            known[_key(part)] = _path(middle, segment, course)
-        self._paths = {_key(part): known[_key(part)] for part in parts}
-        paths = [path for path in self._paths.values() if path is not None]
+        followed = follow(sightings, segment)
+        course = _course(followed, segment)
+        paths = self._find_paths(followed, course)
         if not paths:
-            return []
-        components = estimate_components([path.fit for path in paths])
-        low, high = (float(end) for end in course.arc(_ends(segment)))
-        vehicles = []
-        for path in paths:
-            motion = path.fit.smooth(components)
-            weight = _weights(motion, path, low, high, begin_s)
-            if weight.sum() > 0:
-                vehicle = VehicleMotion(path.track, motion, weight, path.lane, path.length_m)
-                vehicles.append(vehicle)
-        return vehicles
+            return None
+        fits = Fits([path.positions for path in paths])
+        motion = fits.smooth(estimate_components(fits))
+        ends = course.arc(np.array([segment.begin_m, segment.begin_m + segment.length_m]))
+        weights = _weights(motion, paths, ends, begin_s)
+        vehicles = tuple(
+            VehicleMotion(path.track, motion.of(i, n), weights[i, :n], path.lane, path.length_m)
+            for i, (path, n) in enumerate((path, len(path.positions)) for path in paths)
+            if weights[i].sum() > 0
+        )
+        if not vehicles:
+            return None
+        features = _features(motion, weights, vehicles, observed_s * segment.length_m)
+        return WindowFeatures(features, vehicles)
+
+    def _find_paths(self, followed: Followed, course: Course) -> list[Path]:
+        """Paths of the vehicles on this segment; those that have gone on keep the one they had."""
+        keys = followed.keys()
+        new = np.array([key not in self._paths for key in keys], dtype=np.bool_)
+        found = iter(find_paths(followed.take(new), self._segment, self._pose, course))
+        self._paths = {
+            key: next(found) if is_new else self._paths[key]
+            for key, is_new in zip(keys, new, strict=True)
+        }
+        return [path for path in self._paths.values() if path is not None]
 
 
-_Key = tuple[int, float, float, int]
+def _course(followed: Followed, segment: WatchedSegment) -> Course:
+    points = followed.sightings.point_m.take(followed.rows, axis=0)
+    return learn_course(followed.vehicle, segment.along(points), points @ segment.left)
 
 
-def _key(seen: Sightings) -> _Key:
-    return int(seen.track[0]), float(seen.time_s[0]), float(seen.time_s[-1]), len(seen)
+def _weights(motion: Motion, paths: Sequence[Path], ends: Array, begin_s: float) -> Array:
+    """Time that each condensed position stands for, as far as it lies in segment and window.
+
+    Args:
+        motion: of all vehicles, a stack of (v, n).
+        paths: the vehicles' paths.
+        ends: the segment's, as positions count, shape (2,).
+        begin_s: of the window.
+
+    Returns:
+        Shape (v, n), 0 for what fills up the stack.
+    """
+    last = np.array([[len(path.positions) - 1] for path in paths])
+    first_s = np.array([[path.first_s] for path in paths])
+    last_s = np.array([[path.last_s] for path in paths])
+    time, place, speed = motion.time_s, motion.along_m, motion.speed_mps
+    # Where the vehicle was at the borders between neighbouring positions, and at its ends.
+    borders = np.hstack([first_s, (time[:, 1:] + time[:, :-1]) / 2, last_s])
+    along = np.hstack([place[:, :1], (place[:, 1:] + place[:, :-1]) / 2, place[:, -1:]])
+    along[:, :1] += (first_s - time[:, :1]) * speed[:, :1]
+    end = (np.take_along_axis(each, last, axis=1) for each in (time, place, speed))
+    end_s, end_m, end_mps = end
+    over = np.arange(borders.shape[1]) > last
+    borders = np.where(over, last_s, borders)
+    along = np.where(over, end_m + (last_s - end_s) * end_mps, along)
+    # Share of each interval in the segment and the window, motion within it taken as even.
+    low, high = ends
+    begin, moved = along[:, :-1], np.diff(along)
+    in_segment = np.diff(np.clip(along, low, high)) / np.maximum(moved, 1e-6)
+    in_segment = np.where(moved < 1e-3, (begin >= low) & (begin <= high), in_segment)
+    in_window = np.diff(np.maximum(borders, begin_s))
+    return np.asarray(in_window * np.clip(in_segment, 0.0, 1.0))
 
 
-def _features(vehicles: Sequence[VehicleMotion], area: float) -> WindowFeatures:
-    """The six features; the area is the segment's length times the observed time, m s."""
-    present_s = sum(float(vehicle.weight_s.sum()) for vehicle in vehicles)
-    weights = [vehicle.weight_s / present_s for vehicle in vehicles]
-    speed, spread = _moments(
-        weights,
-        [vehicle.motion.speed_mps for vehicle in vehicles],
-        [vehicle.motion.speed_covariance for vehicle in vehicles],
-    )
+def _features(
+    motion: Motion, weights_s: Array, vehicles: Sequence[VehicleMotion], area: float
+) -> KinematicFeatures:
+    """The six features.
+
+    Args:
+        motion: of all vehicles, a stack of (v, n).
+        weights_s: time that each position stands for, shape (v, n).
+        vehicles: those of them that were in segment and window.
+        area: the segment's length times the observed time, m s.
+    """
+    present_s = float(weights_s.sum())
+    weights = weights_s / present_s
+    speed, spread = _moments(weights, motion.speed_mps, motion.speed_covariance)
     own, common = OWN_SPEED_STD * speed.value, COMMON_SPEED_STD * speed.value
     speed, spread = _with_lasting_errors(weights, speed, spread, own, common)
     acceleration, variance = _with_lasting_errors(
         weights,
-        *_moments(
-            weights,
-            [vehicle.motion.acceleration_mps2 for vehicle in vehicles],
-            [vehicle.motion.acceleration_covariance for vehicle in vehicles],
-        ),
+        *_moments(weights, motion.acceleration_mps2, motion.acceleration_covariance),
         OWN_ACCELERATION_STD_MPS2,
         COMMON_ACCELERATION_STD_MPS2,
     )
     std = float(np.sqrt(spread.value))
     error = spread.standard_error or 0.0
-    return WindowFeatures(
-        KinematicFeatures(
-            mean_speed_mps=speed,
-            mean_acceleration_mps2=acceleration,
-            density_veh_per_m=Estimate(
-                value=present_s / area, standard_error=_presence_error_s(vehicles) / area
-            ),
-            speed_std_mps=Estimate(
-                value=std, standard_error=error / max(2 * std, np.sqrt(error), 1e-9)
-            ),
-            acceleration_variance_m2ps4=variance,
-            mean_gap_m=_mean_gap(vehicles),
+    return KinematicFeatures(
+        mean_speed_mps=speed,
+        mean_acceleration_mps2=acceleration,
+        density_veh_per_m=Estimate(
+            value=present_s / area, standard_error=_presence_error_s(vehicles) / area
         ),
-        tuple(vehicles),
+        speed_std_mps=Estimate(
+            value=std, standard_error=error / max(2 * std, np.sqrt(error), 1e-9)
+        ),
+        acceleration_variance_m2ps4=variance,
+        mean_gap_m=_mean_gap(vehicles),
     )
 
 
-def _by_vehicle(sightings: Sightings, segment: WatchedSegment) -> list[Sightings]:
-    """The sightings of each vehicle that was in the segment, in order."""
-    order = np.lexsort((sightings.time_s, sightings.track))
-    near = segment.along(sightings.point_m[order])
-    low, high = segment.begin_m - _REACH_M, segment.begin_m + segment.length_m + _REACH_M
-    sorted_ = sightings.take(order[(near >= low) & (near <= high)])
-    # A vehicle that was away for longer has been somewhere else; it may even be another one.
-    paused = np.diff(sorted_.time_s, prepend=0.0) > _LONGEST_PAUSE_S
-    begins = np.flatnonzero((np.diff(sorted_.track, prepend=-1) != 0) | paused)
-    inside = np.append(0, np.cumsum(segment.contains(sorted_.point_m + _half_length(sorted_))))
-    return [
-        sorted_.take(slice(begin, end))
-        for begin, end in pairwise([*begins.tolist(), len(sorted_)])
-        if end - begin >= MIN_SIGHTINGS and inside[end] - inside[begin] >= 2
-    ]
-
-
-def _ends(segment: WatchedSegment) -> Array:
-    """Where the segment begins and ends along its direction, m, shape (2,)."""
-    return np.array([segment.begin_m, segment.begin_m + segment.length_m])
-
-
-def _half_length(seen: Sightings) -> Array:
-    """Roughly from a box's lower edge to its vehicle's middle, m, shape (n, 2)."""
-    return np.asarray(seen.away * np.array(NOMINAL_LENGTH_M)[seen.vehicle_class, None] / 2)
-
-
-def _to_middle(
-    parts: Sequence[Sightings], segment: WatchedSegment, pose: CameraPose | None
-) -> list[Array]:
-    """For each vehicle's sightings, from its boxes' lower edges to its middle, m, shape (n, 2)."""
-    if pose is None:
-        return [_half_length(part) for part in parts]
-    # It varies slowly along the road: a few places are enough to draw it through.
-    some = [np.unique(np.linspace(0, len(part) - 1, _PLACES).astype(np.intp)) for part in parts]
-    kinds = [int(part.vehicle_class[-1]) for part in parts]
-    sizes = [
-        np.tile([NOMINAL_LENGTH_M[kind], *NOMINAL_SIZE_M[kind]], (len(rows), 1))
-        for kind, rows in zip(kinds, some, strict=True)
-    ]
-    if not parts:
-        return []
-    points = np.concatenate([part.point_m[rows] for part, rows in zip(parts, some, strict=True)])
-    headings = np.tile(segment.direction, (len(points), 1))
-    offsets = pose.centre_offset(points, headings, np.concatenate(sizes))
-    borders = np.cumsum([len(rows) for rows in some])[:-1]
-    result = []
-    for part, rows, offset in zip(parts, some, np.split(offsets, borders), strict=True):
-        good = np.isfinite(offset).all(axis=1)
-        if good.any():
-            every = np.arange(len(part))
-            columns = [np.interp(every, rows[good], column) for column in offset[good].T]
-            result.append(np.column_stack(columns))
-        else:
-            result.append(_half_length(part))
-    return result
-
-
-@dataclass(frozen=True)
-class _Path:
-    track: int
-    fit: Fit
-    first_s: float
-    last_s: float
-    lane: int
-    length_m: float
-
-
-def _path(seen: Sightings, segment: WatchedSegment, course: Course) -> _Path | None:
-    """The vehicle's positions along the segment; None if it is not one of this segment."""
-    along = segment.along(seen.point_m)
-    low, high = _ends(segment)
-    near = np.flatnonzero((along >= low - MARGIN_M) & (along <= high + MARGIN_M))
-    inside = segment.contains(seen.point_m)
-    if len(near) < MIN_SIGHTINGS or inside.sum() < 2:
-        return None
-    times, along = seen.time_s[near], along[near]
-    if times[-1] - times[0] < MIN_FOLLOWED_S:
-        return None
-    if along[-1] < along[0] - 1.0:
-        return None  # oncoming traffic seen over this segment's edge
-    variance = np.einsum(
-        "i,nij,j->n", segment.direction, seen.covariance_m2[near], segment.direction
-    )
-    positions = condense(times, course.arc(along), variance)
-    if len(positions) < 3:
-        return None
-    return _Path(
-        int(seen.track[0]),
-        Fit(positions),
-        float(times[0]),
-        float(times[-1]),
-        int(np.median(segment.lane(seen.point_m[inside]))),
-        NOMINAL_LENGTH_M[int(seen.vehicle_class[-1])],
-    )
-
-
-def _weights(motion: Motion, path: _Path, low: float, high: float, begin_s: float) -> Array:
-    """Time that each condensed position stands for, as far as it lies in segment and window."""
-    time = motion.time_s
-    middles = (time[1:] + time[:-1]) / 2
-    borders = np.concatenate([[path.first_s], middles, [path.last_s]])
-    # Where the vehicle was at the borders between neighbouring positions.
-    along = np.interp(borders, time, motion.along_m)
-    along[0] += (borders[0] - time[0]) * motion.speed_mps[0]
-    along[-1] += (borders[-1] - time[-1]) * motion.speed_mps[-1]
-    # Share of each interval in the segment and the window, motion within it taken as even.
-    moved = np.maximum(along[1:] - along[:-1], 1e-6)
-    in_segment = (np.clip(along[1:], low, high) - np.clip(along[:-1], low, high)) / moved
-    standing = along[1:] - along[:-1] < 1e-3
-    in_segment[standing] = ((along[:-1] >= low) & (along[:-1] <= high))[standing]
-    in_window = np.diff(np.maximum(borders, begin_s))
-    return np.asarray(in_window * np.clip(in_segment, 0.0, 1.0))
-
-
-def _moments(
-    weights: Sequence[Array], means: Sequence[Array], covariances: Sequence[Array]
-) -> tuple[Estimate, Estimate]:
+def _moments(weights: Array, means: Array, covariances: Array) -> tuple[Estimate, Estimate]:
     """Mean and variance over all vehicles and times, each with its posterior standard error.
 
     With x̂ the posterior mean and P its covariance, E[Σ w (x − x̄)²] is Σ w (x̂ − x̄)² + Σ w P_ii less
     the variance of x̄ itself.
+
+    Args:
+        weights: of sum 1, shape (v, n).
+        means: x̂, shape (v, n).
+        covariances: P, shape (v, n, n).
     """
-    mean = float(sum(w @ m for w, m in zip(weights, means, strict=True)))
-    mean_variance = float(sum(w @ p @ w for w, p in zip(weights, covariances, strict=True)))
-    value = -mean_variance
-    error = 0.0
-    for w, m, p in zip(weights, means, covariances, strict=True):
-        off = m - mean
-        value += float(w @ off**2 + w @ np.diag(p))
-        weighted = w * off
-        error += float(4 * weighted @ p @ weighted + 2 * np.sum((w[:, None] * p * w) * p))
+    mean = float(np.sum(weights * means))
+    mean_variance = _quadratic(weights, covariances)
+    off = means - mean
+    diagonal = np.diagonal(covariances, axis1=1, axis2=2)
+    value = float(np.sum(weights * (off**2 + diagonal))) - mean_variance
+    error = 4 * _quadratic(weights * off, covariances) + 2 * _quadratic(weights, covariances**2)
     return (
         Estimate(value=mean, standard_error=float(np.sqrt(max(0.0, mean_variance)))),
         Estimate(value=max(0.0, value), standard_error=float(np.sqrt(max(0.0, error)))),
     )
 
 
+def _quadratic(vectors: Array, matrices: Array) -> float:
+    """Σ xᵀ M x over vectors (v, n) and matrices (v, n, n)."""
+    return float(np.sum(vectors * (matrices @ vectors[:, :, None])[:, :, 0]))
+
+
 def _with_lasting_errors(
-    weights: Sequence[Array], mean: Estimate, variance: Estimate, own_std: float, common_std: float
+    weights: Array, mean: Estimate, variance: Estimate, own_std: float, common_std: float
 ) -> tuple[Estimate, Estimate]:
     """Add errors that stay for a vehicle's whole way: its own and those that all vehicles share.
 
@@ -332,7 +242,7 @@ def _with_lasting_errors(
     errors spread the vehicles, which is taken off the variance, and do not average out over a
     vehicle's positions.
     """
-    shares = np.array([w.sum() for w in weights])
+    shares = weights.sum(axis=1)
     alike = float(shares @ shares)
     own = own_std**2
     excess = max(0.0, variance.value - (1 - alike) * own)
@@ -366,7 +276,6 @@ def _mean_gap(vehicles: Sequence[VehicleMotion]) -> Estimate | None:
     """
     first = min(float(v.motion.time_s[0]) for v in vehicles)
     last = max(float(v.motion.time_s[-1]) for v in vehicles)
-    gaps: dict[tuple[int, int], list[float]] = defaultdict(list)
     grid = np.arange(first, last, 0.5)
     places = np.stack(
         [
@@ -378,17 +287,15 @@ def _mean_gap(vehicles: Sequence[VehicleMotion]) -> Estimate | None:
             for v in vehicles
         ]
     )
-    for lane in {vehicle.lane for vehicle in vehicles}:
-        members = np.array([i for i, vehicle in enumerate(vehicles) if vehicle.lane == lane])
-        for column in places[members].T:
-            there = np.argsort(column)[: np.count_nonzero(np.isfinite(column))]
-            for behind, ahead in pairwise(there):
-                pair = int(members[behind]), int(members[ahead])
-                lengths = vehicles[pair[0]].length_m + vehicles[pair[1]].length_m
-                gaps[pair].append(max(0.0, float(column[ahead] - column[behind]) - lengths / 2))
-    if not gaps:
+    lanes, lengths = np.array([(v.lane, v.length_m) for v in vehicles]).T
+    # Each lane's vehicles in a row, those ahead after those behind, the absent ones at its end.
+    order = np.lexsort((places, np.broadcast_to(lanes[:, None], places.shape)), axis=0)
+    behind, ahead = order[:-1], order[1:]
+    distance = np.diff(np.take_along_axis(places, order, axis=0), axis=0)
+    pairs = (lanes[behind] == lanes[ahead]) & np.isfinite(distance)
+    if not pairs.any():
         return None
-    counts = np.array([len(of_pair) for of_pair in gaps.values()])
-    value = float(np.mean([gap for of_pair in gaps.values() for gap in of_pair]))
+    clear = np.maximum(0.0, distance - (lengths[behind] + lengths[ahead]) / 2)
+    counts = np.bincount((behind * len(vehicles) + ahead)[pairs])
     error = LENGTH_STD_M / np.sqrt(2) * np.sqrt(np.sum((counts / counts.sum()) ** 2))
-    return Estimate(value=value, standard_error=float(error))
+    return Estimate(value=float(clear[pairs].mean()), standard_error=float(error))

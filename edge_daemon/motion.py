@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from edge_daemon.camera import Array
 
@@ -54,29 +56,44 @@ class Positions:
         return len(self.time_s)
 
 
-def condense(time_s: Array, along_m: Array, variance_m2: Array) -> Positions:
-    """Average positions over bins, weighted by their certainty.
+def condense(
+    vehicle: npt.NDArray[np.intp], time_s: Array, along_m: Array, variance_m2: Array
+) -> list[Positions]:
+    """Average each vehicle's positions over bins, weighted by their certainty.
 
     Boxes of neighbouring frames err alike, r(Δt) = exp(−Δt / NOISE_CORRELATION_S): each position
     counts for less, the closer the frames lie, by (1 + r)/(1 − r) for an AR(1) process.
 
     Args:
-        time_s: increasing, shape (n,), n ≥ 2.
+        vehicle: each position's vehicle, increasing, shape (n,).
+        time_s: increasing for each vehicle, shape (n,).
         along_m: shape (n,).
         variance_m2: of one position, shape (n,).
+
+    Returns:
+        One vehicle after the other.
     """
-    alike = np.exp(-np.diff(time_s, prepend=-np.inf) / NOISE_CORRELATION_S)
+    first = np.diff(vehicle, prepend=-1) != 0
+    begins, of = np.flatnonzero(first), np.cumsum(first) - 1
+    begin_s, end_s = time_s[begins], time_s[np.append(begins[1:], len(time_s)) - 1]
+    alike = np.exp(-np.diff(time_s, prepend=-np.inf).clip(0) / NOISE_CORRELATION_S)
+    alike[begins] = 0.0
     weight = (1 - alike) / (1 + alike) / variance_m2
-    bin_s = max(BIN_S, float(time_s[-1] - time_s[0]) / MOST_BINS)
-    number = np.floor((time_s - time_s[0]) / bin_s + 1e-6).astype(np.intp)
-    _, of = np.unique(number, return_inverse=True)
-    total = np.bincount(of, weight)
-    return Positions(
-        np.bincount(of, weight * time_s) / total,
-        np.bincount(of, weight * along_m) / total,
+    bin_s = np.maximum(BIN_S, (end_s - begin_s) / MOST_BINS)
+    number = np.floor((time_s - begin_s[of]) / bin_s[of] + 1e-6)
+    opens = first | (np.diff(number, prepend=-1) != 0)
+    bins = np.cumsum(opens) - 1
+    total = np.bincount(bins, weight)
+    columns = (
+        np.bincount(bins, weight * time_s) / total,
+        np.bincount(bins, weight * along_m) / total,
         (1 - SLOW_SHARE) / total,
-        SLOW_SHARE * np.bincount(of, weight * variance_m2) / total,
+        SLOW_SHARE * np.bincount(bins, weight * variance_m2) / total,
     )
+    borders = [*bins[begins].tolist(), len(total)]
+    return [
+        Positions(*(column[begin:end] for column in columns)) for begin, end in pairwise(borders)
+    ]
 
 
 @dataclass(frozen=True)
@@ -94,7 +111,10 @@ class Components:
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed motion of one vehicle at its condensed positions.
+    """Smoothed motion at condensed positions, of one vehicle or of a stack of v vehicles.
+
+    In a stack all arrays have a leading axis (v,), and n is the largest number of positions; what
+    fills up the rows of vehicles with fewer means nothing.
 
     Attributes:
         time_s: shape (n,).
@@ -112,108 +132,152 @@ class Motion:
     speed_covariance: Array
     acceleration_covariance: Array
 
+    def of(self, vehicle: int, n: int) -> Motion:
+        """One vehicle's motion at its n positions, from a stack."""
+        return Motion(
+            self.time_s[vehicle, :n],
+            self.along_m[vehicle, :n],
+            self.speed_mps[vehicle, :n],
+            self.acceleration_mps2[vehicle, :n],
+            self.speed_covariance[vehicle, :n, :n],
+            self.acceleration_covariance[vehicle, :n, :n],
+        )
 
-class Fit:
-    """One vehicle's positions, ready for estimating components and for smoothing."""
 
-    def __init__(self, positions: Positions) -> None:
-        """Set up the process at the positions' times; at least three of them."""
-        self.positions = positions
-        n = len(positions)
-        time = positions.time_s - positions.time_s[0]
+class Fits:
+    """The positions of vehicles, ready for estimating components and for smoothing.
+
+    All vehicles stand in one stack, so that they cost a handful of array operations. The rows of
+    those with fewer positions are filled up with observations that tell nothing: at their last
+    time, of zero, with a noise of their own and with no part in the motion.
+
+    Attributes:
+        gains: of all vehicles' contrasts, shape (k,): each has variance noise + σ²_a · gain.
+        contrasts: shape (k,).
+    """
+
+    def __init__(self, positions: Sequence[Positions]) -> None:
+        """Set up the process at the positions' times: one vehicle at least, three positions each.
+
+        Args:
+            positions: by vehicle.
+        """
+        counts = np.array([len(each) for each in positions])
+        n = int(counts.max())
+        self._real = np.arange(n) < counts[:, None]
+        rows = np.minimum(np.arange(n), counts[:, None] - 1) + (np.cumsum(counts) - counts)[:, None]
+
+        def stack(name: str) -> Array:
+            return np.asarray(np.concatenate([getattr(each, name) for each in positions])[rows])
+
+        self._time_s = stack("time_s")
+        time = self._time_s - self._time_s[:, :1]
+        apart = np.abs(time[:, :, None] - time[:, None])
         to_speed, to_along = _integrals(time)
-        distance = np.sqrt(3.0) * np.abs(time[:, None] - time[None]) / CORRELATION_S
+        to_along[~self._real] = 0.0
+        distance = np.sqrt(3.0) * apart / CORRELATION_S
         correlation: Array = (1 + distance) * np.exp(-distance)
         # Covariances for σ²_a = 1: of position, speed and acceleration with position, of each.
-        with_along = correlation @ to_along.T
+        with_along = correlation @ to_along.mT
         self._of_along = to_along @ with_along
-        self._with_along = np.vstack([self._of_along, to_speed @ with_along, with_along])
-        self._of_speed = to_speed @ correlation @ to_speed.T
+        self._with_along = np.concatenate(
+            [self._of_along, to_speed @ with_along, with_along], axis=1
+        )
+        self._of_speed = to_speed @ correlation @ to_speed.mT
         self._of_acceleration = correlation
-        slow = np.sqrt(positions.slow_m2)
-        apart = np.abs(time[:, None] - time[None]) / SLOW_CORRELATION_S
-        self._noise: Array = slow[:, None] * slow * np.exp(-apart) + np.diag(positions.variance_m2)
+        slow = np.sqrt(np.where(self._real, stack("slow_m2"), 0.0))
+        quick = np.where(self._real, stack("variance_m2"), 1.0)
+        self._noise: Array = slow[:, :, None] * slow[:, None] * np.exp(-apart / SLOW_CORRELATION_S)
+        self._noise += np.eye(n) * quick[:, None]
         # What s₀ and v₀ add to position, speed and acceleration.
-        self._start = np.zeros((3 * n, 2))
-        self._start[:n, 0] = self._start[n : 2 * n, 1] = 1.0
-        self._start[:n, 1] = time
-        self._middle = float(positions.along_m.mean())
-        self._target = positions.along_m - self._middle
-        self._contrasts()
+        self._start = np.zeros((len(counts), 3 * n, 2))
+        self._start[:, :n, 0] = self._real
+        self._start[:, :n, 1] = np.where(self._real, time, 0.0)
+        self._start[:, n : 2 * n, 1] = 1.0
+        along = np.where(self._real, stack("along_m"), 0.0)
+        self._middle = along.sum(axis=1, keepdims=True) / counts[:, None]
+        self._target = np.where(self._real, along - self._middle, 0.0)
+        self.gains, self.contrasts = self._contrasts()
 
-    def _contrasts(self) -> None:
-        """Independent contrasts free of s₀ and v₀: contrast k has variance noise + σ²_a · gain."""
+    def _contrasts(self) -> tuple[Array, Array]:
+        """Gains and values of independent contrasts free of s₀ and v₀, of all vehicles."""
+        n = self._real.shape[1]
         whiten = np.linalg.inv(np.linalg.cholesky(self._noise))
-        design = self._start[: len(self.positions)]
-        basis = np.linalg.qr(whiten @ design, mode="complete")[0][:, 2:]
-        projected = basis.T @ whiten
-        gain, vectors = np.linalg.eigh(projected @ self._of_along @ projected.T)
-        self.gains = np.maximum(gain, 0.0)
-        self.contrasts = vectors.T @ (projected @ self._target)
+        design = self._start[:, :n]
+        basis = np.linalg.qr(whiten @ design, mode="complete")[0][:, :, 2:]
+        projected = basis.mT @ whiten
+        covariance = projected @ self._of_along @ projected.mT
+        # What fills up stays on axes of its own; it is told by a gain that no contrast can have.
+        covariance -= np.eye(n - 2) * ~self._real[:, 2:, None]
+        gain, vectors = np.linalg.eigh(covariance)
+        contrasts = (vectors.mT @ (projected @ self._target[:, :, None]))[:, :, 0]
+        real = gain > -0.5
+        return np.maximum(gain[real], 0.0), contrasts[real]
 
     def smooth(self, components: Components) -> Motion:
-        """Posterior of the motion, given how strong acceleration and noise are."""
-        n = len(self.positions)
+        """Posterior of the motions as a stack, given how strong acceleration and noise are."""
+        n = self._real.shape[1]
         variance = components.acceleration_variance
         total = variance * self._of_along + components.noise_scale * self._noise
         cross = variance * self._with_along
+        design = self._start[:, :n]
         solved = np.linalg.solve(
-            total, np.hstack([self._target[:, None], self._start[:n], cross[n:].T])
+            total, np.concatenate([self._target[:, :, None], design, cross[:, n:].mT], axis=2)
         )
-        weighted, started = solved[:, 0], solved[:, 1:3]
-        spread = np.linalg.inv(self._start[:n].T @ started)
-        start = spread @ (self._start[:n].T @ weighted)
-        mean = cross @ (weighted - started @ start) + self._start @ start
+        weighted, started = solved[:, :, :1], solved[:, :, 1:3]
+        spread = np.linalg.inv(design.mT @ started)
+        start = spread @ (design.mT @ weighted)
+        mean = (cross @ (weighted - started @ start) + self._start @ start)[:, :, 0]
         left = self._start - cross @ started
-        speed, acceleration = np.s_[n : 2 * n], np.s_[2 * n :]
+        speed, acceleration = np.s_[:, n : 2 * n], np.s_[:, 2 * n :]
         return Motion(
-            self.positions.time_s,
-            mean[:n] + self._middle,
+            self._time_s,
+            mean[:, :n] + self._middle,
             mean[speed],
             mean[acceleration],
             variance * self._of_speed
-            - cross[speed] @ solved[:, 3 : 3 + n]
-            + left[speed] @ spread @ left[speed].T,
+            - cross[speed] @ solved[:, :, 3 : 3 + n]
+            + left[speed] @ spread @ left[speed].mT,
             variance * self._of_acceleration
-            - cross[acceleration] @ solved[:, 3 + n :]
-            + left[acceleration] @ spread @ left[acceleration].T,
+            - cross[acceleration] @ solved[:, :, 3 + n :]
+            + left[acceleration] @ spread @ left[acceleration].mT,
         )
 
 
-def estimate_components(fits: Sequence[Fit]) -> Components:
+def estimate_components(fits: Fits) -> Components:
     """Variance components by restricted maximum likelihood (Fisher scoring).
 
     A contrast of gain g is normal with variance noise + σ²_a g, so the squares regress on
     (1, g) with weights that the estimate itself gives. A weak prior stands in where vehicles are
     few.
     """
-    gains = np.concatenate([fit.gains for fit in fits])
-    squares = np.concatenate([fit.contrasts for fit in fits]) ** 2
+    gains, squares = fits.gains, fits.contrasts**2
+    design = np.stack([np.ones_like(gains), gains])
     estimate = np.array([1.0, _LIKELY_ACCELERATION_VARIANCE])
     prior = _PRIOR_OBSERVATIONS / 2 * np.diag([1.0, 0.0])
     for _ in range(20):
         variance = estimate[0] + estimate[1] * gains
         # A box that jumped is no acceleration: what lies beyond 3 σ counts as 3 σ.
         seen = np.minimum(squares, 9.0 * variance)
-        weight = 0.5 / variance**2
-        design = np.column_stack([np.ones_like(gains), gains])
-        normal = (design * weight[:, None]).T @ design + prior
-        new = np.linalg.solve(normal, (design * weight[:, None]).T @ seen + prior @ [1.0, 0.0])
+        weighted = design * (0.5 / variance**2)
+        normal = weighted @ design.T + prior
+        new = np.linalg.solve(normal, weighted @ seen + prior @ [1.0, 0.0])
         new = np.clip(new, [0.05, _LEAST], [25.0, _MOST])
-        if np.allclose(new, estimate, rtol=1e-3):
+        if (np.abs(new - estimate) <= 1e-3 * estimate).all():
             break
         estimate = new
     return Components(float(estimate[1]), float(estimate[0]))
 
 
 def _integrals(time_s: Array) -> tuple[Array, Array]:
-    """Matrices (n, n) that take accelerations, linear between their times, to the gain in speed
-    and in position since the first time.
+    """Matrices (v, n, n) that take accelerations, linear between their times (v, n), to the gain
+    in speed and in position since the first time.
     """
-    n = len(time_s)
-    dt = np.diff(time_s)[:, None]
+    count, n = time_s.shape
+    dt = np.diff(time_s)[:, :, None]
     before, after = np.eye(n)[:-1], np.eye(n)[1:]
-    nothing = np.zeros((1, n))
-    to_speed = np.vstack([nothing, np.cumsum(dt / 2 * (before + after), axis=0)])
-    moved = to_speed[:-1] * dt + dt**2 * (before / 3 + after / 6)
-    return to_speed, np.vstack([nothing, np.cumsum(moved, axis=0)])
+    to_speed, to_along = np.zeros((2, count, n, n))
+    np.cumsum(dt / 2 * (before + after), axis=1, out=to_speed[:, 1:])
+    moved = to_speed[:, :-1] * dt + dt**2 * (before / 3 + after / 6)
+    np.cumsum(moved, axis=1, out=to_along[:, 1:])
+    return to_speed, to_along

@@ -39,17 +39,17 @@ class WatchedSegment:
         A point on an edge that two segments share lies in one of them.
         """
         (x0, y0, y1), run, rise = self._edges
-        x, y = points_m[:, :1], points_m[:, 1:]
+        x, y = points_m.T
         crossed = (y0 > y) != (y1 > y)
         right = crossed & ((run * (y - y0) > rise * (x - x0)) == (rise > 0))
-        return np.asarray(right.sum(axis=1) % 2 == 1)
+        return np.asarray(right.sum(axis=0) % 2 == 1)
 
     @cached_property
     def _edges(self) -> tuple[Array, Array, Array]:
-        """Rows (x0, y0, y1) of the outline's edges, and their extents in x and y."""
+        """(x0, y0, y1) of the outline's edges, and their extents in x and y, each (edges, 1)."""
         begin, end = self.polygon_m, np.roll(self.polygon_m, -1, axis=0)
-        run, rise = (end - begin).T
-        return np.stack([begin[:, 0], begin[:, 1], end[:, 1]]), run, rise
+        run, rise = (end - begin).T[:, :, None]
+        return np.stack([begin[:, :1], begin[:, 1:], end[:, 1:]]), run, rise
 
     def along(self, points_m: Array) -> Array:
         """Position along the direction of travel, m, shape (n,)."""

@@ -11,8 +11,9 @@ import pytest
 
 from edge_daemon.camera import Camera
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.kinematics import NOMINAL_LENGTH_M, SegmentKinematics, WindowFeatures
+from edge_daemon.kinematics import SegmentKinematics, WindowFeatures
 from edge_daemon.motion import NOISE_CORRELATION_S, SLOW_SHARE
+from edge_daemon.paths import NOMINAL_LENGTH_M
 from edge_daemon.tracking import Sightings
 
 FPS = 30
