@@ -50,29 +50,47 @@ def violations(problem: Problem, selected: Collection[int]) -> tuple[str, ...]:
 def valid_selections(problem: Problem) -> npt.NDArray[np.bool_]:
     """Whether each of the 2^choices selections is valid, shape (2^choices,).
 
-    Selection s holds choice i if bit i of s is set. Routes are followed one selection at a time;
-    options are judged by counting bits.
+    Selection s holds choice i if bit i of s is set. Options are judged by counting bits. Of arcs,
+    selections by which a vehicle leaves a place twice or stays at its depot are found so; the
+    routes of all others are followed one selection at a time.
     """
+    exact: list[np.uint32]
+    most: list[np.uint32]
     if isinstance(problem, ArcProblem):
-        indices = range(problem.choices)
-        return np.array(
-            [
-                not violations(problem, [i for i in indices if s >> i & 1])
-                for s in range(1 << problem.choices)
-            ]
-        )
-    masks = [
-        *(_mask(o.vehicle == vehicle for o in problem.options) for vehicle in problem.vehicles),
-        *(_mask(stop in o.stops for o in problem.options) for stop in problem.stops),
-    ]
+        exact, most = _arc_masks(problem)
+    else:
+        exact, most = _option_masks(problem), []
     valid = np.ones(1 << problem.choices, dtype=bool)
     size = 1 << min(16, problem.choices)  # blocks that fit a cache
     for first in range(0, len(valid), size):
         block = valid[first : first + size]
         states = np.arange(first, first + size, dtype=np.uint32)
-        for mask in masks:
+        for mask in exact:
             block &= np.bitwise_count(states & mask) == 1
+        for mask in most:
+            block &= np.bitwise_count(states & mask) <= 1
+    if isinstance(problem, ArcProblem):
+        indices = range(problem.choices)
+        for s in np.flatnonzero(valid).tolist():
+            valid[s] = not violations(problem, [i for i in indices if s >> i & 1])
     return valid
+
+
+def _arc_masks(problem: ArcProblem) -> tuple[list[np.uint32], list[np.uint32]]:
+    """Arcs of which a valid selection has exactly one, and those of which it has at most one."""
+    exact, most = [], []
+    for vehicle in problem.vehicles:
+        for place in (problem.depot, *problem.customers):
+            mask = _mask((a.vehicle, a.start) == (vehicle, place) for a in problem.arcs)
+            (exact if place == problem.depot else most).append(mask)
+    return exact, most
+
+
+def _option_masks(problem: RouteProblem) -> list[np.uint32]:
+    return [
+        *(_mask(o.vehicle == vehicle for o in problem.options) for vehicle in problem.vehicles),
+        *(_mask(stop in o.stops for o in problem.options) for stop in problem.stops),
+    ]
 
 
 def _mask(members: Iterable[bool]) -> np.uint32:

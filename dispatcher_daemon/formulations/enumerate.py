@@ -69,6 +69,7 @@ class Exactness:
         mismatches: selections that the decoder and the penalty judge differently.
         minimum_kwh: lowest H_total of all states.
         minimum_selected: arcs or options of that state.
+        maximum_kwh: highest H_total of all states.
         highest_feasible_kwh: highest H_total with zero penalty; −inf if there is none.
         lowest_infeasible_kwh: lowest H_total with a penalty; inf if there is none.
     """
@@ -79,8 +80,16 @@ class Exactness:
     mismatches: int
     minimum_kwh: float
     minimum_selected: frozenset[int]
+    maximum_kwh: float
     highest_feasible_kwh: float
     lowest_infeasible_kwh: float
+
+    @property
+    def spread(self) -> float:
+        """Range of H_total over feasible states, as a share of its range over all states."""
+        whole = self.maximum_kwh - self.minimum_kwh
+        feasible = self.highest_feasible_kwh - self.minimum_kwh
+        return max(0.0, feasible / whole) if whole > 0 else 0.0
 
     @property
     def separated(self) -> bool:
@@ -98,7 +107,7 @@ def enumerate_model(model: QuboModel) -> Exactness:
     # Selections whose penalty some auxiliary bits bring to zero.
     accepted = np.zeros(1 << choices, dtype=bool)
     minimum, minimum_state = np.inf, 0
-    highest, lowest = -np.inf, np.inf
+    maximum, highest, lowest = -np.inf, -np.inf, np.inf
     feasible = states = 0
     blocks = zip(
         all_energies(model.penalty, model.variables),
@@ -110,6 +119,7 @@ def enumerate_model(model: QuboModel) -> Exactness:
         at = int(total.argmin())
         if total[at] < minimum:
             minimum, minimum_state = float(total[at]), states + at
+        maximum = max(maximum, float(total.max()))
         zero = penalty < 0.5
         feasible += int(zero.sum())
         highest = max(highest, float(total.max(where=zero, initial=-np.inf)))
@@ -127,6 +137,7 @@ def enumerate_model(model: QuboModel) -> Exactness:
         mismatches=int((valid != accepted).sum()),
         minimum_kwh=minimum,
         minimum_selected=frozenset(i for i in range(choices) if minimum_state >> i & 1),
+        maximum_kwh=maximum,
         highest_feasible_kwh=highest,
         lowest_infeasible_kwh=lowest,
     )
