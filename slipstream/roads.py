@@ -52,13 +52,15 @@ class Segment:
 class RoadNetwork:
     """Segments by id and junction positions in m; immutable.
 
-    ``follows`` maps a segment to the segments that a vehicle may turn into at its end.
+    ``follows`` maps a segment to the segments that a vehicle may turn into at its end; ``signals``
+    are the junctions with traffic lights.
     """
 
     name: str
     segments: Mapping[str, Segment]
     junctions: Mapping[str, tuple[float, float]]
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    signals: frozenset[str] = frozenset()
 
     @cached_property
     def leaving(self) -> Mapping[str, tuple[Segment, ...]]:
@@ -119,14 +121,19 @@ def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
         )
         for edge in edges
     ]
+    known = {segment.id for segment in segments}
     follows = {
-        edge.getID(): tuple(sorted(out.getID() for out in edge.getOutgoing())) for edge in edges
+        edge.getID(): tuple(sorted(known & {out.getID() for out in edge.getOutgoing()}))
+        for edge in edges
     }
     junctions = {
         node.getID(): (float(node.getCoord()[0]), float(node.getCoord()[1]))
         for node in net.getNodes()
     }
-    return build_network(name, segments, junctions, follows, source=str(path))
+    signals = {
+        node.getID() for node in net.getNodes() if node.getType().startswith("traffic_light")
+    }
+    return build_network(name, segments, junctions, follows, signals=signals, source=str(path))
 
 
 def build_network(
@@ -135,37 +142,54 @@ def build_network(
     junctions: Mapping[str, tuple[float, float]],
     follows: Mapping[str, tuple[str, ...]] | None = None,
     *,
+    signals: Iterable[str] = (),
     source: str = "network",
+    prefix: str = "",
 ) -> RoadNetwork:
     """Check the parts and put them together.
 
     Args:
         follows: allowed turns; None allows every turn but the U-turn onto the way back.
+        signals: junctions with traffic lights.
+        source: what errors name.
+        prefix: put before the segments' ids in errors, where they are part of a larger file.
 
     Raises:
-        InputError: duplicate ids, unknown junctions, or a length or speed that is not positive.
+        InputError: duplicate ids, unknown junctions, a length or speed that is not positive, or a
+            turn onto a segment that does not begin where the other one ends.
     """
     by_id: dict[str, Segment] = {}
     for segment in segments:
+        key = prefix + segment.id
         if segment.id in by_id:
-            raise InputError(source, "two segments with this id", "rename one", key=segment.id)
+            raise InputError(source, "two segments with this id", "rename one", key=key)
         for end in (segment.start, segment.end):
             if end not in junctions:
-                raise InputError(source, f"unknown junction {end!r}", "add it", key=segment.id)
+                raise InputError(source, f"unknown junction {end!r}", "add it", key=key)
         for value, what in ((segment.length_m, "length"), (segment.speed_limit_mps, "speed")):
             if not (math.isfinite(value) and value > 0):
-                raise InputError(source, f"{what} is {value}", "give it > 0", key=segment.id)
+                raise InputError(source, f"{what} is {value}", "give it > 0", key=key)
         by_id[segment.id] = segment
     if follows is None:
+        leaving: dict[str, list[Segment]] = {}
+        for segment in by_id.values():
+            leaving.setdefault(segment.start, []).append(segment)
         follows = {
-            a.id: tuple(
-                sorted(b.id for b in by_id.values() if b.start == a.end and b.end != a.start)
-            )
+            a.id: tuple(sorted(b.id for b in leaving.get(a.end, ()) if b.end != a.start))
             for a in by_id.values()
         }
+    for before, onto in follows.items():
+        for after in (before, *onto):
+            if after not in by_id:
+                problem = f"a turn names the unknown segment {after!r}"
+                raise InputError(source, problem, "add it", key=prefix + before)
+            if after != before and by_id[after].start != by_id[before].end:
+                problem = f"a turn onto {after!r}, which begins elsewhere"
+                raise InputError(source, problem, "remove the turn", key=prefix + before)
     return RoadNetwork(
         name,
         MappingProxyType(by_id),
         MappingProxyType(dict(junctions)),
         MappingProxyType(dict(follows)),
+        frozenset(signals),
     )
