@@ -13,6 +13,7 @@ from edge_daemon.detection import Detections, Detector
 from edge_daemon.frame import Frame
 from edge_daemon.kinematics import SegmentKinematics, VehicleMotion
 from edge_daemon.measurement import to_road_points
+from edge_daemon.memory import Memory
 from edge_daemon.stability import Flag, StabilitySettings, classify
 from edge_daemon.tracking import Sightings, Track, Tracker, TrackerSettings
 from slipstream.errors import InputError
@@ -46,7 +47,7 @@ class Pipeline:
         self._tracker = Tracker(tracker)
         self._stability = stability
         self._window_s = window_s
-        self._sightings: deque[Sightings] = deque()
+        self._sightings = Memory()
         self._frames: deque[_Seen] = deque()
         self._sequence = 0
         self._stable: set[str] = set()
@@ -93,8 +94,7 @@ class Pipeline:
             self._tracker.reset()
         found = to_road_points(detections, self._camera)
         sightings = self._tracker.update(now, found)
-        if len(sightings):
-            self._sightings.append(sightings)
+        self._sightings.add(sightings)
         last = self._frames[-1].time_s if self._frames else now
         self._frames.append(_Seen(now, now - last))
         self._forget(now - self._window_s)
@@ -104,12 +104,11 @@ class Pipeline:
         """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
         self._tracker.reset()
         self._stable.clear()
-        self._sightings.clear()
+        self._sightings = Memory()
         self._frames.clear()
 
     def _forget(self, before_s: float) -> None:
-        while self._sightings and self._sightings[0].time_s[-1] < before_s - _LEAD_S:
-            self._sightings.popleft()
+        self._sightings.forget(before_s - _LEAD_S)
         while self._frames and self._frames[0].time_s < before_s:
             self._frames.popleft()
 
@@ -129,7 +128,7 @@ class Pipeline:
         # A frame stands for the time since the one before it, unless the source paused.
         observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _LONGEST_GAP_S)
         coverage = min(1.0, observed_s / self._window_s)
-        sightings = Sightings.join(self._sightings) if self._sightings else None
+        sightings = self._sightings.all()
         return [
             self._state(segment, sightings, time_ns, begin_s, observed_s, coverage, fault)
             for segment in self._camera.segments
