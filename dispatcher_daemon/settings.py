@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 
-SolverName = Literal["exact", "lc-qaoa"]
+SolverName = Literal["exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa"]
 
 
 class LcQaoaSettings(Settings):

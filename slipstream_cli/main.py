@@ -32,6 +32,7 @@ _EXIT_INTERRUPTED: Final = 130
 _EXTRA_OF: Final = {
     "alembic": "dispatcher",
     "apscheduler": "dispatcher",
+    "cplex": "cplex",
     "cv2": "edge",
     "dimod": "dispatcher",
     "dwave": "dispatcher",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 
 from dispatcher_daemon.formulations.qubo import QuboModel, add_square, empty_bqm
 from dispatcher_daemon.problem import RouteProblem
@@ -66,19 +67,46 @@ def constraint_rows(problem: RouteProblem) -> Iterator[tuple[int, ...]]:
 def sufficient_route_gamma(problem: RouteProblem) -> float:
     """A γ in kWh that puts every infeasible state above every feasible one.
 
-    A broken row costs at least 1, so γ > max_feasible f − min_all f is enough for f = H_cost −
-    H_platoon. Above, a feasible state has one option of each vehicle: f ≤ Σ_k max_r c_{k,r}, as
-    savings are positive. Below, x_a x_b ≤ (x_a + x_b)/2 gives f ≥ Σ_a min(0, c_a − ½ Σ_b s_ab).
+    Let P be the penalty of an infeasible state, f = H_cost − H_platoon, n_k the number of options
+    that it selects of vehicle k, C_k(n) the sum of the n lowest costs of k, M_k the highest one and
+    S_kl the largest saving of k and l together, T_k = Σ_l S_kl. Feasible states have f ≤ Σ_k M_k,
+    as savings are positive. Two bounds from below on f of any state, of which the better is taken:
+
+    - x_a x_b ≤ (x_a + x_b)/2 gives f ≥ Σ_a min(0, c_a − ½ Σ_b s_ab) =: L. With P ≥ 1,
+      γ > Σ_k M_k − L is enough.
+    - Of k and l at most n_k n_l ≤ (n_k² + n_l²)/2 pairs are selected, so f ≥ Σ_k [C_k(n_k) −
+      ½ n_k² T_k]. With w_k = M_k − C_k(1) + ½ T_k, W = Σ_k w_k and e_k(n) = C_k(1) − C_k(n) +
+      ½ (n² − 1) T_k, the difference to Σ_k M_k is at most W + Σ_{k: n_k≠1} e_k(n_k), which is
+      at most W + E Q for E = max(0, max_{k, n≠1} e_k(n)/(n − 1)²) and Q = Σ_k (n_k − 1)². As
+      P ≥ max(1, Q), γ > W + E is enough: the spread of the valid states' objectives and the price
+      of one vehicle more or less, where the first bound has the whole cost.
     """
-    costs = [option.cost_kwh for option in problem.options]
-    above = sum(
-        (max((costs[i] for i in options), default=0.0) for options in problem.options_of.values()),
-        0.0,
-    )
+    costs = problem.costs_kwh
+    groups = {k: group for k, group in problem.options_of.items() if group}
+    highest = sum((max(costs[i] for i in group) for group in groups.values()), 0.0)
+
     reduced = list(costs)
+    largest: dict[tuple[str, str], float] = {}
     for (first, second), saving in problem.savings.items():
         reduced[first] -= saving / 2
         reduced[second] -= saving / 2
-    below = sum((min(0.0, value) for value in reduced), 0.0)
+        pair = (problem.options[first].vehicle, problem.options[second].vehicle)
+        pair = (min(pair), max(pair))
+        largest[pair] = max(largest.get(pair, 0.0), saving)
+    by_options = highest - sum((min(0.0, value) for value in reduced), 0.0)
+
+    together = dict.fromkeys(groups, 0.0)
+    for pair, saving in largest.items():
+        for vehicle in pair:
+            together[vehicle] += saving
+    spread = extra = 0.0
+    for vehicle, group in groups.items():
+        ordered = sorted(costs[i] for i in group)
+        lowest, most = [0.0, *accumulate(ordered)], together[vehicle]
+        spread += ordered[-1] - ordered[0] + most / 2
+        for n, total in enumerate(lowest):
+            if n != 1:
+                worse = ordered[0] - total + (n * n - 1) * most / 2
+                extra = max(extra, worse / (n - 1) ** 2)
     # The margin keeps "greater than" true in floating point.
-    return 1.01 * (above - below) + 1e-6
+    return 1.01 * min(by_options, spread + extra) + 1e-6

@@ -15,13 +15,13 @@ class Samples:
     """Statistics of a sampling solver; raw samples and post-processed ones apart.
 
     Attributes:
-        qubits: width of the circuit.
+        qubits: width of the circuit; None from a classical sampler.
         shots: number of samples.
         raw: shots by objective value, kWh, of the samples that decode to valid routes as they are.
         repaired: the same after post-processing of each sample.
     """
 
-    qubits: int
+    qubits: int | None
     shots: int
     raw: tuple[tuple[float, int], ...]
     repaired: tuple[tuple[float, int], ...]
@@ -39,7 +39,7 @@ class Outcome:
     Attributes:
         solver: its name.
         status: "optimal" only from an exact solver that proved it.
-        selected: indices of the chosen arcs; None without an answer.
+        selected: indices of the chosen arcs or options; None without an answer.
         wall_s: time from the request to the answer.
         repaired: True if the answer only came out of post-processing.
         samples: statistics of a sampling solver.
@@ -56,7 +56,7 @@ class Outcome:
 
 
 class Solver(Protocol):
-    """A solver of arc problems; picklable, as it runs in a worker process."""
+    """A solver of arc and route problems; picklable, as it runs in a worker process."""
 
     @property
     def name(self) -> str:
@@ -71,7 +71,7 @@ class Solver(Protocol):
         """Solve within the deadline; the worker is killed a little after it.
 
         Args:
-            problem: the arc problem.
+            problem: in arc or route form.
             deadline_s: time to answer in, s.
             seed: of everything random in it.
         """

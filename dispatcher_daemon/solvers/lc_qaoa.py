@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.decode import decode
-from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.base import Outcome, Samples
+from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.chain import heavy_path
 from dispatcher_daemon.solvers.ising import Ising, to_ising
-
-Bits = npt.NDArray[np.int8]
+from dispatcher_daemon.solvers.sampling import Bits, answer
 
 
 def linear_ramp(layers: int, delta_beta: float, delta_gamma: float) -> list[tuple[float, float]]:
@@ -89,21 +87,6 @@ def counts_to_bits(
     return bits, np.array([counts[s] for s in strings], dtype=np.int64)
 
 
-def descend(model: QuboModel, bits: Bits, seed: int) -> Bits:
-    """Each state's local minimum of the full QUBO under one-flip steepest descent."""
-    import dimod
-    from dwave.samplers import SteepestDescentSolver
-
-    sample_set: Any = dimod.SampleSet
-    start = sample_set.from_samples_bqm((bits, list(model.variables)), model.total)
-    solver: Any = SteepestDescentSolver
-    result = solver().sample(
-        model.total, initial_states=start, num_reads=len(bits), seed=seed % 2**32
-    )
-    columns = [list(result.variables).index(v) for v in model.variables]
-    return np.asarray(result.record.sample, dtype=np.int8)[:, columns]
-
-
 @dataclass(frozen=True)
 class LcQaoaSolver:
     """LC-QAOA without training: angles come from the ramp.
@@ -138,39 +121,4 @@ class LcQaoaSolver:
         angles = linear_ramp(self.layers, self.delta_beta, self.delta_gamma)
         circuit = chain_circuit(ising.permuted(order).normalised(), angles)
         bits, shots = counts_to_bits(sample_mps(circuit, self.shots, seed), order)
-        raw, best_raw = _valid_shots(problem, bits, shots)
-        repaired, best_repaired = _valid_shots(problem, descend(model, bits, seed), shots)
-        best, needed_repair = best_repaired, True
-        if best_raw is not None and (best is None or best_raw[0] <= best[0] + 1e-12):
-            best, needed_repair = best_raw, False
-        return Outcome(
-            solver=self.name,
-            status="failed" if best is None else "feasible",
-            selected=None if best is None else best[1],
-            wall_s=time.perf_counter() - began,
-            repaired=best is not None and needed_repair,
-            samples=Samples(len(model.variables), self.shots, raw, repaired),
-            reason="no sample led to a valid route set" if best is None else None,
-        )
-
-
-def _valid_shots(
-    problem: Problem, bits: Bits, shots: npt.NDArray[np.int64]
-) -> tuple[tuple[tuple[float, int], ...], tuple[float, frozenset[int]] | None]:
-    """Shots by objective of the samples that decode to routes, and the best (objective, arcs)."""
-    arcs = bits[:, : problem.choices]
-    patterns, inverse = np.unique(arcs, axis=0, return_inverse=True)
-    weights = np.bincount(inverse.ravel(), weights=shots).astype(np.int64)
-    found: dict[float, int] = {}
-    best: tuple[float, frozenset[int]] | None = None
-    for pattern, weight in zip(patterns, weights, strict=True):
-        selected = frozenset(int(i) for i in np.flatnonzero(pattern))
-        if decode(problem, selected).routes is None:
-            continue
-        value = problem.objective_kwh(selected)
-        # Routes that swap like parts differ in the last bits of a sum only.
-        key = round(value, 9)
-        found[key] = found.get(key, 0) + int(weight)
-        if best is None or value < best[0]:
-            best = (value, selected)
-    return tuple(sorted(found.items())), best
+        return answer(self.name, model, bits, shots, seed, began, qubits=len(model.variables))

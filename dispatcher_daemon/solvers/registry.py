@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from dispatcher_daemon.settings import DispatcherSettings, SolverName
 from dispatcher_daemon.solvers.base import Solver
+from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
+from dispatcher_daemon.solvers.insertion import InsertionSolver
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 
 BASELINE_SOLVER: SolverName = "exact"
@@ -13,16 +18,22 @@ BASELINE_SOLVER: SolverName = "exact"
 
 def make_solver(name: SolverName, settings: DispatcherSettings) -> Solver:
     """The solver of that name, as configured."""
-    if name == "exact":
-        return ExactSolver()
-    options = settings.lc_qaoa
-    return LcQaoaSolver(
-        layers=options.layers,
-        shots=options.shots,
-        delta_beta=options.delta_beta,
-        delta_gamma=options.delta_gamma,
-        gamma=settings.gamma,
-    )
+    gamma, options = settings.gamma, settings.lc_qaoa
+    makers: dict[SolverName, Callable[[], Solver]] = {
+        "exact": ExactSolver,
+        "cplex": CplexSolver,
+        "tabu": lambda: TabuSolver(gamma=gamma),
+        "annealing": lambda: AnnealingSolver(gamma=gamma),
+        "insertion": InsertionSolver,
+        "lc-qaoa": lambda: LcQaoaSolver(
+            layers=options.layers,
+            shots=options.shots,
+            delta_beta=options.delta_beta,
+            delta_gamma=options.delta_gamma,
+            gamma=gamma,
+        ),
+    }
+    return makers[name]()
 
 
 def configured_solvers(settings: DispatcherSettings) -> list[Solver]:

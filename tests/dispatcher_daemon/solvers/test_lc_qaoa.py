@@ -19,10 +19,10 @@ from dispatcher_daemon.solvers.lc_qaoa import (
     LcQaoaSolver,
     chain_circuit,
     counts_to_bits,
-    descend,
     linear_ramp,
     sample_mps,
 )
+from dispatcher_daemon.solvers.sampling import descend
 
 Demo = Callable[..., ArcProblem]
 

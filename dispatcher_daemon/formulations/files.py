@@ -1,0 +1,94 @@
+"""Models as files that other tools read: the MILP as LP or MPS, the QUBO as JSON or coordinates."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import dimod
+import highspy
+
+from dispatcher_daemon.formulations.milp import build_milp
+from dispatcher_daemon.formulations.qubo import QuboModel
+from dispatcher_daemon.problem import ArcProblem, Problem
+
+
+def write_milp(problem: Problem, path: Path) -> None:
+    """Write the MILP in the format of the file's name, ``.lp`` or ``.mps``.
+
+    Columns are called x{i}_..., y{i}_... and u{i}_...; x{i} is arc or option i.
+
+    Raises:
+        OSError: the file cannot be written.
+        RuntimeError: HiGHS does not write it.
+    """
+    lp = build_milp(problem)
+    lp.col_names_ = column_names(problem)
+    lp.row_names_ = [f"r{i}" for i in range(lp.num_row_)]
+    solver: Any = highspy.Highs()  # type: ignore[no-untyped-call]
+    solver.setOptionValue("output_flag", False)
+    solver.passModel(lp)
+    path.touch()  # HiGHS does not say what is wrong with a path
+    if solver.writeModel(str(path)) == highspy.HighsStatus.kError:
+        raise RuntimeError(f"HiGHS cannot write {path}")
+
+
+def column_names(problem: Problem) -> list[str]:
+    """Names of the MILP's columns in their order; letters, digits and underscores only."""
+    if isinstance(problem, ArcProblem):
+        x = [f"{a.vehicle}_{a.start}_{a.end}" for a in problem.arcs]
+        orders = list(problem.customers)
+    else:
+        x = [f"{o.vehicle}_{'_'.join(o.stops)}" for o in problem.options]
+        orders = []
+    y = [f"{first}_{second}" for first, second in problem.pair_savings]
+    return [
+        re.sub(r"\W", "_", f"{kind}{i}_{name}", flags=re.ASCII)[:200]
+        for kind, names in (("x", x), ("y", y), ("u", orders))
+        for i, name in enumerate(names)
+    ]
+
+
+def write_qubo_json(model: QuboModel, path: Path) -> None:
+    """Write H_total as dimod's serialisable JSON, variables under their printed names.
+
+    `dimod.BinaryQuadraticModel.from_serializable` reads it.
+    """
+    document = _named(model).to_serializable()
+    document["info"] = {"gamma_kwh": model.gamma, "unit": "kWh"}
+    path.write_text(json.dumps(document) + "\n", encoding="utf-8")
+
+
+def write_qubo_coo(model: QuboModel, path: Path) -> None:
+    """Write H_total less its offset as coordinates: ``i j bias`` a line, i = j being linear.
+
+    Comment lines hold the offset and the variables' names.
+    """
+    total = model.total
+    index = {variable: i for i, variable in enumerate(model.variables)}
+    lines = [f"# vartype=BINARY offset={total.offset!r} gamma_kwh={model.gamma!r}"]
+    lines += [f"# {i} {variable}" for variable, i in index.items()]
+    lines += [f"{i} {i} {float(total.get_linear(v))!r}" for v, i in index.items()]
+    pairs = sorted(
+        (*sorted((index[u], index[v])), float(bias)) for (u, v), bias in total.quadratic.items()
+    )
+    lines += [f"{i} {j} {bias!r}" for i, j, bias in pairs if bias]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _named(model: QuboModel) -> Any:
+    named: Any = dimod.BinaryQuadraticModel(model.total)
+    named.relabel_variables({variable: str(variable) for variable in model.variables})
+    return named
+
+
+WRITERS: dict[str, Callable[[QuboModel, Path], None]] = {
+    ".lp": lambda model, path: write_milp(model.problem, path),
+    ".mps": lambda model, path: write_milp(model.problem, path),
+    ".json": write_qubo_json,
+    ".coo": write_qubo_coo,
+}
+"""What writes a file, by the ending of its name."""

@@ -1,0 +1,67 @@
+"""Cheapest insertion under the protocol of solvers: quick, simple, blind to platooning."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from dispatcher_daemon.insertion import cheapest_insertion
+from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
+from dispatcher_daemon.solvers.base import Outcome
+
+
+@dataclass(frozen=True)
+class InsertionSolver:
+    """Cheapest insertion of stops into routes; of route options, the cheapest that still fit."""
+
+    name: str = "insertion"
+
+    def warm_up(self) -> None:
+        """Nothing to import."""
+
+    def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
+        """See `Solver.solve`; the deadline is of no concern, and nothing is random."""
+        began = time.perf_counter()
+        if isinstance(problem, ArcProblem):
+            selected = cheapest_insertion(problem)
+        else:
+            selected = cheapest_options(problem)
+        return Outcome(
+            solver=self.name,
+            status="failed" if selected is None else "feasible",
+            selected=selected,
+            wall_s=time.perf_counter() - began,
+            reason="ran into a dead end" if selected is None else None,
+        )
+
+
+def cheapest_options(problem: RouteProblem) -> frozenset[int] | None:
+    """A valid selection, cheap but not optimal, savings left out of account.
+
+    Vehicles with fewer options choose first. Each takes the cheapest one that serves no stop again
+    and leaves none behind that no later vehicle could serve.
+
+    Returns:
+        Option indices; None in a dead end, which does not prove that there is no valid selection.
+    """
+    order = sorted(problem.vehicles, key=lambda v: (len(problem.options_of[v]), v))
+    later: list[set[str]] = [set()]
+    for vehicle in reversed(order):
+        served = {s for i in problem.options_of[vehicle] for s in problem.options[i].stops}
+        later.append(later[-1] | served)
+    later.reverse()
+    missing = set(problem.stops)
+    chosen = []
+    for vehicle, servable in zip(order, later[1:], strict=True):
+        fitting = [
+            i
+            for i in problem.options_of[vehicle]
+            if missing.issuperset(problem.options[i].stops)
+            and servable.issuperset(missing.difference(problem.options[i].stops))
+        ]
+        if not fitting:
+            return None
+        best = min(fitting, key=lambda i: (problem.options[i].cost_kwh, i))
+        chosen.append(best)
+        missing.difference_update(problem.options[best].stops)
+    return None if missing else frozenset(chosen)
