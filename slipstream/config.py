@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -19,6 +20,9 @@ class Settings(BaseModel):
 
 
 S = TypeVar("S", bound=Settings)
+
+_NAMING: Final = ("id", "segment", "vehicle")
+"""Keys that name a table in a list."""
 
 
 class BusSettings(Settings):
@@ -69,7 +73,7 @@ def check(data: object, model: type[S], source: str | Path) -> S:
         # JSON's strict rules are TOML's types: "60" is no number, yet a text may be a path.
         return model.model_validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
-        raise _as_input_error(error, model, source) from None
+        raise _as_input_error(error, model, source, data) from None
 
 
 def load(path: Path, model: type[S]) -> S:
@@ -82,13 +86,14 @@ def load(path: Path, model: type[S]) -> S:
 
 
 def _as_input_error(
-    error: ValidationError, model: type[BaseModel], source: str | Path
+    error: ValidationError, model: type[BaseModel], source: str | Path, data: object
 ) -> InputError:
     # A misspelt key is also a missing one; the misspelling is what helps.
     found = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     first = found[0]
-    key = ".".join(str(part) for part in first["loc"]) or None
-    problem = first["msg"][0].lower() + first["msg"][1:]
+    key = ".".join(_names(first["loc"], data)) or None
+    message = first["msg"].removeprefix("Value error, ")
+    problem = message[0].lower() + message[1:]
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(model.model_fields)) if len(first["loc"]) == 1 else ""
         mend = f"remove it or use one of: {known}" if known else "remove it or mend its spelling"
@@ -96,6 +101,19 @@ def _as_input_error(
     if first["type"] == "missing":
         return InputError(source, "missing key", "add it", key=key)
     return InputError(source, problem + _shown(first.get("input")), "mend the value", key=key)
+
+
+def _names(location: Sequence[int | str], data: object) -> Iterator[str]:
+    """Parts of a key; a table in a list goes by its id, which is easier to find than its number."""
+    for part in location:
+        if isinstance(data, Mapping):
+            data = data.get(part)
+            yield str(part)
+            continue
+        rows = data if isinstance(data, list | tuple) else ()
+        data = rows[part] if isinstance(part, int) and part < len(rows) else None
+        names = [data.get(key) for key in _NAMING] if isinstance(data, Mapping) else []
+        yield next((name for name in names if isinstance(name, str) and name), str(part))
 
 
 def _shown(value: object) -> str:
