@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.drive import drive_energy
+from dispatcher_daemon.drive import drive_energies
 from dispatcher_daemon.platoons import Passage, Place, drag_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routes import Route
-from slipstream.energy import Energy
+from slipstream.energy import ETA_ALONE, Energy, split_saving, total
 from slipstream.messages import EnergySummary
 
 
@@ -31,18 +31,18 @@ class RouteEnergy:
 def route_energy(
     problem: RoutingProblem, route: Route, places: Mapping[Passage, Place]
 ) -> RouteEnergy:
-    """Energy of a route from its speed trace; standing at stops needs none."""
+    """Energy of a route from its speed profile; standing at stops needs none."""
     reductions = drag_reductions(route, places)
-    driven, alone = [], []
-    for leg, reduction in zip(route.legs, reductions, strict=True):
-        driven.append(drive_energy(leg.drive, reduction, problem.vehicle))
-        alone.append(drive_energy(leg.drive, [0.0] * len(reduction), problem.vehicle))
+    none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
+    drives = [leg.drive for leg in route.legs]
+    driven = drive_energies(drives, reductions, problem.vehicle).sum()
+    alone = drive_energies(drives, none, problem.vehicle).sum()
     platooned_m = sum(
         problem.network.segments[segment].length_m
         for number, position, segment, _, _ in route.entries_s()
         if (route.vehicle, number, position) in places
     )
-    return RouteEnergy(_total(driven), _total(alone), platooned_m)
+    return RouteEnergy(driven, alone, platooned_m)
 
 
 def summarise(
@@ -50,25 +50,17 @@ def summarise(
 ) -> EnergySummary:
     """Set a plan's energy against the baseline's, in which every vehicle drives alone.
 
-    The parts add up to the whole saving:
-
-    - drag: what drafting saves on the cooperative routes, same drive with and without it;
-    - acceleration: the difference between the undrafted routes in energy for speed changes;
-    - distance: their difference in rolling resistance and (undrafted) drag, that is, in how far
-      and at what speeds they drive.
+    The saving is split as in `slipstream.energy.split_saving`; its parts add up.
     """
-    base, ours = _total([e.alone for e in baseline]), _total([e.alone for e in cooperative])
-    driven = _total([e.driven for e in cooperative])
+    base, ours = total(e.alone for e in baseline), total(e.alone for e in cooperative)
+    driven = total(e.driven for e in cooperative)
+    saving = split_saving(base, ours, driven)
     return EnergySummary(
         baseline=name,
         baseline_kwh=base.total_kwh,
         cooperative_kwh=driven.total_kwh,
-        saved_distance_kwh=(base.rolling_kwh + base.drag_kwh) - (ours.rolling_kwh + ours.drag_kwh),
-        saved_drag_kwh=ours.total_kwh - driven.total_kwh,
-        saved_acceleration_kwh=base.acceleration_kwh - ours.acceleration_kwh,
+        saved_distance_kwh=saving.distance_kwh,
+        saved_drag_kwh=saving.drag_kwh,
+        saved_acceleration_kwh=saving.acceleration_kwh,
         platooned_distance_m=sum(e.platooned_m for e in cooperative),
     )
-
-
-def _total(parts: Sequence[Energy]) -> Energy:
-    return Energy(*(sum(values) for values in zip(*parts, strict=True)))
