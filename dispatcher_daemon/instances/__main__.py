@@ -1,0 +1,13 @@
+"""`python -m dispatcher_daemon.instances FOLDER`: write the published instances anew."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from dispatcher_daemon.instances.publish import publish
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m dispatcher_daemon.instances FOLDER")
+    publish(Path(sys.argv[1]))
