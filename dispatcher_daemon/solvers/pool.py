@@ -1,19 +1,21 @@
 """Solvers in worker processes under hard deadlines.
 
-One worker a solver, kept warm. A worker that hangs is killed and replaced, one that dies is
-replaced, one that raises goes on; in each case the caller gets an Outcome that says so.
+One worker a solver unless told otherwise, kept warm. A worker that hangs is killed and replaced,
+one that dies is replaced, one that raises goes on; in each case the caller gets an Outcome that
+says so.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import multiprocessing
 import os
 import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, TimeoutError, wait
 from dataclasses import dataclass
 from multiprocessing import connection
@@ -71,15 +73,17 @@ def _warm_up(solver: Solver) -> int:
     return os.getpid()
 
 
-def _run(solver: Solver, problem: Problem, deadline_s: float, seed: int) -> Outcome:
+def run_job(solver: Solver, problem: Problem, deadline_s: float, seed: int) -> Outcome:
+    """What a worker does for a job."""
     return solver.solve(problem, deadline_s, seed)
 
 
-class _Worker:
-    """One solver and the pool of one process that runs it."""
+class _Workers:
+    """One solver and the pool of processes that run it."""
 
-    def __init__(self, solver: Solver, keeper: ThreadPoolExecutor) -> None:
+    def __init__(self, solver: Solver, keeper: ThreadPoolExecutor, size: int) -> None:
         self.solver = solver
+        self.size = size
         self._keeper = keeper
         self._pool: Any = None
         self._pending: set[Future[Any]] = set()
@@ -87,11 +91,11 @@ class _Worker:
     def _living_pool(self) -> Any:
         """The pool, made anew if it broke (a worker that dies while idle breaks it)."""
         if self._pool is not None and not self._pool.active:
-            log.warning("worker of solver %s broke; starting another", self.solver.name)
+            log.warning("workers of solver %s broke; starting others", self.solver.name)
             self.stop()
         if self._pool is None:
             pool = pebble.ProcessPool(
-                max_workers=1,
+                max_workers=self.size,
                 context=multiprocessing.get_context("spawn"),
                 initializer=_start_worker,
                 initargs=(os.getpid(),),
@@ -101,13 +105,15 @@ class _Worker:
             self._pool = pool
         return self._pool
 
-    def warm_up(self) -> Future[int]:
-        return self._note(self._living_pool().schedule(_warm_up, args=(self.solver,)))
+    def warm_up(self) -> list[Future[int]]:
+        """One call a process; one that comes late may find its call taken, and imports later."""
+        pool = self._living_pool()
+        return [self._note(pool.schedule(_warm_up, args=(self.solver,))) for _ in range(self.size)]
 
     def submit(self, problem: Problem, deadline_s: float, seed: int) -> Future[Outcome]:
         return self._note(
             self._living_pool().schedule(
-                _run, args=(self.solver, problem, deadline_s, seed), timeout=deadline_s + GRACE_S
+                run_job, args=(self.solver, problem, deadline_s, seed), timeout=deadline_s + GRACE_S
             )
         )
 
@@ -131,13 +137,24 @@ class SolverPool:
 
     Args:
         solvers: solvers of different names.
+        workers: processes of each solver, so that jobs of one solver run side by side; by name,
+            one for those not named, or one number for all.
+
+    Raises:
+        ValueError: two solvers with one name, or less than one worker.
     """
 
-    def __init__(self, solvers: Sequence[Solver]) -> None:
+    def __init__(self, solvers: Sequence[Solver], workers: int | Mapping[str, int] = 1) -> None:
+        by_name = workers if isinstance(workers, Mapping) else {s.name: workers for s in solvers}
+        if min(by_name.values(), default=1) < 1:
+            raise ValueError("a solver needs a worker")
         self._keeper = ThreadPoolExecutor(1, thread_name_prefix="solver-pool")
         self._lock = threading.Lock()
         self._closed = False
-        self._workers = {solver.name: _Worker(solver, self._keeper) for solver in solvers}
+        self._workers = {
+            solver.name: _Workers(solver, self._keeper, by_name.get(solver.name, 1))
+            for solver in solvers
+        }
         if len(self._workers) < len(solvers):
             raise ValueError("two solvers with one name")
 
@@ -154,38 +171,42 @@ class SolverPool:
             Reason by name of each solver that is not warm after the timeout; empty if all are.
         """
         ends = time.monotonic() + timeout_s
-        futures = {name: worker.warm_up() for name, worker in self._workers.items()}
-        waiting = set(futures.values())
+        futures = [(name, f) for name, w in self._workers.items() for f in w.warm_up()]
+        waiting = {future for _, future in futures}
         while waiting and (left := ends - time.monotonic()) > 0:
             if stopping is not None and stopping.is_set():
                 break
             waiting = wait(waiting, timeout=min(left, _LOOK_EVERY_S)).not_done
         faults: dict[str, str] = {}
-        for name, future in futures.items():
+        for name, future in futures:
             try:
                 future.result(timeout=0.0)
             except (Exception, CancelledError) as error:
                 future.cancel()
-                faults[name] = _line(error)
+                faults[name] = error_line(error)
         return faults
 
     def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
-        """Run the jobs side by side, those of one solver in turn, each with its share of time."""
+        """Run the jobs side by side, as many of one solver at once as it has workers.
+
+        Jobs of one solver that have to queue share the deadline.
+        """
         began = time.monotonic()
         count = Counter(job.solver for job in jobs)
-        futures = [self._submit(job, deadline_s / count[job.solver]) for job in jobs]
+        futures = [self._submit(job, count[job.solver], deadline_s) for job in jobs]
         return [
             self._collect(job, future, began, deadline_s)
             for job, future in zip(jobs, futures, strict=True)
         ]
 
-    def _submit(self, job: Job, deadline_s: float) -> Future[Outcome] | Exception:
+    def _submit(self, job: Job, count: int, deadline_s: float) -> Future[Outcome] | Exception:
         with self._lock:
             if self._closed:
                 return RuntimeError("the pool is closed")
             try:
-                worker = self._workers[job.solver]
-                return worker.submit(job.problem, deadline_s, job.seed)
+                workers = self._workers[job.solver]
+                share_s = deadline_s / math.ceil(count / workers.size)
+                return workers.submit(job.problem, share_s, job.seed)
             except Exception as error:
                 return error
 
@@ -207,8 +228,8 @@ class SolverPool:
             reason = f"no answer within {deadline_s:g} s; worker replaced"
             return self._fault(job, "timeout", reason, began)
         except Exception as error:
-            log.warning("solver %s failed: %s", job.solver, _line(error))
-            return self._fault(job, "failed", _line(error), began)
+            log.warning("solver %s failed: %s", job.solver, error_line(error))
+            return self._fault(job, "failed", error_line(error), began)
 
     @staticmethod
     def _fault(
@@ -231,7 +252,8 @@ class SolverPool:
         self.close()
 
 
-def _line(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
+    """Kind and words of an error, in one line of at most some 200 characters."""
     text = " ".join(str(error).split())[:200]
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
@@ -248,7 +270,7 @@ def solve_here(solvers: Sequence[Solver]) -> Solve:
                 outcome = by_name[job.solver].solve(job.problem, deadline_s, job.seed)
             except Exception as error:
                 wall_s = time.monotonic() - began
-                outcome = Outcome(job.solver, "failed", None, wall_s, reason=_line(error))
+                outcome = Outcome(job.solver, "failed", None, wall_s, reason=error_line(error))
             outcomes.append(outcome)
         return outcomes
 

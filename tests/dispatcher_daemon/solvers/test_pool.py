@@ -39,6 +39,8 @@ class Faulty:
     def solve(self, problem, deadline_s, seed):
         if self.fault == "hangs":
             time.sleep(60)
+        if self.fault == "slow":
+            time.sleep(0.7)
         if self.fault == "raises":
             raise ValueError("no such\\nluck")
         if self.fault == "dies":
@@ -110,6 +112,18 @@ def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_ar
         jobs = [Job("faulty", demo_arcs(), seed) for seed in (1, 2)]
         hung, answered = pool(jobs, 12.0)
         assert (hung.status, answered.status) == ("timeout", "feasible")
+
+
+def test_workers_of_one_solver_work_side_by_side(
+    faulty: Callable[[str], Any], demo_arcs: Demo
+) -> None:
+    """Two workers take two jobs at once, each with the whole deadline for its own."""
+    with SolverPool([faulty("slow")], workers=2) as pool:
+        assert pool.warm_up() == {}
+        jobs = [Job("faulty", demo_arcs(), seed) for seed in range(4)]
+        outcomes = pool(jobs, 20.0)
+    assert [o.status for o in outcomes] == ["feasible"] * 4
+    assert len({o.reason for o in outcomes}) == 2
 
 
 def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
