@@ -78,7 +78,8 @@ def valid_selections(problem: Problem) -> npt.NDArray[np.bool_]:
 
 def _arc_masks(problem: ArcProblem) -> tuple[list[np.uint32], list[np.uint32]]:
     """Arcs of which a valid selection has exactly one, and those of which it has at most one."""
-    exact, most = [], []
+    exact: list[np.uint32] = []
+    most: list[np.uint32] = []
     for vehicle in problem.vehicles:
         for place in (problem.depot, *problem.customers):
             mask = _mask((a.vehicle, a.start) == (vehicle, place) for a in problem.arcs)

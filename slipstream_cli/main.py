@@ -24,6 +24,7 @@ COMMANDS: Final = (
     "clip",
     "model",
     "robustness",
+    "verify",
     "db",
 )
 
