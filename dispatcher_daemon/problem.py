@@ -155,7 +155,8 @@ class RouteProblem:
         vehicles: names, K of them.
         stops: names of the stops that the options share out.
         options: route options; the index is the x.
-        savings: kWh > 0 by pair (a, b) of options of different vehicles, a < b.
+        savings: kWh by pair (a, b) of options of different vehicles, a < b; less than 0 where the
+            options' costs hold more savings than both can have together.
     """
 
     vehicles: tuple[str, ...]
@@ -179,8 +180,8 @@ class RouteProblem:
                 raise ValueError(f"saving for unknown options: {(first, second)}")
             if self.options[first].vehicle == self.options[second].vehicle:
                 raise ValueError(f"saving for a vehicle with itself: {(first, second)}")
-            if not (math.isfinite(saving) and saving > 0):
-                raise ValueError(f"saving must be positive: {(first, second)}: {saving}")
+            if not math.isfinite(saving):
+                raise ValueError(f"saving must be finite: {(first, second)}: {saving}")
 
     @property
     def choices(self) -> int:

@@ -6,8 +6,8 @@ form every stop has its row, whether its coverage is in question or not.
 
 A saving s_ab x_a x_b becomes s_ab y_ab. Of options of one vehicle, or arcs by which it leaves one
 place, at most one is chosen. So the y of a with any such group G add up to at most x_a,
-Σ_{b∈G} y_ab ≤ x_a, which holds y_ab ≤ x_a and is tighter. Savings only push y up, so y = x_a x_b
-at every optimum with binary x.
+Σ_{b∈G} y_ab ≤ x_a, which holds y_ab ≤ x_a and is tighter. Savings push y up, so y = x_a x_b at
+every optimum with binary x. Losses push it down; for those of a in G, Σ y_ab ≥ x_a + Σ x_b − 1 too.
 """
 
 from __future__ import annotations
@@ -119,14 +119,19 @@ def _route_rows(problem: RouteProblem, rows: _Rows) -> None:
 
 
 def _product_rows(problem: Problem, rows: _Rows) -> None:
-    """Σ_{b∈G} y_ab ≤ x_a for each choice a and each group G of its partners."""
-    groups: dict[tuple[int, tuple[str, ...]], list[int]] = {}
-    for position, (first, second) in enumerate(problem.pair_savings):
+    """y_ab = x_a x_b at every optimum; see the module."""
+    groups: dict[tuple[int, tuple[str, ...]], list[tuple[int, int, float]]] = {}
+    for position, ((first, second), saving) in enumerate(problem.pair_savings.items()):
+        y = problem.choices + position
         for x, partner in ((first, second), (second, first)):
-            groups.setdefault((x, _exclusive_group(problem, partner)), []).append(position)
+            group = groups.setdefault((x, _exclusive_group(problem, partner)), [])
+            group.append((y, partner, saving))
     for (x, _), members in groups.items():
-        terms = {problem.choices + position: 1.0 for position in members}
-        rows.add({x: -1.0, **terms}, -highspy.kHighsInf, 0.0)
+        rows.add({x: -1.0, **{y: 1.0 for y, _, _ in members}}, -highspy.kHighsInf, 0.0)
+        losses = [(y, partner) for y, partner, saving in members if saving < 0]
+        if losses:
+            terms = {y: -1.0 for y, _ in losses} | {partner: 1.0 for _, partner in losses}
+            rows.add({x: 1.0, **terms}, -highspy.kHighsInf, 1.0)
 
 
 def _exclusive_group(problem: Problem, index: int) -> tuple[str, ...]:

@@ -68,9 +68,10 @@ def sufficient_route_gamma(problem: RouteProblem) -> float:
     """A γ in kWh that puts every infeasible state above every feasible one.
 
     Let P be the penalty of an infeasible state, f = H_cost − H_platoon, n_k the number of options
-    that it selects of vehicle k, C_k(n) the sum of the n lowest costs of k, M_k the highest one and
-    S_kl the largest saving of k and l together, T_k = Σ_l S_kl. Feasible states have f ≤ Σ_k M_k,
-    as savings are positive. Two bounds from below on f of any state, of which the better is taken:
+    that it selects of vehicle k, C_k(n) the sum of the n lowest costs of k, S_kl the largest saving
+    and R_kl the largest loss (saving below 0) of k and l together, T_k = Σ_l S_kl, M_k the highest
+    cost of k plus ½ Σ_l R_kl. Feasible states have f ≤ Σ_k M_k. Two bounds from below on f of any
+    state, losses left out; the better is taken:
 
     - x_a x_b ≤ (x_a + x_b)/2 gives f ≥ Σ_a min(0, c_a − ½ Σ_b s_ab) =: L. With P ≥ 1,
       γ > Σ_k M_k − L is enough.
@@ -83,30 +84,32 @@ def sufficient_route_gamma(problem: RouteProblem) -> float:
     """
     costs = problem.costs_kwh
     groups = {k: group for k, group in problem.options_of.items() if group}
-    highest = sum((max(costs[i] for i in group) for group in groups.values()), 0.0)
-
     reduced = list(costs)
-    largest: dict[tuple[str, str], float] = {}
+    most_saved: dict[tuple[str, str], float] = {}
+    most_lost: dict[tuple[str, str], float] = {}
     for (first, second), saving in problem.savings.items():
-        reduced[first] -= saving / 2
-        reduced[second] -= saving / 2
-        pair = (problem.options[first].vehicle, problem.options[second].vehicle)
-        pair = (min(pair), max(pair))
-        largest[pair] = max(largest.get(pair, 0.0), saving)
-    by_options = highest - sum((min(0.0, value) for value in reduced), 0.0)
+        one, other = sorted(problem.options[i].vehicle for i in (first, second))
+        largest = most_saved if saving > 0 else most_lost
+        largest[one, other] = max(largest.get((one, other), 0.0), abs(saving))
+        if saving > 0:
+            reduced[first] -= saving / 2
+            reduced[second] -= saving / 2
+    saved, lost = dict.fromkeys(groups, 0.0), dict.fromkeys(groups, 0.0)
+    for largest, halves in ((most_saved, saved), (most_lost, lost)):
+        for pair, value in largest.items():
+            for vehicle in pair:
+                halves[vehicle] += value / 2
 
-    together = dict.fromkeys(groups, 0.0)
-    for pair, saving in largest.items():
-        for vehicle in pair:
-            together[vehicle] += saving
-    spread = extra = 0.0
+    highest = spread = extra = 0.0
     for vehicle, group in groups.items():
         ordered = sorted(costs[i] for i in group)
-        lowest, most = [0.0, *accumulate(ordered)], together[vehicle]
-        spread += ordered[-1] - ordered[0] + most / 2
-        for n, total in enumerate(lowest):
+        most = ordered[-1] + lost[vehicle]
+        highest += most
+        spread += most - ordered[0] + saved[vehicle]
+        for n, total in enumerate([0.0, *accumulate(ordered)]):
             if n != 1:
-                worse = ordered[0] - total + (n * n - 1) * most / 2
+                worse = ordered[0] - total + (n * n - 1) * saved[vehicle]
                 extra = max(extra, worse / (n - 1) ** 2)
+    lowest = sum((min(0.0, value) for value in reduced), 0.0)
     # The margin keeps "greater than" true in floating point.
-    return 1.01 * min(by_options, spread + extra) + 1e-6
+    return 1.01 * min(highest - lowest, spread + extra) + 1e-6

@@ -1,14 +1,14 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
+from collections.abc import Callable, Sequence
+from itertools import combinations, pairwise
 
 import pytest
 from hypothesis import settings
 
 from dispatcher_daemon.dispatch import arc_problem
 from dispatcher_daemon.fleet import load_fleet
-from dispatcher_daemon.problem import ArcProblem, RoutingProblem
+from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem, RoutingProblem
 from dispatcher_daemon.rewards import judge_pairs
 from dispatcher_daemon.routes import candidate_arcs, least_energy_legs
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
@@ -136,5 +136,33 @@ def random_arcs() -> Callable[..., ArcProblem]:
             if arcs[a].vehicle != arcs[b].vehicle and rng.random() < 0.3
         )
         return ArcProblem("d", tuple(names), tuple(fleet), arcs, rewards)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def random_routes() -> Callable[..., RouteProblem]:
+    """Factory of random route problems: some infeasible, costs and savings of either sign."""
+    import numpy as np
+
+    def make(seed: int, options: Sequence[int], stops: int) -> RouteProblem:
+        rng = np.random.default_rng(seed)
+        fleet = [f"v{k}" for k in range(len(options))]
+        names = [f"s{i}" for i in range(stops)]
+        home = rng.integers(0, len(fleet), stops)
+        every = []
+        for number, (vehicle, count) in enumerate(zip(fleet, options, strict=True)):
+            for option in range(count):
+                served = {s for s, at in zip(names, home, strict=True) if at == number}
+                if stops and option and rng.random() < 0.4:
+                    served ^= {names[int(rng.integers(stops))]}
+                cost = float(rng.normal(0.5, 0.4))
+                every.append(RouteOption(vehicle, tuple(sorted(served)), cost))
+        savings = {
+            (a, b): float(rng.normal(0.1, 0.2))
+            for a, b in combinations(range(len(every)), 2)
+            if every[a].vehicle != every[b].vehicle and rng.random() < 0.4
+        }
+        return RouteProblem(tuple(fleet), tuple(names), tuple(every), savings)
 
     return make
