@@ -21,6 +21,7 @@ class Settings(BaseModel):
 
 S = TypeVar("S", bound=Settings)
 
+_UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
 _NAMING: Final = ("id", "segment", "vehicle")
 """Keys that name a table in a list."""
 
@@ -89,12 +90,12 @@ def _as_input_error(
     error: ValidationError, model: type[BaseModel], source: str | Path, data: object
 ) -> InputError:
     # A misspelt key is also a missing one; the misspelling is what helps.
-    found = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+    found = sorted(error.errors(include_url=False), key=lambda e: e["type"] not in _UNKNOWN_KEY)
     first = found[0]
     key = ".".join(_names(first["loc"], data)) or None
     message = first["msg"].removeprefix("Value error, ")
     problem = message[0].lower() + message[1:]
-    if first["type"] == "extra_forbidden":
+    if first["type"] in _UNKNOWN_KEY:
         known = ", ".join(sorted(model.model_fields)) if len(first["loc"]) == 1 else ""
         mend = f"remove it or use one of: {known}" if known else "remove it or mend its spelling"
         return InputError(source, "unknown key", mend, key=key)

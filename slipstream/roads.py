@@ -179,13 +179,15 @@ def build_network(
             for a in by_id.values()
         }
     for before, onto in follows.items():
-        for after in (before, *onto):
-            if after not in by_id:
-                problem = f"a turn names the unknown segment {after!r}"
-                raise InputError(source, problem, "add it", key=prefix + before)
-            if after != before and by_id[after].start != by_id[before].end:
+        key = prefix + before
+        for name in (before, *onto):
+            if name not in by_id:
+                problem = f"a turn names the unknown segment {name!r}"
+                raise InputError(source, problem, "add it", key=key)
+        for after in onto:
+            if by_id[after].start != by_id[before].end:
                 problem = f"a turn onto {after!r}, which begins elsewhere"
-                raise InputError(source, problem, "remove the turn", key=prefix + before)
+                raise InputError(source, problem, "remove the turn", key=key)
     return RoadNetwork(
         name,
         MappingProxyType(by_id),
