@@ -14,9 +14,11 @@ from typing import Final
 import numpy as np
 
 from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
+from dispatcher_daemon.instance import Instance
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.streets import Cell, StreetGrid, Way, node, street_network
 from dispatcher_daemon.traffic import MIN_SPEED_MPS, SegmentTraffic, TrafficSnapshot
+from slipstream.roads import RoadNetwork
 
 LEAST_SEGMENTS: Final = 24
 CITY_TIME_NS: Final = 1_800_000_000_000_000_000
@@ -71,14 +73,6 @@ class CityShape:
             raise ValueError("capacity_ratio must be at least 1, ready_within_s within an hour")
 
 
-@dataclass(frozen=True)
-class City:
-    """What is to be solved, and the traffic it is solved in."""
-
-    problem: RoutingProblem
-    snapshot: TrafficSnapshot
-
-
 def generate_city(
     seed: int,
     *,
@@ -86,8 +80,8 @@ def generate_city(
     stops: int = 1000,
     segments: int = 2000,
     shape: CityShape | None = None,
-) -> City:
-    """A city with its fleet and traffic; same arguments, same city.
+) -> Instance:
+    """A city with its fleet and traffic as an instance; same arguments, same city.
 
     Args:
         seed: of everything random, at least 0.
@@ -111,6 +105,7 @@ def generate_city(
         block_m=shape.block_m,
         arterial_every=shape.arterial_every,
         one_way_share=shape.one_way_share,
+        signalled_share=shape.signalled_share,
     )
     depots = _depots(depot, grid, shape)
     orders = _stops(stop, grid, {place.node for place in depots}, stops, shape)
@@ -120,13 +115,16 @@ def generate_city(
         stops=orders,
         vehicles=_vehicles(vehicle, depots, orders, vehicles, shape),
     )
-    limits = {name: segment.speed_limit_mps for name, segment in network.segments.items()}
-    segments_now = dict(_traffic(traffic, grid, ways, limits, shape))
-    snapshot = TrafficSnapshot(CITY_TIME_NS, MappingProxyType(segments_now), ())
-    return City(RoutingProblem(network, fleet), snapshot)
+    now = dict(_traffic(traffic, grid, ways, network, shape))
+    return Instance(
+        name=fleet.name,
+        problem=RoutingProblem(network, fleet),
+        snapshot=TrafficSnapshot(CITY_TIME_NS, MappingProxyType(now), ()),
+        provenance=f"generated city, seed {seed}, {shape}",
+    )
 
 
-def small_city(seed: int) -> City:
+def small_city(seed: int) -> Instance:
     """A city for trials: 10 vehicles at one depot, 50 stops, 200 segments."""
     return generate_city(seed, vehicles=10, stops=50, segments=200, shape=CityShape(depots=1))
 
@@ -135,22 +133,19 @@ def _traffic(
     rng: np.random.Generator,
     grid: StreetGrid,
     ways: Mapping[str, Way],
-    limits_mps: Mapping[str, float],
+    network: RoadNetwork,
     shape: CityShape,
 ) -> Iterator[tuple[str, SegmentTraffic]]:
     """Speeds, expected stops and flags; calm and turbulent where an RSU watches."""
-    signals = {
-        cell: rng.random() < (0.0, shape.signalled_share, 1.0)[grid.arterials_at(cell)]
-        for cell in grid.cells
-    }
     calm = _calm(rng, grid, ways, shape.open_share)
     for name, way in ways.items():
-        main, limit = grid.is_arterial(way), limits_mps[name]
+        main, segment = grid.is_arterial(way), network.segments[name]
         turbulent = name not in calm and rng.random() < shape.turbulent_share
         share = rng.normal(0.93, 0.02) if name in calm else rng.normal(0.88 if main else 0.82, 0.06)
         share = rng.normal(0.6, 0.1) if turbulent else share
-        speed = max(MIN_SPEED_MPS, float(np.clip(share, 0.3, 0.98)) * limit)
-        stops = _expected_stops(rng, main, signals[way[1]], grid.arterials_at(way[1]) > 0)
+        speed = max(MIN_SPEED_MPS, float(np.clip(share, 0.3, 0.98)) * segment.speed_limit_mps)
+        signals, main_ahead = segment.end in network.signals, grid.arterials_at(way[1]) > 0
+        stops = _expected_stops(rng, main, signals, main_ahead)
         if name in calm:
             yield (
                 name,
@@ -184,15 +179,13 @@ def _traffic(
             yield name, SegmentTraffic(segment=name, speed_mps=speed, stops=stops)
 
 
-def _expected_stops(
-    rng: np.random.Generator, main: bool, signals: bool, at_arterial: bool
-) -> float:
+def _expected_stops(rng: np.random.Generator, main: bool, signals: bool, main_ahead: bool) -> float:
     """Stops a passage at a segment's end: main roads have the longer green and the right of way."""
     if signals:
         return float(rng.uniform(0.15, 0.35) if main else rng.uniform(0.4, 0.7))
     if main:
         return 0.0
-    return float(rng.uniform(0.3, 0.6) if at_arterial else rng.uniform(0.0, 0.2))
+    return float(rng.uniform(0.3, 0.6) if main_ahead else rng.uniform(0.0, 0.2))
 
 
 def _calm(

@@ -88,6 +88,7 @@ def street_network(
     block_m: float,
     arterial_every: int,
     one_way_share: float,
+    signalled_share: float,
 ) -> tuple[StreetGrid, RoadNetwork, dict[str, Way]]:
     """A grid of streets on which every segment leads to every other one without turning round.
 
@@ -99,6 +100,7 @@ def street_network(
         block_m: mean distance of neighbouring crossings.
         arterial_every: every so many rows, and columns, one is an arterial.
         one_way_share: of the streets, at most.
+        signalled_share: of an arterial's crossings with streets; two arterials always have signals.
 
     Returns:
         The grid, its road network, and the way of each segment by id.
@@ -133,6 +135,11 @@ def street_network(
         parts,
         {node(cell): place for cell, place in places.items()},
         {name: tuple(sorted(after)) for name, after in follows.items()},
+        signals=[
+            node(cell)
+            for cell in grid.cells
+            if rng.random() < (0.0, signalled_share, 1.0)[grid.arterials_at(cell)]
+        ],
         source="generated city",
     )
     return grid, network, {part.id: way for part, way in zip(parts, ways, strict=True)}

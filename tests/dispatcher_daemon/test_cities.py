@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dispatcher_daemon.cities import City, CityShape, generate_city, small_city
+from dispatcher_daemon.cities import CityShape, generate_city, small_city
 from dispatcher_daemon.fleet import check_fleet
+from dispatcher_daemon.instance import Instance, load_instance, write_instance
 from slipstream.roads import RoadNetwork
 
 
 @pytest.fixture(scope="module")
-def city() -> City:
+def city() -> Instance:
     """A city of the benchmark's size."""
     return generate_city(1)
 
@@ -30,7 +32,7 @@ def is_strongly_connected(network: RoadNetwork) -> bool:
     return bool(connected_components(graph, connection="strong")[0] == 1)
 
 
-def test_same_seed_same_city_and_another_seed_another(city: City) -> None:
+def test_same_seed_same_city_and_another_seed_another(city: Instance) -> None:
     """All of it depends on the arguments and on nothing else."""
     again, other = generate_city(1), generate_city(2)
     assert again.problem == city.problem
@@ -39,7 +41,7 @@ def test_same_seed_same_city_and_another_seed_another(city: City) -> None:
     assert other.problem.network.junctions != city.problem.network.junctions
 
 
-def test_another_fleet_drives_on_the_same_roads_in_the_same_traffic(city: City) -> None:
+def test_another_fleet_drives_on_the_same_roads_in_the_same_traffic(city: Instance) -> None:
     """So that time against fleet size is measured on one network."""
     fewer = generate_city(1, vehicles=10, stops=50)
     assert fewer.problem.network == city.problem.network
@@ -65,7 +67,7 @@ def test_the_network_is_as_large_as_asked_and_whole(segments: int, seed: int) ->
     assert len(one_way) <= 0.03 * len(network.segments)
 
 
-def test_arterials_are_faster_than_streets(city: City) -> None:
+def test_arterials_are_faster_than_streets(city: Instance) -> None:
     """50 to 70 km/h against 30 to 50, and between a tenth and a third of the city."""
     segments = city.problem.network.segments.values()
     fast = [s.speed_limit_mps * 3.6 for s in segments if s.lanes == 2]
@@ -75,7 +77,7 @@ def test_arterials_are_faster_than_streets(city: City) -> None:
     assert 0.1 < len(fast) / len(segments) < 1 / 3
 
 
-def test_gates_are_open_on_the_asked_share_of_the_arterials_only(city: City) -> None:
+def test_gates_are_open_on_the_asked_share_of_the_arterials_only(city: Instance) -> None:
     """Half of their segments; elsewhere turbulent or unwatched, and never faster than the limit."""
     network, traffic = city.problem.network, city.snapshot.segments
     assert set(traffic) == set(network.segments)
@@ -101,7 +103,7 @@ def test_the_open_share_can_be_chosen(share: float) -> None:
     assert sum(t.open for t in city.snapshot.segments.values()) == share * len(main)
 
 
-def test_the_fleet_can_serve_its_stops(city: City) -> None:
+def test_the_fleet_can_serve_its_stops(city: Instance) -> None:
     """Capacity is 1.3 times the demand, depots lie apart, windows can be met, nodes exist."""
     fleet, network = city.problem.fleet, city.problem.network
     check_fleet(fleet, network, "city")
@@ -121,6 +123,27 @@ def test_the_fleet_can_serve_its_stops(city: City) -> None:
     assert all(stop.latest_s >= 3600 for stop in timed if stop.latest_s is not None)
     assert all(30 <= stop.service_s <= 180 for stop in fleet.stops)
     assert len({stop.node for stop in fleet.stops}) < len(fleet.stops)
+
+
+def test_stops_are_expected_at_signals_above_all(city: Instance) -> None:
+    """Most arterials' crossings have signals, and nobody passes a red one every time."""
+    network, traffic = city.problem.network, city.snapshot.segments
+    ahead = [
+        traffic[name].stops for name, s in network.segments.items() if s.end in network.signals
+    ]
+    others = [
+        traffic[name].stops for name, s in network.segments.items() if s.end not in network.signals
+    ]
+    assert 0.1 < len(network.signals) / len(network.junctions) < 0.4
+    assert 0 < min(ahead) <= max(ahead) < 1
+    assert np.mean(ahead) > 2 * np.mean(others)
+
+
+def test_a_city_can_be_written_and_read(tmp_path: Path) -> None:
+    """It is an instance like any other: the file gives the same city back."""
+    city = small_city(2)
+    write_instance(city, tmp_path / "city.json")
+    assert load_instance(tmp_path / "city.json") == city
 
 
 def test_the_small_city() -> None:
