@@ -180,9 +180,9 @@ def build_network(
         }
     for before, onto in follows.items():
         key = prefix + before
-        for name in (before, *onto):
-            if name not in by_id:
-                problem = f"a turn names the unknown segment {name!r}"
+        for known in (before, *onto):
+            if known not in by_id:
+                problem = f"a turn names the unknown segment {known!r}"
                 raise InputError(source, problem, "add it", key=key)
         for after in onto:
             if by_id[after].start != by_id[before].end:
