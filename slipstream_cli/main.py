@@ -24,7 +24,9 @@ COMMANDS: Final = (
     "clip",
     "model",
     "robustness",
+    "solve",
     "verify",
+    "resources",
     "db",
 )
 
@@ -39,6 +41,7 @@ _EXTRA_OF: Final = {
     "dwave": "dispatcher",
     "highspy": "dispatcher",
     "libsumo": "sim",
+    "matplotlib": "dev",
     "nncf": "train",
     "openvino": "edge",
     "pebble": "dispatcher",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.formulations.model import build_model
+from dispatcher_daemon.formulations.model import Encoding, build_model
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.sampling import answer, in_order
@@ -30,12 +30,14 @@ class TabuSolver:
         moves: most moves of the first search of a read by number of variables; a quarter of it
             after restarts.
         gamma: penalty weight of the QUBO, kWh; None: computed.
+        encoding: of the arc form's subtour terms.
     """
 
     reads: int = 32
     restarts: int = 10
     moves: int = 500
     gamma: float | None = None
+    encoding: Encoding = "reduced"
     name: str = "tabu"
 
     def warm_up(self) -> None:
@@ -47,7 +49,7 @@ class TabuSolver:
         from dwave.samplers import TabuSampler
 
         began = time.perf_counter()
-        model = build_model(problem, self.gamma)
+        model = build_model(problem, self.gamma, encoding=self.encoding)
         if not model.variables:
             return _without_variables(self.name, began)
         left_s = _SEARCH_SHARE * deadline_s - (time.perf_counter() - began)
@@ -73,11 +75,13 @@ class AnnealingSolver:
         reads: runs, each from a random state; fewer if time is up.
         sweeps: of each run.
         gamma: penalty weight of the QUBO, kWh; None: computed.
+        encoding: of the arc form's subtour terms.
     """
 
     reads: int = 200
     sweeps: int = 1000
     gamma: float | None = None
+    encoding: Encoding = "reduced"
     name: str = "annealing"
 
     def warm_up(self) -> None:
@@ -89,7 +93,7 @@ class AnnealingSolver:
         from dwave.samplers import SimulatedAnnealingSampler
 
         began = time.perf_counter()
-        model = build_model(problem, self.gamma)
+        model = build_model(problem, self.gamma, encoding=self.encoding)
         if not model.variables:
             return _without_variables(self.name, began)
         ends = began + _SEARCH_SHARE * deadline_s

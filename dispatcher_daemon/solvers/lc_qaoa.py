@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.formulations.model import build_model
+from dispatcher_daemon.formulations.model import Encoding, build_model
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.chain import heavy_path
@@ -97,6 +97,7 @@ class LcQaoaSolver:
         delta_beta: height of the mixer ramp, rad.
         delta_gamma: height of the phase ramp, rad.
         gamma: penalty weight of the QUBO, kWh; None: computed.
+        encoding: of the arc form's subtour terms.
     """
 
     layers: int = 2
@@ -104,6 +105,7 @@ class LcQaoaSolver:
     delta_beta: float = 0.3
     delta_gamma: float = 0.6
     gamma: float | None = None
+    encoding: Encoding = "reduced"
     name: str = "lc-qaoa"
 
     def warm_up(self) -> None:
@@ -115,7 +117,7 @@ class LcQaoaSolver:
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """See `Solver.solve`; the deadline is left to the worker, as no step can be cut short."""
         began = time.perf_counter()
-        model = build_model(problem, self.gamma)
+        model = build_model(problem, self.gamma, encoding=self.encoding)
         ising = to_ising(model.total, model.variables)
         order = heavy_path(ising.coupling)
         angles = linear_ramp(self.layers, self.delta_beta, self.delta_gamma)

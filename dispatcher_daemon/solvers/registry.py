@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from dispatcher_daemon.formulations.qubo import Encoding
 from dispatcher_daemon.settings import DispatcherSettings, SolverName
 from dispatcher_daemon.solvers.base import Solver
 from dispatcher_daemon.solvers.cplex import CplexSolver
@@ -16,14 +17,20 @@ BASELINE_SOLVER: SolverName = "exact"
 """Solves the baseline, whether it is among the solvers asked for the cooperative plan or not."""
 
 
-def make_solver(name: SolverName, settings: DispatcherSettings) -> Solver:
-    """The solver of that name, as configured."""
+def make_solver(
+    name: SolverName, settings: DispatcherSettings, encoding: Encoding = "reduced"
+) -> Solver:
+    """The solver of that name, as configured.
+
+    Args:
+        encoding: of the arc form's subtour terms, for solvers of QUBOs.
+    """
     gamma, options = settings.gamma, settings.lc_qaoa
     makers: dict[SolverName, Callable[[], Solver]] = {
         "exact": ExactSolver,
         "cplex": CplexSolver,
-        "tabu": lambda: TabuSolver(gamma=gamma),
-        "annealing": lambda: AnnealingSolver(gamma=gamma),
+        "tabu": lambda: TabuSolver(gamma=gamma, encoding=encoding),
+        "annealing": lambda: AnnealingSolver(gamma=gamma, encoding=encoding),
         "insertion": InsertionSolver,
         "lc-qaoa": lambda: LcQaoaSolver(
             layers=options.layers,
@@ -31,6 +38,7 @@ def make_solver(name: SolverName, settings: DispatcherSettings) -> Solver:
             delta_beta=options.delta_beta,
             delta_gamma=options.delta_gamma,
             gamma=gamma,
+            encoding=encoding,
         ),
     }
     return makers[name]()

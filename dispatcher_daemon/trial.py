@@ -1,0 +1,102 @@
+"""What a solver's answer is worth: checked, re-evaluated, and as energy on the road."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dispatcher_daemon.appraisal import RouteEnergy, route_energy
+from dispatcher_daemon.decode import violations
+from dispatcher_daemon.forms import Form
+from dispatcher_daemon.platoons import Passage, Place, form_platoons
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.routes import Route, lateness_s
+from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy import Energy, Saving, split_saving, total
+
+_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One solver on one instance.
+
+    Attributes:
+        outcome: as the solver gave it.
+        faults: rules that its answer breaks: the form's, then windows and capacities.
+        objective_kwh: H_cost − H_platoon, re-evaluated; None without an answer.
+        routes: timetables; none if the answer is no route set.
+        energy: E_physical of the routes, drafting included.
+        saving: against the plan without platooning, every vehicle alone; None without that plan.
+        platooned_m: driven in platoons, as leader or follower.
+    """
+
+    outcome: Outcome
+    faults: tuple[str, ...]
+    objective_kwh: float | None
+    routes: tuple[Route, ...] = ()
+    energy: Energy | None = None
+    saving: Saving | None = None
+    platooned_m: float = 0.0
+
+
+def appraise(
+    form: Form,
+    routing: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    sync_window_s: float,
+    outcome: Outcome,
+    baseline: Sequence[Route] | None,
+) -> Trial:
+    """Check an outcome and find out what it is worth.
+
+    Args:
+        form: what was solved.
+        routing: roads and fleet behind it.
+        baseline: routes without platooning.
+    """
+    selected = outcome.selected
+    if selected is None:
+        return Trial(outcome, (), None)
+    objective = form.problem.objective_kwh(selected)
+    faults = violations(form.problem, selected)
+    if faults:
+        return Trial(outcome, faults, objective)
+    routes = form.routes(selected)
+    places = form_platoons(routes, snapshot, sync_window_s, cycle=0)
+    energies = [route_energy(routing, route, places) for route in routes]
+    driven = total(e.driven for e in energies)
+    saving = None
+    if baseline is not None:
+        none: dict[Passage, Place] = {}
+        base = total(route_energy(routing, route, none).alone for route in baseline)
+        saving = split_saving(base, _alone(energies), driven)
+    return Trial(
+        outcome,
+        road_faults(routing, routes),
+        objective,
+        tuple(routes),
+        driven,
+        saving,
+        sum(e.platooned_m for e in energies),
+    )
+
+
+def _alone(energies: Sequence[RouteEnergy]) -> Energy:
+    return total(e.alone for e in energies)
+
+
+def road_faults(routing: RoutingProblem, routes: Sequence[Route]) -> tuple[str, ...]:
+    """Windows that are missed and capacities that are exceeded, in words."""
+    faults = []
+    by_id = {vehicle.id: vehicle for vehicle in routing.fleet.vehicles}
+    for route in routes:
+        vehicle = by_id[route.vehicle]
+        late = lateness_s(routing, vehicle, route)
+        if late > _TOLERANCE_S:
+            faults.append(f"{vehicle.id}: {late:.1f} s too late for one of its windows")
+        load = sum(routing.fleet.stop_by_id[visit.place].demand for visit in route.visits[1:-1])
+        if vehicle.capacity is not None and load > vehicle.capacity:
+            faults.append(f"{vehicle.id}: loads {load}, more than its {vehicle.capacity}")
+    return tuple(faults)

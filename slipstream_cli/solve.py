@@ -1,0 +1,228 @@
+"""`slipstream solve`: one instance, one or several solvers in turn."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from slipstream.errors import InputError
+from slipstream_cli.solve_report import Report, as_json, as_text, list_as_text
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.forms import Form
+    from dispatcher_daemon.formulations.qubo import QuboModel
+    from dispatcher_daemon.instance import Instance
+    from dispatcher_daemon.problem import RoutingProblem
+    from dispatcher_daemon.settings import SolverName
+
+_SOLVERS = ("exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa")
+_ENDINGS = (".lp", ".mps", ".json", ".coo")
+_LARGEST_ARC_FLEET = 2
+
+
+def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    command = commands.add_parser(
+        "solve",
+        help="solve one instance",
+        description="Solves one instance and says what the answer costs, what it saves against the "
+        "plan without platooning, and why. Exit status 1 if no solver found a valid plan.",
+    )
+    command.add_argument("--instance", metavar="NAME|FILE", help="published instance, or a file")
+    command.add_argument(
+        "--solver", choices=_SOLVERS, nargs="+", help="one or several (default: exact)"
+    )
+    command.add_argument(
+        "--form",
+        choices=("arc", "route"),
+        help="the paper's arcs or route options (default: arc for at most "
+        f"{_LARGEST_ARC_FLEET} vehicles)",
+    )
+    command.add_argument(
+        "--encoding",
+        choices=("reduced", "full"),
+        default="reduced",
+        help="of the arc form's subtour terms in the QUBO (full: the paper's)",
+    )
+    command.add_argument(
+        "--gamma", type=_positive, metavar="G", help="penalty weight, kWh (default: computed)"
+    )
+    command.add_argument(
+        "--deadline", type=_positive, default=10.0, metavar="S", help="for each solver, s"
+    )
+    command.add_argument("--seed", type=_seed, default=1)
+    command.add_argument(
+        "--explain", action="store_true", help="list every reward and why others are 0"
+    )
+    command.add_argument(
+        "--write",
+        type=Path,
+        metavar="FILE",
+        help="write the MILP (.lp, .mps) or the QUBO (.json for dimod, .coo); solves only if "
+        "--solver is given",
+    )
+    command.add_argument("--list", action="store_true", help="list the published instances")
+    command.add_argument(
+        "--schema", action="store_true", help="print the JSON schema of instance files"
+    )
+    command.add_argument("--json", action="store_true", help="print the results as JSON")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """List, describe, write or solve."""
+    if options.schema:
+        from dispatcher_daemon.instance import instance_schema
+
+        print(json.dumps(instance_schema(), indent=2))
+        return 0
+    if options.list:
+        rows = _published()
+        print(json.dumps({"instances": rows}) if options.json else list_as_text(rows))
+        return 0
+    if options.instance is None:
+        raise InputError("solve", "no instance", "give --instance, see --list for names")
+    if options.write is not None and options.write.suffix not in _ENDINGS:
+        raise InputError(
+            options.write, "no such kind of model file", f"end its name in {', '.join(_ENDINGS)}"
+        )
+    return _solve(options)
+
+
+def _solve(options: argparse.Namespace) -> int:
+    from dispatcher_daemon.forms import servable_part
+    from dispatcher_daemon.formulations.model import build_model
+    from dispatcher_daemon.instances import open_instance
+
+    instance = open_instance(options.instance)
+    routing, unserved = servable_part(instance)
+    form = _form(options, routing, instance)
+    model = build_model(form.problem, options.gamma, encoding=options.encoding)
+    if options.write is not None:
+        _write(model, options.write)
+    report = Report(
+        instance=instance.name,
+        form=form.name,
+        encoding=options.encoding if form.name == "arc" else None,
+        choices=form.problem.choices,
+        variables=len(model.variables),
+        couplings=sum(1 for bias in model.total.quadratic.values() if bias),
+        gamma_kwh=model.gamma,
+        gamma_computed=options.gamma is None,
+        unserved=unserved,
+        written=options.write,
+        rewards=[(pair, form.arcs) for pair in form.judged] if options.explain else None,
+        known=instance.optimum
+        if instance.optimum is not None and instance.optimum.form == form.name and not unserved
+        else None,
+    )
+    names = options.solver or ([] if options.write else ["exact"])
+    if names:
+        _run_solvers(names, options, form, routing, instance, report)
+    print(json.dumps(as_json(report)) if options.json else as_text(report))
+    return 0 if not names or any(_is_valid(trial) for trial in report.trials) else 1
+
+
+def _run_solvers(
+    names: Sequence[SolverName],
+    options: argparse.Namespace,
+    form: Form,
+    routing: RoutingProblem,
+    instance: Instance,
+    report: Report,
+) -> None:
+    from dispatcher_daemon.settings import DispatcherSettings
+    from dispatcher_daemon.solvers.pool import Job, solve_here
+    from dispatcher_daemon.solvers.registry import make_solver
+    from dispatcher_daemon.trial import appraise
+
+    settings = DispatcherSettings(gamma=options.gamma)
+    solvers = [make_solver(name, settings, options.encoding) for name in dict.fromkeys(names)]
+    for solver in solvers:
+        solver.warm_up()  # says what is not installed before anything takes time
+    baseline = form.baseline(options.deadline, options.seed)
+    report.baseline = None if baseline is None else baseline[0]
+    solve = solve_here(solvers)
+    for solver in solvers:
+        job = Job(solver.name, form.problem, options.seed)
+        (outcome,) = solve([job], options.deadline)
+        report.trials.append(
+            appraise(
+                form,
+                routing,
+                instance.snapshot,
+                instance.sync_window_s,
+                outcome,
+                None if baseline is None else baseline[1],
+            )
+        )
+
+
+def _is_valid(trial: Any) -> bool:
+    return trial.outcome.selected is not None and not trial.faults
+
+
+def _form(options: argparse.Namespace, routing: RoutingProblem, instance: Instance) -> Form:
+    from dispatcher_daemon.forms import arc_form
+
+    return arc_form(routing, instance)
+
+
+def _write(model: QuboModel, path: Path) -> None:
+    from dispatcher_daemon.formulations.files import WRITERS
+
+    try:
+        WRITERS[path.suffix](model, path)
+    except OSError as error:
+        raise InputError(
+            path, error.strerror or "not writable", "give a path that can be written"
+        ) from None
+
+
+def _published() -> list[dict[str, Any]]:
+    """What is worth knowing of the published instances before solving one."""
+    from dispatcher_daemon.forms import arc_form
+    from dispatcher_daemon.formulations.model import build_model
+    from dispatcher_daemon.instances import instance_names, open_instance
+
+    rows = []
+    for name in instance_names():
+        instance = open_instance(name)
+        fleet, optimum = instance.problem.fleet, instance.optimum
+        problem = arc_form(instance.problem, instance).problem
+        rows.append(
+            {
+                "name": name,
+                "form": "arc",
+                "vehicles": len(fleet.vehicles),
+                "stops": len(fleet.stops),
+                "choices": problem.choices,
+                "variables": len(build_model(problem).variables),
+                "rewards": len(problem.pair_savings),
+                "optimum_kwh": None if optimum is None else optimum.objective_kwh,
+                "proven": optimum is not None and optimum.proven,
+                "provenance": instance.provenance,
+            }
+        )
+    return rows
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
+
+
+def _seed(text: str) -> int:
+    value = int(text) if text.isdecimal() else -1
+    if not 0 <= value < 2**32:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to {2**32 - 1}")
+    return value
