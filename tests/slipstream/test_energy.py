@@ -10,9 +10,16 @@ from hypothesis import strategies as st
 from slipstream.energy import (
     ETA_FOLLOWER,
     PAPER_CAR,
+    Energy,
     VehicleParameters,
     drag_saving_kwh,
+    phase_energies,
+    split_saving,
+    stack_traces,
     steady_energy_kwh,
+    stop_energy_kwh,
+    total,
+    trace_energies,
     trace_energy,
     wheel_power_w,
 )
@@ -81,3 +88,96 @@ def test_impossible_vehicles_are_refused(field: str, value: float) -> None:
     """Vehicle data must be positive and finite."""
     with pytest.raises(ValueError, match=field):
         VehicleParameters(**{field: value})
+
+
+@given(
+    st.lists(st.lists(st.floats(0.0, 40.0), min_size=1, max_size=12), min_size=1, max_size=6),
+    st.floats(0.0, 0.3),
+)
+def test_a_stack_of_trajectories_needs_what_each_of_them_needs(
+    traces: list[list[float]], eta: float
+) -> None:
+    """Filling short rows up adds nothing and takes nothing away; a fleet needs the rows' sum."""
+    stack = trace_energies(stack_traces(traces), 0.5, eta)
+    rows = [trace_energy(trace, 0.5, eta) for trace in traces]
+    for number, row in enumerate(rows):
+        assert [part[number] for part in stack] == pytest.approx(list(row), rel=1e-12, abs=1e-15)
+    assert stack.sum() == pytest.approx(total(rows), rel=1e-12, abs=1e-15)
+
+
+def test_plans_and_trajectories_may_be_stacked_in_any_depth() -> None:
+    """Shape (plans, vehicles, samples) gives (plans, vehicles), with a drag reduction of each."""
+    speeds = np.random.default_rng(1).uniform(0, 20, (3, 4, 30))
+    eta = np.array([0.0, 0.05, 0.2])[:, None, None]
+    deep = trace_energies(speeds, 0.1, eta)
+    assert deep.total_kwh.shape == (3, 4)
+    single = trace_energy(speeds[2, 1], 0.1, 0.2)
+    assert [part[2, 1] for part in deep] == pytest.approx(list(single), rel=1e-12)
+    assert total([]) == Energy(0, 0, 0, 0)
+
+
+@given(
+    start=st.floats(0.0, 40.0),
+    end=st.floats(0.0, 40.0),
+    seconds=st.floats(0.1, 60.0),
+    eta=st.floats(0.0, 0.3),
+)
+def test_a_phase_in_closed_form_is_the_limit_of_fine_sampling(
+    start: float, end: float, seconds: float, eta: float
+) -> None:
+    """Whether it pulls all the way, part of it (slow braking) or not at all."""
+    sampled = trace_energy(np.linspace(start, end, 4001), seconds / 4000, eta)
+    exact = phase_energies(start, end, seconds, eta)
+    scale = max(1e-9, sampled.rolling_kwh + sampled.drag_kwh, abs(sampled.acceleration_kwh))
+    assert [float(part) for part in exact] == pytest.approx(list(sampled), rel=0, abs=2e-3 * scale)
+
+
+def test_slow_braking_pulls_only_while_drag_is_large() -> None:
+    """At −0.2 m/s² resistance and inertia cancel at 18.3 m/s; below that nothing is needed."""
+    cancel = np.sqrt((1800 * 0.2 - PAPER_CAR.rolling_force_n) / PAPER_CAR.drag_factor_kgpm)
+    assert cancel == pytest.approx(18.3, abs=0.1)
+    assert phase_energies(cancel, 5.0, (cancel - 5) / 0.2).total_kwh == pytest.approx(0, abs=1e-12)
+    above = phase_energies(30.0, cancel, (30 - cancel) / 0.2).total_kwh
+    assert phase_energies(30.0, 5.0, 25 / 0.2).total_kwh == pytest.approx(above, rel=1e-9)
+    assert above > 0
+
+
+def test_a_phase_of_no_duration_needs_nothing() -> None:
+    """Not even where its speeds differ."""
+    nothing = phase_energies([0.0, 5.0], [10.0, 5.0], [0.0, 0.0])
+    assert [part.tolist() for part in nothing] == [[0.0, 0.0]] * 4
+
+
+@given(*[st.tuples(*[st.floats(0.0, 9.0)] * 3) for _ in range(3)])
+def test_the_parts_of_a_saving_add_up(
+    baseline: tuple[float, float, float],
+    alone: tuple[float, float, float],
+    driven: tuple[float, float, float],
+) -> None:
+    """Distance, drag and acceleration sum to the whole saving, whatever the drives."""
+    saving = split_saving(*(Energy(sum(parts), *parts) for parts in (baseline, alone, driven)))
+    assert saving.total_kwh == pytest.approx(sum(baseline) - sum(driven), abs=1e-12)
+    parts = saving.distance_kwh + saving.drag_kwh + saving.acceleration_kwh
+    assert parts == pytest.approx(saving.total_kwh, abs=1e-12)
+
+
+def test_each_part_of_a_saving_has_its_own_cause() -> None:
+    """A shorter way counts as distance, drafting as drag, and calmer driving as acceleration."""
+    calm = np.full(101, 15.0)
+    rough = np.clip(15.0 + np.cumsum(np.tile([1.0, -1.0], 51))[:101], 15.0, 16.0)
+    base, short = trace_energy(calm, 1.0), trace_energy(calm[:51], 1.0)
+    drafted = trace_energy(calm, 1.0, ETA_FOLLOWER)
+    assert split_saving(base, short, short).distance_kwh == pytest.approx(base.total_kwh / 2)
+    assert split_saving(base, short, short).acceleration_kwh == pytest.approx(0, abs=1e-12)
+    assert split_saving(base, base, drafted).drag_kwh == pytest.approx(0.2 * base.drag_kwh)
+    assert split_saving(base, base, drafted).distance_kwh == 0
+    calmer = split_saving(trace_energy(rough, 1.0), base, base)
+    assert calmer.acceleration_kwh > 0.9 * calmer.total_kwh
+
+
+def test_a_stop_costs_51_wh_at_13_4_mps_and_grows_with_the_square_of_speed() -> None:
+    """The kinetic energy that braking loses, as electrical energy."""
+    assert stop_energy_kwh(13.4) * 1e3 == pytest.approx(51.0, abs=0.1)
+    assert stop_energy_kwh(26.8) == pytest.approx(4 * stop_energy_kwh(13.4))
+    heavy = VehicleParameters(mass_kg=3600.0)
+    assert stop_energy_kwh(13.4, heavy) == pytest.approx(2 * stop_energy_kwh(13.4))
