@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from dispatcher_daemon.routes import Route
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -43,38 +44,46 @@ def form_platoons(
     names: dict[tuple[str, ...], str] = {}
     places: dict[Passage, Place] = {}
     for segment in sorted(passages):
-        waiting = sorted(passages[segment], key=lambda p: (p[0], p[2]))
-        while waiting:
-            group, rest = _first_group(waiting, sync_window_s)
-            waiting = rest
+        for group in platoons_of(sorted(passages[segment]), sync_window_s):
             if len(group) < 2:
                 continue
-            members = tuple(vehicle for vehicle, _, _ in group)
+            members = tuple(passage[0] for _, _, passage in group)
             name = names.setdefault(members, f"c{cycle}-p{len(names) + 1}")
-            for number, passage in enumerate(group):
+            for number, (_, _, passage) in enumerate(group):
                 places[passage] = Place(name, number)
     return places
 
 
-def _first_group(
-    waiting: Sequence[tuple[float, float, Passage]], sync_window_s: float
-) -> tuple[list[Passage], list[tuple[float, float, Passage]]]:
-    lead_entry, lead_leaving, leader = waiting[0]
-    group, last_leaving = [leader], lead_leaving
-    rest = []
-    for candidate in waiting[1:]:
-        entry, leaving, passage = candidate
-        together = (
-            entry - lead_entry <= sync_window_s
-            and last_leaving <= leaving <= lead_leaving + sync_window_s
-            and all(passage[0] != member[0] for member in group)
-        )
-        if together:
-            group.append(passage)
-            last_leaving = leaving
-        else:
-            rest.append(candidate)
-    return group, rest
+Who = TypeVar("Who", bound=tuple[Any, ...])
+Timed = tuple[float, float, Who]
+"""(entry, leaving, passage) on one segment, s; a passage begins with its vehicle."""
+
+
+def platoons_of(passages: Sequence[Timed[Who]], sync_window_s: float) -> Iterator[list[Timed[Who]]]:
+    """Split the passages of one segment into platoons; those of one vehicle drive alone.
+
+    Args:
+        passages: in the order of entry.
+    """
+    waiting = list(passages)
+    while waiting:
+        lead_entry, lead_leaving, _ = waiting[0]
+        group, last_leaving = [waiting[0]], lead_leaving
+        rest = []
+        for position, candidate in enumerate(waiting[1:], 1):
+            entry, leaving, passage = candidate
+            if entry - lead_entry > sync_window_s:
+                rest += waiting[position:]
+                break
+            if last_leaving <= leaving <= lead_leaving + sync_window_s and all(
+                passage[0] != member[2][0] for member in group
+            ):
+                group.append(candidate)
+                last_leaving = leaving
+            else:
+                rest.append(candidate)
+        yield group
+        waiting = rest
 
 
 def drag_reductions(route: Route, places: Mapping[Passage, Place]) -> list[list[float]]:

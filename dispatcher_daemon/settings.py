@@ -25,6 +25,47 @@ class LcQaoaSettings(Settings):
     )
 
 
+class SearchSettings(Settings):
+    """How long base routes are searched: by iterations, so that a result can be repeated."""
+
+    rounds: int = Field(default=5, ge=0, le=1000)
+    iterations_per_stop: int = Field(
+        default=50, ge=1, le=100_000, description="Of iterated local search, in each round."
+    )
+    part_stops: int = Field(
+        default=125, ge=10, description="A round searches parts of so many stops side by side."
+    )
+    time_limit_s: float = Field(
+        default=20.0, gt=0, allow_inf_nan=False, description="Guard: ends the search early."
+    )
+
+
+class CitySettings(Settings):
+    """The route form: base routes, blocks and sweeps."""
+
+    search: SearchSettings = SearchSettings()
+    base_share: float = Field(
+        default=0.6, gt=0, lt=1, description="Share of a deadline that base routes may take."
+    )
+    block_variables: int = Field(
+        default=25, ge=4, le=200, description="Most variables of one block."
+    )
+    options: int = Field(
+        default=5, ge=2, le=50, description="Options of each vehicle of a full block."
+    )
+    wave: int = Field(default=8, ge=1, description="Blocks that are solved side by side.")
+    most_sweeps: int = Field(default=20, ge=0)
+    patience: int = Field(
+        default=2, ge=1, description="Sweeps without improvement, each cut anew, that end it."
+    )
+    block_deadline_s: float = Field(
+        default=5.0, gt=0, allow_inf_nan=False, description="For the solvers of one wave."
+    )
+    solvers: tuple[SolverName, ...] = Field(
+        default=("exact",), min_length=1, description="Asked for each block, the best answer wins."
+    )
+
+
 class DispatcherSettings(Settings):
     """Everything that the dispatcher can be told; the defaults run the built-in demo."""
 

@@ -152,7 +152,7 @@ class Travel:
         np.fill_diagonal(seconds, 0.0)
         return energy, seconds
 
-    def leg(self, start: str, end: str, snapshot: TrafficSnapshot) -> Leg | None:
+    def leg(self, start: str, end: str) -> Leg | None:
         """The way between two places; None if there is none."""
         pair = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
         if pair not in self._legs:
