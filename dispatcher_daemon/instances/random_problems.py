@@ -32,8 +32,9 @@ def random_arc_problem(
         most_variables: of its QUBO in this encoding, at least 12.
     """
     while True:
-        vehicles, customers = int(rng.integers(1, 4)), int(rng.integers(1, 6))
-        problem = _arc_problem(rng, vehicles, customers, int(rng.integers(4, 19)))
+        vehicles = int(rng.integers(1, 4))
+        customers = int(rng.integers(vehicles, 6))
+        problem = _arc_problem(rng, vehicles, customers, int(rng.integers(8, 19)))
         if problem.choices <= most_variables:
             variables, _ = constraint_rows(problem, encoding)
             if len(variables) <= most_variables:
@@ -51,7 +52,7 @@ def _arc_problem(rng: np.random.Generator, vehicles: int, customers: int, arcs: 
             chosen += [(vehicle, i, j) for i, j in pairwise(("d", *part, "d"))]
     others = [every[n] for n in rng.permutation(len(every)) if every[n] not in chosen]
     kept = sorted(chosen + others[: max(0, arcs - len(chosen))])
-    candidates = tuple(CandidateArc(*arc, float(rng.uniform(0.05, 0.4))) for arc in kept)
+    candidates = tuple(CandidateArc(k, i, j, float(rng.uniform(0.05, 0.4))) for k, i, j in kept)
     largest, share = float(rng.choice((0.03, 0.1, 0.5))), float(rng.uniform(0.0, 0.5))
     rewards = tuple(
         ArcReward(a, b, "e", float(rng.uniform(0.1, 1.0)) * largest)
