@@ -1,4 +1,4 @@
-"""The fleet: depots, stops and vehicles, read from TOML and checked against the road network."""
+"""The fleet: depots, stops and vehicles, read from a file and checked against the road network."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Final, Self
 
 from pydantic import Field, model_validator
 
-from slipstream.config import Settings, check, load
+from slipstream.config import Settings, check, read_data
 from slipstream.errors import InputError
 from slipstream.messages import Identifier
 from slipstream.roads import RoadNetwork
@@ -194,7 +194,7 @@ def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
     """Read a fleet.
 
     Args:
-        reference: path of a TOML file, or ``"demo"`` for the fleet that is built in.
+        reference: path of a TOML or JSON file, or ``"demo"`` for the fleet that is built in.
         network: the roads that its nodes lie on.
 
     Raises:
@@ -204,14 +204,11 @@ def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
     if str(reference) == DEMO_FLEET:
         packed = resources.files("dispatcher_daemon") / "data" / "demo_fleet.toml"
         with resources.as_file(packed) as path:
-            fleet = load(path, Fleet)
-    else:
-        fleet = load(Path(reference), Fleet)
-    check_fleet(fleet, network, reference)
-    return fleet
+            return fleet_from(read_data(path), network, DEMO_FLEET)
+    return fleet_from(read_data(Path(reference)), network, reference)
 
 
-def fleet_from(data: object, network: RoadNetwork, source: str) -> Fleet:
+def fleet_from(data: object, network: RoadNetwork, source: str | Path) -> Fleet:
     """Check plain data as a fleet; errors as in `load_fleet`."""
     fleet = check(data, Fleet, source)
     check_fleet(fleet, network, source)

@@ -28,7 +28,7 @@ from dispatcher_daemon.instance_tables import (
 )
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.config import check, read_toml
+from slipstream.config import check, read_data
 from slipstream.errors import InputError
 
 
@@ -81,7 +81,7 @@ def load_instance(path: str | Path) -> Instance:
             that nobody can serve are no error: see `dispatcher_daemon.routability`.
     """
     path = Path(path)
-    return instance_from(_read(path), path)
+    return instance_from(read_data(path), path)
 
 
 def instance_from(data: object, source: str | Path) -> Instance:
@@ -122,28 +122,6 @@ def instance_schema() -> dict[str, Any]:
     """JSON schema (2020-12) of instance files."""
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, **InstanceFile.model_json_schema()}
-
-
-def _read(path: Path) -> object:
-    try:
-        if path.suffix != ".json":
-            return read_toml(path)
-        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique_keys)
-    except FileNotFoundError:
-        raise InputError(path, "no such file", "check the path") from None
-    except OSError as error:
-        raise InputError(path, error.strerror or "not readable", "check the path") from None
-    except RecursionError:
-        raise InputError(path, "nested too deeply", "mend the file") from None
-    except ValueError as error:
-        raise InputError(path, f"not JSON: {error}", "mend the file") from None
-
-
-def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    repeated = first_twice(key for key, _ in pairs)
-    if repeated is not None:
-        raise ValueError(f"key {repeated!r} is given twice in one object")
-    return dict(pairs)
 
 
 def _optimum(file: InstanceFile, source: str | Path) -> Optimum | None:

@@ -1,4 +1,4 @@
-"""TOML in, checked settings out: the one place where settings files are read."""
+"""TOML or JSON in, checked settings out: the one place where settings files are read."""
 
 from __future__ import annotations
 
@@ -60,8 +60,39 @@ def read_toml(path: Path) -> dict[str, object]:
         raise InputError(path, "no such file", "check the path") from None
     except OSError as error:
         raise InputError(path, error.strerror or "not readable", "check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise InputError(path, "nested too deeply", "mend the file") from None
+    except ValueError as error:
         raise InputError(path, f"not TOML: {error}", "mend the file") from None
+
+
+def read_data(path: Path) -> object:
+    """Read a JSON file, by its suffix, or else a TOML file.
+
+    Raises:
+        InputError: as `read_toml`, for JSON likewise; also a key that one object has twice.
+    """
+    if path.suffix != ".json":
+        return read_toml(path)
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique_keys)
+    except FileNotFoundError:
+        raise InputError(path, "no such file", "check the path") from None
+    except OSError as error:
+        raise InputError(path, error.strerror or "not readable", "check the path") from None
+    except RecursionError:
+        raise InputError(path, "nested too deeply", "mend the file") from None
+    except ValueError as error:
+        raise InputError(path, f"not JSON: {error}", "mend the file") from None
+
+
+def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    table: dict[str, object] = {}
+    for key, value in pairs:
+        if key in table:
+            raise ValueError(f"key {key!r} is given twice in one object")
+        table[key] = value
+    return table
 
 
 def check(data: object, model: type[S], source: str | Path) -> S:

@@ -1,23 +1,28 @@
-"""`slipstream check`: validate settings files without starting anything."""
+"""`slipstream check`: validate settings, fleet and instance files without starting anything."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Final
 
-from slipstream.config import load, read_toml
+from slipstream.config import load, read_data
 from slipstream.errors import InputError
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
-    command = commands.add_parser("check", help="validate settings files and what they refer to")
-    command.add_argument("config", type=Path, nargs="+", help="edge, dispatcher or dashboard TOML")
+    command = commands.add_parser("check", help="validate settings, fleets and instances")
+    command.add_argument("config", type=Path, nargs="+", help="settings, fleet or instance")
     command.add_argument(
         "--as",
         dest="kind",
-        choices=("edge", "dispatcher", "dashboard"),
-        help="which daemon's settings they are (default: told from the file's name or content)",
+        choices=tuple(_CHECKS),
+        help="what they are (default: told from the file's name or content)",
+    )
+    command.add_argument(
+        "--network", default="demo", help="roads of a fleet file: a SUMO net (default: the demo's)"
     )
     command.set_defaults(run=run)
 
@@ -26,23 +31,30 @@ def run(options: argparse.Namespace) -> int:
     """Check each file; stops at the first fault."""
     for path in options.config:
         kind = options.kind or _kind_of(path)
-        _CHECKS[kind](path)
-        print(f"{path}: valid {kind} settings")
+        unserved = _CHECKS[kind](path, options.network)
+        what = kind if kind in ("fleet", "instance") else f"{kind} settings"
+        print(f"{path}: valid {what}")
+        for stop, reason in unserved.items():
+            print(f"{path}: stop {stop} cannot be served: {reason}")
     return 0
 
 
 def _kind_of(path: Path) -> str:
+    content = read_data(path)
+    keys = content.keys() if isinstance(content, dict) else ()
+    for kind, wanted in (("instance", {"format"}), ("fleet", {"stops", "vehicles"})):
+        if wanted <= set(keys):
+            return kind
     for kind in _CHECKS:
         if kind in path.stem:
             return kind
-    content = read_toml(path)
     for kind, key in (("edge", "rsu"), ("dispatcher", "fleet"), ("dashboard", "port")):
-        if key in content:
+        if key in keys:
             return kind
-    raise InputError(path, "cannot tell which daemon it is for", "say so with --as")
+    raise InputError(path, "cannot tell what it is", "say so with --as")
 
 
-def _check_edge(path: Path) -> None:
+def _check_edge(path: Path, _: str) -> Mapping[str, str]:
     from edge_daemon.camera import load_camera
     from edge_daemon.detection import open_detector
     from edge_daemon.settings import EdgeSettings
@@ -55,22 +67,50 @@ def _check_edge(path: Path) -> None:
     open_detector(settings.detector)
     if settings.source.clip is not None:
         open_clip(settings.source.clip, loop=False, size=camera.size).close()
+    return {}
 
 
-def _check_dispatcher(path: Path) -> None:
-    from dispatcher_daemon.fleet import load_fleet
+def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
     from dispatcher_daemon.settings import DispatcherSettings
-    from slipstream.roads import load_network
 
     settings = load(path, DispatcherSettings)
-    load_fleet(settings.fleet, load_network(settings.network))
+    return _check_fleet(Path(settings.fleet), settings.network)
 
 
-def _check_dashboard(path: Path) -> None:
+def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
     from dashboard.settings import DashboardSettings
     from slipstream.roads import load_network
 
     load_network(load(path, DashboardSettings).network)
+    return {}
 
 
-_CHECKS = {"edge": _check_edge, "dispatcher": _check_dispatcher, "dashboard": _check_dashboard}
+def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
+    from dispatcher_daemon.fleet import load_fleet
+    from dispatcher_daemon.problem import RoutingProblem
+    from dispatcher_daemon.routability import unservable
+    from dispatcher_daemon.traffic import take_snapshot
+    from slipstream.freshness import STALE_AFTER_S
+    from slipstream.roads import load_network
+
+    roads = load_network(network)
+    free_flow = take_snapshot(roads, (), 0, stale_after_s=STALE_AFTER_S)
+    return unservable(RoutingProblem(roads, load_fleet(path, roads)), free_flow)
+
+
+def _check_instance(path: Path, _: str) -> Mapping[str, str]:
+    from dispatcher_daemon.instance import load_instance
+    from dispatcher_daemon.routability import unservable
+
+    instance = load_instance(path)
+    return unservable(instance.problem, instance.snapshot)
+
+
+_CHECKS: Final[dict[str, Callable[[Path, str], Mapping[str, str]]]] = {
+    "edge": _check_edge,
+    "dispatcher": _check_dispatcher,
+    "dashboard": _check_dashboard,
+    "fleet": _check_fleet,
+    "instance": _check_instance,
+}
+"""Each checks a file, a fleet's on given roads, and returns stops that cannot be served."""

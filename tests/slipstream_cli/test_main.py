@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomli_w
@@ -85,6 +86,31 @@ def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     other = tmp_path / "other.toml"
     other.write_text("")
     assert "--as" in one_line(slipstream("check", str(other)))
+
+
+def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_path: Path) -> None:
+    """A stop with too much demand is no fault of the file's, a node that is not there is one."""
+    fleet: dict[str, Any] = {
+        "depots": [{"node": "depot"}],
+        "stops": [{"id": "s1", "node": "c1"}, {"id": "s2", "node": "c2", "demand": 5}],
+        "vehicles": [{"id": "van", "capacity": 3}],
+    }
+    vans, whole = tmp_path / "vans.toml", tmp_path / "morning.json"
+    vans.write_text(tomli_w.dumps(fleet))
+    instance = {"format": "slipstream-instance/1", "name": "morning", "fleet": fleet}
+    whole.write_text(json.dumps(instance | {"network": {"sumo_net": "demo"}}))
+    result = slipstream("check", str(vans), str(whole))
+    assert result.returncode == 0
+    reason = "its demand of 5 is above every capacity (nearest: 3 of 'van')"
+    assert result.stdout.splitlines() == [
+        f"{vans}: valid fleet",
+        f"{vans}: stop s2 cannot be served: {reason}",
+        f"{whole}: valid instance",
+        f"{whole}: stop s2 cannot be served: {reason}",
+    ]
+    fleet["stops"][0]["node"] = "c9"
+    vans.write_text(tomli_w.dumps(fleet))
+    assert f"{vans}: stops.s1.node: unknown node 'c9'" in one_line(slipstream("check", str(vans)))
 
 
 def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
