@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Literal
@@ -89,6 +89,7 @@ def take_snapshot(
     *,
     stale_after_s: float,
     future_tolerance_s: float = FUTURE_TOLERANCE_S,
+    stops_at_signals: float = 0.0,
 ) -> TrafficSnapshot:
     """Judge the latest states at one moment; same input, same snapshot.
 
@@ -101,6 +102,8 @@ def take_snapshot(
         stale_after_s: age limit.
         future_tolerance_s: a state dated further ahead than this is as good as stale: a clock is
             wrong somewhere.
+        stops_at_signals: expected full stops of a passage of a segment that ends at traffic lights;
+            known from elsewhere, as no state tells of it.
     """
     known = sorted(
         (s for s in states if s.segment in network.segments), key=lambda s: (s.segment, s.rsu)
@@ -108,10 +111,12 @@ def take_snapshot(
     by_segment: dict[str, list[SegmentState]] = {}
     for state in known:
         by_segment.setdefault(state.segment, []).append(state)
-    traffic = {
-        name: _judge(segment, by_segment.get(name, []), now_ns, stale_after_s, future_tolerance_s)
-        for name, segment in network.segments.items()
-    }
+    traffic = {}
+    for name, segment in network.segments.items():
+        seen = by_segment.get(name, [])
+        judged = _judge(segment, seen, now_ns, stale_after_s, future_tolerance_s)
+        at_signals = segment.end in network.signals and stops_at_signals > 0
+        traffic[name] = replace(judged, stops=stops_at_signals) if at_signals else judged
     return TrafficSnapshot(now_ns, MappingProxyType(traffic), tuple(known))
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -55,6 +56,23 @@ def test_every_fault_of_a_camera_closes_the_gate(
     traffic = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0).segments["avenue_east"]
     assert (traffic.open, traffic.reason) == (False, f"unknown: {fault}")
     assert traffic.speed_mps == demo.network.segments["avenue_east"].speed_limit_mps
+
+
+def test_expected_stops_stand_where_a_segment_ends_at_signals(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """Watched or not, segments into a junction with signals get them, and no other does."""
+    network = replace(demo.network, signals=frozenset({"depot"}))
+    seen = state("avenue_east", 1, time_ns=now_ns)
+
+    def stops(**given: float) -> dict[str, float]:
+        snapshot = take_snapshot(network, [seen], now_ns, stale_after_s=5.0, **given)
+        return {name: traffic.stops for name, traffic in snapshot.segments.items()}
+
+    assert set(stops().values()) == {0.0}
+    into_depot = {name for name, s in network.segments.items() if s.end == "depot"}
+    assert {name for name, n in stops(stops_at_signals=0.4).items() if n == 0.4} == into_depot
+    assert into_depot
 
 
 def test_unwatched_segments_are_closed_at_free_flow(demo: RoutingProblem, now_ns: int) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import re
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -68,3 +70,29 @@ def test_impossible_segments_are_refused(changes: dict[str, object], problem: st
     sound = Segment(**fields)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="two segments"):
         build_network("n", [sound, sound], {"a": (0, 0), "b": (10, 0)})
+
+
+def test_signals_of_a_sumo_net_are_known(tmp_path: Path) -> None:
+    """Junctions with traffic lights are told from the net; turns lead to segments only."""
+    path = tmp_path / "lights.net.xml"
+    demo = resources.files("slipstream").joinpath("data", "demo.net.xml").read_text()
+    first = re.search(r'<junction id="(c\d)" type="priority"', demo)
+    assert first is not None
+    path.write_text(demo.replace(first[0], first[0].replace("priority", "traffic_light"), 1))
+    assert load_network(path).signals == {first[1]}
+    assert load_network("demo").signals == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("follows", "problem"),
+    [
+        ({"ab": ("zz",)}, "ab: a turn names the unknown segment 'zz'; add it"),
+        ({"zz": ()}, "zz: a turn names the unknown segment 'zz'; add it"),
+        ({"ab": ("ab",)}, "ab: a turn onto 'ab', which begins elsewhere; remove the turn"),
+    ],
+)
+def test_turns_must_lead_on(follows: dict[str, tuple[str, ...]], problem: str) -> None:
+    """A turn joins two segments of the network, end to start."""
+    segment = Segment("ab", "a", "b", 10.0, 10.0, 1, ((0.0, 0.0), (10.0, 0.0)))
+    with pytest.raises(InputError, match=problem):
+        build_network("n", [segment], {"a": (0, 0), "b": (10, 0)}, follows)
