@@ -106,6 +106,23 @@ def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
     assert kept() <= before + 5
 
 
+def test_stops_at_one_junction_share_a_label_and_every_depot_is_marked(server, world, now_ns):
+    """Labels of two stops at a junction would lie on top of each other; unknown depots are not."""
+    road_map = RoadMap(server, world.network, ("depot", "west", "nowhere"))
+    plan = world.plan("van-a", 1, now_ns)
+    stops = tuple(stop.model_copy(update={"node": "c1"}) for stop in plan.stops)
+    plan = plan.model_copy(update={"stops": stops})
+    snapshot = Snapshot(states={}, rsus={}, plans={"van-a": plan}, cycles=(), previews={})
+    road_map.update(build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0))
+    names = sorted(stop.stop for stop in stops)
+    assert len(names) == 2
+    assert server.scene.get_handle_by_name("/stop_0").text == " + ".join(names)
+    assert server.scene.get_handle_by_name("/stop_1") is None
+    assert len(server.scene.get_handle_by_name("/depots").points) == 2
+    assert server.scene.get_handle_by_name("/depot_label_1") is not None
+    assert server.scene.get_handle_by_name("/depot_label_2") is None
+
+
 def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
     """After so many updates the page goes on being served at its address by a new server."""
     monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 8)
