@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -337,3 +338,12 @@ def test_the_schema_names_every_key_and_its_bounds() -> None:
     assert segment == {"exclusiveMinimum": 0, "title": "Length M", "type": "number"}
     assert schema["$defs"]["VehicleParameters"]["properties"]["mass_kg"]["default"] == 1800.0
     json.dumps(schema)
+
+
+def test_the_example_in_the_docs_is_sound() -> None:
+    """What docs/instances.md shows is an instance that can be read and served."""
+    text = (Path(__file__).resolve().parents[2] / "docs" / "instances.md").read_text()
+    example = text.split("```toml\n")[1].split("```")[0]
+    instance = instance_from(tomllib.loads(example), "docs/instances.md")
+    assert unservable(instance.problem, instance.snapshot) == {}
+    assert instance.snapshot.segments["out"].stops == 0.4
