@@ -69,7 +69,7 @@ def write_qubo_coo(model: QuboModel, path: Path) -> None:
     """
     total = model.total
     index = {variable: i for i, variable in enumerate(model.variables)}
-    lines = [f"# vartype=BINARY offset={total.offset!r} gamma_kwh={model.gamma!r}"]
+    lines = [f"# vartype=BINARY offset={float(total.offset)!r} gamma_kwh={model.gamma!r}"]
     lines += [f"# {i} {variable}" for variable, i in index.items()]
     lines += [f"{i} {i} {float(total.get_linear(v))!r}" for v, i in index.items()]
     pairs = sorted(

@@ -12,11 +12,14 @@ every optimum with binary x. Losses push it down; for those of a in G, Σ y_ab �
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import highspy
 import numpy as np
+import numpy.typing as npt
 
 from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
 
@@ -36,6 +39,10 @@ class MilpResult:
     objective_kwh: float | None
 
 
+_Ints = npt.NDArray[np.int64]
+_Terms = tuple[_Ints, npt.NDArray[np.float64]]
+
+
 @dataclass
 class _Rows:
     """Rows lower ≤ Σ value x ≤ upper, gathered in compressed form."""
@@ -52,6 +59,25 @@ class _Rows:
         self.index += terms.keys()
         self.value += terms.values()
         self.start.append(len(self.index))
+
+    def add_groups(self, key: _Ints, head: _Terms, others: Sequence[_Terms], upper: float) -> None:
+        """A row ≤ upper for each distinct key: the head of its first entry, the others of all.
+
+        Args:
+            key: shape (entries,).
+            head: columns and values, shape (entries,) each.
+            others: the same, any number of them.
+        """
+        keys, first, counts = np.unique(key, return_index=True, return_counts=True)
+        order = np.argsort(np.concatenate([keys, *(key for _ in others)]), kind="stable")
+        columns = np.concatenate([head[0][first], *(column for column, _ in others)])[order]
+        values = np.concatenate([head[1][first], *(value for _, value in others)])[order]
+        ends = self.start[-1] + np.cumsum(1 + len(others) * counts)
+        self.lower += [-highspy.kHighsInf] * len(keys)
+        self.upper += [upper] * len(keys)
+        self.index += columns.tolist()
+        self.value += values.tolist()
+        self.start += ends.tolist()
 
 
 def build_milp(problem: Problem) -> highspy.HighsLp:
@@ -120,18 +146,28 @@ def _route_rows(problem: RouteProblem, rows: _Rows) -> None:
 
 def _product_rows(problem: Problem, rows: _Rows) -> None:
     """y_ab = x_a x_b at every optimum; see the module."""
-    groups: dict[tuple[int, tuple[str, ...]], list[tuple[int, int, float]]] = {}
-    for position, ((first, second), saving) in enumerate(problem.pair_savings.items()):
-        y = problem.choices + position
-        for x, partner in ((first, second), (second, first)):
-            group = groups.setdefault((x, _exclusive_group(problem, partner)), [])
-            group.append((y, partner, saving))
-    for (x, _), members in groups.items():
-        rows.add({x: -1.0, **{y: 1.0 for y, _, _ in members}}, -highspy.kHighsInf, 0.0)
-        losses = [(y, partner) for y, partner, saving in members if saving < 0]
-        if losses:
-            terms = {y: -1.0 for y, _ in losses} | {partner: 1.0 for _, partner in losses}
-            rows.add({x: 1.0, **terms}, -highspy.kHighsInf, 1.0)
+    if not problem.pair_savings:
+        return
+    ends = np.array(list(problem.pair_savings))
+    losses = np.array(list(problem.pair_savings.values())) < 0
+    y = problem.choices + np.arange(len(ends))
+    number: dict[tuple[str, ...], int] = {}
+    group = np.array(
+        [
+            number.setdefault(_exclusive_group(problem, i), len(number))
+            for i in range(problem.choices)
+        ]
+    )
+    # Both ends of each pair have the other one as a partner.
+    x, partner = ends.T.ravel(), ends[:, ::-1].T.ravel()
+    y, losses = np.tile(y, 2), np.tile(losses, 2)
+    key = x * len(number) + group[partner]
+    ones = np.ones(len(key))
+    rows.add_groups(key, (x, -ones), [(y, ones)], 0.0)
+    if losses.any():
+        ones = ones[losses]
+        columns = [(y[losses], -ones), (partner[losses], ones)]
+        rows.add_groups(key[losses], (x[losses], ones), columns, 1.0)
 
 
 def _exclusive_group(problem: Problem, index: int) -> tuple[str, ...]:
@@ -148,18 +184,20 @@ def solve_milp(problem: Problem, deadline_s: float, seed: int = 0) -> MilpResult
     Raises:
         RuntimeError: HiGHS refused the model or ended in an unexpected way.
     """
+    ends = time.perf_counter() + deadline_s
+    model = build_milp(problem)
     solver: Any = highspy.Highs()  # type: ignore[no-untyped-call]
     for option, value in (
         ("output_flag", False),
         ("threads", 1),
         ("random_seed", seed % 2**31),
-        ("time_limit", max(0.01, deadline_s)),
+        ("time_limit", max(0.01, ends - time.perf_counter())),
         # Rewards differ by Wh in totals of kWh: the default relative gap of 1e-4 would hide them.
         ("mip_rel_gap", 0.0),
         ("mip_abs_gap", 1e-9),
     ):
         solver.setOptionValue(option, value)
-    if solver.passModel(build_milp(problem)) == highspy.HighsStatus.kError:
+    if solver.passModel(model) == highspy.HighsStatus.kError:
         raise RuntimeError("HiGHS refused the model")
     solver.run()
     status = solver.getModelStatus()

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import accumulate
+from typing import Any
+
+import dimod
+import numpy as np
+import numpy.typing as npt
 
 from dispatcher_daemon.formulations.qubo import QuboModel, add_square, empty_bqm
 from dispatcher_daemon.problem import RouteProblem
@@ -37,11 +41,15 @@ def build_route_model(problem: RouteProblem, gamma: float | None = None) -> Qubo
     penalty = empty_bqm(variables)
     for row in constraint_rows(problem):
         add_square(penalty, {variables[i]: 1 for i in row}, -1)
-    objective = empty_bqm(variables)
-    for variable, option in zip(variables, problem.options, strict=True):
-        objective.add_linear(variable, option.cost_kwh)
-    for (first, second), saving in problem.savings.items():
-        objective.add_quadratic(variables[first], variables[second], -saving)
+    first, second, saving = _pairs(problem)
+    bqm: Any = dimod.BinaryQuadraticModel
+    objective = bqm.from_numpy_vectors(
+        np.array(problem.costs_kwh, dtype=np.float64),
+        (first, second, -saving),
+        0.0,
+        "BINARY",
+        variable_order=variables,
+    )
     if gamma is None:
         gamma = sufficient_route_gamma(problem)
     return QuboModel(problem, variables, objective, penalty, gamma)
@@ -82,34 +90,41 @@ def sufficient_route_gamma(problem: RouteProblem) -> float:
       P ≥ max(1, Q), γ > W + E is enough: the spread of the valid states' objectives and the price
       of one vehicle more or less, where the first bound has the whole cost.
     """
-    costs = problem.costs_kwh
-    groups = {k: group for k, group in problem.options_of.items() if group}
-    reduced = list(costs)
-    most_saved: dict[tuple[str, str], float] = {}
-    most_lost: dict[tuple[str, str], float] = {}
-    for (first, second), saving in problem.savings.items():
-        one, other = sorted(problem.options[i].vehicle for i in (first, second))
-        largest = most_saved if saving > 0 else most_lost
-        largest[one, other] = max(largest.get((one, other), 0.0), abs(saving))
-        if saving > 0:
-            reduced[first] -= saving / 2
-            reduced[second] -= saving / 2
-    saved, lost = dict.fromkeys(groups, 0.0), dict.fromkeys(groups, 0.0)
-    for largest, halves in ((most_saved, saved), (most_lost, lost)):
-        for pair, value in largest.items():
-            for vehicle in pair:
-                halves[vehicle] += value / 2
+    costs = np.array(problem.costs_kwh, dtype=np.float64)
+    groups = [list(group) for group in problem.options_of.values() if group]
+    number = np.zeros(len(costs), dtype=np.int64)
+    for vehicle, group in enumerate(groups):
+        number[group] = vehicle
+    first, second, saving = _pairs(problem)
+    k, m = number[first], number[second]
+    halves = []
+    for size in (np.maximum(saving, 0.0), np.maximum(-saving, 0.0)):
+        largest = np.zeros((len(groups), len(groups)))
+        np.maximum.at(largest, (np.minimum(k, m), np.maximum(k, m)), size)
+        halves.append((largest.sum(axis=0) + largest.sum(axis=1)) / 2)
+    saved, lost = halves
+    reduced = costs.copy()
+    for end in (first, second):
+        np.subtract.at(reduced, end, np.maximum(saving, 0.0) / 2)
 
     highest = spread = extra = 0.0
-    for vehicle, group in groups.items():
-        ordered = sorted(costs[i] for i in group)
-        most = ordered[-1] + lost[vehicle]
+    for group, half_saved, half_lost in zip(groups, saved, lost, strict=True):
+        ordered = np.sort(costs[group])
+        most = float(ordered[-1] + half_lost)
         highest += most
-        spread += most - ordered[0] + saved[vehicle]
-        for n, total in enumerate([0.0, *accumulate(ordered)]):
-            if n != 1:
-                worse = ordered[0] - total + (n * n - 1) * saved[vehicle]
-                extra = max(extra, worse / (n - 1) ** 2)
-    lowest = sum((min(0.0, value) for value in reduced), 0.0)
+        spread += most - float(ordered[0]) + float(half_saved)
+        n = np.array([0, *range(2, len(group) + 1)])
+        total = np.append(0.0, np.cumsum(ordered))[n]
+        worse = (ordered[0] - total + (n * n - 1) * half_saved) / (n - 1) ** 2
+        extra = max(extra, float(worse.max()))
+    lowest = float(np.minimum(reduced, 0.0).sum())
     # The margin keeps "greater than" true in floating point.
     return 1.01 * min(highest - lowest, spread + extra) + 1e-6
+
+
+def _pairs(
+    problem: RouteProblem,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Savings as arrays: first option, second option, kWh; shape (pairs,) each."""
+    ends = np.array(list(problem.savings), dtype=np.int64).reshape(-1, 2)
+    return ends[:, 0], ends[:, 1], np.array(list(problem.savings.values()), dtype=np.float64)

@@ -11,7 +11,7 @@ import numpy as np
 from dispatcher_daemon.formulations.model import Encoding, build_model
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.sampling import answer, in_order
+from dispatcher_daemon.solvers.sampling import Bits, answer, in_order
 
 _SEARCH_SHARE = 0.7
 """Part of the deadline that the search may take; decoding and repair need the rest."""
@@ -25,7 +25,7 @@ class TabuSolver:
     deadline leaves enough time for them.
 
     Attributes:
-        reads: searches, each from a random state.
+        reads: searches, each from a random state; fewer if time is up.
         restarts: of each search.
         moves: most moves of the first search of a read by number of variables; a quarter of it
             after restarts.
@@ -52,19 +52,24 @@ class TabuSolver:
         model = build_model(problem, self.gamma, encoding=self.encoding)
         if not model.variables:
             return _without_variables(self.name, began)
-        left_s = _SEARCH_SHARE * deadline_s - (time.perf_counter() - began)
+        ends = began + _SEARCH_SHARE * deadline_s
         sampler: Any = TabuSampler
-        found = sampler().sample(
-            model.total,
-            num_reads=self.reads,
-            num_restarts=self.restarts,
-            coefficient_z_first=self.moves,
-            lower_bound_z=1,
-            timeout=max(1, int(1000 * left_s / self.reads)),
-            seed=seed % 2**32,
-        )
-        counts = np.asarray(found.record.num_occurrences, dtype=np.int64)
-        return answer(self.name, model, in_order(model, found), counts, seed, began)
+        found: list[Bits] = []
+        # Read by read, as the sampler's own time limit is a coarse one.
+        while len(found) < self.reads and (left_s := ends - time.perf_counter()) > 0:
+            read = sampler().sample(
+                model.total,
+                num_restarts=self.restarts,
+                coefficient_z_first=self.moves,
+                lower_bound_z=1,
+                timeout=max(1, int(1000 * left_s)),
+                seed=(seed + len(found)) % 2**32,
+            )
+            found.append(in_order(model, read))
+        if not found:
+            return _no_time(self.name, began)
+        bits = np.concatenate(found)
+        return answer(self.name, model, bits, np.ones(len(bits), dtype=np.int64), seed, began)
 
 
 @dataclass(frozen=True)
@@ -112,3 +117,8 @@ class AnnealingSolver:
 def _without_variables(solver: str, began: float) -> Outcome:
     wall_s = time.perf_counter() - began
     return Outcome(solver, "failed", None, wall_s, reason="the problem has nothing to choose")
+
+
+def _no_time(solver: str, began: float) -> Outcome:
+    wall_s = time.perf_counter() - began
+    return Outcome(solver, "timeout", None, wall_s, reason="no time left for a search")
