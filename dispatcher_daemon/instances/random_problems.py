@@ -1,7 +1,7 @@
 """Random problems for checks: no geography, but what is rare on roads is common here.
 
-Some have no solution, some rewards exceed the costs, some graphs are in pieces, some stops are
-served by nobody or by every option.
+Some have no solution, some rewards exceed the costs, some pairs of options lose by being chosen
+together, some graphs are in pieces, some stops are served by nobody or by every option.
 """
 
 from __future__ import annotations
@@ -84,8 +84,9 @@ def random_route_problem(rng: np.random.Generator, most_variables: int) -> Route
             options.append(RouteOption(vehicle, part, float(rng.uniform(-0.1, 0.5))))
     options = sorted(options[:total], key=lambda option: option.vehicle)
     largest, share = float(rng.choice((0.03, 0.1, 0.5))), float(rng.uniform(0.0, 0.5))
+    lowest = float(rng.choice((0.1, -1.0)))  # below 0: some pairs lose by being chosen together
     savings = {
-        (a, b): float(rng.uniform(0.1, 1.0)) * largest
+        (a, b): float(rng.uniform(lowest, 1.0)) * largest
         for a in range(total)
         for b in range(a + 1, total)
         if options[a].vehicle != options[b].vehicle and rng.random() < share
