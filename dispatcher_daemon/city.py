@@ -15,11 +15,12 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
+import networkx as nx
 import numpy as np
 
 from dispatcher_daemon.blocks import Block, build_block
 from dispatcher_daemon.decode import violations
-from dispatcher_daemon.departures import schedule_greedily
+from dispatcher_daemon.departures import alternatives, schedule_greedily
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
 from dispatcher_daemon.options import options_for
@@ -77,7 +78,7 @@ class CityPlan:
         greedy: base routes, departures chosen one vehicle after the other.
         unserved: reason by stop that no vehicle serves.
         sweeps: in order.
-        wall_s: time of each stage: roads, base, greedy, sweeps.
+        wall_s: time of each stage: roads, base, greedy, second, sweeps.
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
     """
 
@@ -145,6 +146,20 @@ def plan_city(
     stage("greedy")
     begin = scheduled if greedy.objective_kwh < base.objective_kwh else alone
     sweeping = Sweeping(planner, settings, solve, begin)
+    if settings.second_rounds:
+        left_s = settings.base_share * (deadline_s - (clock() - began))
+        search = settings.search.model_copy(
+            update={
+                "rounds": settings.second_rounds,
+                "time_limit_s": min(settings.search.time_limit_s, max(0.01, left_s)),
+            }
+        )
+        second = base_routes(
+            problem, planner.travels[1], stops, search, executor, seed + 1, routes.stops
+        )
+        if not second.left:
+            sweeping.cross(second.stops, seed, began + deadline_s, clock)
+    stage("second")
     sweeps, late = sweeping.run(seed, began + deadline_s, clock)
     stage("sweeps")
     return CityPlan(
@@ -221,7 +236,7 @@ class Sweeping:
             left_s = ends - clock()
             if left_s < 0.05:
                 return None
-            blocks = [self._block(group, most) for group in wave]
+            blocks = [self._block(group, most, rng) for group in wave]
             answers = self._ask(blocks, min(left_s, self.settings.block_deadline_s), seed)
             for block, outcomes in zip(blocks, answers, strict=True):
                 improved += self._take(block, outcomes)
@@ -235,11 +250,72 @@ class Sweeping:
             clock() - began,
         )
 
-    def _block(self, group: Sequence[int], most: int) -> Block:
+    def cross(self, stops: StopsOf, seed: int, ends: float, clock: Callable[[], float]) -> int:
+        """Take over from other routes what improves the plan, exchange by exchange.
+
+        Returns:
+            how many exchanges were taken.
+        """
+        taken = 0
+        for group in self._exchanges(stops):
+            if clock() > ends:
+                break
+            for number in group:
+                self._meetings.remove(self.present[number].way)
+            others = [self._other(number, stops) for number in group]
+            for number, other in zip(group, others, strict=True):
+                if other is not None:
+                    self._meetings.remove(other.way)
+                self._meetings.add(self.present[number].way)
+            found = [other for other in others if other is not None]
+            if len(found) < len(group):
+                continue
+            options = {o.number: [self.present[o.number], o] for o in found}
+            if 2 * len(group) > self.settings.block_variables:
+                change = self._move(found)
+                if change < -_BETTER_KWH:
+                    self._objective_kwh += change
+                    taken += 1
+                else:
+                    self._move([of_one[0] for of_one in options.values()])
+                continue
+            block = build_block(self._names, options, self._meetings)
+            answers = self._ask([block], self.settings.block_deadline_s, seed)
+            taken += self._take(block, answers[0])
+        return taken
+
+    def _exchanges(self, stops: StopsOf) -> list[list[int]]:
+        """Smallest groups of vehicles among which other routes serve the same stops differently."""
+        owner = {stop: i.number for i in self.present for stop in i.stops}
+        graph = nx.Graph()
+        for number, name in self._names.items():
+            if stops[name] != self.present[number].stops:
+                graph.add_node(number)
+                graph.add_edges_from((number, owner[stop]) for stop in stops[name])
+        return sorted(sorted(group) for group in nx.connected_components(graph))
+
+    def _other(self, number: int, stops: StopsOf) -> Itinerary | None:
+        """A vehicle's itinerary by other routes, by the ways and at the time that save most with
+        those on the road; it is put there.
+        """
+        visits = stops[self._names[number]]
+        candidates = []
+        for travel in range(len(self.planner.travels)):
+            legs = self.planner.legs(number, visits, travel)
+            candidate = self.planner.itinerary(number, visits, legs)
+            if candidate is not None:
+                candidates += [candidate, *alternatives(self.planner, candidate, self._meetings)]
+        if not candidates:
+            return None
+        best = max(candidates, key=lambda c: self._meetings.gain_kwh(c.way) - c.cost_kwh)
+        self._meetings.add(best.way)
+        return best
+
+    def _block(self, group: Sequence[int], most: int, rng: np.random.Generator) -> Block:
         members = [self.present[n] for n in group]
         each = most // len(group)
         options = {
-            n: options_for(self.planner, self.present[n], members, self._meetings, each)
+            n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
             for n in group
         }
         return build_block(self._names, options, self._meetings)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+
 from dispatcher_daemon.departures import alternatives
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings, Shares
@@ -15,8 +17,9 @@ def options_for(
     partners: Sequence[Itinerary],
     meetings: Meetings,
     most: int,
+    rng: np.random.Generator,
 ) -> list[Itinerary]:
-    """The present itinerary and the best others, by what each is worth with all others as they are.
+    """The present itinerary, the best other and some good ones, all others being as they are.
 
     Tried are other ways between the stops, the stops backwards, each at the departures at which
     the vehicle would meet most others, and a departure at which it could meet a partner that moves
@@ -26,6 +29,7 @@ def options_for(
         partners: vehicles that may change at the same time.
         meetings: everybody as they are, this vehicle included.
         most: options to return, ≥ 1.
+        rng: draws the good ones, so that another sweep tries others.
     """
     if itinerary.route is None or most < 2:
         return [itinerary]
@@ -39,8 +43,10 @@ def options_for(
     meetings.add(itinerary.way)
     ranked = [tried[i] for i in sorted(range(len(tried)), key=lambda i: -worth[i])]
     joint = list(_joint(planner, itinerary, partners, meetings.shares))
-    best = max(1, most - 1 - len(joint))
-    wanted = [itinerary, *ranked[: best + 1], *joint, *ranked[best + 1 :]]
+    # `itinerary` is among the tried, so the best other one is among the first two.
+    good = ranked[2 : 2 + 2 * most]
+    drawn = [good[i] for i in rng.permutation(len(good))]
+    wanted = [itinerary, *ranked[:2], *joint, *drawn]
     distinct: dict[tuple[object, ...], Itinerary] = {}
     for candidate in wanted:
         distinct.setdefault(candidate.key, candidate)

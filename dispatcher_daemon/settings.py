@@ -47,6 +47,12 @@ class CitySettings(Settings):
     base_share: float = Field(
         default=0.6, gt=0, lt=1, description="Share of a deadline that base routes may take."
     )
+    second_rounds: int = Field(
+        default=2,
+        ge=0,
+        le=1000,
+        description="Rounds of a second search, in which open roads that others use cost less.",
+    )
     block_variables: int = Field(
         default=25, ge=4, le=200, description="Most variables of one block."
     )
@@ -56,7 +62,7 @@ class CitySettings(Settings):
     wave: int = Field(default=8, ge=1, description="Blocks that are solved side by side.")
     most_sweeps: int = Field(default=20, ge=0)
     patience: int = Field(
-        default=2, ge=1, description="Sweeps without improvement, each cut anew, that end it."
+        default=3, ge=1, description="Sweeps without improvement, each cut anew, that end it."
     )
     block_deadline_s: float = Field(
         default=5.0, gt=0, allow_inf_nan=False, description="For the solvers of one wave."

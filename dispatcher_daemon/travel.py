@@ -75,6 +75,7 @@ class Travel:
         places: depots and stops.
         row: place → row and column in the matrices.
         energy_kwh: of the way from place i to place j, inf where there is none, shape (n, n).
+        searched_kwh: the same with the discounts that the search was given, shape (n, n).
         duration_s: of its drive, to about a second, shape (n, n).
     """
 
@@ -98,9 +99,10 @@ class Travel:
         if discount_kwh is not None:
             searched = np.maximum(searched - discount_kwh, 0.01 * searched)
         self._before, self._last = self._search(searched)
-        energy, duration = self._along_ways()
-        self.energy_kwh = energy[np.ix_(self._node_of, self._node_of)]
-        self.duration_s = duration[np.ix_(self._node_of, self._node_of)]
+        pairs = np.ix_(self._node_of, self._node_of)
+        self.searched_kwh, self.energy_kwh, self.duration_s = (
+            values[pairs] for values in self._along_ways(searched)
+        )
         self._legs: dict[tuple[int, int], Leg | None] = {}
 
     def _search(self, cost: Floats) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
@@ -124,33 +126,35 @@ class Travel:
         np.fill_diagonal(last, -1)
         return before[:, :m], last
 
-    def _along_ways(self) -> tuple[Floats, Floats]:
-        """Energy and duration between nodes, summed along the ways found, shape (n, n) each."""
+    def _along_ways(self, searched: Floats) -> tuple[Floats, Floats, Floats]:
+        """Searched cost, energy and duration between nodes, summed along the ways found, shape
+        (n, n) each.
+        """
         roads, style = self.roads, self._problem.style
         m, n = len(roads.ids), len(self._nodes)
         # One more segment, m, stands for the start: it costs nothing and comes before itself.
         before = np.where((self._before < 0) | (self._before >= m), m, self._before)
         before = np.hstack([before, np.full((n, 1), m)]).astype(np.int64)
         speed = np.append(roads.speed_mps, 0.0)
-        energy = np.tile(np.append(roads.cost_kwh, 0.0), (n, 1))
+        cost, energy = (np.tile(np.append(c, 0.0), (n, 1)) for c in (searched, roads.cost_kwh))
         seconds = np.append(roads.length_m / roads.speed_mps, 0.0) + _change_s(
             speed[before], speed, style
         )
         seconds[:, m] = 0.0
         # Each round doubles how much of a way its last segment stands for.
         while (before != m).any():
-            energy += np.take_along_axis(energy, before, axis=1)
-            seconds += np.take_along_axis(seconds, before, axis=1)
+            for values in (cost, energy, seconds):
+                values += np.take_along_axis(values, before, axis=1)
             before = np.take_along_axis(before, before, axis=1)
         rows = np.arange(n)[:, None]
         ways = self._last >= 0
         last = np.where(ways, self._last, m)
-        energy, seconds = energy[rows, last], seconds[rows, last]
-        seconds = seconds + speed[last] / (2 * style.braking_mps2)
-        energy[~ways], seconds[~ways] = np.inf, np.inf
-        np.fill_diagonal(energy, 0.0)
-        np.fill_diagonal(seconds, 0.0)
-        return energy, seconds
+        cost, energy, seconds = cost[rows, last], energy[rows, last], seconds[rows, last]
+        seconds += speed[last] / (2 * style.braking_mps2)
+        for values in (cost, energy, seconds):
+            values[~ways] = np.inf
+            np.fill_diagonal(values, 0.0)
+        return cost, energy, seconds
 
     def leg(self, start: str, end: str) -> Leg | None:
         """The way between two places; None if there is none."""

@@ -71,7 +71,7 @@ def base_routes(
     seed: int,
     start: Mapping[str, Sequence[str]] | None = None,
 ) -> BaseRoutes:
-    """Routes of least energy over the given stops.
+    """Routes of least cost over the given stops, by `Travel.searched_kwh`.
 
     A first search over the whole city is short. After it, rounds cut the routes into parts by where
     they go, in another direction each time, and search the parts side by side. That is where most
@@ -275,7 +275,7 @@ class _Model:
         places = self._places()
         at = {place: i for i, place in enumerate(places)}
         rows = np.array([self._travel.row[place] for place in places])
-        energy = self._travel.energy_kwh[np.ix_(rows, rows)]
+        energy = self._travel.searched_kwh[np.ix_(rows, rows)]
         seconds = self._travel.duration_s[np.ix_(rows, rows)]
         ways = np.isfinite(energy)
         # PyVRP's type hints know no array of two dimensions.
