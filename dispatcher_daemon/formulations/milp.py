@@ -195,6 +195,8 @@ def solve_milp(problem: Problem, deadline_s: float, seed: int = 0) -> MilpResult
         # Rewards differ by Wh in totals of kWh: the default relative gap of 1e-4 would hide them.
         ("mip_rel_gap", 0.0),
         ("mip_abs_gap", 1e-9),
+        # Half the time of small models, and no optimum of them depends on it.
+        ("mip_heuristic_run_feasibility_jump", False),
     ):
         solver.setOptionValue(option, value)
     if solver.passModel(model) == highspy.HighsStatus.kError:
