@@ -18,9 +18,12 @@ from slipstream.messages import Identifier
 
 FORMAT: Final = "slipstream-instance/1"
 
+# Upper bounds keep a slip of the keyboard from becoming a road without end.
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
+_Speed = Annotated[float, Field(ge=0, le=200, allow_inf_nan=False)]
 _NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_Rate = Annotated[float, Field(ge=0.01, le=20, allow_inf_nan=False)]
 _Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 
 
@@ -28,8 +31,8 @@ class JunctionRow(Settings):
     """A junction of the road network."""
 
     id: Identifier
-    x_m: _Finite
-    y_m: _Finite
+    x_m: _Coordinate
+    y_m: _Coordinate
     signal: bool = Field(default=False, description="It has traffic lights.")
 
 
@@ -39,11 +42,11 @@ class SegmentRow(Settings):
     id: Identifier
     start: Identifier = Field(description="Junction that it leaves.")
     end: Identifier = Field(description="Junction that it enters.")
-    length_m: _Positive
-    speed_limit_mps: _Positive
+    length_m: float = Field(gt=0, le=1e6, allow_inf_nan=False)
+    speed_limit_mps: float = Field(gt=0, le=200, allow_inf_nan=False)
     lanes: int = Field(default=1, ge=1, le=100)
-    shape: Annotated[tuple[tuple[_Finite, _Finite], ...], Field(min_length=2)] | None = Field(
-        default=None, description="Points of its centre line, m; left out: straight."
+    shape: Annotated[tuple[tuple[_Coordinate, _Coordinate], ...], Field(min_length=2)] | None = (
+        Field(default=None, description="Points of its centre line, m; left out: straight.")
     )
 
 
@@ -95,9 +98,9 @@ class TrafficRow(Settings):
         "0, unwatched where it is unknown.",
     )
     age_s: _NotNegative | None = None
-    measured_speed_mps: _NotNegative | None = None
-    mean_acceleration_mps2: _Finite = 0.0
-    acceleration_variance_m2ps4: _NotNegative = 0.0
+    measured_speed_mps: _Speed | None = None
+    mean_acceleration_mps2: float = Field(default=0.0, ge=-20, le=20, allow_inf_nan=False)
+    acceleration_variance_m2ps4: float = Field(default=0.0, ge=0, le=400, allow_inf_nan=False)
     stops: _NotNegative | None = Field(
         default=None,
         le=100,
@@ -120,8 +123,8 @@ class TrafficTable(Settings):
 class StyleTable(Settings):
     """How fast speed is changed, m/s²."""
 
-    acceleration_mps2: _Positive = DrivingStyle.acceleration_mps2
-    braking_mps2: _Positive = DrivingStyle.braking_mps2
+    acceleration_mps2: _Rate = DrivingStyle.acceleration_mps2
+    braking_mps2: _Rate = DrivingStyle.braking_mps2
 
 
 class RouteRow(Settings):

@@ -21,7 +21,7 @@ ETA_ALONE = 0.0
 ETA_LEADER = 0.05
 ETA_FOLLOWER = 0.20
 
-_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
