@@ -160,6 +160,7 @@ class Dispatcher:
                 now_ns,
                 stale_after_s=self._settings.stale_after_s,
                 future_tolerance_s=self._settings.future_tolerance_s,
+                stops_at_signals=self._settings.stops_at_signals,
             )
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))

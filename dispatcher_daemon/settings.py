@@ -111,6 +111,14 @@ class DispatcherSettings(Settings):
         allow_inf_nan=False,
         description="A SegmentState dated further ahead of this clock is refused.",
     )
+    stops_at_signals: float = Field(
+        default=0.0,
+        ge=0,
+        le=100,
+        allow_inf_nan=False,
+        description="Full stops that a passage of a segment ending at traffic lights is expected "
+        "to cost; no camera tells of it.",
+    )
     gap_m: float = Field(
         default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers."
     )
