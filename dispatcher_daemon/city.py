@@ -15,57 +15,18 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-import networkx as nx
 import numpy as np
 
-from dispatcher_daemon.blocks import Block, build_block
-from dispatcher_daemon.decode import violations
-from dispatcher_daemon.departures import alternatives, schedule_greedily
+from dispatcher_daemon.departures import schedule_greedily
 from dispatcher_daemon.itineraries import Itinerary, Planner
-from dispatcher_daemon.meetings import Meetings
-from dispatcher_daemon.options import options_for
-from dispatcher_daemon.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.settings import CitySettings
-from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.pool import Job, Solve
+from dispatcher_daemon.routability import unservable
+from dispatcher_daemon.settings import CitySettings, SearchSettings
+from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.sweeping import Choice, Sweep, Sweeping, choice_of
 from dispatcher_daemon.traffic import TrafficSnapshot
 from dispatcher_daemon.travel import Travel, roads_of
 from dispatcher_daemon.vrp import StopsOf, base_routes
-
-_BETTER_KWH = 1e-9
-
-
-@dataclass(frozen=True)
-class Choice:
-    """What every vehicle does, and what it costs.
-
-    Attributes:
-        itineraries: by vehicle number.
-        cost_kwh: H_cost, each vehicle alone.
-        saving_kwh: H_platoon, platoons counted once.
-    """
-
-    itineraries: tuple[Itinerary, ...]
-    cost_kwh: float
-    saving_kwh: float
-
-    @property
-    def objective_kwh(self) -> float:
-        """H_cost − H_platoon."""
-        return self.cost_kwh - self.saving_kwh
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """One sweep: its blocks, what solvers answered, and the objective after it."""
-
-    blocks: int
-    variables: int
-    improved: int
-    outcomes: tuple[Outcome, ...]
-    objective_kwh: float
-    wall_s: float
 
 
 @dataclass(frozen=True)
@@ -102,7 +63,6 @@ def plan_city(
     seed: int,
     deadline_s: float = math.inf,
     reference_s: float = 0.0,
-    unserved: Mapping[str, str] | None = None,
     start: Mapping[str, Sequence[str]] | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> CityPlan:
@@ -114,53 +74,43 @@ def plan_city(
         seed: same input and seed give the same plan unless time runs out.
         deadline_s: for all of it; each stage takes its share and keeps what it has.
         reference_s: when a vehicle that is ready at once leaves.
-        unserved: stops that cannot be served, with the reason; they are left out.
         start: routes to start from, as of the last cycle.
     """
     began = clock()
+    ends = began + deadline_s
     walls: dict[str, float] = {}
 
     def stage(name: str) -> None:
         walls[name] = clock() - began - sum(walls.values())
 
-    missing = dict(unserved or {})
-    roads = roads_of(problem, snapshot)
-    travel = Travel(problem, roads)
-    stage("roads")
+    def limited(search: SearchSettings, share: float) -> SearchSettings:
+        limit_s = max(0.01, share * (ends - clock()))
+        return search.model_copy(update={"time_limit_s": min(search.time_limit_s, limit_s)})
+
+    travel = Travel(problem, roads_of(problem, snapshot))
+    missing = unservable(problem, snapshot, travel)
     stops = [stop.id for stop in problem.fleet.stops if stop.id not in missing]
-    search = settings.search
-    if math.isfinite(deadline_s):
-        limit_s = min(search.time_limit_s, settings.base_share * deadline_s)
-        search = search.model_copy(update={"time_limit_s": limit_s})
+    stage("roads")
+    search = limited(settings.search, settings.base_share)
     routes = base_routes(problem, travel, stops, search, executor, seed, start)
     missing |= dict.fromkeys(routes.left, "no vehicle has room and time for it")
     stage("base")
-    planner = Planner(problem, snapshot, [travel], sync_window_s, reference_s)
-    alone = _at_once(planner, routes.stops, missing)
-    base = choice_of(planner, alone)
-    planner.travels += (_attracted(problem, travel, alone, planner),)
-    # Those ready last choose first: the others can wait for them, not the other way round.
-    latest_first = sorted(alone, key=lambda i: (-i.depart_s, i.number))
-    scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
-    greedy = choice_of(planner, scheduled)
+    planner, begin, base, greedy = first_plans(
+        problem, snapshot, travel, routes.stops, missing, sync_window_s, reference_s
+    )
     stage("greedy")
-    begin = scheduled if greedy.objective_kwh < base.objective_kwh else alone
     sweeping = Sweeping(planner, settings, solve, begin)
     if settings.second_rounds:
-        left_s = settings.base_share * (deadline_s - (clock() - began))
-        search = settings.search.model_copy(
-            update={
-                "rounds": settings.second_rounds,
-                "time_limit_s": min(settings.search.time_limit_s, max(0.01, left_s)),
-            }
-        )
+        rounds = {"rounds": settings.second_rounds}
+        search = limited(settings.search.model_copy(update=rounds), settings.base_share)
+        stops = [stop for stop in stops if stop not in missing]
         second = base_routes(
             problem, planner.travels[1], stops, search, executor, seed + 1, routes.stops
         )
         if not second.left:
-            sweeping.cross(second.stops, seed, began + deadline_s, clock)
+            sweeping.cross(second.stops, seed, ends, clock)
     stage("second")
-    sweeps, late = sweeping.run(seed, began + deadline_s, clock)
+    sweeps, late = sweeping.run(seed, ends, clock)
     stage("sweeps")
     return CityPlan(
         choice_of(planner, sweeping.present),
@@ -173,198 +123,31 @@ def plan_city(
     )
 
 
-def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
-    """What itineraries cost and save together, evaluated from nothing."""
-    meetings = Meetings(planner.shares, planner.sync_window_s)
-    saving = math.fsum(meetings.add(itinerary.way) for itinerary in itineraries)
-    cost = math.fsum(itinerary.cost_kwh for itinerary in itineraries)
-    return Choice(tuple(itineraries), cost, saving)
+def first_plans(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    travel: Travel,
+    routes: StopsOf,
+    missing: dict[str, str],
+    sync_window_s: float,
+    reference_s: float,
+) -> tuple[Planner, list[Itinerary], Choice, Choice]:
+    """(planner, the better itineraries to begin with, everybody at once, scheduled greedily)."""
+    planner = Planner(problem, snapshot, [travel], sync_window_s, reference_s)
+    alone = at_once(planner, routes, missing)
+    planner.travels += (attracted(problem, travel, alone, planner),)
+    # Those ready last choose first: the others can wait for them, not the other way round.
+    latest_first = sorted(alone, key=lambda i: (-i.depart_s, i.number))
+    scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
+    base, greedy = choice_of(planner, alone), choice_of(planner, scheduled)
+    begin = scheduled if greedy.objective_kwh < base.objective_kwh else alone
+    return planner, begin, base, greedy
 
 
-class Sweeping:
-    """The present choice of all vehicles, and how it gets better.
-
-    Attributes:
-        present: itineraries by vehicle number.
+def at_once(planner: Planner, stops: StopsOf, missing: dict[str, str]) -> list[Itinerary]:
+    """Everybody leaves when ready; what then misses a window is not served, and added to
+    ``missing`` with the reason.
     """
-
-    def __init__(
-        self,
-        planner: Planner,
-        settings: CitySettings,
-        solve: Solve,
-        itineraries: Sequence[Itinerary],
-    ) -> None:
-        """Begin with what the vehicles do now."""
-        self.planner, self.settings = planner, settings
-        self.present = list(itineraries)
-        self._solve = solve
-        self._meetings = Meetings(planner.shares, planner.sync_window_s)
-        saving = math.fsum(self._meetings.add(i.way) for i in itineraries)
-        self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
-        self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}
-
-    def run(
-        self, seed: int, ends: float, clock: Callable[[], float]
-    ) -> tuple[tuple[Sweep, ...], bool]:
-        """Sweep until nothing improves, or for `settings.most_sweeps`.
-
-        Returns:
-            (the sweeps, whether the time was up before).
-        """
-        sweeps: list[Sweep] = []
-        idle = 0
-        while len(sweeps) < self.settings.most_sweeps and idle < self.settings.patience:
-            sweep = self._sweep(seed + len(sweeps), ends, clock)
-            if sweep is None:
-                return tuple(sweeps), True
-            sweeps.append(sweep)
-            idle = idle + 1 if sweep.improved == 0 else 0
-        return tuple(sweeps), False
-
-    def _sweep(self, seed: int, ends: float, clock: Callable[[], float]) -> Sweep | None:
-        began = clock()
-        planner, most = self.planner, self.settings.block_variables
-        windows = [planner.window_s(i.number) for i in self.present]
-        graph = opportunity_graph(self.present, windows, planner.shares, planner.sync_window_s)
-        groups = blocks_of(graph, max(2, most // self.settings.options), seed)
-        solved: list[tuple[Block, list[Outcome]]] = []
-        rng = np.random.default_rng(seed)
-        improved = 0
-        # Wave by wave: later ones see what earlier ones changed.
-        for wave in _waves([groups[i] for i in rng.permutation(len(groups))], self.settings.wave):
-            left_s = ends - clock()
-            if left_s < 0.05:
-                return None
-            blocks = [self._block(group, most, rng) for group in wave]
-            answers = self._ask(blocks, min(left_s, self.settings.block_deadline_s), seed)
-            for block, outcomes in zip(blocks, answers, strict=True):
-                improved += self._take(block, outcomes)
-                solved.append((block, outcomes))
-        return Sweep(
-            len(solved),
-            sum(len(block.problem.options) for block, _ in solved),
-            improved,
-            tuple(outcome for _, outcomes in solved for outcome in outcomes),
-            self._objective_kwh,
-            clock() - began,
-        )
-
-    def cross(self, stops: StopsOf, seed: int, ends: float, clock: Callable[[], float]) -> int:
-        """Take over from other routes what improves the plan, exchange by exchange.
-
-        Returns:
-            how many exchanges were taken.
-        """
-        taken = 0
-        for group in self._exchanges(stops):
-            if clock() > ends:
-                break
-            for number in group:
-                self._meetings.remove(self.present[number].way)
-            others = [self._other(number, stops) for number in group]
-            for number, other in zip(group, others, strict=True):
-                if other is not None:
-                    self._meetings.remove(other.way)
-                self._meetings.add(self.present[number].way)
-            found = [other for other in others if other is not None]
-            if len(found) < len(group):
-                continue
-            options = {o.number: [self.present[o.number], o] for o in found}
-            if 2 * len(group) > self.settings.block_variables:
-                change = self._move(found)
-                if change < -_BETTER_KWH:
-                    self._objective_kwh += change
-                    taken += 1
-                else:
-                    self._move([of_one[0] for of_one in options.values()])
-                continue
-            block = build_block(self._names, options, self._meetings)
-            answers = self._ask([block], self.settings.block_deadline_s, seed)
-            taken += self._take(block, answers[0])
-        return taken
-
-    def _exchanges(self, stops: StopsOf) -> list[list[int]]:
-        """Smallest groups of vehicles among which other routes serve the same stops differently."""
-        owner = {stop: i.number for i in self.present for stop in i.stops}
-        graph = nx.Graph()
-        for number, name in self._names.items():
-            if stops[name] != self.present[number].stops:
-                graph.add_node(number)
-                graph.add_edges_from((number, owner[stop]) for stop in stops[name])
-        return sorted(sorted(group) for group in nx.connected_components(graph))
-
-    def _other(self, number: int, stops: StopsOf) -> Itinerary | None:
-        """A vehicle's itinerary by other routes, by the ways and at the time that save most with
-        those on the road; it is put there.
-        """
-        visits = stops[self._names[number]]
-        candidates = []
-        for travel in range(len(self.planner.travels)):
-            legs = self.planner.legs(number, visits, travel)
-            candidate = self.planner.itinerary(number, visits, legs)
-            if candidate is not None:
-                candidates += [candidate, *alternatives(self.planner, candidate, self._meetings)]
-        if not candidates:
-            return None
-        best = max(candidates, key=lambda c: self._meetings.gain_kwh(c.way) - c.cost_kwh)
-        self._meetings.add(best.way)
-        return best
-
-    def _block(self, group: Sequence[int], most: int, rng: np.random.Generator) -> Block:
-        members = [self.present[n] for n in group]
-        each = most // len(group)
-        options = {
-            n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
-            for n in group
-        }
-        return build_block(self._names, options, self._meetings)
-
-    def _ask(self, blocks: Sequence[Block], deadline_s: float, seed: int) -> list[list[Outcome]]:
-        names = self.settings.solvers
-        jobs = [Job(name, block.problem, seed) for block in blocks for name in names]
-        outcomes = self._solve(jobs, deadline_s)
-        return [outcomes[i : i + len(names)] for i in range(0, len(outcomes), len(names))]
-
-    def _take(self, block: Block, outcomes: Sequence[Outcome]) -> bool:
-        """Take the answer that improves the exact objective most, if one does."""
-        best_change, best = -_BETTER_KWH, None
-        seen = set()
-        for outcome in outcomes:
-            selected = outcome.selected
-            if selected is None or selected in seen or violations(block.problem, selected):
-                continue
-            seen.add(selected)
-            chosen = block.chosen(selected)
-            change = self._move(chosen)
-            if change < best_change:
-                best_change, best = change, chosen
-            self._move([block.options[i.number][0] for i in chosen])
-        if best is None:
-            return False
-        self._objective_kwh += self._move(best)
-        return True
-
-    def _move(self, itineraries: Sequence[Itinerary]) -> float:
-        """Change some vehicles' itineraries; the change of the objective, kWh."""
-        change = 0.0
-        for itinerary in itineraries:
-            old = self.present[itinerary.number]
-            if old is itinerary:
-                continue
-            change += itinerary.cost_kwh - old.cost_kwh
-            change -= self._meetings.remove(old.way)
-            change -= self._meetings.add(itinerary.way)
-            self.present[itinerary.number] = itinerary
-        return change
-
-
-def _waves(groups: Sequence[list[int]], size: int) -> list[Sequence[list[int]]]:
-    return [groups[i : i + size] for i in range(0, len(groups), size)]
-
-
-def _at_once(planner: Planner, stops: StopsOf, missing: dict[str, str]) -> list[Itinerary]:
-    """Everybody leaves when ready; what then misses a window is not served."""
     itineraries = []
     for number, vehicle in enumerate(planner.problem.fleet.vehicles):
         visits = stops[vehicle.id]
@@ -379,7 +162,7 @@ def _at_once(planner: Planner, stops: StopsOf, missing: dict[str, str]) -> list[
     return itineraries
 
 
-def _attracted(
+def attracted(
     problem: RoutingProblem,
     travel: Travel,
     itineraries: Sequence[Itinerary],
