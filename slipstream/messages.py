@@ -227,6 +227,13 @@ class EnergySummary(Message):
     platooned_distance_m: NonNegative
 
 
+class Unserved(Message):
+    """A stop that no vehicle visits in this cycle's plans, and why, in words for people."""
+
+    stop: Identifier
+    reason: str
+
+
 class CycleReport(Message):
     """One dispatch cycle as the dashboard and the supervisor see it."""
 
@@ -242,6 +249,9 @@ class CycleReport(Message):
     gates: tuple[Gate, ...]
     energy: EnergySummary | None
     plans: Annotated[int, Field(ge=0, description="Plans stored and published.")]
+    unserved: tuple[Unserved, ...] = Field(
+        default=(), description="Stops that no plan visits; senders before this field left none."
+    )
 
 
 class DispatcherHealth(Message):

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_STATES,
+    CycleReport,
     Estimate,
     KinematicFeatures,
     SegmentState,
+    Unserved,
     decode,
     plan_key,
     state_key,
@@ -91,3 +93,53 @@ def test_foreign_names_cannot_break_out_of_their_key_chunk() -> None:
     assert state_key("a/b", "-12#1*") == "slipstream/v1/rsu/a%2Fb/segment/-12%231%2A/state"
     assert plan_key("van a") == "slipstream/v1/fleet/van%20a/plan"
     assert ALL_STATES.count("*") == 2
+
+
+def a_report(*unserved: Unserved) -> CycleReport:
+    """A report of a cycle without plans, with these stops left out."""
+    return CycleReport(
+        cycle=1,
+        started_ns=1,
+        wall_s=0.1,
+        status="ok",
+        reason=None,
+        solver=None,
+        objective_kwh=None,
+        variables=0,
+        solvers=(),
+        gates=(),
+        energy=None,
+        plans=0,
+        unserved=unserved,
+    )
+
+
+def test_unserved_stops_survive_the_wire() -> None:
+    """A report keeps the stops left out, their reasons and their order."""
+    report = a_report(
+        Unserved(stop="Käse & co", reason="no vehicle has room for it"),
+        Unserved(stop="a", reason="no road leads there"),
+    )
+    assert decode(CycleReport, report.to_bytes(), "k") == report
+
+
+def test_a_report_of_an_older_sender_leaves_no_stop_out() -> None:
+    """A report without the field, as dispatchers sent it before, is read as one that serves all."""
+    fields = a_report().model_dump(mode="json")
+    del fields["unserved"]
+    assert decode(CycleReport, json.dumps(fields).encode(), "k") == a_report()
+
+
+@pytest.mark.parametrize(
+    ("unserved", "key"),
+    [
+        ([{"stop": "", "reason": "r"}], "unserved.0.stop"),
+        ([{"stop": "a"}], "unserved.0.reason"),
+        (None, "unserved"),
+    ],
+)
+def test_unserved_stops_need_name_and_reason(unserved: object, key: str) -> None:
+    """A stop without a name or a reason, and a null list, are refused by their key."""
+    fields = a_report().model_dump(mode="json") | {"unserved": unserved}
+    with pytest.raises(InputError, match=key):
+        decode(CycleReport, json.dumps(fields).encode(), "k")
