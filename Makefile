@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy
+.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy bench-routing
 
 setup: $(VENV)/.ready
 
@@ -47,6 +47,11 @@ bench-perception: setup
 # Speeds, accelerations, flags and identities against the truth of clips that training never saw.
 bench-accuracy: setup
 	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
+
+# The routing core: named instances, a city, fleet sizes, rivals; about two hours on an idle
+# machine. `SHORT=1` takes small cities and minutes, and leaves the plots in docs as they are.
+bench-routing: setup
+	$(BIN)/python -m benchmarks.routing $(if $(SHORT),--short,--plots docs)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv

@@ -1,0 +1,1 @@
+"""How good and how fast the routing core is: named instances, generated cities, fleet sizes."""

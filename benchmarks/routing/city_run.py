@@ -1,0 +1,181 @@
+"""One cycle of one generated city in this process; prints its figures as one line of JSON."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import resource
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Final
+
+from dispatcher_daemon.appraisal import RouteEnergy, route_energy, summarise
+from dispatcher_daemon.cities import generate_city
+from dispatcher_daemon.city import Choice, CityPlan, plan_city
+from dispatcher_daemon.instance import Instance
+from dispatcher_daemon.platoons import form_platoons
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.routability import unservable
+from dispatcher_daemon.routes import Route
+from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
+from dispatcher_daemon.solvers.base import Solver
+from dispatcher_daemon.solvers.executor import executor_solve
+from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.registry import make_solver
+from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy import stop_energy_kwh
+
+WORKERS: Final = max(1, min(2, os.cpu_count() or 1))
+"""The aims are for two cores."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Generate, plan, print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.routing.city_run")
+    for name in ("seed", "vehicles", "stops", "segments", "solver-seed"):
+        parser.add_argument(f"--{name}", type=int, required=True)
+    parser.add_argument("--budget", type=float, required=True, help="s")
+    parser.add_argument("--long", action="store_true", help="search for as long as it may")
+    options = parser.parse_args(arguments)
+    city = generate_city(
+        options.seed,
+        vehicles=options.vehicles,
+        stops=options.stops,
+        segments=options.segments,
+    )
+    settings = long_search(options.budget) if options.long else CitySettings()
+    told = run_city(city, settings, options.budget, options.solver_seed)
+    print(json.dumps({"seed": options.seed, **told}))
+
+
+def long_search(budget_s: float) -> CitySettings:
+    """Settings that use all of a long budget: more rounds, larger blocks, more options."""
+    return CitySettings(
+        search=SearchSettings(rounds=1000, iterations_per_stop=200, time_limit_s=budget_s),
+        block_variables=80,
+        options=8,
+        most_sweeps=1000,
+        patience=20,
+        block_deadline_s=20.0,
+    )
+
+
+def run_city(
+    city: Instance, settings: CitySettings, budget_s: float, solver_seed: int
+) -> dict[str, object]:
+    """Figures of one cycle; what they mean: `benchmarks.routing.figures.CityRun`.
+
+    Workers are up before the clock starts, as a daemon keeps them from cycle to cycle.
+    """
+    with workers(settings) as (executor, solve):
+        began, used = time.perf_counter(), _cpu_s()
+        plan = plan_city(
+            city.problem,
+            city.snapshot,
+            settings,
+            executor,
+            solve,
+            sync_window_s=city.sync_window_s,
+            seed=solver_seed,
+            deadline_s=budget_s,
+            unserved=unservable(city.problem, city.snapshot),
+        )
+        wall_s, own_cpu_s = time.perf_counter() - began, _cpu_s() - used
+    # Workers' time is known once they have ended; their start is in it.
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {
+        "vehicles": len(city.problem.fleet.vehicles),
+        "stops": len(city.problem.fleet.stops),
+        "segments": len(city.problem.network.segments),
+        "solver_seed": solver_seed,
+        "budget_s": budget_s,
+        "wall_s": wall_s,
+        "cpu_s": own_cpu_s + children.ru_utime + children.ru_stime,
+        **_objectives(plan),
+        **_energy(city, plan),
+    }
+
+
+@contextmanager
+def workers(settings: CitySettings) -> Iterator[tuple[Executor, Solve]]:
+    """Warm worker processes, for base routes and for the blocks' solvers."""
+    solvers = [make_solver(name, DispatcherSettings()) for name in settings.solvers]
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(WORKERS, spawn, initializer=_warm_up, initargs=(solvers,)) as pool:
+        list(pool.map(time.sleep, [0.5] * WORKERS))
+        yield pool, executor_solve(pool, solvers, workers=WORKERS)
+
+
+def _warm_up(solvers: Sequence[Solver]) -> None:
+    from dispatcher_daemon import vrp  # noqa: F401
+
+    for solver in solvers:
+        solver.warm_up()
+
+
+def _cpu_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def _objectives(plan: CityPlan) -> dict[str, object]:
+    return {
+        "objective_kwh": plan.choice.objective_kwh,
+        "cost_kwh": plan.choice.cost_kwh,
+        "saving_kwh": plan.choice.saving_kwh,
+        "base_kwh": plan.base.cost_kwh,
+        "base_met_kwh": plan.base.objective_kwh,
+        "greedy_kwh": plan.greedy.objective_kwh,
+        "unserved": len(plan.unserved),
+        "sweeps": len(plan.sweeps),
+        "blocks": plan.sweeps[0].blocks if plan.sweeps else 0,
+        "timed_out": plan.timed_out,
+        "stages_s": dict(plan.wall_s),
+    }
+
+
+def _energy(city: Instance, plan: CityPlan) -> dict[str, object]:
+    """Physical energy of the plan against the VRP without platooning."""
+    ours, base = _routes(plan.choice), _routes(plan.base)
+    places = form_platoons(ours, city.snapshot, city.sync_window_s, 1)
+    driven = [route_energy(city.problem, route, places) for route in ours]
+    alone: list[RouteEnergy] = [route_energy(city.problem, route, {}) for route in base]
+    summary = summarise("the VRP without platooning", alone, driven)
+    stops_kwh = [expected_stops_kwh(city.problem, city.snapshot, routes) for routes in (ours, base)]
+    return {
+        "base_driven_kwh": summary.baseline_kwh,
+        "saved_distance_kwh": summary.saved_distance_kwh,
+        "saved_drag_kwh": summary.saved_drag_kwh,
+        "saved_acceleration_kwh": summary.saved_acceleration_kwh,
+        "saved_stops_kwh": stops_kwh[1] - stops_kwh[0],
+        "driving_h": _driving_h(ours),
+        "base_driving_h": _driving_h(base),
+    }
+
+
+def _routes(choice: Choice) -> list[Route]:
+    return [i.route for i in choice.itineraries if i.route is not None]
+
+
+def expected_stops_kwh(
+    problem: RoutingProblem, snapshot: TrafficSnapshot, routes: Sequence[Route]
+) -> float:
+    """Energy that stops at signals and junctions are expected to cost on some routes, kWh."""
+    return sum(
+        traffic.stops * stop_energy_kwh(traffic.speed_mps, problem.vehicle)
+        for route in routes
+        for leg in route.legs
+        for traffic in (snapshot.segments[name] for name in leg.path)
+    )
+
+
+def _driving_h(routes: Sequence[Route]) -> float:
+    return sum(leg.drive.duration_s for route in routes for leg in route.legs) / 3600
+
+
+if __name__ == "__main__":
+    main()

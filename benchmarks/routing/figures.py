@@ -1,0 +1,177 @@
+"""What is measured on instances and cities, and the arithmetic on it; no I/O."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean, median
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One solver on one named instance.
+
+    Attributes:
+        wall_s: of each repeat.
+        objective_kwh: of the worst repeat; None if one gave no valid answer.
+        optimal: True if the solver itself proved its answer.
+    """
+
+    wall_s: tuple[float, ...]
+    objective_kwh: float | None
+    optimal: bool
+
+
+@dataclass(frozen=True)
+class InstanceRow:
+    """One named instance.
+
+    Attributes:
+        variables: active variables of its QUBO.
+        optimum_kwh: as published with it.
+        answers: by solver.
+    """
+
+    name: str
+    variables: int
+    optimum_kwh: float
+    answers: dict[str, Answer]
+
+
+@dataclass(frozen=True)
+class CityRun:
+    """One cycle of one generated city.
+
+    Attributes:
+        seed: of the city.
+        segments: how many the network has.
+        solver_seed: of the cycle.
+        budget_s: what the cycle was given.
+        wall_s: from problem and traffic to finished plans.
+        cpu_s: processor time of all processes.
+        peak_mb: most memory of the tree of processes.
+        objective_kwh: cost minus saving of the plan.
+        cost_kwh, saving_kwh: its parts.
+        base_kwh: objective of the VRP without platooning, that is, its cost.
+        base_met_kwh: the same if those platooned that happen to meet on it.
+        greedy_kwh: objective of route-then-schedule.
+        base_driven_kwh: physical energy of the VRP without platooning, every vehicle alone.
+        saved_distance_kwh, saved_drag_kwh, saved_acceleration_kwh: physical energy saved on it.
+        saved_stops_kwh: expected energy of stops at signals and junctions saved on it; no part of
+            the others.
+        driving_h, base_driving_h: time on the road.
+        unserved: stops left out.
+        sweeps: of all blocks.
+        blocks: in the first sweep.
+        timed_out: True if the budget ended a stage.
+        stages_s: wall time by stage.
+    """
+
+    seed: int
+    vehicles: int
+    stops: int
+    segments: int
+    solver_seed: int
+    budget_s: float
+    wall_s: float
+    cpu_s: float
+    peak_mb: float
+    objective_kwh: float
+    cost_kwh: float
+    saving_kwh: float
+    base_kwh: float
+    base_met_kwh: float
+    greedy_kwh: float
+    base_driven_kwh: float
+    saved_distance_kwh: float
+    saved_drag_kwh: float
+    saved_acceleration_kwh: float
+    saved_stops_kwh: float
+    driving_h: float
+    base_driving_h: float
+    unserved: int
+    sweeps: int
+    blocks: int
+    timed_out: bool
+    stages_s: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Block-wise sweeps against the undivided optimum over the same options.
+
+    Attributes:
+        variables: of the undivided model.
+        blocks: that the sweeps worked on.
+        start_kwh: objective before the sweeps.
+        sweep_kwh: after them.
+        optimum_kwh: of the undivided model, or the best known.
+        proven: True if it is proven to be the optimum.
+        exact_s: time of the undivided solve.
+    """
+
+    seed: int
+    vehicles: int
+    variables: int
+    blocks: int
+    start_kwh: float
+    sweep_kwh: float
+    optimum_kwh: float
+    proven: bool
+    exact_s: float
+
+    @property
+    def share(self) -> float:
+        """(swept − optimum) / |optimum|."""
+        return relative(self.sweep_kwh, self.optimum_kwh)
+
+    @property
+    def gained(self) -> float:
+        """Share of what the optimum gains on the start that the sweeps gain; 1 where none can."""
+        most = self.start_kwh - self.optimum_kwh
+        return (self.start_kwh - self.sweep_kwh) / most if most > 0 else 1.0
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Of some values."""
+
+    mean: float
+    least: float
+    median: float
+    most: float
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Mean and spread of at least one value."""
+    return Spread(fmean(values), min(values), median(values), max(values))
+
+
+def relative(value: float, reference: float) -> float:
+    """(value − reference) / |reference|; positive: value is the larger one."""
+    return (value - reference) / abs(reference)
+
+
+def saved_share(value: float, reference: float) -> float:
+    """How much less than the reference, as a share of it."""
+    return -relative(value, reference)
+
+
+def log_slope(sizes: Sequence[float], times_s: Sequence[float]) -> float:
+    """Exponent b of times ≈ a · sizes^b: the least-squares slope of the logarithms.
+
+    Raises:
+        ValueError: fewer than two different sizes, or a value that is not positive.
+    """
+    if len(set(sizes)) < 2 or min(*sizes, *times_s) <= 0:
+        raise ValueError("a slope needs two sizes and positive times")
+    slope, _ = np.polyfit(np.log(sizes), np.log(times_s), 1)
+    return float(slope)
+
+
+def medians_by_size(runs: Sequence[CityRun]) -> list[tuple[int, float]]:
+    """(vehicles, median wall time in s) by fleet size."""
+    sizes = sorted({run.vehicles for run in runs})
+    return [(n, median(run.wall_s for run in runs if run.vehicles == n)) for n in sizes]
