@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Protocol
 
 from dispatcher_daemon.decode import decode
 from dispatcher_daemon.dispatch import arc_problem
 from dispatcher_daemon.fleet import arc_form_obstacle
+from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.instance import Instance
-from dispatcher_daemon.problem import ArcProblem, Problem, RoutingProblem
+from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem, RoutingProblem
 from dispatcher_daemon.rewards import JudgedPair, judge_pairs
 from dispatcher_daemon.routability import unservable
+from dispatcher_daemon.route_form import RouteForm, route_problem_of
 from dispatcher_daemon.routes import (
     Leg,
     Route,
@@ -21,7 +24,10 @@ from dispatcher_daemon.routes import (
     least_energy_legs,
     timetable,
 )
+from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.sweeping import choice_of
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
 
 FormName = Literal["arc", "route"]
@@ -36,8 +42,18 @@ class Form(Protocol):
         ...
 
     @property
+    def routing(self) -> RoutingProblem:
+        """Roads and fleet behind it, without stops that nobody serves in the arc form."""
+        ...
+
+    @property
     def problem(self) -> Problem:
         """What solvers get."""
+        ...
+
+    @property
+    def unserved(self) -> Mapping[str, str]:
+        """Reason by stop that is not served."""
         ...
 
     @property
@@ -50,8 +66,16 @@ class Form(Protocol):
         """Every pair of them on a watched segment, with its reward or the reason why it is 0."""
         ...
 
+    def objective_kwh(self, selected: Collection[int]) -> float:
+        """H_cost − H_platoon of a valid selection, platoons of three and more counted right."""
+        ...
+
     def routes(self, selected: Collection[int]) -> list[Route]:
         """Timetables of a valid selection; vehicles that stay idle have none."""
+        ...
+
+    def rivals_kwh(self) -> dict[str, float]:
+        """Objectives of plans by simpler means, by what made them."""
         ...
 
     def baseline(self, deadline_s: float, seed: int) -> tuple[str, list[Route]] | None:
@@ -65,10 +89,20 @@ class ArcForm:
 
     routing: RoutingProblem
     problem: ArcProblem
+    unserved: Mapping[str, str]
     arcs: tuple[RoutedArc, ...]
     judged: tuple[JudgedPair, ...]
     legs: Mapping[tuple[str, str], Leg]
     name: FormName = "arc"
+
+    def objective_kwh(self, selected: Collection[int]) -> float:
+        """See `Form`; with two vehicles pairs are all there is."""
+        return self.problem.objective_kwh(selected)
+
+    def rivals_kwh(self) -> dict[str, float]:
+        """See `Form`: cheapest insertion."""
+        selected = cheapest_insertion(self.problem)
+        return {} if selected is None else {"insertion": self.objective_kwh(selected)}
 
     def routes(self, selected: Collection[int]) -> list[Route]:
         """See `Form`.
@@ -92,28 +126,108 @@ class ArcForm:
         return f"{outcome.solver}, without platooning", self.routes(outcome.selected)
 
 
-def arc_form(routing: RoutingProblem, instance: Instance) -> ArcForm:
-    """The arc form of an instance's problem, or of a part of it.
+@dataclass(frozen=True)
+class RouteOptions:
+    """The route form: all driving vehicles, each with its options."""
+
+    routing: RoutingProblem
+    snapshot: TrafficSnapshot
+    form: RouteForm
+    name: FormName = "route"
+
+    @property
+    def problem(self) -> RouteProblem:
+        """See `Form`."""
+        return self.form.block.problem
+
+    @property
+    def unserved(self) -> Mapping[str, str]:
+        """See `Form`."""
+        return self.form.unserved
+
+    @cached_property
+    def arcs(self) -> tuple[RoutedArc, ...]:
+        """See `Form`: the legs of all options."""
+        legs: dict[tuple[str, tuple[str, ...], float], RoutedArc] = {}
+        for options in self.form.block.options.values():
+            for route in (option.route for option in options if option.route is not None):
+                for leg, visit in zip(route.legs, route.visits, strict=False):
+                    key = (route.vehicle, leg.path, visit.departure_s)
+                    arc = RoutedArc(route.vehicle, leg, visit.departure_s, exact=True)
+                    legs.setdefault(key, arc)
+        return tuple(legs.values())
+
+    @cached_property
+    def judged(self) -> tuple[JudgedPair, ...]:
+        """See `Form`."""
+        window_s = self.form.planner.sync_window_s
+        return tuple(judge_pairs(self.routing, self.arcs, self.snapshot, window_s))
+
+    def objective_kwh(self, selected: Collection[int]) -> float:
+        """See `Form`; evaluated from nothing, as the model's is an expansion."""
+        chosen = self.form.block.chosen(frozenset(selected))
+        return choice_of(self.form.planner, chosen).objective_kwh
+
+    def routes(self, selected: Collection[int]) -> list[Route]:
+        """See `Form`."""
+        chosen = self.form.block.chosen(frozenset(selected))
+        return [option.route for option in chosen if option.route is not None]
+
+    def rivals_kwh(self) -> dict[str, float]:
+        """See `Form`: routes without platooning, and departures chosen for them afterwards."""
+        return {
+            "without platooning": self.form.base.objective_kwh,
+            "route, then schedule": self.form.greedy.objective_kwh,
+        }
+
+    def baseline(self, deadline_s: float, seed: int) -> tuple[str, list[Route]] | None:
+        """See `Form`: base routes, everybody leaving when ready."""
+        routes = [i.route for i in self.form.base.itineraries if i.route is not None]
+        return "PyVRP, without platooning", routes
+
+
+def route_form(instance: Instance, options: int, seed: int) -> RouteOptions:
+    """The route form of an instance.
+
+    Args:
+        options: most of each vehicle.
+        seed: of the search for base routes and of the draw of options.
 
     Raises:
-        InputError: the arc form cannot express the fleet.
+        InputError: no stop can be served.
     """
+    form = route_problem_of(
+        instance.problem,
+        instance.snapshot,
+        CitySettings(options=options),
+        sync_window_s=instance.sync_window_s,
+        seed=seed,
+    )
+    if not form.block.problem.choices:
+        raise _nothing_to_do(instance, form.unserved)
+    return RouteOptions(instance.problem, instance.snapshot, form)
+
+
+def arc_form(instance: Instance) -> ArcForm:
+    """The arc form of an instance; stops that nobody can serve are left out.
+
+    Raises:
+        InputError: the arc form cannot express the fleet, or no stop can be served.
+    """
+    routing, unserved = _servable_part(instance)
     obstacle = arc_form_obstacle(routing.fleet)
     if obstacle is not None:
         raise InputError(instance.name, f"not for the arc form: {obstacle}", "take --form route")
     legs = least_energy_legs(routing, instance.snapshot)
     arcs = candidate_arcs(routing, legs)
     judged = tuple(judge_pairs(routing, arcs, instance.snapshot, instance.sync_window_s))
-    return ArcForm(routing, arc_problem(routing, arcs, judged), arcs, judged, legs)
+    return ArcForm(routing, arc_problem(routing, arcs, judged), unserved, arcs, judged, legs)
 
 
-def servable_part(instance: Instance) -> tuple[RoutingProblem, dict[str, str]]:
+def _servable_part(instance: Instance) -> tuple[RoutingProblem, dict[str, str]]:
     """The problem without stops that nobody can serve, and these with the reason.
 
     A vehicle whose first stop is among them has none.
-
-    Raises:
-        InputError: nobody can serve any stop.
     """
     problem = instance.problem
     missing = unservable(problem, instance.snapshot)
@@ -122,16 +236,20 @@ def servable_part(instance: Instance) -> tuple[RoutingProblem, dict[str, str]]:
     fleet = problem.fleet
     stops = tuple(stop for stop in fleet.stops if stop.id not in missing)
     if not stops:
-        stop, reason = next(iter(missing.items()))
-        raise InputError(
-            instance.name,
-            f"no stop can be served ({stop}: {reason})",
-            "mend the fleet or the network",
-            key="fleet.stops",
-        )
+        raise _nothing_to_do(instance, missing)
     vehicles = tuple(
         v.model_copy(update={"first_stop": None}) if v.first_stop in missing else v
         for v in fleet.vehicles
     )
     smaller = type(fleet)(name=fleet.name, depots=fleet.depots, stops=stops, vehicles=vehicles)
     return replace(problem, fleet=smaller), missing
+
+
+def _nothing_to_do(instance: Instance, missing: Mapping[str, str]) -> InputError:
+    why = "; ".join(f"{stop}: {reason}" for stop, reason in list(missing.items())[:3])
+    return InputError(
+        instance.name,
+        f"no stop can be served ({why})",
+        "mend the fleet or the network",
+        key="fleet.stops",
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.appraisal import RouteEnergy, route_energy
+from dispatcher_daemon.appraisal import route_energy
 from dispatcher_daemon.decode import violations
 from dispatcher_daemon.forms import Form
 from dispatcher_daemon.platoons import Passage, Place, form_platoons
@@ -25,7 +25,9 @@ class Trial:
     Attributes:
         outcome: as the solver gave it.
         faults: rules that its answer breaks: the form's, then windows and capacities.
-        objective_kwh: H_cost − H_platoon, re-evaluated; None without an answer.
+        objective_kwh: H_cost − H_platoon, re-evaluated; None without a valid selection.
+        model_kwh: what the solver minimised; it differs by a constant in the route form, and by
+            what pairs miss of platoons of three and more.
         routes: timetables; none if the answer is no route set.
         energy: E_physical of the routes, drafting included.
         saving: against the plan without platooning, every vehicle alone; None without that plan.
@@ -34,16 +36,21 @@ class Trial:
 
     outcome: Outcome
     faults: tuple[str, ...]
-    objective_kwh: float | None
+    objective_kwh: float | None = None
+    model_kwh: float | None = None
     routes: tuple[Route, ...] = ()
     energy: Energy | None = None
     saving: Saving | None = None
     platooned_m: float = 0.0
 
+    @property
+    def is_valid(self) -> bool:
+        """True if there is an answer that breaks no rule."""
+        return self.outcome.selected is not None and not self.faults
+
 
 def appraise(
     form: Form,
-    routing: RoutingProblem,
     snapshot: TrafficSnapshot,
     sync_window_s: float,
     outcome: Outcome,
@@ -53,38 +60,33 @@ def appraise(
 
     Args:
         form: what was solved.
-        routing: roads and fleet behind it.
         baseline: routes without platooning.
     """
     selected = outcome.selected
     if selected is None:
-        return Trial(outcome, (), None)
-    objective = form.problem.objective_kwh(selected)
+        return Trial(outcome, ())
     faults = violations(form.problem, selected)
     if faults:
-        return Trial(outcome, faults, objective)
-    routes = form.routes(selected)
+        return Trial(outcome, faults)
+    routing, routes = form.routing, form.routes(selected)
     places = form_platoons(routes, snapshot, sync_window_s, cycle=0)
     energies = [route_energy(routing, route, places) for route in routes]
-    driven = total(e.driven for e in energies)
+    driven, alone = total(e.driven for e in energies), total(e.alone for e in energies)
     saving = None
     if baseline is not None:
         none: dict[Passage, Place] = {}
         base = total(route_energy(routing, route, none).alone for route in baseline)
-        saving = split_saving(base, _alone(energies), driven)
+        saving = split_saving(base, alone, driven)
     return Trial(
         outcome,
         road_faults(routing, routes),
-        objective,
+        form.objective_kwh(selected),
+        form.problem.objective_kwh(selected),
         tuple(routes),
         driven,
         saving,
         sum(e.platooned_m for e in energies),
     )
-
-
-def _alone(energies: Sequence[RouteEnergy]) -> Energy:
-    return total(e.alone for e in energies)
 
 
 def road_faults(routing: RoutingProblem, routes: Sequence[Route]) -> tuple[str, ...]:

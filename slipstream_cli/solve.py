@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from dispatcher_daemon.forms import Form
     from dispatcher_daemon.formulations.qubo import QuboModel
     from dispatcher_daemon.instance import Instance
-    from dispatcher_daemon.problem import RoutingProblem
     from dispatcher_daemon.settings import SolverName
 
 _SOLVERS = ("exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa")
 _ENDINGS = (".lp", ".mps", ".json", ".coo")
 _LARGEST_ARC_FLEET = 2
+_FEWEST_OPTIONS, _MOST_OPTIONS = 2, 50
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -47,6 +47,13 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         choices=("reduced", "full"),
         default="reduced",
         help="of the arc form's subtour terms in the QUBO (full: the paper's)",
+    )
+    command.add_argument(
+        "--options",
+        type=_options,
+        default=5,
+        metavar="N",
+        help="of each vehicle in the route form, at most (default: 5)",
     )
     command.add_argument(
         "--gamma", type=_positive, metavar="G", help="penalty weight, kWh (default: computed)"
@@ -94,16 +101,17 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from dispatcher_daemon.forms import servable_part
     from dispatcher_daemon.formulations.model import build_model
     from dispatcher_daemon.instances import open_instance
 
     instance = open_instance(options.instance)
-    routing, unserved = servable_part(instance)
-    form = _form(options, routing, instance)
+    form = _form(options, instance)
     model = build_model(form.problem, options.gamma, encoding=options.encoding)
     if options.write is not None:
         _write(model, options.write)
+    known = instance.optimum
+    if known is not None and (known.form != form.name or form.unserved):
+        known = None
     report = Report(
         instance=instance.name,
         form=form.name,
@@ -113,25 +121,32 @@ def _solve(options: argparse.Namespace) -> int:
         couplings=sum(1 for bias in model.total.quadratic.values() if bias),
         gamma_kwh=model.gamma,
         gamma_computed=options.gamma is None,
-        unserved=unserved,
+        unserved=form.unserved,
         written=options.write,
         rewards=[(pair, form.arcs) for pair in form.judged] if options.explain else None,
-        known=instance.optimum
-        if instance.optimum is not None and instance.optimum.form == form.name and not unserved
-        else None,
+        known=known,
+        rivals_kwh=form.rivals_kwh(),
     )
     names = options.solver or ([] if options.write else ["exact"])
     if names:
-        _run_solvers(names, options, form, routing, instance, report)
+        _run_solvers(names, options, form, instance, report)
     print(json.dumps(as_json(report)) if options.json else as_text(report))
-    return 0 if not names or any(_is_valid(trial) for trial in report.trials) else 1
+    return 0 if not names or any(trial.is_valid for trial in report.trials) else 1
+
+
+def _form(options: argparse.Namespace, instance: Instance) -> Form:
+    from dispatcher_daemon.forms import arc_form, route_form
+
+    few = len(instance.problem.fleet.vehicles) <= _LARGEST_ARC_FLEET
+    if (options.form or ("arc" if few else "route")) == "arc":
+        return arc_form(instance)
+    return route_form(instance, options.options, options.seed)
 
 
 def _run_solvers(
     names: Sequence[SolverName],
     options: argparse.Namespace,
     form: Form,
-    routing: RoutingProblem,
     instance: Instance,
     report: Report,
 ) -> None:
@@ -144,32 +159,15 @@ def _run_solvers(
     solvers = [make_solver(name, settings, options.encoding) for name in dict.fromkeys(names)]
     for solver in solvers:
         solver.warm_up()  # says what is not installed before anything takes time
-    baseline = form.baseline(options.deadline, options.seed)
-    report.baseline = None if baseline is None else baseline[0]
+    found = form.baseline(options.deadline, options.seed)
+    report.baseline, routes = (None, None) if found is None else found
     solve = solve_here(solvers)
     for solver in solvers:
         job = Job(solver.name, form.problem, options.seed)
         (outcome,) = solve([job], options.deadline)
         report.trials.append(
-            appraise(
-                form,
-                routing,
-                instance.snapshot,
-                instance.sync_window_s,
-                outcome,
-                None if baseline is None else baseline[1],
-            )
+            appraise(form, instance.snapshot, instance.sync_window_s, outcome, routes)
         )
-
-
-def _is_valid(trial: Any) -> bool:
-    return trial.outcome.selected is not None and not trial.faults
-
-
-def _form(options: argparse.Namespace, routing: RoutingProblem, instance: Instance) -> Form:
-    from dispatcher_daemon.forms import arc_form
-
-    return arc_form(routing, instance)
 
 
 def _write(model: QuboModel, path: Path) -> None:
@@ -193,7 +191,7 @@ def _published() -> list[dict[str, Any]]:
     for name in instance_names():
         instance = open_instance(name)
         fleet, optimum = instance.problem.fleet, instance.optimum
-        problem = arc_form(instance.problem, instance).problem
+        problem = arc_form(instance).problem
         rows.append(
             {
                 "name": name,
@@ -225,4 +223,13 @@ def _seed(text: str) -> int:
     value = int(text) if text.isdecimal() else -1
     if not 0 <= value < 2**32:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to {2**32 - 1}")
+    return value
+
+
+def _options(text: str) -> int:
+    value = int(text) if text.isdecimal() else 0
+    if not _FEWEST_OPTIONS <= value <= _MOST_OPTIONS:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a whole number from {_FEWEST_OPTIONS} to {_MOST_OPTIONS}"
+        )
     return value

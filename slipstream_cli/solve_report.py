@@ -26,6 +26,7 @@ class Report:
         written: model file.
         rewards: judged pairs and the arcs that they point to; None if not asked for.
         known: the published optimum of the same problem.
+        rivals_kwh: objectives of simpler plans, by what made them.
         baseline: what made the plan without platooning; None if there is none.
     """
 
@@ -41,6 +42,7 @@ class Report:
     written: Path | None
     rewards: Sequence[tuple[JudgedPair, Sequence[RoutedArc]]] | None
     known: Optimum | None
+    rivals_kwh: Mapping[str, float]
     baseline: str | None = None
     trials: list[Trial] = field(default_factory=list)
 
@@ -61,6 +63,7 @@ def as_json(report: Report) -> dict[str, Any]:
         "written": None if report.written is None else str(report.written),
         "known_optimum_kwh": None if known is None else known.objective_kwh,
         "known_optimum_proven": known is not None and known.proven,
+        "rivals_kwh": dict(report.rivals_kwh),
         "baseline": report.baseline,
         "solvers": [_trial_as_json(trial) for trial in report.trials],
         "rewards": None
@@ -77,7 +80,8 @@ def _trial_as_json(trial: Trial) -> dict[str, Any]:
         "reason": outcome.reason,
         "wall_s": outcome.wall_s,
         "objective_kwh": trial.objective_kwh,
-        "feasible": outcome.selected is not None and not trial.faults,
+        "model_kwh": trial.model_kwh,
+        "feasible": trial.is_valid,
         "faults": list(trial.faults),
         "repaired": outcome.repaired,
         "samples": None
@@ -141,6 +145,8 @@ def _lines(report: Report) -> Iterator[str]:
     if report.known is not None:
         proven = "proven" if report.known.proven else "not proven"
         yield f"known optimum: {report.known.objective_kwh:.6f} kWh ({proven})"
+    for name, value in report.rivals_kwh.items():
+        yield f"{name}: {value:.6f} kWh"
     for stop, reason in report.unserved.items():
         yield f"not served: {stop}: {reason}"
     if report.written is not None:
@@ -161,9 +167,10 @@ def _lines(report: Report) -> Iterator[str]:
 def _trial_lines(trial: Trial, baseline: str | None) -> Iterator[str]:
     outcome, samples = trial.outcome, trial.outcome.samples
     objective = "no answer"
-    if trial.objective_kwh is not None:
-        objective = f"objective {trial.objective_kwh:.6f} kWh"
-        objective += ", not feasible" if trial.faults else ", feasible"
+    if outcome.selected is not None:
+        value = trial.objective_kwh
+        objective = "" if value is None else f"objective {value:.6f} kWh, "
+        objective += "feasible" if trial.is_valid else "not feasible"
         objective += " after repair" if outcome.repaired else ""
     yield f"{outcome.solver}: {outcome.status}, {objective}, {1000 * outcome.wall_s:.1f} ms"
     if outcome.reason is not None:
