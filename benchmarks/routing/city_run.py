@@ -15,17 +15,17 @@ from typing import Final
 
 from dispatcher_daemon.appraisal import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.cities import generate_city
-from dispatcher_daemon.city import Choice, CityPlan, plan_city
+from dispatcher_daemon.city import CityPlan, plan_city
 from dispatcher_daemon.instance import Instance
 from dispatcher_daemon.platoons import form_platoons
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.routability import unservable
 from dispatcher_daemon.routes import Route
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.base import Solver
 from dispatcher_daemon.solvers.executor import executor_solve
 from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.solvers.registry import make_solver
+from dispatcher_daemon.sweeping import Choice
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import stop_energy_kwh
 
@@ -82,7 +82,6 @@ def run_city(
             sync_window_s=city.sync_window_s,
             seed=solver_seed,
             deadline_s=budget_s,
-            unserved=unservable(city.problem, city.snapshot),
         )
         wall_s, own_cpu_s = time.perf_counter() - began, _cpu_s() - used
     # Workers' time is known once they have ended; their start is in it.

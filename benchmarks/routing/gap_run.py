@@ -18,6 +18,7 @@ import numpy as np
 
 from dispatcher_daemon.blocks import build_block
 from dispatcher_daemon.cities import generate_city
+from dispatcher_daemon.city import first_plans
 from dispatcher_daemon.instance import Instance
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
@@ -58,12 +59,10 @@ def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:
     with ThreadPoolExecutor(1) as executor:
         stops = [stop.id for stop in fleet.stops]
         routes = base_routes(problem, travel, stops, SearchSettings(rounds=1), executor, seed)
-    planner = Planner(problem, city.snapshot, [travel], city.sync_window_s)
-    base = []
-    for number, vehicle in enumerate(fleet.vehicles):
-        visits = routes.stops[vehicle.id]
-        base.append(planner.itinerary(number, visits, planner.legs(number, visits)))
-    return _whole(planner, [itinerary for itinerary in base if itinerary is not None], seed)
+    planner, _, base, _ = first_plans(
+        problem, city.snapshot, travel, routes.stops, {}, city.sync_window_s, 0.0
+    )
+    return _whole(planner, base.itineraries, seed)
 
 
 def _whole(

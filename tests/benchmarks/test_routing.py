@@ -26,11 +26,12 @@ from benchmarks.routing.figures import (
     saved_share,
     spread,
 )
-from benchmarks.routing.gap_run import improved, measure_gap
+from benchmarks.routing.gap_run import improved, measure_gap, undivided
 from benchmarks.routing.instances import answer
 from benchmarks.routing.plots import draw
 from benchmarks.routing.report import Results, checks, markdown, percent
 from benchmarks.routing.watch import tree_mb, watched
+from dispatcher_daemon.cities import generate_city
 from dispatcher_daemon.problem import Problem, RouteOption, RouteProblem
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.base import Outcome
@@ -323,3 +324,27 @@ def test_parts_are_measured_in_their_order() -> None:
     with pytest.raises(InputError, match="no part 'all'"):
         parts_of("all")
     assert main(["--only", "all"]) == 2
+
+
+def test_a_small_city_is_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
+    """All figures of a run come from the cycle itself; saved parts add up to what was saved."""
+    size = ["--vehicles", "4", "--stops", "12", "--segments", "60"]
+    module = [sys.executable, "-m", "benchmarks.routing.city_run"]
+    options = ["--seed", "2", *size, "--budget", "10", "--solver-seed", "1"]
+    told, peak = watched([*module, *options], tmp_path / "log", 60.0)
+    run = CityRun(**told, peak_mb=peak)
+    assert (run.vehicles, run.stops, run.segments, run.unserved) == (4, 12, 60, 0)
+    assert run.objective_kwh == pytest.approx(run.cost_kwh - run.saving_kwh)
+    assert run.objective_kwh <= run.base_met_kwh + 1e-9 <= run.base_kwh + 2e-9
+    assert sum(run.stages_s.values()) <= run.wall_s
+    assert run.saved_drag_kwh >= 0
+    assert 50 < peak < 2000
+
+
+def test_what_a_city_could_choose_is_one_problem() -> None:
+    """Every vehicle of the city is in it, its base route first."""
+    problem, graph = undivided(generate_city(1, vehicles=6, stops=30, segments=100), 1)
+    assert len(problem.vehicles) == 6
+    assert set(graph) <= set(problem.vehicles)
+    assert all(problem.options_of[vehicle] for vehicle in problem.vehicles)
+    assert problem.choices > 6
