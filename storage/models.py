@@ -1,7 +1,8 @@
 """The tables: one row a cycle, and under it its solver runs, gates, plans and segment states.
 
 Times are UTC nanoseconds. Parts that are only ever read together with their row (a plan's stops
-and segments, a state's features) are JSON in the shape of `slipstream.messages`.
+and segments, a state's features, the stops a cycle left out) are JSON in the shape of
+`slipstream.messages`.
 """
 
 from __future__ import annotations
@@ -57,6 +58,7 @@ class CycleRow(Base):
     saved_drag_kwh: Mapped[float | None]
     saved_acceleration_kwh: Mapped[float | None]
     platooned_distance_m: Mapped[float | None]
+    unserved: Mapped[list[Any]] = mapped_column(server_default="[]")
 
     solver_runs: Mapped[list[SolverRunRow]] = relationship(
         cascade="all, delete-orphan", order_by="SolverRunRow.position", passive_deletes=True

@@ -10,6 +10,7 @@ from slipstream.messages import (
     Gate,
     SegmentState,
     SolverReport,
+    Unserved,
     VehiclePlan,
 )
 from storage.models import CycleRow, GateRow, PlanRow, SolverRunRow, StateRow
@@ -40,6 +41,7 @@ def cycle_row(
         **report.model_dump(include=set(_CYCLE_FIELDS)),
         **energy,
         plan_count=report.plans,
+        unserved=[stop.model_dump() for stop in report.unserved],
         solver_runs=[
             SolverRunRow(position=position, **run.model_dump())
             for position, run in enumerate(report.solvers)
@@ -67,6 +69,7 @@ def cycle_report(row: CycleRow) -> CycleReport:
             ),
             "gates": tuple(Gate.model_validate(_fields(gate, _GATE_FIELDS)) for gate in row.gates),
             "energy": energy,
+            "unserved": tuple(Unserved.model_validate(stop) for stop in row.unserved),
         }
     )
 

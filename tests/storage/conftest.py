@@ -17,6 +17,7 @@ from slipstream.messages import (
     PlannedStop,
     SegmentState,
     SolverReport,
+    Unserved,
     VehiclePlan,
 )
 
@@ -125,6 +126,10 @@ def _cycle(number: int) -> Cycle:
             platooned_distance_m=4000.0,
         ),
         plans=2,
+        unserved=(
+            Unserved(stop="c9", reason="no vehicle has room and time for it"),
+            Unserved(stop="Käse_7 'north'", reason="cannot be reached; it is loaded on 'van-a'"),
+        ),
     )
     plans = [_plan(number, "van-a", 0), _plan(number, "van-b", 1)]
     states = [_state(number, "avenue_east", True), _state(number, "avenue_west", False)]

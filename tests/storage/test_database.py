@@ -12,7 +12,7 @@ from sqlalchemy.exc import OperationalError
 
 import storage
 from slipstream.errors import InputError
-from slipstream.messages import CycleReport
+from slipstream.messages import CycleReport, Unserved
 from storage.engine import parse_url, writer_engine
 from storage.models import StateRow
 
@@ -41,6 +41,19 @@ def test_round_trip(url, make_cycle):
         assert reader.latest_cycle() == second[0]
         assert reader.latest_plans() == tuple(second[1])
         assert reader.states(1) == tuple(first[2])
+
+
+def test_a_thousand_unserved_stops_round_trip(url, make_cycle):
+    """A cycle that serves next to nothing of a city is stored with each stop, in their order."""
+    report, plans, states = make_cycle(1)
+    stops = tuple(
+        Unserved(stop=f"stop-{n}", reason=f"its window closes {n} s before anyone arrives")
+        for n in range(1000, 0, -1)
+    )
+    report = report.model_copy(update={"unserved": stops})
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(report, plans, states)
+        assert reader.latest_cycle() == report
 
 
 def test_failed_cycle_round_trip(url, make_cycle):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import sqlite3
+from pathlib import Path
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 
@@ -53,3 +56,82 @@ def test_a_broken_upgrade_leaves_nothing(url, monkeypatch):
     connection.close()
     with storage.open_database(url) as database:
         assert database.next_cycle_number() == 1
+
+
+TABLES = ("cycles", "solver_runs", "gates", "plans", "segment_states")
+
+
+def _at_0001(url, tmp_path, cycles) -> None:
+    """Make a database as the first version left it: its schema, and rows in its columns only."""
+    newest = tmp_path / "newest.db"
+    with storage.open_database(f"sqlite:///{newest}") as database:
+        for cycle in cycles:
+            database.record_cycle(*cycle)
+    Path(url.removeprefix("sqlite:///")).parent.mkdir(parents=True)
+    config = Config()
+    config.set_main_option("script_location", str(schema.MIGRATIONS))
+    engine = writer_engine(parse_url(url))
+    with engine.begin() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+    engine.dispose()
+    old = sqlite3.connect(url.removeprefix("sqlite:///"))
+    old.execute("ATTACH ? AS newest", (str(newest),))
+    for table in TABLES:
+        names = ", ".join(row[1] for row in old.execute(f"PRAGMA main.table_info({table})"))
+        old.execute(f"INSERT INTO main.{table} ({names}) SELECT {names} FROM newest.{table}")
+    old.commit()
+    old.close()
+
+
+def _dump(url) -> dict[str, list[tuple[object, ...]]]:
+    connection = sqlite3.connect(url.removeprefix("sqlite:///"))
+    try:
+        return {table: connection.execute(f"SELECT * FROM {table}").fetchall() for table in TABLES}
+    finally:
+        connection.close()
+
+
+def test_upgrade_from_0001_keeps_every_row(url, tmp_path, make_cycle):
+    """A database of the first version keeps all it holds, and its cycles leave no stop out."""
+    cycles = [make_cycle(number) for number in (1, 2, 3)]
+    _at_0001(url, tmp_path, cycles)
+    before = _dump(url)
+    assert [len(before[table]) for table in TABLES] == [3, 6, 6, 6, 6]
+    with storage.open_reader(url) as reader, pytest.raises(storage.StorageError, match="upgraded"):
+        reader.latest_cycle()
+    assert not storage.check(url).ok
+
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        assert storage.check(url).ok
+        expected = tuple(report.model_copy(update={"unserved": ()}) for report, _, _ in cycles)
+        assert reader.cycles(limit=9) == expected
+        assert reader.latest_plans() == tuple(cycles[-1][1])
+        assert reader.states(2) == tuple(cycles[1][2])
+        assert database.next_cycle_number() == 4
+        database.record_cycle(*make_cycle(4))
+        assert reader.latest_cycle() == make_cycle(4)[0]
+        after = _dump(url)
+    for table in TABLES[1:]:
+        assert after[table][: len(before[table])] == before[table]
+
+
+def test_a_broken_upgrade_from_0001_changes_nothing(url, tmp_path, make_cycle, monkeypatch):
+    """An upgrade of a filled database that fails leaves it as it was; the next one succeeds."""
+    from alembic import op
+
+    _at_0001(url, tmp_path, [make_cycle(1)])
+    before = _dump(url)
+    add_column = op.add_column
+
+    def fail_after(table, column):
+        add_column(table, column)
+        raise RuntimeError("power cut")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(op, "add_column", fail_after)
+        with pytest.raises(RuntimeError, match="power cut"):
+            storage.open_database(url)
+    assert _dump(url) == before
+    with storage.open_database(url) as database:
+        assert database.next_cycle_number() == 2
