@@ -88,6 +88,8 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError("resources", "out of range", "give 0 or more", key="--seed")
     if options.plot is not None and options.plot.suffix not in (".png", ".svg", ".pdf"):
         raise InputError(options.plot, "no picture's suffix", "name it .png", key="--plot")
+    if options.plot is not None and not options.plot.absolute().parent.is_dir():
+        raise InputError(options.plot, "no such folder", "make it first", key="--plot")
 
 
 def _benchmark() -> dict[str, QuboSize]:

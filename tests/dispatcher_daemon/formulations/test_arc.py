@@ -15,7 +15,6 @@ from dispatcher_daemon.formulations.arc import (
     build_arc_model,
     sufficient_gamma,
 )
-from dispatcher_daemon.formulations.qubo import QuboModel
 from dispatcher_daemon.problem import ArcProblem, ArcReward, CandidateArc
 
 Demo = Callable[..., ArcProblem]
@@ -31,34 +30,49 @@ def test_demo_has_exactly_25_variables(demo_arcs: Demo) -> None:
     assert touched == set(model.variables)
 
 
-def penalty_in_words(model: QuboModel, state: dict[object, int]) -> int:
-    """H_constraints of the demo written out rule by rule, without the builder."""
+def arcs_on(
+    state: dict[object, int], vehicle: str | None, start: str | None, end: str | None
+) -> int:
+    """Sum of x over the arcs that match; None matches any."""
+    return sum(
+        value
+        for v, value in state.items()
+        if isinstance(v, ArcVariable)
+        and vehicle in (None, v.vehicle)
+        and start in (None, v.start)
+        and end in (None, v.end)
+    )
+
+
+def degrees_in_words(state: dict[object, int]) -> int:
+    """H_cust + H_flow + H_depot of the demo written out, without the builder."""
+    customers, vans = ("c1", "c2", "c3", "c4"), ("van-a", "van-b")
 
     def x(vehicle: str | None, start: str | None, end: str | None) -> int:
-        return sum(
-            state[v]
-            for v in model.variables
-            if isinstance(v, ArcVariable)
-            and (vehicle in (None, v.vehicle))
-            and (start in (None, v.start))
-            and (end in (None, v.end))
-        )
+        return arcs_on(state, vehicle, start, end)
+
+    cust = sum((x(None, None, c) - 1) ** 2 for c in customers)
+    flow = sum((x(k, None, c) - x(k, c, None)) ** 2 for k in vans for c in customers)
+    depot = sum((x(k, "depot", None) - 1) ** 2 + (x(k, None, "depot") - 1) ** 2 for k in vans)
+    return cust + flow + depot
+
+
+def order_in_words(state: dict[object, int]) -> int:
+    """The demo's order rows written out."""
 
     def u(customer: str) -> int:
         return state[OrderBit(customer, 0)] + 2 * state[OrderBit(customer, 1)]
 
-    customers, vans = ("c1", "c2", "c3", "c4"), ("van-a", "van-b")
-    cust = sum((x(None, None, c) - 1) ** 2 for c in customers)
-    flow = sum((x(k, None, c) - x(k, c, None)) ** 2 for k in vans for c in customers)
-    depot = sum((x(k, "depot", None) - 1) ** 2 + (x(k, None, "depot") - 1) ** 2 for k in vans)
+    def x(start: str, end: str) -> int:
+        return arcs_on(state, None, start, end)
+
     w = state[SlackBit("c2", "c4", 0)]
-    order = (
-        (u("c2") - u("c4") + 2 * x(None, "c2", "c4") - 1 + 2 * w) ** 2
-        + (u("c4") - u("c2") + 2 * x(None, "c4", "c2") - 1) ** 2
-        + (u("c1") - u("c2") + x(None, "c1", "c2")) ** 2
-        + (u("c3") - u("c2") + x(None, "c3", "c2")) ** 2
+    return (
+        (u("c2") - u("c4") + 2 * x("c2", "c4") - 1 + 2 * w) ** 2
+        + (u("c4") - u("c2") + 2 * x("c4", "c2") - 1) ** 2
+        + (u("c1") - u("c2") + x("c1", "c2")) ** 2
+        + (u("c3") - u("c2") + x("c3", "c2")) ** 2
     )
-    return cust + flow + depot + order
 
 
 @given(bits=st.lists(st.integers(0, 1), min_size=25, max_size=25))
@@ -67,11 +81,43 @@ def test_demo_model_is_the_formula(demo_arcs: Demo, bits: list[int]) -> None:
     problem = demo_arcs(avenue_east=1, avenue_west=1)
     model = build_arc_model(problem)
     state: dict[object, int] = dict(zip(model.variables, bits, strict=True))
-    penalty = penalty_in_words(model, state)
+    penalty = degrees_in_words(state) + order_in_words(state)
     objective = problem.objective_kwh(model.selected(bits))
     assert model.penalty.energy(state) == pytest.approx(penalty, abs=1e-9)
     assert model.objective.energy(state) == pytest.approx(objective, abs=1e-12)
     assert model.total.energy(state) == pytest.approx(objective + model.gamma * penalty, abs=1e-9)
+
+
+def full_subtour_in_words(state: dict[object, int]) -> int:
+    """H_subtour of the paper for 4 customers and 2 vehicles, on the demo's candidate arcs."""
+    total = 0
+    for k in ("van-a", "van-b"):
+
+        def u(customer: str, k: str = k) -> int:
+            return state[OrderBit(customer, 0, k)] + 2 * state[OrderBit(customer, 1, k)]
+
+        for i in ("c1", "c2", "c3", "c4"):
+            for j in ("c1", "c2", "c3", "c4"):
+                if ArcVariable(k, i, j) in state:
+                    slack = sum(2**m * state[SlackBit(i, j, m, k)] for m in range(3))
+                    total += (u(i) - u(j) + 4 * state[ArcVariable(k, i, j)] - 4 + 1 + slack) ** 2
+    return total
+
+
+@given(bits=st.lists(st.integers(0, 1), min_size=56, max_size=56))
+def test_full_encoding_is_the_papers_formula(demo_arcs: Demo, bits: list[int]) -> None:
+    """K·N·⌈log2 N⌉ order bits; MTZ for each vehicle and arc, with slack 0..6 in three bits."""
+    problem = demo_arcs(avenue_east=1, avenue_west=1)
+    model = build_arc_model(problem, 2.0, "full")
+    kinds = Counter(type(v) for v in model.variables)
+    assert kinds == {ArcVariable: 16, OrderBit: 2 * 4 * 2, SlackBit: 8 * 3}
+    state: dict[object, int] = dict(zip(model.variables, bits, strict=True))
+    expected = degrees_in_words(state) + full_subtour_in_words(state)
+    assert model.penalty.energy(state) == pytest.approx(expected, abs=1e-9)
+    assert model.objective.energy(state) == pytest.approx(
+        problem.objective_kwh(model.selected(bits)), abs=1e-12
+    )
+    assert len(set(map(str, model.variables))) == 56
 
 
 def test_gamma_can_be_set(demo_arcs: Demo) -> None:

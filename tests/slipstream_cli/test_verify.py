@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from slipstream_cli.main import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+def test_published_instances_pass(capsys: Capture) -> None:
+    """Both weights by default; everything that was found is in the JSON."""
+    assert main(["verify", "arc06-valley", "arc14-motorway", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["failed"] == 0
+    checks = document["checks"]
+    assert [check["name"] for check in checks] == ["arc06-valley"] * 2 + ["arc14-motorway"] * 2
+    assert [check["gamma"] for check in checks] == ["bound", "given"] * 2
+    assert checks[1]["gamma_kwh"] == 50.0
+    assert checks[2]["states"] == 2**14
+    assert checks[2]["minimum_kwh"] == pytest.approx(checks[2]["milp_kwh"], abs=1e-7)
+    assert all(check["zero_penalty_is_valid"] for check in checks)
+
+
+def test_a_check_that_fails_is_exit_status_1(capsys: Capture) -> None:
+    """γ = 1 Wh is too little; the line says so."""
+    assert main(["verify", "arc15-ring", "--gamma", "0.001"]) == 1
+    out = capsys.readouterr().out
+    assert "FAILS: QUBO minimum" in out
+    assert "1 checks, 1 failed" in out
+
+
+def test_random_problems_of_both_forms(capsys: Capture) -> None:
+    """The seed makes them; the same again for the same seed."""
+    command = ["verify", "--random", "2", "--seed", "9", "--gamma", "bound", "--json"]
+    assert main(command) == 0
+    first = json.loads(capsys.readouterr().out)["checks"]
+    assert [check["form"] for check in first] == ["arc", "arc", "route", "route"]
+    assert [check["encoding"] for check in first] == ["reduced", "reduced", None, None]
+    assert main(command) == 0
+    again = json.loads(capsys.readouterr().out)["checks"]
+    assert [c["minimum_kwh"] for c in again] == [c["minimum_kwh"] for c in first]
+
+
+def test_a_file_of_ones_own_in_the_papers_encoding(tmp_path: Path, capsys: Capture) -> None:
+    """An instance file is taken like a name; the full encoding has its own number of variables."""
+    from dispatcher_daemon.instance import write_instance
+    from dispatcher_daemon.instances import open_instance
+
+    path = tmp_path / "mine.json"
+    write_instance(open_instance("arc08-blocks"), path)
+    assert main(["verify", str(path), "--encoding", "full", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["checks"][0]["variables"] == 12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "nothing to check"),
+        (("arc99",), "arc99: no instance of this name"),
+        (("arc25-01-avenue", "--encoding", "full"), "56 variables in the full encoding"),
+        (("arc06-valley", "--gamma", "nan"), "--gamma: 'nan' is no weight"),
+        (("arc06-valley", "--gamma", "-1"), "--gamma: '-1' is no weight"),
+        (("--random", "-1"), "--random: out of range"),
+        (("--random", "1", "--seed", "-1"), "--seed: out of range"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: tuple[str, ...], said: str, capsys: Capture) -> None:
+    """Exit status 2, and nothing is enumerated before."""
+    assert main(["verify", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert len(captured.err.splitlines()) == 1
+    assert captured.out == ""
