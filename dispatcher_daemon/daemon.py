@@ -5,19 +5,21 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from typing import Protocol
 
 import numpy as np
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.dispatch import form_of, run_cycle
 from dispatcher_daemon.fleet import load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.registry import configured_solvers
+from dispatcher_daemon.solvers.workers import WorkerExecutor
 from dispatcher_daemon.traffic import TrafficBook, Verdict, take_snapshot
 from slipstream.bus import Bus
 from slipstream.errors import InputError
@@ -89,6 +91,7 @@ class Dispatcher:
         bus: to publish through.
         store: database.
         solve: solver pool.
+        executor: for the search of the route form's base routes; None: the cycle's own thread.
     """
 
     def __init__(
@@ -98,7 +101,10 @@ class Dispatcher:
         bus: Inlet,
         store: CycleStore,
         solve: Solve,
+        executor: Executor | None = None,
     ) -> None:
+        self._executor = executor
+        self._stops: Mapping[str, tuple[str, ...]] = {}
         self._settings = settings
         self._problem = problem
         self._store = store
@@ -172,8 +178,11 @@ class Dispatcher:
                 now_ns,
                 number,
                 cycle_seed(self._settings.seed, number),
+                executor=self._executor,
+                start=self._stops or None,
             )
             report, plans = result.report, result.plans
+            self._stops = result.stops
         except Exception as error:
             log.exception("cycle %d failed", number)
             report = failed_report(number, now_ns, time.monotonic() - began, _named(error))
@@ -320,18 +329,24 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     logging.getLogger("apscheduler").setLevel(logging.CRITICAL)
     network = load_network(settings.network)
     problem = RoutingProblem(network, load_fleet(settings.fleet, network))
+    # Blocks of a city are solved side by side; the arc form gives each solver one problem.
+    in_routes = form_of(settings, problem.fleet) == "route"
+    side_by_side = settings.city.search.workers if in_routes else 1
+    workers: dict[str, int] = dict.fromkeys(settings.city.solvers, side_by_side)
+    executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
         open_database(settings.database_url) as database,
         Bus.open(settings.bus) as bus,
-        SolverPool(configured_solvers(settings)) as pool,
+        SolverPool(configured_solvers(settings), workers) as pool,
+        executor,
     ):
         cold = pool.warm_up(stopping=service.stopping)
         if service.stopping.is_set():
             return
         for name, reason in cold.items():
             log.warning("solver %s is not ready: %s", name, reason)
-        dispatcher = Dispatcher(settings, problem, bus, database, pool)
+        dispatcher = Dispatcher(settings, problem, bus, database, pool, executor)
         bus.subscribe(ALL_STATES, dispatcher.on_state)
         scheduler = CycleScheduler(
             dispatcher.run_cycle,

@@ -4,32 +4,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Final, Literal
 
-from dispatcher_daemon.appraisal import RouteEnergy, route_energy, summarise
-from dispatcher_daemon.decode import decode
-from dispatcher_daemon.fleet import DEPOT
-from dispatcher_daemon.formulations.arc import build_arc_model
-from dispatcher_daemon.insertion import cheapest_insertion
-from dispatcher_daemon.plans import vehicle_plans
-from dispatcher_daemon.platoons import Passage, Place, form_platoons
-from dispatcher_daemon.problem import ArcProblem, CandidateArc, RoutingProblem
-from dispatcher_daemon.rewards import JudgedPair, judge_pairs, rewards
-from dispatcher_daemon.routes import (
-    Leg,
-    Route,
-    RoutedArc,
-    candidate_arcs,
-    least_energy_legs,
-    timetable,
-)
+from dispatcher_daemon.appraisal import summarise
+from dispatcher_daemon.arc_cycle import ArcCycle
+from dispatcher_daemon.arcs import arc_problem, arc_problem_of
+from dispatcher_daemon.candidates import Candidate, Cycle, Found
+from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.rewards import JudgedPair
+from dispatcher_daemon.route_cycle import route_cycle
+from dispatcher_daemon.routes import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.pool import Job, Solve
-from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
+from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.traffic import TrafficSnapshot
-from dispatcher_daemon.verify import verify_plans
-from slipstream.messages import CycleReport, SolverReport, VehiclePlan
+from slipstream.errors import InputError
+from slipstream.messages import CycleReport, Unserved, VehiclePlan
+
+__all__ = ["CycleResult", "arc_problem", "arc_problem_of", "form_of", "run_cycle"]
+
+MOST_ARC_VEHICLES: Final = 2
+MOST_ARC_STOPS: Final = 8
+"""A larger fleet is dispatched in route form, unless the settings say otherwise."""
 
 
 @dataclass(frozen=True)
@@ -38,78 +36,17 @@ class CycleResult:
 
     Attributes:
         report: for the dashboard and the database.
-        plans: verified plans, one a vehicle; none if the cycle failed.
-        arcs: the candidate arcs.
+        plans: verified plans, one for each vehicle that drives; none if the cycle failed.
+        arcs: the candidate arcs of the arc form.
         judged: every pair of arcs that share a watched segment, and why it platoons or not.
+        stops: by vehicle, of the route form's plan, for the next cycle to start from.
     """
 
     report: CycleReport
     plans: tuple[VehiclePlan, ...]
-    arcs: tuple[RoutedArc, ...]
-    judged: tuple[JudgedPair, ...]
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    """A verified plan set."""
-
-    solver: str
-    objective_kwh: float
-    plans: tuple[VehiclePlan, ...]
-    energies: tuple[RouteEnergy, ...]
-
-
-@dataclass(frozen=True)
-class _Cycle:
-    """What is fixed within one cycle."""
-
-    problem: RoutingProblem
-    snapshot: TrafficSnapshot
-    settings: DispatcherSettings
-    number: int
-    now_ns: int
-    legs: Mapping[tuple[str, str], Leg]
-
-    def routes(self, stops: Mapping[str, Sequence[str]]) -> list[Route]:
-        """Exact timetables; the first vehicles leave when the solvers' time is over."""
-        return [
-            timetable(self.problem, self.legs, v, stops[v.id], self.settings.deadline_s)
-            for v in self.problem.fleet.vehicles
-        ]
-
-    def candidate(
-        self, solver: str, arcs: ArcProblem, selected: frozenset[int], *, platooning: bool = True
-    ) -> _Candidate | str:
-        """The verified plan set of a selection of arcs, or what is wrong with it."""
-        if not all(0 <= index < len(arcs.arcs) for index in selected):
-            return "not a selection of arcs"
-        decoded = decode(arcs, selected)
-        if decoded.routes is None:
-            return decoded.violations[0]
-        routes = self.routes(decoded.routes)
-        window = self.settings.sync_window_s
-        places: dict[Passage, Place] = {}
-        if platooning:
-            places = form_platoons(routes, self.snapshot, window, self.number)
-        energies = tuple(route_energy(self.problem, route, places) for route in routes)
-        plans = vehicle_plans(
-            self.problem,
-            self.snapshot,
-            routes,
-            places,
-            energies,
-            cycle=self.number,
-            issued_ns=self.now_ns,
-            valid_s=2 * self.settings.interval_s,
-            gap_m=self.settings.gap_m,
-        )
-        open_segments = {name for name, t in self.snapshot.segments.items() if t.open}
-        faults = verify_plans(
-            plans, self.problem.network, self.problem.fleet, open_segments, window
-        )
-        if faults:
-            return faults[0]
-        return _Candidate(solver, arcs.objective_kwh(selected), plans, energies)
+    arcs: tuple[RoutedArc, ...] = ()
+    judged: tuple[JudgedPair, ...] = ()
+    stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def run_cycle(
@@ -121,6 +58,9 @@ def run_cycle(
     cycle: int,
     seed: int,
     clock: Callable[[], float] = time.monotonic,
+    *,
+    executor: Executor | None = None,
+    start: Mapping[str, Sequence[str]] | None = None,
 ) -> CycleResult:
     """Run one dispatch cycle.
 
@@ -134,57 +74,30 @@ def run_cycle(
         cycle: its number.
         seed: for everything random in the solvers.
         clock: seconds, for the report's wall time only.
+        executor: for the search of the route form's base routes; None: this thread.
+        start: routes by vehicle that this search starts from, as of the last cycle.
 
     Returns:
         The best verified plans of the solvers that answered; the baseline's if none did; a report
         of status "failed" without plans if there is no valid plan at all.
     """
     began = clock()
-    legs = least_energy_legs(problem, snapshot)
-    arcs = candidate_arcs(problem, legs, settings.deadline_s)
-    judged = tuple(judge_pairs(problem, arcs, snapshot, settings.sync_window_s))
-    model = arc_problem(problem, arcs, judged)
-    jobs = [
-        Job(BASELINE_SOLVER, model.without_platooning(), seed),
-        *(Job(name, model, seed) for name in settings.solvers),
-    ]
-    baseline_outcome, *outcomes = solve(jobs, settings.deadline_s)
-
-    this = _Cycle(problem, snapshot, settings, cycle, now_ns, legs)
-    baseline_name, baseline_arcs = _baseline(model, baseline_outcome)
-    alone: _Candidate | str = "no plan found"
-    fallback: _Candidate | str = "no plan found"
-    if baseline_arcs is not None:
-        alone = this.candidate(baseline_name, model, baseline_arcs, platooning=False)
-        fallback = this.candidate(baseline_name, model, baseline_arcs)
-
-    found: list[_Candidate] = []
-    reports: list[SolverReport] = []
-    optimum = _proven_optimum(model, outcomes)
-    for outcome in outcomes:
-        fault = outcome.reason
-        objective = None
-        if outcome.selected is not None:
-            candidate = this.candidate(outcome.solver, model, outcome.selected)
-            if isinstance(candidate, _Candidate):
-                found.append(candidate)
-                objective, fault = candidate.objective_kwh, None
-            else:
-                fault = f"plan refused: {candidate}"
-        reports.append(_solver_report(outcome, objective, fault, optimum))
-
-    status, reason = "ok", None
-    chosen = min(found, key=lambda c: c.objective_kwh, default=None)
-    if chosen is None:
-        said = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in reports)
-        if isinstance(fallback, _Candidate):
-            chosen, status, reason = fallback, "baseline", f"no solver gave a valid plan ({said})"
-        else:
-            status, reason = "failed", f"no valid plan ({said}; baseline: {fallback})"
+    this = Cycle(problem, snapshot, settings, cycle, now_ns, seed)
+    arcs: tuple[RoutedArc, ...] = ()
+    judged: tuple[JudgedPair, ...] = ()
+    if form_of(settings, problem.fleet) == "arc":
+        arc_form = ArcCycle(this)
+        found, arcs, judged = arc_form.run(solve), arc_form.arcs, arc_form.judged
+    elif executor is None:
+        with ThreadPoolExecutor(max_workers=1) as thread:
+            found = route_cycle(this, solve, thread, start)
+    else:
+        found = route_cycle(this, solve, executor, start)
+    chosen, status, reason = _choose(found)
     energy = None
-    if chosen is not None and isinstance(alone, _Candidate):
-        name = f"{baseline_name}, without platooning"
-        energy = summarise(name, alone.energies, chosen.energies)
+    if chosen is not None and isinstance(found.alone, Candidate):
+        name = f"{found.baseline}, without platooning"
+        energy = summarise(name, found.alone.energies, chosen.energies)
     report = CycleReport.model_validate(
         {
             "cycle": cycle,
@@ -194,87 +107,40 @@ def run_cycle(
             "reason": reason,
             "solver": None if chosen is None else chosen.solver,
             "objective_kwh": None if chosen is None else chosen.objective_kwh,
-            "variables": len(build_arc_model(model).variables),
-            "solvers": tuple(reports),
+            "variables": found.variables,
+            "solvers": found.reports,
             "gates": snapshot.gates(),
             "energy": energy,
             "plans": 0 if chosen is None else len(chosen.plans),
+            "unserved": tuple(Unserved(stop=s, reason=r) for s, r in found.unserved.items()),
         }
     )
-    return CycleResult(report, () if chosen is None else chosen.plans, arcs, judged)
+    plans = () if chosen is None else chosen.plans
+    return CycleResult(report, plans, arcs, judged, found.stops)
 
 
-def arc_problem(
-    problem: RoutingProblem, arcs: Sequence[RoutedArc], judged: Sequence[JudgedPair]
-) -> ArcProblem:
-    """The arc form of one cycle."""
-    depots = problem.fleet.depot_by_id
+def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route"]:
+    """The form that a fleet is dispatched in.
 
-    def place(name: str) -> str:
-        return DEPOT if name in depots else name
-
-    return ArcProblem(
-        depot=DEPOT,
-        customers=tuple(stop.id for stop in problem.fleet.stops),
-        vehicles=tuple(vehicle.id for vehicle in problem.fleet.vehicles),
-        arcs=tuple(
-            CandidateArc(a.vehicle, place(a.leg.start), place(a.leg.end), a.leg.cost_kwh)
-            for a in arcs
-        ),
-        rewards=rewards(judged),
-    )
-
-
-def arc_problem_of(
-    problem: RoutingProblem,
-    snapshot: TrafficSnapshot,
-    sync_window_s: float,
-    reference_s: float = 0.0,
-) -> ArcProblem:
-    """The arc form of a routing problem under given traffic.
-
-    Args:
-        sync_window_s: Δt_sync.
-        reference_s: when a vehicle that is ready at once leaves.
+    Raises:
+        InputError: the settings ask for the arc form, and it cannot express the fleet.
     """
-    arcs = candidate_arcs(problem, least_energy_legs(problem, snapshot), reference_s)
-    return arc_problem(problem, arcs, tuple(judge_pairs(problem, arcs, snapshot, sync_window_s)))
+    obstacle = arc_form_obstacle(fleet)
+    if settings.form == "arc" and obstacle is not None:
+        raise InputError(
+            settings.fleet, f"not for the arc form: {obstacle}", "take 'route'", key="form"
+        )
+    if settings.form != "auto":
+        return settings.form
+    few = len(fleet.vehicles) <= MOST_ARC_VEHICLES and len(fleet.stops) <= MOST_ARC_STOPS
+    return "arc" if few and obstacle is None else "route"
 
 
-def _baseline(model: ArcProblem, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
-    """Name and arcs of the plan without platooning; the insertion plan if the solver is out."""
-    if outcome.selected is not None:
-        return outcome.solver, outcome.selected
-    return "insertion", cheapest_insertion(model)
-
-
-def _proven_optimum(model: ArcProblem, outcomes: Sequence[Outcome]) -> float | None:
-    values = [
-        model.objective_kwh(o.selected)
-        for o in outcomes
-        if o.status == "optimal" and o.selected is not None
-    ]
-    return min(values, default=None)
-
-
-def _solver_report(
-    outcome: Outcome, objective_kwh: float | None, fault: str | None, optimum_kwh: float | None
-) -> SolverReport:
-    refused = outcome.selected is not None and objective_kwh is None
-    samples = outcome.samples
-    optimal = None
-    if samples is not None and optimum_kwh is not None:
-        optimal = samples.share(samples.raw, optimum_kwh)
-    return SolverReport(
-        solver=outcome.solver,
-        status="failed" if refused else outcome.status,
-        objective_kwh=objective_kwh,
-        repaired=outcome.repaired,
-        p_feasible_raw=None if samples is None else samples.share(samples.raw),
-        p_optimal_raw=optimal,
-        p_feasible_repaired=None if samples is None else samples.share(samples.repaired),
-        qubits=None if samples is None else samples.qubits,
-        shots=None if samples is None else samples.shots,
-        wall_s=outcome.wall_s,
-        reason=fault,
-    )
+def _choose(found: Found) -> tuple[Candidate | None, str, str | None]:
+    chosen = min(found.candidates, key=lambda c: c.objective_kwh, default=None)
+    if chosen is not None:
+        return chosen, "ok", None
+    said = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
+    if isinstance(found.fallback, Candidate):
+        return found.fallback, "baseline", f"no solver gave a valid plan ({said})"
+    return None, "failed", f"no valid plan ({said}; baseline: {found.fallback})"

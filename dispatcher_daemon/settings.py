@@ -35,6 +35,7 @@ class SearchSettings(Settings):
     part_stops: int = Field(
         default=125, ge=10, description="A round searches parts of so many stops side by side."
     )
+    workers: int = Field(default=2, ge=1, le=256, description="Parts searched side by side.")
     time_limit_s: float = Field(
         default=20.0, gt=0, allow_inf_nan=False, description="Guard: ends the search early."
     )
@@ -122,9 +123,16 @@ class DispatcherSettings(Settings):
     gap_m: float = Field(
         default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers."
     )
-    solvers: tuple[SolverName, ...] = Field(
-        default=("exact", "lc-qaoa"), min_length=1, description="Asked side by side, best one wins."
+    form: Literal["auto", "arc", "route"] = Field(
+        default="auto",
+        description="The paper's arcs, or routes; auto: arcs for two vehicles and eight stops.",
     )
+    solvers: tuple[SolverName, ...] = Field(
+        default=("exact", "lc-qaoa"),
+        min_length=1,
+        description="Asked side by side, best one wins; fleets of many blocks ask city.solvers.",
+    )
+    city: CitySettings = CitySettings()
     gamma: float | None = Field(
         default=None,
         gt=0,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import networkx as nx
@@ -46,11 +47,22 @@ class Choice:
 
 @dataclass(frozen=True)
 class Sweep:
-    """One sweep: its blocks, what solvers answered, and the objective after it."""
+    """One sweep.
+
+    Attributes:
+        blocks: number of blocks.
+        variables: of all blocks.
+        largest: variables of the largest one.
+        taken: how many of its answers improved the plan, by solver.
+        outcomes: all that the solvers answered.
+        objective_kwh: after it.
+        wall_s: its time.
+    """
 
     blocks: int
     variables: int
-    improved: int
+    largest: int
+    taken: Mapping[str, int]
     outcomes: tuple[Outcome, ...]
     objective_kwh: float
     wall_s: float
@@ -102,7 +114,7 @@ class Sweeping:
             if sweep is None:
                 return tuple(sweeps), True
             sweeps.append(sweep)
-            idle = idle + 1 if sweep.improved == 0 else 0
+            idle = 0 if sweep.taken else idle + 1
         return tuple(sweeps), False
 
     def _sweep(self, seed: int, ends: float, clock: Callable[[], float]) -> Sweep | None:
@@ -113,7 +125,7 @@ class Sweeping:
         groups = blocks_of(graph, max(2, most // self.settings.options), seed)
         solved: list[tuple[Block, list[Outcome]]] = []
         rng = np.random.default_rng(seed)
-        improved = 0
+        taken: Counter[str] = Counter()
         # Wave by wave: later ones see what earlier ones changed.
         for wave in _waves([groups[i] for i in rng.permutation(len(groups))], self.settings.wave):
             left_s = ends - clock()
@@ -122,12 +134,13 @@ class Sweeping:
             blocks = [self._block(group, most, rng) for group in wave]
             answers = self._ask(blocks, min(left_s, self.settings.block_deadline_s), seed)
             for block, outcomes in zip(blocks, answers, strict=True):
-                improved += self._take(block, outcomes)
+                taken.update(self._take(block, outcomes))
                 solved.append((block, outcomes))
         return Sweep(
             len(solved),
-            sum(len(block.problem.options) for block, _ in solved),
-            improved,
+            sum(block.problem.choices for block, _ in solved),
+            max((block.problem.choices for block, _ in solved), default=0),
+            taken,
             tuple(outcome for _, outcomes in solved for outcome in outcomes),
             self._objective_kwh,
             clock() - began,
@@ -164,7 +177,7 @@ class Sweeping:
                 continue
             block = build_block(self._names, options, self._meetings)
             answers = self._ask([block], self.settings.block_deadline_s, seed)
-            taken += self._take(block, answers[0])
+            taken += len(self._take(block, answers[0]))
         return taken
 
     def _exchanges(self, stops: StopsOf) -> list[list[int]]:
@@ -209,9 +222,9 @@ class Sweeping:
         outcomes = self._solve(jobs, deadline_s)
         return [outcomes[i : i + len(names)] for i in range(0, len(outcomes), len(names))]
 
-    def _take(self, block: Block, outcomes: Sequence[Outcome]) -> bool:
-        """Take the answer that improves the exact objective most, if one does."""
-        best_change, best = -_BETTER_KWH, None
+    def _take(self, block: Block, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+        """Take the answer that improves the exact objective most; its solver, or nothing."""
+        best_change, best, solver = -_BETTER_KWH, None, ""
         seen = set()
         for outcome in outcomes:
             selected = outcome.selected
@@ -221,12 +234,12 @@ class Sweeping:
             chosen = block.chosen(selected)
             change = self._move(chosen)
             if change < best_change:
-                best_change, best = change, chosen
+                best_change, best, solver = change, chosen, outcome.solver
             self._move([block.options[i.number][0] for i in chosen])
         if best is None:
-            return False
+            return ()
         self._objective_kwh += self._move(best)
-        return True
+        return (solver,)
 
     def _move(self, itineraries: Sequence[Itinerary]) -> float:
         """Change some vehicles' itineraries; the change of the objective, kWh."""

@@ -24,18 +24,26 @@ def verify_plans(
     fleet: Fleet,
     open_segments: Collection[str],
     sync_window_s: float,
+    *,
+    unserved: Collection[str] = (),
+    reference_s: float = 0.0,
 ) -> tuple[str, ...]:
     """Check the plans of one cycle.
+
+    A vehicle without a plan stays idle.
 
     Args:
         open_segments: segments whose gate was open in the cycle.
         sync_window_s: largest difference of entry times within a platoon.
+        unserved: stops that are said to be left out.
+        reference_s: from the issue of the plans to the moment that the fleet's times count from.
 
     Returns:
         What is wrong, one line each; empty if the plans may leave.
     """
     return (
-        *_fleet_faults(plans, fleet),
+        *_fleet_faults(plans, fleet, unserved),
+        *(f"{p.vehicle}: {f}" for p in plans for f in _window_faults(p, fleet, reference_s)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _stop_faults(p, fleet)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _path_faults(p, network)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _time_faults(p, network, fleet)),
@@ -43,19 +51,48 @@ def verify_plans(
     )
 
 
-def _fleet_faults(plans: Sequence[VehiclePlan], fleet: Fleet) -> Iterator[str]:
+def _fleet_faults(
+    plans: Sequence[VehiclePlan], fleet: Fleet, unserved: Collection[str]
+) -> Iterator[str]:
     count = Counter(plan.vehicle for plan in plans)
     for vehicle in fleet.vehicles:
-        if count.pop(vehicle.id, 0) != 1:
-            yield f"{vehicle.id}: has not exactly one plan"
+        if count.pop(vehicle.id, 0) > 1:
+            yield f"{vehicle.id}: has more than one plan"
     for stranger in count:
         yield f"{stranger}: not in the fleet"
     served = Counter(stop.stop for plan in plans for stop in plan.stops[1:-1])
     for stop in fleet.stops:
-        if served[stop.id] != 1:
+        if served[stop.id] != (0 if stop.id in unserved else 1):
             yield f"stop {stop.id}: served {served[stop.id]} times"
     if len({(plan.cycle, plan.issued_ns) for plan in plans}) > 1:
         yield "plans of different cycles"
+
+
+def _window_faults(plan: VehiclePlan, fleet: Fleet, reference_s: float) -> Iterator[str]:
+    begin_ns = plan.issued_ns + round(reference_s * 1e9)
+
+    def late(time_ns: int, limit_s: float) -> bool:
+        return time_ns > begin_ns + round(limit_s * 1e9) + _TOLERANCE_NS
+
+    vehicle = next((v for v in fleet.vehicles if v.id == plan.vehicle), None)
+    if vehicle is None or not plan.stops:
+        return
+    leave_by_s = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
+    early_ns = begin_ns + round(vehicle.ready_s * 1e9) - _TOLERANCE_NS
+    if plan.depart_ns < early_ns or late(plan.depart_ns, leave_by_s):
+        yield "leaves outside its window"
+    if vehicle.return_by_s is not None and late(plan.stops[-1].arrival_ns, vehicle.return_by_s):
+        yield "is back too late"
+    stops = [(s, fleet.stop_by_id[s.stop]) for s in plan.stops[1:-1] if s.stop in fleet.stop_by_id]
+    for visit, stop in stops:
+        begins_ns = visit.departure_ns - round(stop.service_s * 1e9)
+        if begins_ns < begin_ns + round(stop.earliest_s * 1e9) - _TOLERANCE_NS:
+            yield f"serves {stop.id} before its window"
+        if stop.latest_s is not None and late(visit.arrival_ns, stop.latest_s):
+            yield f"comes to {stop.id} after its window"
+    load = sum(stop.demand for _, stop in stops)
+    if vehicle.capacity is not None and load > vehicle.capacity:
+        yield f"carries {load}, more than its capacity of {vehicle.capacity}"
 
 
 def _stop_faults(plan: VehiclePlan, fleet: Fleet) -> Iterator[str]:
@@ -88,7 +125,10 @@ def _legs(plan: VehiclePlan) -> list[list[PlannedSegment]]:
 
 def _path_faults(plan: VehiclePlan, network: RoadNetwork) -> Iterator[str]:
     numbers = [segment.leg for segment in plan.segments]
-    if numbers != sorted(numbers) or set(numbers) != set(range(len(plan.stops) - 1)):
+    driven_legs = {
+        n for n, (a, b) in enumerate(pairwise(plan.stops)) if a.node != b.node or n in numbers
+    }
+    if numbers != sorted(numbers) or set(numbers) != driven_legs:
         yield "its legs are not one after another between its stops"
         return
     unknown = [s.segment for s in plan.segments if s.segment not in network.segments]
@@ -96,6 +136,8 @@ def _path_faults(plan: VehiclePlan, network: RoadNetwork) -> Iterator[str]:
         yield f"unknown segments {unknown}"
         return
     for number, leg in enumerate(_legs(plan)):
+        if not leg:
+            continue
         roads = [network.segments[segment.segment] for segment in leg]
         if (
             roads[0].start != plan.stops[number].node
@@ -124,6 +166,8 @@ def _time_faults(plan: VehiclePlan, network: RoadNetwork, fleet: Fleet) -> Itera
             yield f"leaves {stop.stop} before it is served"
     for number, leg in enumerate(_legs(plan)):
         if not leg:
+            if plan.stops[number + 1].arrival_ns != plan.stops[number].departure_ns:
+                yield f"takes time for leg {number}, which has no way"
             continue
         begins = [segment.entry_ns for segment in leg]
         ends = [segment.exit_ns for segment in leg]

@@ -6,6 +6,8 @@ tenths of a second, rounded so that a plan that fits there fits here.
 
 from __future__ import annotations
 
+import logging
+import math
 import time
 import warnings
 from collections import defaultdict
@@ -18,12 +20,20 @@ import numpy as np
 import pyvrp
 from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.search import NeighbourhoodParams, PerturbationParams
-from pyvrp.stop import FirstFeasible, MaxIterations, MaxRuntime, MultipleCriteria
+from pyvrp.stop import (
+    FirstFeasible,
+    MaxIterations,
+    MaxRuntime,
+    MultipleCriteria,
+    StoppingCriterion,
+)
 
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.travel import Travel
+
+log = logging.getLogger(__name__)
 
 _MWH = 1e6
 _TENTHS = 10.0
@@ -101,7 +111,7 @@ def base_routes(
         left_out = [s for s in stops if all(s not in of_one for of_one in routes.values())]
         parts = _parts(problem, routes, left_out, settings.part_stops, number)
         models = [_Model(problem, travel, vehicles, own) for vehicles, own in parts]
-        limit_s = left_s / max(1, -(-len(parts) // workers_of(executor)))
+        limit_s = left_s / math.ceil(len(parts) / settings.workers)
         jobs = [
             executor.submit(
                 _search,
@@ -114,17 +124,17 @@ def base_routes(
             for model, (_, own) in zip(models, parts, strict=True)
         ]
         for model, job in zip(models, jobs, strict=True):
-            found, cut = job.result()
+            try:
+                found, cut = job.result()
+            except Exception as error:
+                # A worker that died costs its part one round.
+                log.warning("part of the search failed: %s: %s", type(error).__name__, error)
+                found, cut = None, True
             timed_out |= cut
             if found is not None:
                 routes |= model.read(found)
     served = {name for of_one in routes.values() for name in of_one}
     return BaseRoutes(routes, tuple(s for s in stops if s not in served), timed_out)
-
-
-def workers_of(executor: Executor) -> int:
-    """How many jobs an executor runs at once, as far as it says."""
-    return int(getattr(executor, "_max_workers", 1))
 
 
 def _first_routes(
@@ -156,7 +166,7 @@ def _search(
     if start is not None:
         begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
     most = _MOST_TO_FEASIBLE if iterations is None else iterations
-    stop = [MaxIterations(most), MaxRuntime(limit_s)]
+    stop: list[StoppingCriterion] = [MaxIterations(most), MaxRuntime(limit_s)]
     if iterations is None:
         stop.append(FirstFeasible())
     with warnings.catch_warnings():

@@ -51,7 +51,7 @@ class Solve(Protocol):
         ...
 
 
-def _start_worker(parent: int) -> None:
+def start_worker(parent: int) -> None:
     """Tie the worker's life to its parent's and leave Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
@@ -97,7 +97,7 @@ class _Workers:
             pool = pebble.ProcessPool(
                 max_workers=self.size,
                 context=multiprocessing.get_context("spawn"),
-                initializer=_start_worker,
+                initializer=start_worker,
                 initargs=(os.getpid(),),
             )
             # Asking whether it is active starts it, in the thread that asks.

@@ -46,5 +46,6 @@ def make_solver(
 
 def configured_solvers(settings: DispatcherSettings) -> list[Solver]:
     """All solvers that a dispatcher needs, each once."""
-    names: list[SolverName] = list(dict.fromkeys([BASELINE_SOLVER, *settings.solvers]))
+    asked = (BASELINE_SOLVER, *settings.solvers, *settings.city.solvers)
+    names: list[SolverName] = list(dict.fromkeys(asked))
     return [make_solver(name, settings) for name in names]

@@ -182,7 +182,14 @@ def test_even_without_any_solver_a_verified_plan_leaves(
     energy = result.report.energy
     assert energy is not None
     assert energy.baseline == "insertion, without platooning"
-    faults = verify_plans(result.plans, demo.network, demo.fleet, {"avenue_east"}, 3.0)
+    faults = verify_plans(
+        result.plans,
+        demo.network,
+        demo.fleet,
+        {"avenue_east"},
+        3.0,
+        reference_s=EXACT.deadline_s,
+    )
     assert faults == ()
 
 

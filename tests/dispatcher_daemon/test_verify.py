@@ -1,11 +1,13 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -29,15 +31,35 @@ def plans(
     return run_cycle(demo, snapshot, settings, solve, now_ns, 1, 1).plans
 
 
+def verify(
+    demo: RoutingProblem,
+    plans: Sequence[VehiclePlan],
+    open_segments: set[str] = OPEN,
+    sync_window_s: float = 3.0,
+    unserved: tuple[str, ...] = (),
+) -> tuple[str, ...]:
+    """Faults of plans of a cycle that was given its time to solve."""
+    deadline_s = DispatcherSettings().deadline_s
+    return verify_plans(
+        plans,
+        demo.network,
+        demo.fleet,
+        open_segments,
+        sync_window_s,
+        unserved=unserved,
+        reference_s=deadline_s,
+    )
+
+
 def faults(demo: RoutingProblem, plans: Plain, open_segments: set[str] = OPEN) -> str:
     """All faults as one text."""
     rebuilt = [VehiclePlan.model_validate(plan) for plan in plans]
-    return "\n".join(verify_plans(rebuilt, demo.network, demo.fleet, open_segments, 3.0))
+    return "\n".join(verify(demo, rebuilt, open_segments))
 
 
 def test_sound_plans_pass(demo: RoutingProblem, plans: tuple[VehiclePlan, ...]) -> None:
     """The dispatcher's own plans have no fault."""
-    assert verify_plans(plans, demo.network, demo.fleet, OPEN, 3.0) == ()
+    assert verify(demo, plans) == ()
 
 
 def _missing(p: Plain) -> None:
@@ -145,8 +167,8 @@ def _swapped(p: Plain) -> None:
 @pytest.mark.parametrize(
     ("spoil", "fault"),
     [
-        (_missing, "van-b: has not exactly one plan"),
-        (_twice, "van-a: has not exactly one plan"),
+        (_missing, "stop c3: served 0 times"),
+        (_twice, "van-a: has more than one plan"),
         (_stranger, "van-x: not in the fleet"),
         (_other_cycle, "different cycles"),
         (_stays_out, "does not end at its depot"),
@@ -201,10 +223,51 @@ def test_platoon_members_too_far_apart_are_refused(
     demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
 ) -> None:
     """Entry times further apart than the window are no platoon: 2 s are not within 1.5 s."""
-    found = verify_plans(plans, demo.network, demo.fleet, OPEN, 1.5)
+    found = verify(demo, plans, sync_window_s=1.5)
     assert any("more than 1.5 s apart" in fault for fault in found)
 
 
 def test_no_plans_at_all_are_refused(demo: RoutingProblem) -> None:
     """An empty plan set serves nobody."""
     assert "stop c2: served 0 times" in faults(demo, [])
+
+
+def test_stops_that_are_said_to_be_left_out_may_be_left_out(
+    demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
+) -> None:
+    """An idle vehicle and its stops are no fault if they are named, and one if they are not."""
+    left = tuple(stop.stop for stop in plans[1].stops[1:-1])
+
+    def of_stops(found: tuple[str, ...]) -> list[str]:
+        return [fault for fault in found if fault.startswith("stop ")]
+
+    assert of_stops(verify(demo, plans[:1], unserved=left)) == []
+    assert "stop c3: served 0 times" in of_stops(verify(demo, plans[:1]))
+    assert "stop c1: served 1 times" in verify(demo, plans, unserved=("c1",))
+
+
+@pytest.mark.parametrize(
+    ("stop", "vehicle", "fault"),
+    [
+        ({"latest_s": 1.0}, {}, "van-a: comes to c1 after its window"),
+        ({"earliest_s": 5000.0}, {}, "van-a: serves c1 before its window"),
+        ({"demand": 9}, {"capacity": 8}, "van-a: carries 9, more than its capacity of 8"),
+        ({}, {"return_by_s": 10.0}, "van-a: is back too late"),
+        ({}, {"ready_s": 5.0}, "van-a: leaves outside its window"),
+    ],
+)
+def test_windows_and_loads_are_kept(
+    demo: RoutingProblem,
+    plans: tuple[VehiclePlan, ...],
+    stop: dict[str, float],
+    vehicle: dict[str, float],
+    fault: str,
+) -> None:
+    """Plans made for an easier fleet are refused by one with windows and capacities."""
+    fleet = demo.fleet
+    stricter = Fleet(
+        depots=fleet.depots,
+        stops=(fleet.stops[0].model_copy(update=stop), *fleet.stops[1:]),
+        vehicles=(fleet.vehicles[0].model_copy(update=vehicle), *fleet.vehicles[1:]),
+    )
+    assert fault in verify(replace(demo, fleet=stricter), plans)

@@ -1,0 +1,166 @@
+"""One cycle in the paper's arc form: every solver gets the whole problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from dispatcher_daemon.arcs import arc_problem
+from dispatcher_daemon.candidates import Candidate, Cycle, Found
+from dispatcher_daemon.decode import decode
+from dispatcher_daemon.departures import schedule_greedily
+from dispatcher_daemon.formulations.model import build_model
+from dispatcher_daemon.insertion import cheapest_insertion
+from dispatcher_daemon.itineraries import Itinerary, Planner
+from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.rewards import JudgedPair, judge_pairs
+from dispatcher_daemon.routes import (
+    Leg,
+    Route,
+    RoutedArc,
+    candidate_arcs,
+    least_energy_legs,
+    timetable,
+)
+from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.pool import Job, Solve
+from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
+from dispatcher_daemon.sweeping import choice_of
+from slipstream.messages import SolverReport
+
+
+class ArcCycle:
+    """The arc form of one cycle.
+
+    Attributes:
+        arcs: the candidate arcs.
+        judged: every pair of arcs that share a watched segment, and why it platoons or not.
+    """
+
+    def __init__(self, cycle: Cycle) -> None:
+        """Build it."""
+        self._cycle = cycle
+        problem, settings = cycle.problem, cycle.settings
+        self._legs: Mapping[tuple[str, str], Leg] = least_energy_legs(problem, cycle.snapshot)
+        self.arcs: tuple[RoutedArc, ...] = candidate_arcs(problem, self._legs, settings.deadline_s)
+        self.judged: tuple[JudgedPair, ...] = tuple(
+            judge_pairs(problem, self.arcs, cycle.snapshot, settings.sync_window_s)
+        )
+        self._model = arc_problem(problem, self.arcs, self.judged)
+
+    def run(self, solve: Solve) -> Found:
+        """Ask all solvers, and one for the plan without platooning."""
+        model, settings, seed = self._model, self._cycle.settings, self._cycle.seed
+        jobs = [
+            Job(BASELINE_SOLVER, model.without_platooning(), seed),
+            *(Job(name, model, seed) for name in settings.solvers),
+        ]
+        baseline_outcome, *outcomes = solve(jobs, settings.deadline_s)
+        baseline, baseline_arcs = _baseline(model, baseline_outcome)
+        alone: Candidate | str = "no plan found"
+        fallback: Candidate | str = "no plan found"
+        if baseline_arcs is not None:
+            alone = self._candidate(baseline, baseline_arcs, platooning=False)
+            fallback = self._candidate(baseline, baseline_arcs)
+        found: list[Candidate] = []
+        reports: list[SolverReport] = []
+        optimum = _proven_optimum(model, outcomes)
+        for outcome in outcomes:
+            fault, objective = outcome.reason, None
+            if outcome.selected is not None:
+                candidate = self._candidate(outcome.solver, outcome.selected)
+                if isinstance(candidate, Candidate):
+                    found.append(candidate)
+                    objective, fault = candidate.objective_kwh, None
+                else:
+                    fault = f"plan refused: {candidate}"
+            reports.append(solver_report(outcome, objective, fault, optimum))
+        variables = len(build_model(model).variables)
+        return Found(tuple(found), tuple(reports), baseline, alone, fallback, variables)
+
+    def _candidate(
+        self, solver: str, selected: frozenset[int], *, platooning: bool = True
+    ) -> Candidate | str:
+        model, cycle = self._model, self._cycle
+        if not all(0 <= index < len(model.arcs) for index in selected):
+            return "not a selection of arcs"
+        decoded = decode(model, selected)
+        if decoded.routes is None:
+            return decoded.violations[0]
+        # The first vehicles leave when the solvers' time is over.
+        routes = [
+            timetable(cycle.problem, self._legs, v, decoded.routes[v.id], cycle.settings.deadline_s)
+            for v in cycle.problem.fleet.vehicles
+        ]
+        objective = model.objective_kwh(selected)
+        if platooning:
+            routes, objective = self._rescheduled(routes, objective)
+        return cycle.candidate(solver, routes, objective, platooning=platooning)
+
+    def _rescheduled(self, routes: list[Route], objective_kwh: float) -> tuple[list[Route], float]:
+        """Departures moved within the vehicles' windows, where platoons then save more."""
+        cycle = self._cycle
+        if all(v.depart_by_s is None for v in cycle.problem.fleet.vehicles):
+            return routes, objective_kwh
+        settings = cycle.settings
+        planner = Planner(
+            cycle.problem, cycle.snapshot, [], settings.sync_window_s, settings.deadline_s
+        )
+        present = [
+            planner.itinerary(n, tuple(v.place for v in route.visits[1:-1]), route.legs)
+            for n, route in enumerate(routes)
+        ]
+        itineraries = [itinerary for itinerary in present if itinerary is not None]
+        if len(itineraries) < len(routes):
+            return routes, objective_kwh
+        latest_first: Sequence[Itinerary] = sorted(itineraries, key=lambda i: -i.depart_s)
+        moved = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
+        before, after = choice_of(planner, itineraries), choice_of(planner, moved)
+        if after.saving_kwh <= before.saving_kwh + 1e-9:
+            return routes, objective_kwh
+        return [i.route for i in moved if i.route is not None], after.objective_kwh
+
+
+def _baseline(model: ArcProblem, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
+    """Name and arcs of the plan without platooning; the insertion plan if the solver is out."""
+    if outcome.selected is not None:
+        return outcome.solver, outcome.selected
+    return "insertion", cheapest_insertion(model)
+
+
+def _proven_optimum(model: ArcProblem, outcomes: Sequence[Outcome]) -> float | None:
+    values = [
+        model.objective_kwh(o.selected)
+        for o in outcomes
+        if o.status == "optimal" and o.selected is not None
+    ]
+    return min(values, default=None)
+
+
+def solver_report(
+    outcome: Outcome, objective_kwh: float | None, fault: str | None, optimum_kwh: float | None
+) -> SolverReport:
+    """What the report of a cycle says of one outcome.
+
+    Args:
+        objective_kwh: of the plan that it led to; None if there is none.
+        fault: why there is none.
+        optimum_kwh: proven by any of the solvers.
+    """
+    refused = outcome.selected is not None and objective_kwh is None
+    samples = outcome.samples
+    optimal = None
+    if samples is not None and optimum_kwh is not None:
+        optimal = samples.share(samples.raw, optimum_kwh)
+    return SolverReport(
+        solver=outcome.solver,
+        status="failed" if refused else outcome.status,
+        objective_kwh=objective_kwh,
+        repaired=outcome.repaired,
+        p_feasible_raw=None if samples is None else samples.share(samples.raw),
+        p_optimal_raw=optimal,
+        p_feasible_repaired=None if samples is None else samples.share(samples.repaired),
+        qubits=None if samples is None else samples.qubits,
+        shots=None if samples is None else samples.shots,
+        wall_s=outcome.wall_s,
+        reason=fault,
+    )
