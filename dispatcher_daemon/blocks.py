@@ -51,7 +51,7 @@ def build_block(
         options: by vehicle number, the present one first; all must be on `meetings` as they are.
     """
     lengths = [len(of_one) for of_one in options.values()]
-    start = dict(zip(options, accumulate([0, *lengths[:-1]]), strict=True))
+    start = dict(zip(options, accumulate([0, *lengths]), strict=False))
     linear: dict[int, float] = defaultdict(float)
     pairs: dict[tuple[int, int], float] = defaultdict(float)
     for segment in sorted({s for of_one in options.values() for o in of_one for s in o.way}):
