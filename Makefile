@@ -48,7 +48,7 @@ bench-perception: setup
 bench-accuracy: setup
 	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
 
-# The routing core: named instances, a city, fleet sizes, rivals; about two hours on an idle
+# The routing core: named instances, a city, fleet sizes, rivals; about an hour on an idle
 # machine. `SHORT=1` takes small cities and minutes, and leaves the plots in docs as they are.
 bench-routing: setup
 	$(BIN)/python -m benchmarks.routing $(if $(SHORT),--short,--plots docs)

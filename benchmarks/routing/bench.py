@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -147,7 +147,7 @@ class _Bench:
     def gap(self, size: CitySize, seed: int) -> Iterator[Gap]:
         """A city by blocks and undivided; nothing where it failed."""
         self.say(f"{size.vehicles} vehicles undivided, city {seed}")
-        options: dict[str, object] = {"--seed": seed, "--exact": self.form.gap_s}
+        options = {"--seed": seed, "--exact": self.form.gap_s}
         told = self._run("benchmarks.routing.gap_run", size, options, self.form.gap_s)
         if told is not None:
             yield Gap(**told[0])  # type: ignore[arg-type]
@@ -156,12 +156,12 @@ class _Bench:
         self,
         module: str,
         size: CitySize,
-        options: dict[str, object],
+        options: Mapping[str, object],
         limit_s: float,
         flags: Sequence[str] = (),
     ) -> tuple[dict[str, object], float] | None:
         sizes = {f"--{name}": value for name, value in asdict(size).items()}
-        words = [str(word) for option in (sizes | options).items() for word in option]
+        words = [str(word) for option in {**sizes, **options}.items() for word in option]
         words += flags
         try:
             return watched([sys.executable, "-m", module, *words], self.log, limit_s + _GENEROUS_S)
@@ -214,11 +214,14 @@ def _scaling(bench: _Bench, results: Results) -> Results:
 
 
 def _series(bench: _Bench, *, growing: bool) -> Iterator[CityRun]:
-    """All sizes once, then again: a busy minute does not hit one size alone."""
+    """All sizes once, then again: a busy minute does not hit one size alone.
+
+    Searches end by what they have done, not by the clock.
+    """
     for seed in bench.form.fleet_seeds:
         for vehicles in bench.form.fleets:
             size = bench.form.city.with_vehicles(vehicles, growing=growing)
-            yield from bench.city(size, seed, _GENEROUS_S)
+            yield from bench.city(size, seed, _GENEROUS_S, 1, "--unguarded")
 
 
 def _rivals(bench: _Bench, results: Results) -> Results:

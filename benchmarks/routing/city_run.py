@@ -40,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.add_argument(f"--{name}", type=int, required=True)
     parser.add_argument("--budget", type=float, required=True, help="s")
     parser.add_argument("--long", action="store_true", help="search for as long as it may")
+    parser.add_argument("--unguarded", action="store_true", help="only the budget ends the search")
     options = parser.parse_args(arguments)
     city = generate_city(
         options.seed,
@@ -47,15 +48,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
         stops=options.stops,
         segments=options.segments,
     )
-    settings = long_search(options.budget) if options.long else CitySettings()
+    settings = CitySettings()
+    if options.long:
+        settings = long_search(options.budget)
+    elif options.unguarded:
+        settings = unguarded(options.budget)
     told = run_city(city, settings, options.budget, options.solver_seed)
     print(json.dumps({"seed": options.seed, **told}))
+
+
+def unguarded(budget_s: float) -> CitySettings:
+    """The usual settings without the guard on the search's time, which would flatten a slope."""
+    usual = CitySettings()
+    search = usual.search.model_copy(update={"time_limit_s": budget_s})
+    return usual.model_copy(update={"search": search})
 
 
 def long_search(budget_s: float) -> CitySettings:
     """Settings that use all of a long budget: more rounds, larger blocks, more options."""
     return CitySettings(
         search=SearchSettings(rounds=1000, iterations_per_stop=200, time_limit_s=budget_s),
+        second_rounds=1000,
         block_variables=80,
         options=8,
         most_sweeps=1000,

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean, median
+from typing import Final
 
 import numpy as np
+
+SAME_KWH: Final = 1e-6
+"""Objectives that differ by less are the same."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,11 @@ class InstanceRow:
     variables: int
     optimum_kwh: float
     answers: dict[str, Answer]
+
+    def solved(self, solver: str) -> bool:
+        """True if the solver's answers are all the optimum."""
+        found = self.answers[solver].objective_kwh
+        return found is not None and abs(found - self.optimum_kwh) <= SAME_KWH
 
 
 @dataclass(frozen=True)

@@ -49,14 +49,15 @@ def scaling(results: Results, path: Path) -> None:
         sizes, seconds = zip(*times, strict=True)
         label = f"{name}: slope {log_slope(sizes, seconds):.2f}"
         axes.plot(sizes, seconds, marker + "-", color=colour, linewidth=1.5, label=label)
-    sizes, seconds = map(np.array, zip(*medians_by_size(results.fixed), strict=True))
-    limit = seconds[0] * (sizes / sizes[0]) ** MOST_SLOPE
-    axes.plot(sizes, limit, "--", color=_GREY, linewidth=1, label=f"slope {MOST_SLOPE:g}, the aim")
+    first, *_ = times = medians_by_size(results.fixed)
+    fleets = [size for size, _ in times]
+    limit = [first[1] * (size / first[0]) ** MOST_SLOPE for size in fleets]
+    axes.plot(fleets, limit, "--", color=_GREY, linewidth=1, label=f"slope {MOST_SLOPE:g}, the aim")
     axes.set(
         xscale="log", yscale="log", xlabel="vehicles (five stops each)",
         ylabel="time of a whole cycle, s",
     )  # fmt: skip
-    axes.set_xticks(sizes, [f"{size:d}" for size in sizes])
+    axes.set_xticks(fleets, [f"{size:d}" for size in fleets])
     axes.minorticks_off()
     low, high = axes.get_ylim()
     ticks = [t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500) if low <= t <= high]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean, median
@@ -11,6 +11,7 @@ from typing import Final
 
 from benchmarks.aims import Check, check_table
 from benchmarks.routing.figures import (
+    SAME_KWH,
     CityRun,
     Gap,
     InstanceRow,
@@ -21,6 +22,15 @@ from benchmarks.routing.figures import (
     saved_share,
     spread,
 )
+from benchmarks.routing.tables import (
+    city_table,
+    gap_table,
+    instance_table,
+    percent,
+    rival_tables,
+    scaling_table,
+    size,
+)
 
 EXACT: Final = "exact"
 MOST_EXACT_S: Final = 0.1
@@ -29,7 +39,6 @@ MOST_CYCLE_S: Final = 30.0
 MOST_PEAK_MB: Final = 2000.0
 MOST_ABOVE_BEST: Final = 0.01
 MOST_SLOPE: Final = 1.3
-_SAME_KWH: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -77,7 +86,7 @@ def _instance_checks(rows: Sequence[InstanceRow]) -> list[Check]:
     if not rows:
         return []
     times = [median(row.answers[EXACT].wall_s) for row in rows]
-    exact = [row for row in rows if _hits(row, EXACT) and row.answers[EXACT].optimal]
+    exact = [row for row in rows if row.solved(EXACT) and row.answers[EXACT].optimal]
     return [
         Check(
             f"exact answer to {len(rows)} named instances, median, s "
@@ -102,7 +111,7 @@ def _city_checks(results: Results) -> list[Check]:
     wall, peak = max(r.wall_s for r in runs), max(r.peak_mb for r in runs)
     found = [
         Check(
-            f"whole cycle: {_size(runs[0])}; s, worst of {len(runs)}",
+            f"whole cycle: {size(runs[0])}; s, worst of {len(runs)}",
             f"{wall:.1f}",
             f"≤ {MOST_CYCLE_S:g}",
             wall <= MOST_CYCLE_S,
@@ -151,7 +160,7 @@ def _rival_checks(runs: Sequence[CityRun]) -> list[Check]:
         return []
     base = spread([saved_share(r.objective_kwh, r.base_kwh) for r in runs])
     greedy = spread([saved_share(r.objective_kwh, r.greedy_kwh) for r in runs])
-    worse = sum(r.objective_kwh > min(r.base_kwh, r.base_met_kwh) + _SAME_KWH for r in runs)
+    worse = sum(r.objective_kwh > min(r.base_kwh, r.base_met_kwh) + SAME_KWH for r in runs)
     return [
         Check(
             f"objective below the VRP without platooning, {len(runs)} cities, mean",
@@ -200,164 +209,26 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
     lines += [f"- **not measured:** {why}" for why in results.missing]
     lines += ["", *check_table(checks(results))]
     if results.instances:
-        lines += ["", "## Named instances", "", *_instance_table(results.instances)]
+        lines += ["", "## Named instances", "", *instance_table(results.instances)]
     if results.city:
-        lines += ["", "## A city", "", *_city_table(results)]
+        lines += [
+            "",
+            "## A city",
+            "",
+            *city_table(results.city, results.best, results.best_known_kwh),
+        ]
     if results.fixed or results.growing:
-        lines += ["", "## Time against fleet size", "", *_scaling_table(results)]
+        lines += [
+            "",
+            "## Time against fleet size",
+            "",
+            *scaling_table(results.fixed, results.growing),
+        ]
     if results.rivals:
-        lines += ["", "## Against the rivals", "", *_rival_tables(results.rivals)]
+        lines += ["", "## Against the rivals", "", *rival_tables(results.rivals)]
     if results.gaps:
-        lines += ["", "## Blocks against the undivided optimum", "", *_gap_table(results.gaps)]
+        lines += ["", "## Blocks against the undivided optimum", "", *gap_table(results.gaps)]
     return "\n".join(lines) + "\n"
-
-
-def _instance_table(rows: Sequence[InstanceRow]) -> list[str]:
-    lines = [
-        f"{len(rows)} instances of {_range(r.variables for r in rows)} variables; times are "
-        "medians of repeats, objectives those of the worst repeat.",
-        "",
-        "| solver | s, median | max | optimum found | above it, mean | worst | no valid answer |",
-        "|---|--:|--:|--:|--:|--:|--:|",
-    ]
-    for name in rows[0].answers:
-        answers = [row.answers[name] for row in rows]
-        times = [median(a.wall_s) for a in answers]
-        gaps = [
-            relative(a.objective_kwh, row.optimum_kwh)
-            for row, a in zip(rows, answers, strict=True)
-            if a.objective_kwh is not None
-        ]
-        shown = f"{percent(fmean(gaps))} | {percent(max(gaps))}" if gaps else "– | –"
-        hits = sum(_hits(row, name) for row in rows)
-        lines.append(
-            f"| {name} | {median(times):.4f} | {max(times):.4f} | {hits} of {len(rows)} "
-            f"| {shown} | {len(rows) - len(gaps)} |"
-        )
-    return lines
-
-
-def _hits(row: InstanceRow, solver: str) -> bool:
-    found = row.answers[solver].objective_kwh
-    return found is not None and abs(found - row.optimum_kwh) <= _SAME_KWH
-
-
-def _city_table(results: Results) -> list[str]:
-    best = results.best_known_kwh
-    lines = [
-        f"{_size(results.city[0])}. Best known: {best:.4f} kWh.",
-        "",
-        "| given, s | seed | took, s | processor, s | peak, MB | objective, kWh | above best "
-        "| cost | saving | without platooning | greedy | blocks | sweeps | unserved "
-        "| stages, s |",
-        "|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|",
-    ]
-    lines += [
-        f"| {r.budget_s:g} | {r.solver_seed} | {r.wall_s:.1f} | {r.cpu_s:.1f} | {r.peak_mb:.0f} "
-        f"| {r.objective_kwh:.4f} | {percent(relative(r.objective_kwh, best))} "
-        f"| {r.cost_kwh:.4f} | {r.saving_kwh:.4f} | {r.base_kwh:.4f} | {r.greedy_kwh:.4f} "
-        f"| {r.blocks} | {r.sweeps} | {r.unserved} | {_stages(r)} |"
-        for r in (*results.city, *results.best)
-    ]
-    return lines
-
-
-def _stages(run: CityRun) -> str:
-    text = ", ".join(f"{name} {seconds:.1f}" for name, seconds in run.stages_s.items())
-    return f"{text}; ended by time" if run.timed_out else text
-
-
-def _scaling_table(results: Results) -> list[str]:
-    lines = [
-        "| network | vehicles | stops | segments | s, median | s, min to max | peak, MB "
-        "| objective below no platooning |",
-        "|---|--:|--:|--:|--:|--:|--:|--:|",
-    ]
-    for series, name in ((results.fixed, "fixed"), (results.growing, "growing")):
-        for vehicles, seconds in medians_by_size(series):
-            runs = [r for r in series if r.vehicles == vehicles]
-            times = [r.wall_s for r in runs]
-            saved = median(saved_share(r.objective_kwh, r.base_kwh) for r in runs)
-            lines.append(
-                f"| {name} | {vehicles} | {runs[0].stops} | {runs[0].segments} | {seconds:.2f} "
-                f"| {min(times):.2f} to {max(times):.2f} | {max(r.peak_mb for r in runs):.0f} "
-                f"| {percent(saved)} |"
-            )
-    return lines
-
-
-def _rival_tables(runs: Sequence[CityRun]) -> list[str]:
-    rivals = {
-        "the VRP without platooning": [r.base_kwh for r in runs],
-        "the same, chance meetings counted": [r.base_met_kwh for r in runs],
-        "route-then-schedule": [r.greedy_kwh for r in runs],
-    }
-    lines = [
-        f"{len(runs)} cities: {_size(runs[0])}.",
-        "",
-        "| objective below | mean | min | median | max |",
-        "|---|--:|--:|--:|--:|",
-    ]
-    for name, objectives in rivals.items():
-        shares = [
-            saved_share(run.objective_kwh, rival)
-            for run, rival in zip(runs, objectives, strict=True)
-        ]
-        s = spread(shares)
-        lines.append(
-            f"| {name} | {percent(s.mean)} | {percent(s.least)} | {percent(s.median)} "
-            f"| {percent(s.most)} |"
-        )
-    lines += [
-        "",
-        "Physical energy saved on the VRP without platooning, in % of its energy; expected stops "
-        "at signals and junctions are no part of it and stand beside it.",
-        "",
-        "| seed | objective, kWh | without platooning | chance meetings counted | greedy | took, s "
-        "| energy without, kWh | saved | distance | drag | acceleration "
-        "| expected stops | time on the road |",
-        "|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
-    ]
-    for r in runs:
-        parts = (r.saved_distance_kwh, r.saved_drag_kwh, r.saved_acceleration_kwh)
-        shares = [p / r.base_driven_kwh for p in (sum(parts), *parts, r.saved_stops_kwh)]
-        lines.append(
-            f"| {r.seed} | {r.objective_kwh:.4f} | {r.base_kwh:.4f} | {r.base_met_kwh:.4f} "
-            f"| {r.greedy_kwh:.4f} | {r.wall_s:.1f} | {r.base_driven_kwh:.3f} | "
-            + " | ".join(percent(share) for share in shares)
-            + f" | {100 * relative(r.driving_h, r.base_driving_h):+.2f} % |"
-        )
-    return lines
-
-
-def _gap_table(gaps: Sequence[Gap]) -> list[str]:
-    lines = [
-        "| seed | vehicles | variables | blocks | before the sweeps, kWh | after | undivided "
-        "| above it | of its gain | proven | undivided solve, s |",
-        "|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|--:|",
-    ]
-    lines += [
-        f"| {g.seed} | {g.vehicles} | {g.variables} | {g.blocks} | {g.start_kwh:.4f} "
-        f"| {g.sweep_kwh:.4f} | {g.optimum_kwh:.4f} | {percent(g.share, 3)} "
-        f"| {percent(g.gained, 1)} | {'yes' if g.proven else 'no'} | {g.exact_s:.1f} |"
-        for g in gaps
-    ]
-    return lines
-
-
-def _range(values: Iterable[int]) -> str:
-    found = sorted(values)
-    least, most = found[0], found[-1]
-    return f"{least}" if least == most else f"{least} to {most}"
-
-
-def percent(share: float, digits: int = 2) -> str:
-    """A share in %; what rounds to nothing has no sign."""
-    return f"{round(100 * share, digits) + 0.0:.{digits}f} %"
-
-
-def _size(run: CityRun) -> str:
-    return f"{run.vehicles} vehicles, {run.stops} stops, {run.segments} segments"
 
 
 def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:

@@ -29,7 +29,8 @@ from benchmarks.routing.figures import (
 from benchmarks.routing.gap_run import improved, measure_gap, undivided
 from benchmarks.routing.instances import answer
 from benchmarks.routing.plots import draw
-from benchmarks.routing.report import Results, checks, markdown, percent
+from benchmarks.routing.report import Results, checks, markdown
+from benchmarks.routing.tables import percent
 from benchmarks.routing.watch import tree_mb, watched
 from dispatcher_daemon.cities import generate_city
 from dispatcher_daemon.problem import Problem, RouteOption, RouteProblem
@@ -331,7 +332,7 @@ def test_a_small_city_is_measured_in_a_process_of_its_own(tmp_path: Path) -> Non
     size = ["--vehicles", "4", "--stops", "12", "--segments", "60"]
     module = [sys.executable, "-m", "benchmarks.routing.city_run"]
     options = ["--seed", "2", *size, "--budget", "10", "--solver-seed", "1"]
-    told, peak = watched([*module, *options], tmp_path / "log", 60.0)
+    told, peak = watched([*module, *options], tmp_path / "log", 200.0)
     run = CityRun(**told, peak_mb=peak)
     assert (run.vehicles, run.stops, run.segments, run.unserved) == (4, 12, 60, 0)
     assert run.objective_kwh == pytest.approx(run.cost_kwh - run.saving_kwh)
