@@ -1,19 +1,21 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import combinations, pairwise
+from typing import Any
 
 import pytest
 from hypothesis import settings
 
 from dispatcher_daemon.dispatch import arc_problem
-from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.fleet import fleet_from, load_fleet
 from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem, RoutingProblem
 from dispatcher_daemon.rewards import judge_pairs
 from dispatcher_daemon.routes import candidate_arcs, least_energy_legs
-from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot, take_snapshot
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
-from slipstream.roads import load_network
+from slipstream.roads import Segment, build_network, load_network
 
 # Shared machines are slow at times, and a suite has to say the same thing twice.
 settings.register_profile("slipstream", deadline=None, derandomize=True)
@@ -164,5 +166,66 @@ def random_routes() -> Callable[..., RouteProblem]:
             if every[a].vehicle != every[b].vehicle and rng.random() < 0.4
         }
         return RouteProblem(tuple(fleet), tuple(names), tuple(every), savings)
+
+    return make
+
+
+Town = tuple[RoutingProblem, TrafficSnapshot]
+
+
+@pytest.fixture(scope="session")
+def town() -> Callable[..., Town]:
+    """Factory of towns of 4 × 4 junctions "00" to "33", with all gates open unless told otherwise;
+    beside them "p" and "q", joined to each other but not to the town.
+
+    Stops are given by their junctions and named "s0", "s1" ..., or as tables, vehicles as tables.
+    """
+    import numpy as np
+
+    def make(
+        stops: Sequence[str | dict[str, Any]],
+        vehicles: Sequence[dict[str, Any]],
+        depots: Sequence[str] = ("00",),
+        *,
+        seed: int = 1,
+        open_share: float = 1.0,
+    ) -> Town:
+        rng = np.random.default_rng(seed)
+        at = {f"{x}{y}": (300.0 * x, 300.0 * y) for x in range(4) for y in range(4)}
+        at |= {"p": (3000.0, 0.0), "q": (3300.0, 0.0)}
+        near = [(a, b) for a in at for b in at if 0 < math.dist(at[a], at[b]) < 301]
+        roads = [
+            Segment(
+                f"{a}-{b}",
+                a,
+                b,
+                float(rng.uniform(150, 400)),
+                float(rng.choice([8.33, 13.89, 16.67])),
+                1,
+                (at[a], at[b]),
+            )
+            for a, b in near
+        ]
+        network = build_network("town", roads, at)
+        tables = [
+            stop if isinstance(stop, dict) else {"id": f"s{i}", "node": stop, "service_s": 20.0}
+            for i, stop in enumerate(stops)
+        ]
+        fleet = fleet_from(
+            {
+                "depots": [{"id": f"depot-{n}", "node": node} for n, node in enumerate(depots)],
+                "stops": tables,
+                "vehicles": [{"id": f"van-{n}", **v} for n, v in enumerate(vehicles)],
+            },
+            network,
+            "town",
+        )
+        seen = {
+            s.id: SegmentTraffic(s.id, s.speed_limit_mps, y_e=1, open=True, reason=None, age_s=1.0)
+            if rng.random() < open_share
+            else SegmentTraffic(s.id, s.speed_limit_mps)
+            for s in roads
+        }
+        return RoutingProblem(network, fleet), TrafficSnapshot(NOW_NS, seen, ())
 
     return make
