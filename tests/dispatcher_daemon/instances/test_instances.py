@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -61,7 +62,7 @@ def test_published_optima_are_optima(name: str) -> None:
 
 
 def test_platooning_changes_the_routes_of_most() -> None:
-    """Of the twenty, eleven and more have other routes than without rewards, three no rewards."""
+    """Twelve of the twenty have other routes than without rewards; three have no rewards."""
     changed = 0
     for name in OF_25:
         problem = arcs_of(name)
@@ -72,17 +73,18 @@ def test_platooning_changes_the_routes_of_most() -> None:
         wanted = CATALOGUE[name][0].flips
         assert wanted in (None, alone != together)
         changed += plain.objective_kwh(together) > plain.objective_kwh(alone) + 5e-5
-    assert changed >= 11
+    assert changed == 12
     assert sum(not arcs_of(name).rewards for name in OF_25) == 3
 
 
 @pytest.mark.parametrize("name", ["arc25-05-ring", "arc25-17-valley"])
 def test_a_published_instance_is_exact(name: str) -> None:
-    """All 2^25 states, by the computed γ; within the 5 s that it may take."""
+    """All 2^25 states, by the computed γ; within the 5 s that it may take, of processor time."""
+    began = time.process_time()
     found = prove(arcs_of(name))
+    assert time.process_time() - began < 5.0
     assert found.found.states == 2**25
     assert found.holds
-    assert found.wall_s < 5.0
 
 
 @pytest.mark.parametrize("name", ["arc06-valley", "arc14-motorway", "arc15-ring", "arc20-motorway"])
