@@ -65,10 +65,16 @@ def unguarded(budget_s: float) -> CitySettings:
 
 
 def long_search(budget_s: float) -> CitySettings:
-    """Settings that use all of a long budget: more rounds, larger blocks, more options."""
+    """Settings that use all of a long budget: more rounds, larger blocks, more options.
+
+    A round gets an equal share of the time that is left, so there are no more of them than seconds
+    allow a good search each.
+    """
     return CitySettings(
-        search=SearchSettings(rounds=1000, iterations_per_stop=200, time_limit_s=budget_s),
-        second_rounds=1000,
+        search=SearchSettings(
+            rounds=max(5, int(budget_s / 8)), iterations_per_stop=100, time_limit_s=budget_s
+        ),
+        second_rounds=max(2, int(budget_s / 20)),
         block_variables=80,
         options=8,
         most_sweeps=1000,
