@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _PAPER_GAMMA_KWH = 50.0
 _RANDOM_VARIABLES = 25
 _MOST_RANDOM = 10_000
+_MOST_ARCS = 1_000
+"""More are not even listed: their number of variables is beyond any doubt."""
 
 Case = tuple[str, str, "Problem"]
 """Name, form and problem."""
@@ -145,6 +147,12 @@ def _arc_problem(reference: str) -> Problem:
     obstacle = arc_form_obstacle(instance.problem.fleet)
     if obstacle is not None:
         raise InputError(reference, f"not for the arc form: {obstacle}", "take another instance")
+    fleet = instance.problem.fleet
+    most_arcs = len(fleet.vehicles) * (len(fleet.pooled) + 1) ** 2
+    if most_arcs > _MOST_ARCS:
+        raise InputError(
+            reference, f"up to {most_arcs} candidate arcs", "take an instance of a few stops"
+        )
     return arc_problem_of(instance.problem, instance.snapshot, instance.sync_window_s)
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,22 @@ def test_a_file_of_ones_own_in_the_papers_encoding(tmp_path: Path, capsys: Captu
     write_instance(open_instance("arc08-blocks"), path)
     assert main(["verify", str(path), "--encoding", "full", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["checks"][0]["variables"] == 12
+
+
+def test_a_city_is_refused_at_once(tmp_path: Path, capsys: Capture) -> None:
+    """Its arcs are not even listed."""
+    from dispatcher_daemon.instance import write_instance
+    from dispatcher_daemon.instances import open_instance
+
+    small = open_instance("arc08-blocks")
+    fleet = small.problem.fleet
+    stops = tuple(fleet.stops[0].model_copy(update={"id": f"s{i}"}) for i in range(500))
+    large = fleet.model_copy(update={"stops": stops})
+    path = tmp_path / "city.json"
+    large = type(fleet).model_validate(large.model_dump())
+    write_instance(replace(small, problem=replace(small.problem, fleet=large), optimum=None), path)
+    assert main(["verify", str(path)]) == 2
+    assert "up to 251001 candidate arcs" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
