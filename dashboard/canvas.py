@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -59,11 +59,23 @@ class Canvas:
         return geometry.offset(shape, units * self.unit_m)
 
     def lines(
-        self, name: str, strokes_m: Array, colours: Colours, units: float, height: float
+        self,
+        name: str,
+        strokes_m: Array,
+        colours: Colours,
+        units: float,
+        height: float | Array,
     ) -> viser.LineSegmentsHandle:
-        """Draw strokes, (N, 2, 2) in m, so many units wide; one of that name is replaced."""
+        """Draw strokes, (N, 2, 2) in m, so many units wide; one of that name is replaced.
+
+        Args:
+            colours: one for all, or those of the ends of each stroke, (N, 2, 3), made by
+                `stroke_colours`.
+            height: of all, or of each stroke, (N,), in scene units.
+        """
         flat = (strokes_m - self.centre_m) * self._scale
-        points = np.concatenate((flat, np.full((*flat.shape[:2], 1), height)), axis=2)
+        heights = np.broadcast_to(np.asarray(height).reshape(-1, 1, 1), (*flat.shape[:2], 1))
+        points = np.concatenate((flat, heights), axis=2)
         return self.scene.add_line_segments(
             name,
             points.astype(np.float32),
@@ -129,3 +141,13 @@ class Canvas:
         look_at = np.array([0.0, shift, 0.0])
         # Straight down would leave the up direction open.
         return look_at + np.array([0.0, -1e-3 * distance, distance]), look_at
+
+
+def stroke_colours(rgb: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.uint8]:
+    """Colours of strokes, (N, 3) in sRGB, as `Canvas.lines` takes them: (N, 2, 3).
+
+    viser takes colours of single vertices to be in linear light.
+    """
+    share = rgb / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.repeat(np.round(linear * 255).astype(np.uint8)[:, None, :], 2, axis=1)

@@ -6,18 +6,23 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 import viser
 
 from dashboard import geometry
-from dashboard.canvas import Canvas
+from dashboard.canvas import Canvas, stroke_colours
 from dashboard.geometry import Array
+from dashboard.lanes import Drawing, Lanes
 from dashboard.views import VehicleView
 from dashboard.words import Rgb
 
-MAX_VEHICLES: Final = 60
+MAX_VEHICLES: Final = 500
 MAX_LABELS: Final = 40
+"""Vans that get a label, and stops: where there are more of those, none does."""
 ROUTE_LANES: Final = 4
 """Routes drawn beside each other before they share a lane."""
+_LANE_UNITS: Final[Array] = np.array([1.3 + 0.5 * lane for lane in range(ROUTE_LANES)])
+"""How far to the right of its road each lane is, in units."""
 _DARK: Final[Rgb] = (29, 39, 51)
 _WHITE: Final[Rgb] = (255, 255, 255)
 
@@ -33,8 +38,10 @@ class FleetLayer:
     def __init__(self, canvas: Canvas, depots: Sequence[str] = ()) -> None:
         self._canvas = canvas
         self._depots = frozenset(depots)
+        self._lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.55 * canvas.unit_m)
         self._routes: list[tuple[object, ...]] = []
         self._stops: tuple[tuple[str, str], ...] = ()
+        self._stop_labels = 0
         self._places_m: Array = np.empty((0, 2))
         self._rgb: tuple[Rgb, ...] = ()
         self._nodes: list[viser.PointCloudHandle] = []
@@ -42,8 +49,8 @@ class FleetLayer:
 
     def update(self, vehicles: Sequence[VehicleView]) -> None:
         """Show the vehicles whose routes run on this network."""
-        segments = self._canvas.network.segments
-        known = [van for van in vehicles if all(name in segments for name, _ in van.route)]
+        numbers = self._lanes.number
+        known = [van for van in vehicles if all(name in numbers for name, _ in van.route)]
         known = known[:MAX_VEHICLES]
         self._update_stops(known)
         self._update_routes(known)
@@ -57,14 +64,15 @@ class FleetLayer:
                 if node in junctions and node not in self._depots:
                     names.setdefault(node, set()).add(stop)
         # Stops at one junction share a label; theirs would lie on top of each other.
-        planned = sorted((" + ".join(sorted(names[node])), node) for node in names)
-        stops = tuple(planned[:MAX_LABELS])
+        stops = tuple(sorted((" + ".join(sorted(names[node])), node) for node in names))
         if stops == self._stops:
             return
-        for index in range(len(stops), len(self._stops)):
-            self._canvas.scene.remove_by_name(f"/stop_{index}")
         places = [junctions[node] for _, node in stops]
-        for index, ((stop, _), place) in enumerate(zip(stops, places, strict=True)):
+        labelled = len(stops) if len(stops) <= MAX_LABELS else 0
+        for index in range(labelled, self._stop_labels):
+            self._canvas.scene.remove_by_name(f"/stop_{index}")
+        for index in range(labelled):
+            stop, place = stops[index][0], places[index]
             north = place[1] >= self._canvas.centre_m[1]
             self._canvas.label(
                 f"/stop_{index}",
@@ -77,54 +85,69 @@ class FleetLayer:
             self._canvas.points("/stops", places, _DARK, 0.9, "circle")
         else:
             self._canvas.scene.remove_by_name("/stops")
-        self._stops = stops
+        self._stops, self._stop_labels = stops, labelled
 
     def _update_routes(self, vehicles: Sequence[VehicleView]) -> None:
-        routes = [(van.route, van.rgb, van.expired) for van in vehicles]
-        for index in range(max(len(routes), len(self._routes))):
-            if routes[index : index + 1] == self._routes[index : index + 1]:
-                continue
-            for part in ("alone", "platoon"):
-                self._canvas.scene.remove_by_name(f"/route_{index}_{part}")
-            if index < len(vehicles):
-                self._draw_route(index, vehicles[index])
-        self._routes = list(routes)
+        routes: list[tuple[object, ...]] = [(van.route, van.rgb, van.expired) for van in vehicles]
+        if routes == self._routes:
+            return
+        self._routes = routes
+        lengths = np.array([len(van.route) for van in vehicles], dtype=np.int64)
+        van_of_part = np.repeat(np.arange(len(vehicles)), lengths)
+        parts = [part for van in vehicles for part in van.route]
+        roads = np.array([self._lanes.number[name] for name, _ in parts], dtype=np.int64)
+        together = np.array([platoon is not None for _, platoon in parts], dtype=np.bool_)
+        lanes_m = _LANE_UNITS[van_of_part % ROUTE_LANES] * self._canvas.unit_m
+        # Not from a van's last road to the first one of the next van.
+        before = np.flatnonzero(van_of_part[:-1] == van_of_part[1:])
 
-    def _draw_route(self, index: int, van: VehicleView) -> None:
-        unit_m = self._canvas.unit_m
-        alone: list[Array] = []
-        together: list[Array] = []
-        before: Array | None = None
-        for name, platoon in van.route:
-            line = self._canvas.beside(name, _lane(index))
-            if before is not None:
-                alone.append(np.array([[before, line[0]]]))
-            (alone if platoon is None else together).append(geometry.strokes(line))
-            alone.append(geometry.arrowheads(line, 14 * unit_m, 0.55 * unit_m))
-            before = line[-1]
-        rgb = _faded(van.rgb) if van.expired else van.rgb
-        height = 0.02 + 0.0004 * index
-        for part, strokes, units in (("alone", alone, 0.16), ("platoon", together, 0.38)):
-            if strokes:
-                self._canvas.lines(
-                    f"/route_{index}_{part}", np.concatenate(strokes), rgb, units, height
-                )
+        drawing = self._lanes.along(roads, lanes_m)
+        in_platoon = together[drawing.part]
+        across = self._lanes.across(roads, lanes_m, before)
+        arrows = self._lanes.arrows(roads, lanes_m)
+        alone = (_only(drawing, ~in_platoon), across, arrows)
+        self._draw_routes("/routes_alone", alone, 0.16, vehicles, van_of_part)
+        platoons = (_only(drawing, in_platoon),)
+        self._draw_routes("/routes_platoon", platoons, 0.38, vehicles, van_of_part)
+
+    def _draw_routes(
+        self,
+        name: str,
+        drawings: Sequence[Drawing],
+        units: float,
+        vehicles: Sequence[VehicleView],
+        van_of_part: npt.NDArray[np.int64],
+    ) -> None:
+        van = van_of_part[np.concatenate([drawing.part for drawing in drawings])]
+        if not len(van):
+            self._canvas.scene.remove_by_name(name)
+            return
+        strokes_m = np.concatenate([drawing.strokes for drawing in drawings])
+        rgb = np.array([_faded(view.rgb) if view.expired else view.rgb for view in vehicles])
+        # Between roads and vans, one above the other however many there are.
+        heights = 0.02 + 0.024 * van / max(len(vehicles), 60)
+        self._canvas.lines(name, strokes_m, stroke_colours(rgb[van]), units, heights)
 
     def _update_vans(self, vehicles: Sequence[VehicleView]) -> None:
         here = [
-            (van, geometry.at(self._canvas.beside(van.position[0], _lane(index)), van.position[1]))
+            (van, *van.position, _LANE_UNITS[index % ROUTE_LANES])
             for index, van in enumerate(vehicles)
             if van.position is not None and not van.expired
         ]
-        places_m = np.array([place for _, (place, _) in here]).reshape(-1, 2)
-        rgb = tuple(van.rgb for van, _ in here)
+        places_m = np.array(
+            [
+                geometry.at(self._canvas.beside(name, lane), share)[0]
+                for _, name, share, lane in here
+            ]
+        ).reshape(-1, 2)
+        rgb = tuple(van.rgb for van, *_ in here)
         if rgb != self._rgb:
             self._redraw_vans(places_m, rgb)
         elif not np.array_equal(places_m, self._places_m):
             for node, height in zip(self._nodes, (0.05, 0.055), strict=True):
                 node.points = self._canvas.positions(places_m, height)
         self._places_m, self._rgb = places_m, rgb
-        self._label_vans(places_m, [van.vehicle[:40] for van, _ in here])
+        self._label_vans(places_m, [van.vehicle[:40] for van, *_ in here])
 
     def _redraw_vans(self, places_m: Array, rgb: tuple[Rgb, ...]) -> None:
         for node in self._nodes:
@@ -161,9 +184,8 @@ class FleetLayer:
         del self._labels[len(groups) :]
 
 
-def _lane(index: int) -> float:
-    """How far to the right of its road a vehicle's route is drawn, in units."""
-    return 1.3 + 0.5 * (index % ROUTE_LANES)
+def _only(drawing: Drawing, chosen: npt.NDArray[np.bool_]) -> Drawing:
+    return Drawing(drawing.strokes[chosen], drawing.part[chosen])
 
 
 def _faded(rgb: Rgb) -> Rgb:

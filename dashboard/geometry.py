@@ -26,6 +26,12 @@ def without_repeats(points: Sequence[tuple[float, float]] | Array) -> Array:
 
 def offset(points: Array, distance_m: float) -> Array:
     """The line moved to its right by a distance, corners mitred."""
+    moved: Array = points + distance_m * sideways(points)
+    return moved
+
+
+def sideways(points: Array) -> Array:
+    """How each point moves when the line moves to its right by 1 m, corners mitred."""
     direction = np.diff(points, axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     right = np.column_stack((direction[:, 1], -direction[:, 0]))
@@ -35,8 +41,8 @@ def offset(points: Array, distance_m: float) -> Array:
     # A U-turn has no mitre; there the corner is cut square.
     middle = np.where(length > 1e-9, middle / np.maximum(length, 1e-9), before)
     stretch = 1.0 / np.maximum(np.sum(middle * before, axis=1, keepdims=True), 1.0 / _MITRE_LIMIT)
-    moved: Array = points + distance_m * stretch * middle
-    return moved
+    moves: Array = stretch * middle
+    return moves
 
 
 def strokes(points: Array) -> Array:
@@ -80,28 +86,26 @@ def dashes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
     return strokes(xy), np.minimum((middles / total * count).astype(np.int64), count - 1)
 
 
-def arrowheads(points: Array, every_m: float, size_m: float) -> Array:
-    """Strokes of arrowheads along the line, pointing the way it runs."""
-    total = length_m(points)
-    count = max(1, int(total // every_m))
-    heads = []
-    for index in range(count):
-        tip, ahead = at(points, (index + 0.5) / count)
-        side = np.array((-ahead[1], ahead[0]))
-        tip = tip + ahead * size_m / 2
-        heads += [(tip - size_m * (ahead + 0.7 * side), tip)]
-        heads += [(tip - size_m * (ahead - 0.7 * side), tip)]
-    return np.array(heads).reshape(-1, 2, 2)
+def arrowheads_at(places: Array, ahead: Array, size_m: float) -> Array:
+    """Strokes of arrowheads at places, (N, 2), along unit vectors (N, 2): two each, (2N, 2, 2)."""
+    side = np.column_stack((-ahead[:, 1], ahead[:, 0]))
+    tips = places + ahead * size_m / 2
+    barbs = [
+        np.stack((tips - size_m * (ahead + turn * side), tips), axis=1) for turn in (0.7, -0.7)
+    ]
+    return np.stack(barbs, axis=1).reshape(-1, 2, 2)
 
 
 def near_each_other(points: Array, distance_m: float) -> list[list[int]]:
     """Indices of points grouped so that each lies within a distance of its group's first one."""
     groups: list[list[int]] = []
+    firsts = np.empty((len(points), 2))
     for index, point in enumerate(points):
-        for group in groups:
-            if np.linalg.norm(points[group[0]] - point) <= distance_m:
-                group.append(index)
-                break
+        away_m = np.hypot(*(firsts[: len(groups)] - point).T)
+        near = np.flatnonzero(away_m <= distance_m)
+        if len(near):
+            groups[near[0]].append(index)
         else:
+            firsts[len(groups)] = point
             groups.append([index])
     return groups

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
+from typing import Final
 
 from dashboard import markup, words
 from dashboard.markup import text
@@ -17,6 +18,11 @@ from dashboard.views import (
     RsuView,
     VehicleView,
 )
+from slipstream.messages import Unserved
+
+MAX_VANS: Final = 20
+MAX_UNSERVED: Final = 5
+"""Rows of the page's longest lists; the cycle's panel is below that of the vans."""
 
 
 def about() -> str:
@@ -122,13 +128,15 @@ def vehicles(views: Sequence[VehicleView]) -> str:
             f'<span style="color:{markup.css(van.rgb)}">⬤</span> {text(van.vehicle)}',
             text(van.activity),
             text(" → ".join(stop for stop, _ in van.stops)) or "–",
-            f"{van.distance_km:.1f}",
+            "–" if van.idle else f"{van.distance_km:.1f}",
             f"{van.platoon_km:.1f}" if van.platoon_km else "–",
-            f"{van.energy_kwh:.2f}",
+            "–" if van.idle else f"{van.energy_kwh:.2f}",
         ]
-        for van in views[: markup.MAX_ROWS]
+        for van in views[:MAX_VANS]
     ]
-    header = ["Vans", "By the plan", "Stops", "km", "km in a<br>platoon", "kWh"]
+    idle = sum(van.idle for van in views)
+    title = f"Vans ({len(views)}, {idle} idle)" if idle else "Vans"
+    header = [title, "By the plan", "Stops", "km", "km in a<br>platoon", "kWh"]
     return markup.table(header, rows, len(views), "No plan has been sent yet.", "l", "l")
 
 
@@ -171,6 +179,7 @@ def cycle(view: CycleView | None) -> str:
     return (
         f'<div class="sl"><h3>Last dispatch cycle: #{view.number}</h3><div>{facts}</div>'
         f"{_energy(view.energy)}</div>"
+        + _unserved(view.unserved)
         + markup.table(header, rows, len(view.solvers), "No solver ran.", "l")
     )
 
@@ -247,6 +256,14 @@ def _energy(energy: EnergyView | None) -> str:
         f"<b>{text(energy.baseline)}</b></div>"
         f"<div>saved by {split} kWh · {energy.platooned_km:.1f} km in platoons</div>"
     )
+
+
+def _unserved(stops: Sequence[Unserved]) -> str:
+    if not stops:
+        return ""
+    rows = [[text(stop.stop), text(stop.reason, 160)] for stop in stops[:MAX_UNSERVED]]
+    header = [f"{words.plural(len(stops), 'stop')} not served", "Why"]
+    return markup.table(header, rows, len(stops), "", "l")
 
 
 def _note(road: RoadView) -> str:

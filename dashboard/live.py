@@ -26,7 +26,7 @@ from slipstream.messages import (
     state_key,
 )
 
-MAX_ENTRIES: Final = 2000
+MAX_ENTRIES: Final = 5000
 """Segments, RSUs and vehicles remembered, each; the ones not heard of for longest go first."""
 MAX_PREVIEWS: Final = 16
 MAX_PREVIEW_BYTES: Final = 512 * 1024
@@ -137,13 +137,14 @@ class LiveData:
 
     def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
         """Add cycles and plans, from the bus or from storage; what is newer stays."""
+        # Plans first, as the dispatcher sends them: a van is idle that has none in the last cycle.
+        for plan in plans:
+            self._add_plan(plan)
         with self._lock:
             for report in cycles:
                 self._add_cycle(report)
             for number in sorted(self._cycles)[: -self._history_cycles]:
                 del self._cycles[number]
-        for plan in plans:
-            self._add_plan(plan)
 
     def set_history_problem(self, problem: str | None) -> None:
         """Say why the stored history cannot be read, or that it can again."""

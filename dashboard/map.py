@@ -13,13 +13,15 @@ import numpy.typing as npt
 import viser
 
 from dashboard import geometry, words
-from dashboard.canvas import FOV_RAD, Canvas
+from dashboard.canvas import FOV_RAD, Canvas, stroke_colours
 from dashboard.fleet import ROUTE_LANES, FleetLayer
+from dashboard.geometry import Array
 from dashboard.views import DashboardView, RoadView
 from dashboard.words import Rgb, Traffic
 from slipstream.roads import RoadNetwork
 
 MAX_LABELS: Final = 40
+"""Roads that get a label; where there are more none does: the map would be nothing but labels."""
 _ROAD_RGB: Final[Rgb] = (195, 202, 211)
 _GAP_RGB: Final[dict[Traffic, Rgb]] = {
     "stable": (0, 158, 115),
@@ -50,7 +52,7 @@ class RoadMap:
         self._node: viser.LineSegmentsHandle | None = None
         self._dash: npt.NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._road_of_dash: npt.NDArray[np.int64] = np.empty(0, dtype=np.int64)
-        self._cameras: dict[str, tuple[viser.PointCloudHandle, viser.LabelHandle]] = {}
+        self._labels: dict[str, viser.LabelHandle] = {}
         self._prepare_scene()
         self._draw_roads()
         self._draw_depots(depots)
@@ -60,10 +62,10 @@ class RoadMap:
         roads = [road for road in view.roads if road.segment in self._network.segments]
         with self._server.atomic():
             self._update_watched(roads)
-            self._update_cameras(roads[:MAX_LABELS])
+            self._update_labels(roads if len(roads) <= MAX_LABELS else ())
             self._fleet.update(view.vehicles)
 
-    def fit(self, width_px: int, height_px: int) -> tuple[geometry.Array, geometry.Array]:
+    def fit(self, width_px: int, height_px: int) -> tuple[Array, Array]:
         """Camera position and the point it looks at, for the network to fill a canvas."""
         return self._canvas.fit(width_px, height_px)
 
@@ -100,20 +102,23 @@ class RoadMap:
         self._watched, self._traffic = watched, traffic
         if self._node is None:
             return
-        colours = np.empty((len(self._dash), 2, 3), dtype=np.uint8)
-        for index, state in enumerate(traffic):
-            mine = self._road_of_dash == index
+        rgb = np.empty((len(self._dash), 3), dtype=np.int64)
+        state_of_dash = np.array(traffic)[self._road_of_dash]
+        for state in sorted(set(traffic)):
+            mine = state_of_dash == state
             drawn = _pattern(state, self._dash[mine])
-            rgb = np.where(drawn[:, None], words.TRAFFIC_RGB[state], _GAP_RGB[state])
-            colours[mine] = _to_linear(rgb)[:, None, :]
-        self._node.colors = colours
+            rgb[mine] = np.where(drawn[:, None], words.TRAFFIC_RGB[state], _GAP_RGB[state])
+        self._node.colors = stroke_colours(rgb)
 
     def _draw_watched(self, watched: Sequence[str]) -> None:
         if self._node is not None:
             self._node.remove()
             self._node = None
         if not watched:
+            self._canvas.scene.remove_by_name("/cameras")
             return
+        places = np.array([self._camera(name)[0] for name in watched])
+        self._canvas.points("/cameras", places, _DARK, 1.1, "diamond")
         dash_m = 0.5 * self._canvas.unit_m
         parts = [geometry.dashes(self._canvas.beside(name, 0.6), dash_m) for name in watched]
         self._dash = np.concatenate([dash for _, dash in parts])
@@ -122,31 +127,31 @@ class RoadMap:
         colours = np.zeros((len(strokes), 2, 3), dtype=np.uint8)
         self._node = self._canvas.lines("/watched", strokes, colours, 0.8, height=0.01)
 
-    def _update_cameras(self, roads: Sequence[RoadView]) -> None:
+    def _update_labels(self, roads: Sequence[RoadView]) -> None:
         shown = {road.segment: road for road in roads}
-        for name in [name for name in self._cameras if name not in shown]:
-            for node in self._cameras.pop(name):
-                node.remove()
+        for name in [name for name in self._labels if name not in shown]:
+            self._labels.pop(name).remove()
         for name, road in shown.items():
             speed = "" if road.speed_kmh is None else f", {road.speed_kmh:.0f} km/h"
             sign = words.TRAFFIC_SIGN[road.traffic]
             text = f"{sign} {name[:40]}: {road.traffic}{speed}"
-            if name not in self._cameras:
-                self._cameras[name] = self._draw_camera(name, text)
-            elif self._cameras[name][1].text != text:
-                self._cameras[name][1].text = text
+            if name not in self._labels:
+                self._labels[name] = self._draw_label(name, text)
+            elif self._labels[name].text != text:
+                self._labels[name].text = text
 
-    def _draw_camera(
-        self, segment: str, text: str
-    ) -> tuple[viser.PointCloudHandle, viser.LabelHandle]:
+    def _camera(self, segment: str) -> tuple[Array, Array]:
+        """Where a road's camera is marked, and which way the road runs there."""
         # Beside the middle of its road, clear of the routes there.
-        place, ahead = geometry.at(self._canvas.beside(segment, 1.9 + 0.5 * ROUTE_LANES), 0.5)
-        node = f"/camera_{segment.encode().hex()}"
-        mark = self._canvas.points(node, place[None, :], _DARK, 1.1, "diamond")
+        return geometry.at(self._canvas.beside(segment, 1.9 + 0.5 * ROUTE_LANES), 0.5)
+
+    def _draw_label(self, segment: str, text: str) -> viser.LabelHandle:
+        place, ahead = self._camera(segment)
+        node = f"/camera_{segment.encode().hex()}_label"
         # Away from the road: the right-hand side of an eastbound road is its south.
         if ahead[0] >= 0:
-            return mark, self._canvas.label(f"{node}_label", text, place, -1.0, "top-center")
-        return mark, self._canvas.label(f"{node}_label", text, place, 1.0, "bottom-center")
+            return self._canvas.label(node, text, place, -1.0, "top-center")
+        return self._canvas.label(node, text, place, 1.0, "bottom-center")
 
 
 def _pattern(state: Traffic, dash: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
@@ -155,10 +160,3 @@ def _pattern(state: Traffic, dash: npt.NDArray[np.int64]) -> npt.NDArray[np.bool
         return np.ones(len(dash), dtype=np.bool_)
     drawn: npt.NDArray[np.bool_] = dash % 6 < 4 if state == "turbulent" else dash % 4 < 2
     return drawn
-
-
-def _to_linear(rgb: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
-    """sRGB to linear light, 0-255: what viser takes colours of single vertices to be in."""
-    share = rgb / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return np.round(linear * 255).astype(np.uint8)

@@ -12,6 +12,7 @@ from typing import Final
 from dashboard import words
 from dashboard.dispatcher_line import dispatcher_line
 from dashboard.live import Snapshot
+from dashboard.vehicles import FORGET_AFTER_S, vehicle_views
 from dashboard.views import (
     CycleView,
     DashboardView,
@@ -20,7 +21,6 @@ from dashboard.views import (
     PreviewView,
     RoadView,
     RsuView,
-    VehicleView,
 )
 from dashboard.words import Level, Traffic
 from slipstream import freshness
@@ -30,12 +30,9 @@ from slipstream.messages import (
     Gate,
     RsuHealth,
     SegmentState,
-    VehiclePlan,
 )
 
 KMH_PER_MPS: Final = 3.6
-FORGET_AFTER_S: Final = 24 * 3600.0
-"""RSUs and vehicles not heard of for longer are no longer listed."""
 
 
 def build_view(
@@ -62,7 +59,7 @@ def build_view(
         roads=roads,
         rsus=rsus,
         previews=_previews(snapshot.previews, rsus, now_ns, stale_after_s),
-        vehicles=_vehicles(snapshot.plans, now_ns),
+        vehicles=vehicle_views(snapshot, now_ns),
         cycle=_cycle(last, now_ns) if last else None,
         history=_history(snapshot.cycles),
         problems=(snapshot.history_problem,) if snapshot.history_problem else (),
@@ -206,64 +203,6 @@ def _previews(
     )
 
 
-def _vehicles(plans: Mapping[str, VehiclePlan], now_ns: int) -> tuple[VehicleView, ...]:
-    current = [
-        plan
-        for _, plan in sorted(plans.items())
-        if _age_s(plan.valid_until_ns, now_ns) < FORGET_AFTER_S
-    ]
-    return tuple(_vehicle(plan, index, now_ns) for index, plan in enumerate(current))
-
-
-def _vehicle(plan: VehiclePlan, index: int, now_ns: int) -> VehicleView:
-    return VehicleView(
-        vehicle=plan.vehicle,
-        rgb=words.VEHICLE_RGB[index % len(words.VEHICLE_RGB)],
-        cycle=plan.cycle,
-        expired=now_ns > plan.valid_until_ns,
-        route=tuple((part.segment, part.platoon) for part in plan.segments),
-        stops=tuple((stop.stop, stop.node) for stop in plan.stops),
-        position=planned_position(plan, now_ns),
-        activity=_activity(plan, now_ns),
-        distance_km=plan.distance_m / 1000,
-        platoon_km=sum(
-            part.speed_mps * (part.exit_ns - part.entry_ns) / 1e12
-            for part in plan.segments
-            if part.platoon is not None
-        ),
-        energy_kwh=plan.energy_kwh,
-    )
-
-
-def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None:
-    """Where the plan puts its vehicle: a segment and the share of it driven, 0 to 1."""
-    if not plan.segments:
-        return None
-    last = plan.segments[0].segment, 0.0
-    for part in plan.segments:
-        if now_ns < part.entry_ns:
-            return last
-        if now_ns < part.exit_ns:
-            return part.segment, (now_ns - part.entry_ns) / (part.exit_ns - part.entry_ns)
-        last = part.segment, 1.0
-    return last
-
-
-def _activity(plan: VehiclePlan, now_ns: int) -> str:
-    if now_ns > plan.valid_until_ns:
-        return f"plan ran out {words.when(-_age_s(plan.valid_until_ns, now_ns))}"
-    if now_ns < plan.depart_ns:
-        return f"leaves {words.when(-_age_s(plan.depart_ns, now_ns))}"
-    for stop in plan.stops:
-        if now_ns < stop.arrival_ns:
-            return f"{stop.stop} {words.when(-_age_s(stop.arrival_ns, now_ns))}"
-        if now_ns < stop.departure_ns:
-            return f"at {stop.stop}"
-    if plan.segments and now_ns < plan.segments[-1].exit_ns:
-        return f"back {words.when(-_age_s(plan.segments[-1].exit_ns, now_ns))}"
-    return "done"
-
-
 _CYCLE_STATUS: Final[dict[str, tuple[str, Level]]] = {
     "ok": ("ok", "ok"),
     "baseline": ("baseline plan used", "warn"),
@@ -303,6 +242,7 @@ def _cycle(report: CycleReport, now_ns: int) -> CycleView:
         plans=report.plans,
         energy=energy,
         solvers=report.solvers,
+        unserved=report.unserved,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dashboard.words import Level, Rgb, Traffic
-from slipstream.messages import SolverReport
+from slipstream.messages import SolverReport, Unserved
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,17 @@ class PreviewView:
 
 @dataclass(frozen=True)
 class VehicleView:
-    """One vehicle's plan, and where it puts the vehicle now."""
+    """One vehicle's plan, and where it puts the vehicle now.
+
+    An idle vehicle has nothing to do by its plan, or got none from the last cycle, which makes an
+    older one void; then it has no route, stops and position.
+    """
 
     vehicle: str
     rgb: Rgb
     cycle: int
     expired: bool
+    idle: bool
     route: tuple[tuple[str, str | None], ...]
     """Segments in driving order, each with the platoon to drive in."""
     stops: tuple[tuple[str, str], ...]
@@ -109,6 +114,7 @@ class CycleView:
     plans: int
     energy: EnergyView | None
     solvers: tuple[SolverReport, ...]
+    unserved: tuple[Unserved, ...]
 
 
 @dataclass(frozen=True)

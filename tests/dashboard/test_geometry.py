@@ -53,10 +53,12 @@ def test_places_along_a_line():
 
 
 def test_arrowheads_point_ahead():
-    """Both strokes of an arrowhead end in its tip, ahead of where they start."""
-    heads = geometry.arrowheads(BENT[:2], 40.0, 6.0)
-    assert heads.shape == (4, 2, 2)
-    assert (heads[:, 1, 0] > heads[:, 0, 0]).all()
+    """Both strokes of an arrowhead end in its tip, half its size ahead of its place."""
+    places, ahead = np.array([[10.0, 0.0], [0.0, 20.0]]), np.array([[1.0, 0.0], [0.0, -1.0]])
+    heads = geometry.arrowheads_at(places, ahead, 6.0)
+    np.testing.assert_allclose(heads[:2, 1], [[13.0, 0.0]] * 2)
+    np.testing.assert_allclose(heads[2:, 1], [[0.0, 17.0]] * 2)
+    np.testing.assert_allclose(heads[:2, 0], [[7.0, -4.2], [7.0, 4.2]])
 
 
 def test_every_road_of_the_demo_can_be_drawn():

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from dashboard import html, markup
 from dashboard.live import Snapshot
 from dashboard.view_model import build_view
+from slipstream.messages import Unserved
 
 S = 1_000_000_000
 EVIL = '<img src=x onerror="alert(1)">&"'
@@ -69,6 +70,7 @@ def test_foreign_text_is_escaped(world, now_ns):
                 for gate in report.gates
             ),
             "energy": report.energy.model_copy(update={"baseline": EVIL}),
+            "unserved": (Unserved(stop=EVIL, reason=EVIL),),
         }
     )
     snapshot = Snapshot(
@@ -148,3 +150,46 @@ def test_an_old_picture_is_faded(world, now_ns):
     block = html.cameras(view.previews)
     assert "grayscale" in block
     assert "old picture, 60 s ago" in block
+
+
+def _cycle_block(world, now_ns, *unserved: Unserved) -> str:
+    report = world.cycle(3, now_ns).model_copy(update={"unserved": unserved})
+    return html.cycle(_view(Snapshot(cycles=(report,)), now_ns).cycle)
+
+
+def test_stops_that_are_not_served_are_told(world, now_ns):
+    """The cycle's panel counts them and names the first few with their reasons, as they came."""
+    stops = [Unserved(stop=f"c_{n}", reason=f"loaded on 'van_{n}'") for n in range(12)]
+    block = _cycle_block(world, now_ns, *stops)
+    assert "12 stops not served" in block
+    for n in range(html.MAX_UNSERVED):
+        assert f"<td>c_{n}</td>" in block
+        assert f"loaded on &#x27;van_{n}&#x27;" in block
+    assert f"c_{html.MAX_UNSERVED}" not in block
+    assert f"and {12 - html.MAX_UNSERVED} more" in block
+    one = _cycle_block(world, now_ns, stops[0])
+    assert "1 stop not served" in one
+    assert "more</small>" not in one
+
+
+def test_nothing_is_said_where_all_stops_are_served(world, now_ns):
+    """A cycle that serves every stop has no word on stops that it does not."""
+    assert "not served" not in _cycle_block(world, now_ns)
+
+
+def test_a_large_fleet_stays_readable(world, now_ns):
+    """Of 200 vans the first rows are listed, the idle ones after the others and counted."""
+    plans = {f"van-{n:03}": world.plan("van-a", 3, now_ns) for n in range(200)}
+    plans = {name: plan.model_copy(update={"vehicle": name}) for name, plan in plans.items()}
+    assert "and 180 more" in html.vehicles(_view(Snapshot(plans=plans), now_ns).vehicles)
+    idle = {"stops": (), "segments": (), "distance_m": 0.0, "energy_kwh": 0.0}
+    for n in range(0, 200, 2):
+        plans[f"van-{n:03}"] = plans[f"van-{n:03}"].model_copy(update=idle)
+    block = html.vehicles(_view(Snapshot(plans=plans), now_ns).vehicles)
+    assert "Vans (200, 100 idle)" in block
+    assert block.count("<tr>") == html.MAX_VANS + 1
+    assert "van-001" in block
+    assert "van-000" not in block
+    one = html.vehicles(_view(Snapshot(plans={"van-000": plans["van-000"]}), now_ns).vehicles)
+    assert '<td class="l">idle</td>' in one
+    assert "0.0" not in one

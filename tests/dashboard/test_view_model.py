@@ -6,9 +6,10 @@ import pytest
 
 from dashboard import words
 from dashboard.live import Snapshot
-from dashboard.view_model import FORGET_AFTER_S, build_view, planned_position
+from dashboard.vehicles import FORGET_AFTER_S, planned_position
+from dashboard.view_model import build_view
 from dashboard.views import DashboardView
-from slipstream.messages import CAMERA_FAULTS
+from slipstream.messages import CAMERA_FAULTS, Unserved
 
 S = 1_000_000_000
 
@@ -253,6 +254,54 @@ def test_what_a_van_does(world, now_ns):
     assert at(plan.segments[-1].exit_ns - 5 * S) == ("back in 5 s", False)
     assert at(plan.segments[-1].exit_ns) == ("done", False)
     assert at(plan.valid_until_ns + 120 * S) == ("plan ran out 2 min ago", True)
+
+
+@pytest.mark.parametrize(
+    ("last", "after_s", "status", "idle"),
+    [
+        (8, 30, "ok", True),
+        (8, 30, "baseline", True),
+        (8, 30, "failed", False),
+        (7, 0, "ok", False),
+        (6, -30, "ok", False),
+        (1, 30, "ok", True),
+        (8, 3600, "ok", False),
+    ],
+)
+def test_a_van_without_a_plan_in_the_last_cycle_is_idle(world, now_ns, last, after_s, status, idle):
+    """A later cycle, also of a new count, voids older plans, unless it failed or is dated ahead."""
+    plan = world.plan("van-a", 7, now_ns)
+    report = world.cycle(last, now_ns + after_s * S, status)
+    at_ns = now_ns + 40 * S
+    (van,) = _view(Snapshot(plans={"van-a": plan}, cycles=(report,)), at_ns).vehicles
+    assert van.idle == idle
+    if idle:
+        assert van.activity == f"idle, no plan in cycle #{last}"
+        assert (van.route, van.stops, van.position) == ((), (), None)
+        assert (van.distance_km, van.platoon_km, van.energy_kwh) == (0.0, 0.0, 0.0)
+    else:
+        assert van.route
+
+
+def test_a_van_with_an_empty_plan_is_idle_and_comes_last(world, now_ns):
+    """A plan without a road and a stop says idle; such vans come after those that drive."""
+    empty = world.plan("van-a", 7, now_ns).model_copy(update={"segments": (), "stops": ()})
+    plans = {"van-a": empty, "van-b": world.plan("van-b", 7, now_ns)}
+    driving, idle = _view(Snapshot(plans=plans), now_ns).vehicles
+    assert (driving.vehicle, driving.idle) == ("van-b", False)
+    assert (idle.vehicle, idle.activity) == ("van-a", "idle")
+    assert idle.rgb == words.VEHICLE_RGB[0]
+
+
+def test_unserved_stops_reach_the_view(world, now_ns):
+    """The last cycle's stops that nobody serves are in the view, those of older cycles not."""
+    old, new = (
+        world.cycle(n, now_ns + n * S).model_copy(
+            update={"unserved": (Unserved(stop=f"c{n}", reason="no way"),)}
+        )
+        for n in (1, 2)
+    )
+    assert _view(Snapshot(cycles=(old, new)), now_ns).cycle.unserved == new.unserved
 
 
 def test_platooned_distance_of_a_plan(world, now_ns):

@@ -1,0 +1,100 @@
+"""From plans to what the page tells of each vehicle; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from dashboard import words
+from dashboard.live import Snapshot
+from dashboard.views import VehicleView
+from slipstream import freshness
+from slipstream.freshness import age_s
+from slipstream.messages import CycleReport, VehiclePlan
+
+FORGET_AFTER_S: Final = 24 * 3600.0
+"""Vehicles whose plan ran out longer ago are no longer listed, nor are RSUs silent for longer."""
+
+
+def vehicle_views(snapshot: Snapshot, now_ns: int) -> tuple[VehicleView, ...]:
+    """The vehicles heard of in the last day, by name, the idle ones last.
+
+    Args:
+        snapshot: the latest messages.
+        now_ns: UTC in ns.
+    """
+    current = [
+        plan
+        for _, plan in sorted(snapshot.plans.items())
+        if age_s(plan.valid_until_ns, now_ns) < FORGET_AFTER_S
+    ]
+    last = _last_good(snapshot.cycles, now_ns)
+    views = [_vehicle(plan, index, last, now_ns) for index, plan in enumerate(current)]
+    # Colours go by name, so that none changes when a van becomes idle.
+    return tuple(sorted(views, key=lambda van: van.idle))
+
+
+def _last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None:
+    """The last cycle that made plans; those of a failed one before it still hold."""
+    for report in reversed(cycles):
+        if report.status != "failed" and not freshness.is_ahead(report.started_ns, now_ns):
+            return report
+    return None
+
+
+def _vehicle(plan: VehiclePlan, index: int, last: CycleReport | None, now_ns: int) -> VehicleView:
+    left_out = last is not None and plan.cycle != last.cycle and plan.issued_ns < last.started_ns
+    idle = left_out or not (plan.segments or plan.stops)
+    activity = _activity(plan, now_ns)
+    if idle:
+        activity = f"idle, no plan in cycle #{last.cycle}" if left_out and last else "idle"
+        plan = plan.model_copy(
+            update={"stops": (), "segments": (), "distance_m": 0.0, "energy_kwh": 0.0}
+        )
+    return VehicleView(
+        vehicle=plan.vehicle,
+        rgb=words.VEHICLE_RGB[index % len(words.VEHICLE_RGB)],
+        cycle=plan.cycle,
+        expired=now_ns > plan.valid_until_ns,
+        idle=idle,
+        route=tuple((part.segment, part.platoon) for part in plan.segments),
+        stops=tuple((stop.stop, stop.node) for stop in plan.stops),
+        position=planned_position(plan, now_ns),
+        activity=activity,
+        distance_km=plan.distance_m / 1000,
+        platoon_km=sum(
+            part.speed_mps * (part.exit_ns - part.entry_ns) / 1e12
+            for part in plan.segments
+            if part.platoon is not None
+        ),
+        energy_kwh=plan.energy_kwh,
+    )
+
+
+def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None:
+    """Where the plan puts its vehicle: a segment and the share of it driven, 0 to 1."""
+    if not plan.segments:
+        return None
+    last = plan.segments[0].segment, 0.0
+    for part in plan.segments:
+        if now_ns < part.entry_ns:
+            return last
+        if now_ns < part.exit_ns:
+            return part.segment, (now_ns - part.entry_ns) / (part.exit_ns - part.entry_ns)
+        last = part.segment, 1.0
+    return last
+
+
+def _activity(plan: VehiclePlan, now_ns: int) -> str:
+    if now_ns > plan.valid_until_ns:
+        return f"plan ran out {words.when(-age_s(plan.valid_until_ns, now_ns))}"
+    if now_ns < plan.depart_ns:
+        return f"leaves {words.when(-age_s(plan.depart_ns, now_ns))}"
+    for stop in plan.stops:
+        if now_ns < stop.arrival_ns:
+            return f"{stop.stop} {words.when(-age_s(stop.arrival_ns, now_ns))}"
+        if now_ns < stop.departure_ns:
+            return f"at {stop.stop}"
+    if plan.segments and now_ns < plan.segments[-1].exit_ns:
+        return f"back {words.when(-age_s(plan.segments[-1].exit_ns, now_ns))}"
+    return "done"
