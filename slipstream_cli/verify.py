@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 _PAPER_GAMMA_KWH = 50.0
 _RANDOM_VARIABLES = 25
 _MOST_RANDOM = 10_000
+_OPTIONS = 5
+_MOST_OPTIONS = 30
 _MOST_ARCS = 1_000
-"""More are not even listed: their number of variables is beyond any doubt."""
+"""Fleets with more are refused before anything is computed."""
 
 Case = tuple[str, str, "Problem"]
 """Name, form and problem."""
@@ -43,13 +45,22 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--random", type=int, default=0, metavar="N", help="N random problems of each form as well"
     )
-    command.add_argument("--seed", type=int, default=1, help="of the random problems")
+    command.add_argument("--seed", type=int, default=1, help="of random problems and route options")
     command.add_argument(
         "--gamma",
         nargs="+",
         metavar="G",
         default=["bound", str(_PAPER_GAMMA_KWH)],
         help="penalty weights, kWh, or 'bound' for the computed one (default: bound and 50)",
+    )
+    command.add_argument(
+        "--form",
+        choices=("arc", "route"),
+        default="arc",
+        help="of the named instances: the paper's arcs (default) or route options",
+    )
+    command.add_argument(
+        "--options", type=int, default=_OPTIONS, metavar="N", help="route form: most of a vehicle"
     )
     command.add_argument(
         "--encoding",
@@ -112,48 +123,46 @@ def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
     if not 0 <= options.random <= _MOST_RANDOM or options.seed < 0:
         key = "--seed" if options.seed < 0 else "--random"
         raise InputError("verify", "out of range", f"give 0 to {_MOST_RANDOM}", key=key)
+    if not 1 <= options.options <= _MOST_OPTIONS:
+        raise InputError("verify", "out of range", f"give 1 to {_MOST_OPTIONS}", key="--options")
     if not (options.instances or options.all or options.random):
         raise InputError(
             "verify", "nothing to check", "name instances, or give --all or --random N"
         )
-    named = [(name, "arc", _arc_problem(name)) for name in options.instances]
-    for name, form, problem in named:
+    named: list[Case] = []
+    left_out: dict[str, int] = {}
+    every = instance_names() if options.all else ()
+    for name in dict.fromkeys([*options.instances, *every]):
+        problem = _problem(name, options)
         variables = _variables(problem, options.encoding)
-        if variables > MAX_VARIABLES:
+        if variables <= MAX_VARIABLES:
+            named.append((name, options.form, problem))
+        elif name in options.instances:
+            encoding = f"{options.encoding} encoding of the " if options.form == "arc" else ""
             raise InputError(
                 name,
-                f"{variables} variables in the {options.encoding} encoding of the {form} form",
+                f"{variables} variables in the {encoding}{options.form} form",
                 f"enumeration takes at most {MAX_VARIABLES}",
             )
-    left_out: dict[str, int] = {}
-    for name in instance_names() if options.all else ():
-        if name in options.instances:
-            continue
-        problem = _arc_problem(name)
-        variables = _variables(problem, options.encoding)
-        if variables > MAX_VARIABLES:
-            left_out[name] = variables
         else:
-            named.append((name, "arc", problem))
+            left_out[name] = variables
     return [*named, *_random(options.random, options.seed, options.encoding)], left_out
 
 
-def _arc_problem(reference: str) -> Problem:
-    from dispatcher_daemon.dispatch import arc_problem_of
-    from dispatcher_daemon.fleet import arc_form_obstacle
+def _problem(reference: str, options: argparse.Namespace) -> Problem:
+    from dispatcher_daemon.forms import arc_form, route_form
     from dispatcher_daemon.instances import open_instance
 
     instance = open_instance(reference)
-    obstacle = arc_form_obstacle(instance.problem.fleet)
-    if obstacle is not None:
-        raise InputError(reference, f"not for the arc form: {obstacle}", "take another instance")
     fleet = instance.problem.fleet
-    most_arcs = len(fleet.vehicles) * (len(fleet.pooled) + 1) ** 2
-    if most_arcs > _MOST_ARCS:
+    most = len(fleet.vehicles) * (len(fleet.pooled) + 1) ** 2
+    if most > _MOST_ARCS:
         raise InputError(
-            reference, f"up to {most_arcs} candidate arcs", "take an instance of a few stops"
+            reference, f"up to {most} candidate arcs", "take an instance of a few stops"
         )
-    return arc_problem_of(instance.problem, instance.snapshot, instance.sync_window_s)
+    if options.form == "arc":
+        return arc_form(instance).problem
+    return route_form(instance, options.options, options.seed).problem
 
 
 def _variables(problem: Problem, encoding: Encoding) -> int:

@@ -56,6 +56,16 @@ def test_a_file_of_ones_own_in_the_papers_encoding(tmp_path: Path, capsys: Captu
     assert json.loads(capsys.readouterr().out)["checks"][0]["variables"] == 12
 
 
+def test_a_published_instance_in_the_route_form(capsys: Capture) -> None:
+    """Its options are variables, and there are no others."""
+    command = ["verify", "arc25-11-motorway", "--form", "route", "--options", "4", "--json"]
+    assert main(command) == 0
+    for check in json.loads(capsys.readouterr().out)["checks"]:
+        assert (check["form"], check["encoding"]) == ("route", None)
+        assert 2 <= check["variables"] == check["choices"] <= 8
+        assert check["valid_selections"] >= 1
+
+
 def test_a_city_is_refused_at_once(tmp_path: Path, capsys: Capture) -> None:
     """Its arcs are not even listed."""
     from dispatcher_daemon.instance import write_instance
@@ -80,6 +90,7 @@ def test_a_city_is_refused_at_once(tmp_path: Path, capsys: Capture) -> None:
         (("arc25-01-avenue", "--encoding", "full"), "56 variables in the full encoding"),
         (("arc06-valley", "--gamma", "nan"), "--gamma: 'nan' is no weight"),
         (("arc06-valley", "--gamma", "-1"), "--gamma: '-1' is no weight"),
+        (("arc06-valley", "--options", "0"), "--options: out of range"),
         (("--random", "-1"), "--random: out of range"),
         (("--random", "1", "--seed", "-1"), "--seed: out of range"),
     ],
