@@ -100,6 +100,7 @@ def plan_city(
     )
     stage("greedy")
     sweeping = Sweeping(planner, settings, solve, begin)
+    timed_out = routes.timed_out
     if settings.second_rounds:
         rounds = {"rounds": settings.second_rounds}
         search = limited(settings.search.model_copy(update=rounds), settings.base_share)
@@ -107,6 +108,7 @@ def plan_city(
         second = base_routes(
             problem, planner.travels[1], stops, search, executor, seed + 1, routes.stops
         )
+        timed_out |= second.timed_out
         if not second.left:
             sweeping.cross(second.stops, seed, ends, clock)
     stage("second")
@@ -119,7 +121,7 @@ def plan_city(
         missing,
         sweeps,
         walls,
-        routes.timed_out or late,
+        timed_out or late,
     )
 
 
@@ -145,21 +147,39 @@ def first_plans(
 
 
 def at_once(planner: Planner, stops: StopsOf, missing: dict[str, str]) -> list[Itinerary]:
-    """Everybody leaves when ready; what then misses a window is not served, and added to
+    """Everybody leaves when ready; stops that then miss a window are not served, and added to
     ``missing`` with the reason.
     """
     itineraries = []
     for number, vehicle in enumerate(planner.problem.fleet.vehicles):
         visits = stops[vehicle.id]
         itinerary = planner.itinerary(number, visits, planner.legs(number, visits))
-        while itinerary is None:
-            # The search rounds times up, so this is for what rounding cannot foresee.
-            *kept, dropped = visits
-            missing[dropped] = f"{vehicle.id} would be too late for it"
-            visits = tuple(kept)
-            itinerary = planner.itinerary(number, visits, planner.legs(number, visits))
+        if itinerary is None:
+            itinerary, dropped = _what_can_be_kept(planner, number, visits)
+            missing |= dict.fromkeys(dropped, f"{vehicle.id} would be too late for it")
         itineraries.append(itinerary)
     return itineraries
+
+
+def _what_can_be_kept(
+    planner: Planner, number: int, visits: Sequence[str]
+) -> tuple[Itinerary, list[str]]:
+    """The route without the stops that miss their windows, and these; without its first stop a
+    vehicle stays idle.
+
+    The search knows durations to about a second, so this is for what it cannot foresee.
+    """
+    kept, dropped = planner.idle(number), []
+    for stop in visits:
+        tried = (*kept.stops, stop)
+        itinerary = planner.itinerary(number, tried, planner.legs(number, tried))
+        if itinerary is not None:
+            kept = itinerary
+        elif stop == planner.problem.fleet.vehicles[number].first_stop:
+            return planner.idle(number), list(visits)
+        else:
+            dropped.append(stop)
+    return kept, dropped
 
 
 def attracted(

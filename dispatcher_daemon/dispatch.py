@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 from dispatcher_daemon.appraisal import summarise
@@ -15,6 +15,7 @@ from dispatcher_daemon.candidates import Candidate, Cycle, Found
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.rewards import JudgedPair
+from dispatcher_daemon.routability import servable_part
 from dispatcher_daemon.route_cycle import route_cycle
 from dispatcher_daemon.routes import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
@@ -85,9 +86,12 @@ def run_cycle(
     this = Cycle(problem, snapshot, settings, cycle, now_ns, seed)
     arcs: tuple[RoutedArc, ...] = ()
     judged: tuple[JudgedPair, ...] = ()
-    if form_of(settings, problem.fleet) == "arc":
-        arc_form = ArcCycle(this)
-        found, arcs, judged = arc_form.run(solve), arc_form.arcs, arc_form.judged
+    in_arcs = _in_arcs(this)
+    if in_arcs is not None:
+        smaller, missing = in_arcs
+        arc_form = ArcCycle(replace(this, problem=smaller))
+        found = replace(arc_form.run(solve), unserved=missing)
+        arcs, judged = arc_form.arcs, arc_form.judged
     elif executor is None:
         with ThreadPoolExecutor(max_workers=1) as thread:
             found = route_cycle(this, solve, thread, start)
@@ -134,6 +138,17 @@ def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route
         return settings.form
     few = len(fleet.vehicles) <= MOST_ARC_VEHICLES and len(fleet.stops) <= MOST_ARC_STOPS
     return "arc" if few and obstacle is None else "route"
+
+
+def _in_arcs(cycle: Cycle) -> tuple[RoutingProblem, dict[str, str]] | None:
+    """What the arc form gets, and the stops left out with the reason; None for the route form."""
+    settings, problem = cycle.settings, cycle.problem
+    if form_of(settings, problem.fleet) == "route":
+        return None
+    smaller, missing = servable_part(problem, cycle.snapshot)
+    if smaller is None or arc_form_obstacle(smaller.fleet) is not None:
+        return None
+    return smaller, missing
 
 
 def _choose(found: Found) -> tuple[Candidate | None, str, str | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, Protocol
 
@@ -14,7 +14,7 @@ from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.instance import Instance
 from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem, RoutingProblem
 from dispatcher_daemon.rewards import JudgedPair, judge_pairs
-from dispatcher_daemon.routability import unservable
+from dispatcher_daemon.routability import servable_part
 from dispatcher_daemon.route_form import RouteForm, route_problem_of
 from dispatcher_daemon.routes import (
     Leg,
@@ -214,7 +214,9 @@ def arc_form(instance: Instance) -> ArcForm:
     Raises:
         InputError: the arc form cannot express the fleet, or no stop can be served.
     """
-    routing, unserved = _servable_part(instance)
+    routing, unserved = servable_part(instance.problem, instance.snapshot)
+    if routing is None:
+        raise _nothing_to_do(instance, unserved)
     obstacle = arc_form_obstacle(routing.fleet)
     if obstacle is not None:
         raise InputError(instance.name, f"not for the arc form: {obstacle}", "take --form route")
@@ -222,27 +224,6 @@ def arc_form(instance: Instance) -> ArcForm:
     arcs = candidate_arcs(routing, legs)
     judged = tuple(judge_pairs(routing, arcs, instance.snapshot, instance.sync_window_s))
     return ArcForm(routing, arc_problem(routing, arcs, judged), unserved, arcs, judged, legs)
-
-
-def _servable_part(instance: Instance) -> tuple[RoutingProblem, dict[str, str]]:
-    """The problem without stops that nobody can serve, and these with the reason.
-
-    A vehicle whose first stop is among them has none.
-    """
-    problem = instance.problem
-    missing = unservable(problem, instance.snapshot)
-    if not missing:
-        return problem, {}
-    fleet = problem.fleet
-    stops = tuple(stop for stop in fleet.stops if stop.id not in missing)
-    if not stops:
-        raise _nothing_to_do(instance, missing)
-    vehicles = tuple(
-        v.model_copy(update={"first_stop": None}) if v.first_stop in missing else v
-        for v in fleet.vehicles
-    )
-    smaller = type(fleet)(name=fleet.name, depots=fleet.depots, stops=stops, vehicles=vehicles)
-    return replace(problem, fleet=smaller), missing
 
 
 def _nothing_to_do(instance: Instance, missing: Mapping[str, str]) -> InputError:

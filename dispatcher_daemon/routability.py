@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from dispatcher_daemon.fleet import Stop, Vehicle
+from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import TrafficSnapshot
 from dispatcher_daemon.travel import Travel, roads_of
@@ -23,6 +23,29 @@ class _Refusal:
     hurdle: int
     closeness: float
     reason: str
+
+
+def servable_part(
+    problem: RoutingProblem, snapshot: TrafficSnapshot
+) -> tuple[RoutingProblem | None, dict[str, str]]:
+    """(the problem without stops that nobody can serve, these with the reason).
+
+    A vehicle whose first stop is among them has none. The problem is None if no stop is left.
+    """
+    missing = unservable(problem, snapshot)
+    if not missing:
+        return problem, {}
+    fleet = problem.fleet
+    stops = tuple(stop for stop in fleet.stops if stop.id not in missing)
+    if not stops:
+        return None, missing
+    vehicles = tuple(
+        v.model_copy(update={"first_stop": None}) if v.first_stop in missing else v
+        for v in fleet.vehicles
+    )
+    # Not a copy: what a fleet has looked up of its stops would be copied with it.
+    smaller = Fleet(name=fleet.name, depots=fleet.depots, stops=stops, vehicles=vehicles)
+    return replace(problem, fleet=smaller), missing
 
 
 def unservable(

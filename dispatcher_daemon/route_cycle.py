@@ -56,7 +56,6 @@ def route_cycle(
     made_by = _made_by(plan)
     best = _candidate(cycle, made_by, plan.choice, plan)
     candidates = (best,) if isinstance(best, Candidate) else ()
-    last = plan.sweeps[-1] if plan.sweeps else None
     vehicles = cycle.problem.fleet.vehicles
     return Found(
         candidates,
@@ -64,7 +63,7 @@ def route_cycle(
         BASE,
         _candidate(cycle, BASE, plan.base, plan, platooning=False),
         _candidate(cycle, BASE, plan.base, plan),
-        0 if last is None else last.largest,
+        max((sweep.largest for sweep in plan.sweeps), default=0),
         plan.unserved,
         {v.id: i.stops for v, i in zip(vehicles, plan.choice.itineraries, strict=True)},
     )

@@ -176,7 +176,8 @@ class Sweeping:
                     self._move([of_one[0] for of_one in options.values()])
                 continue
             block = build_block(self._names, options, self._meetings)
-            answers = self._ask([block], self.settings.block_deadline_s, seed)
+            left_s = max(0.05, ends - clock())
+            answers = self._ask([block], min(left_s, self.settings.block_deadline_s), seed)
             taken += len(self._take(block, answers[0]))
         return taken
 
@@ -228,7 +229,7 @@ class Sweeping:
         seen = set()
         for outcome in outcomes:
             selected = outcome.selected
-            if selected is None or selected in seen or violations(block.problem, selected):
+            if selected is None or selected in seen or not _is_valid(block, selected):
                 continue
             seen.add(selected)
             chosen = block.chosen(selected)
@@ -253,6 +254,11 @@ class Sweeping:
             change -= self._meetings.add(itinerary.way)
             self.present[itinerary.number] = itinerary
         return change
+
+
+def _is_valid(block: Block, selected: frozenset[int]) -> bool:
+    known = all(0 <= index < block.problem.choices for index in selected)
+    return known and not violations(block.problem, selected)
 
 
 def _waves(groups: Sequence[list[int]], size: int) -> list[Sequence[list[int]]]:

@@ -34,6 +34,7 @@ class WorkerExecutor(Executor):
         self._keeper = ThreadPoolExecutor(1, thread_name_prefix="workers")
         self._lock = threading.Lock()
         self._pool: Any = None
+        self._pending: set[Future[Any]] = set()
         self._closed = False
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
@@ -51,6 +52,8 @@ class WorkerExecutor(Executor):
             if self._pool is None:
                 self._pool = self._keeper.submit(self._start).result()
             future: Future[T] = self._pool.schedule(fn, args=args, kwargs=kwargs)
+            self._pending.add(future)
+            future.add_done_callback(self._pending.discard)
             return future
 
     def _start(self) -> Any:
@@ -66,13 +69,16 @@ class WorkerExecutor(Executor):
         return pool
 
     def _stop(self) -> None:
+        # A stopped pool leaves its futures open; whoever waits for one must hear of it.
+        for future in tuple(self._pending):
+            future.cancel()
         if self._pool is not None:
             self._pool.stop()
             self._pool.join()
             self._pool = None
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Stop the workers, whatever they are doing."""
+        """Stop the workers, whatever they are doing; their jobs are cancelled."""
         with self._lock:
             self._closed = True
             self._stop()
