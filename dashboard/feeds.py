@@ -20,6 +20,7 @@ from slipstream.messages import (
     ALL_STATES,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    CycleReport,
 )
 from slipstream.service import LogLimiter
 
@@ -95,7 +96,7 @@ class HistoryFeed(threading.Thread):
         try:
             latest = self._reader.latest_cycle()
             if latest is not None and (latest.cycle, latest.started_ns) != self._latest:
-                history = self._reader.cycles(limit=self._cycles)
+                history = self._reader.cycles(limit=self._unread(latest))
                 self._live.add_history(history, self._reader.latest_plans())
                 self._latest = (latest.cycle, latest.started_ns)
             self._live.set_history_problem(None)
@@ -103,6 +104,15 @@ class HistoryFeed(threading.Thread):
             self._live.set_history_problem(f"No stored history: {error}")
             if self._limiter.allow("history"):
                 log.warning("no stored history: %s", error)
+
+    def _unread(self, latest: CycleReport) -> int:
+        """How many cycles to read: those since the last time, or all if they are counted anew."""
+        if self._latest is None:
+            return self._cycles
+        number, started_ns = self._latest
+        if latest.cycle <= number or latest.started_ns <= started_ns:
+            return self._cycles
+        return min(latest.cycle - number, self._cycles)
 
     def stop(self) -> None:
         """Stop reading, without waiting for a read under way."""

@@ -43,7 +43,8 @@ class Snapshot:
         states: latest SegmentState by segment and RSU.
         rsus: latest RsuHealth by RSU.
         plans: latest VehiclePlan by vehicle.
-        cycles: reports by number, the lowest first.
+        cycles: reports by number, the lowest first; only the last one has its solvers, gates and
+            unserved stops.
         dispatcher: latest DispatcherHealth.
         cycle_failed_ns: UTC at which its count of failed cycles was last seen to rise.
         previews: latest JPEG and the UTC ns of its arrival, by RSU.
@@ -145,6 +146,9 @@ class LiveData:
                 self._add_cycle(report)
             for number in sorted(self._cycles)[: -self._history_cycles]:
                 del self._cycles[number]
+            # In a city each has hundreds of gates: only the last one's are shown.
+            for number in sorted(self._cycles)[:-1]:
+                self._cycles[number] = _slim(self._cycles[number])
 
     def set_history_problem(self, problem: str | None) -> None:
         """Say why the stored history cannot be read, or that it can again."""
@@ -166,7 +170,7 @@ class LiveData:
             )
 
     def _add_cycle(self, report: CycleReport) -> None:
-        if self._cycles.get(report.cycle) == report:
+        if self._cycles.get(report.cycle) in (report, _slim(report)):
             return
         now_ns = self._clock_ns()
         last = self._cycles[max(self._cycles)] if self._cycles else None
@@ -206,6 +210,13 @@ class LiveData:
             entries.move_to_end(name)
             if len(entries) > MAX_ENTRIES:
                 entries.popitem(last=False)
+
+
+def _slim(report: CycleReport) -> CycleReport:
+    """A report without its long parts; itself where it has none."""
+    if not (report.solvers or report.gates or report.unserved):
+        return report
+    return report.model_copy(update={"solvers": (), "gates": (), "unserved": ()})
 
 
 def _require(key: str, expected: str) -> None:

@@ -37,6 +37,33 @@ def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
     assert [report.cycle for report in live.snapshot().cycles] == [1, 2]
 
 
+def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
+    """After the first time only cycles since the last are read; all, where they count anew."""
+    limits = []
+    cycles = storage.Reader.cycles
+
+    def spied(self, limit):
+        limits.append(limit)
+        return cycles(self, limit)
+
+    monkeypatch.setattr(storage.Reader, "cycles", spied)
+    path = tmp_path / "x.db"
+    feed = HistoryFeed(f"sqlite:///{path}", live, 100, LogLimiter())
+    with storage.open_database(f"sqlite:///{path}") as database:
+        for number, read in ((5, [1, 100]), (6, [1, 1]), (None, [1]), (9, [1, 3])):
+            if number is not None:
+                database.record_cycle(world.cycle(number, now_ns + number * S), [], [])
+            feed.refresh()
+            assert limits == read
+            limits.clear()
+    assert [report.cycle for report in live.snapshot().cycles] == [5, 6, 9]
+    path.unlink()
+    with storage.open_database(f"sqlite:///{path}") as database:
+        database.record_cycle(world.cycle(1, now_ns + 20 * S), [], [])
+    feed.refresh()
+    assert limits == [1, 100]
+
+
 def test_a_bad_database_is_told_and_survived(tmp_path, live, world, now_ns):
     """A file that is no database is named on the page until it is mended."""
     path = tmp_path / "x.db"

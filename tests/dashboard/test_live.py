@@ -10,6 +10,7 @@ from slipstream.errors import InputError
 from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    Unserved,
     plan_key,
     preview_key,
     rsu_health_key,
@@ -81,6 +82,23 @@ def test_the_highest_cycle_is_the_last(live, world, now_ns):
         live.on_cycle(CYCLE_KEY, world.cycle(number, now_ns + (3600 + number) * S).to_bytes())
     live.on_cycle(CYCLE_KEY, world.cycle(4, now_ns).to_bytes())
     assert [report.cycle for report in live.snapshot().cycles] == [2, 3, 4]
+
+
+def test_only_the_last_cycle_is_kept_whole(live, world, now_ns):
+    """Older reports keep their energy but not their long lists, and are not taken for others."""
+    reports = [
+        world.cycle(n, now_ns - (3 - n) * S).model_copy(
+            update={"unserved": (Unserved(stop="c1", reason="no way"),)}
+        )
+        for n in (1, 2)
+    ]
+    for _ in range(2):
+        for report in reports:
+            live.on_cycle(CYCLE_KEY, report.to_bytes())
+        older, last = live.snapshot().cycles
+        assert last == reports[1]
+        assert (older.cycle, older.energy) == (1, reports[0].energy)
+        assert (older.solvers, older.gates, older.unserved) == ((), (), ())
 
 
 @pytest.mark.parametrize(
