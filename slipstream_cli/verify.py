@@ -36,7 +36,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         help="enumerate small QUBOs: are they exact?",
         description="Looks at every state of the QUBO and checks that zero penalty means a valid "
         "route set and nothing else, that its minimum is the MILP's optimum, and that every "
-        "infeasible state lies above every feasible one. Exit status 1 if a check fails.",
+        "infeasible state lies above every feasible one. Beyond 30 variables, auxiliary bits that "
+        "hang together are enumerated by themselves. Exit status 1 if a check fails.",
     )
     command.add_argument(
         "instances", nargs="*", metavar="NAME|FILE", help="published instance, or instance file"
@@ -117,6 +118,7 @@ def _gamma(text: str) -> float | None:
 
 def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
     """What is to be checked, and what of all published instances is too large for it."""
+    from dispatcher_daemon.formulations.eliminate import MAX_CHOICES
     from dispatcher_daemon.formulations.enumerate import MAX_VARIABLES
     from dispatcher_daemon.instances import instance_names
 
@@ -134,15 +136,16 @@ def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
     every = instance_names() if options.all else ()
     for name in dict.fromkeys([*options.instances, *every]):
         problem = _problem(name, options)
-        variables = _variables(problem, options.encoding)
-        if variables <= MAX_VARIABLES:
+        variables, small = _size(problem, options.encoding)
+        if small:
             named.append((name, options.form, problem))
         elif name in options.instances:
             encoding = f"{options.encoding} encoding of the " if options.form == "arc" else ""
             raise InputError(
                 name,
                 f"{variables} variables in the {encoding}{options.form} form",
-                f"enumeration takes at most {MAX_VARIABLES}",
+                f"take a smaller instance: at most {MAX_VARIABLES}, or {MAX_CHOICES} x and parts "
+                f"of at most {MAX_VARIABLES}",
             )
         else:
             left_out[name] = variables
@@ -165,13 +168,16 @@ def _problem(reference: str, options: argparse.Namespace) -> Problem:
     return route_form(instance, options.options, options.seed).problem
 
 
-def _variables(problem: Problem, encoding: Encoding) -> int:
-    from dispatcher_daemon.formulations.arc import constraint_rows
-    from dispatcher_daemon.problem import ArcProblem
+def _size(problem: Problem, encoding: Encoding) -> tuple[int, bool]:
+    """Number of variables, and whether all their states can be looked at."""
+    from dispatcher_daemon.formulations.enumerate import MAX_VARIABLES
+    from dispatcher_daemon.formulations.model import build_model
+    from dispatcher_daemon.formulations.proof import can_prove
 
-    if isinstance(problem, ArcProblem):
-        return len(constraint_rows(problem, encoding)[0])
-    return problem.choices
+    if problem.choices > MAX_VARIABLES:
+        return problem.choices, False
+    model = build_model(problem, 1.0, encoding=encoding)
+    return len(model.variables), can_prove(model)
 
 
 def _random(number: int, seed: int, encoding: Encoding) -> Iterator[Case]:

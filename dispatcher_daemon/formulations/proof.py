@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from dispatcher_daemon.formulations.enumerate import Exactness, enumerate_model
+from dispatcher_daemon.formulations.eliminate import MAX_CHOICES, eliminate, largest_part
+from dispatcher_daemon.formulations.enumerate import MAX_VARIABLES, Exactness, enumerate_model
 from dispatcher_daemon.formulations.milp import MilpResult, solve_milp
 from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.formulations.qubo import Encoding
+from dispatcher_daemon.formulations.qubo import Encoding, QuboModel
 from dispatcher_daemon.problem import Problem
 
 TOLERANCE_KWH = 1e-7
@@ -25,7 +26,7 @@ class Proof:
         choices: number of arcs or options.
         variables: number of variables, auxiliary bits included.
         gamma_kwh: its penalty weight.
-        found: by enumeration.
+        found: by enumeration, whole or in parts.
         milp: by HiGHS, on a model that shares no penalty and no order bit with the QUBO.
         wall_s: time of the enumeration and of the decoder, s.
     """
@@ -77,6 +78,13 @@ class Proof:
         return tuple(faults)
 
 
+def can_prove(model: QuboModel) -> bool:
+    """True if a model is small enough, as a whole or in its parts (see `eliminate`)."""
+    if len(model.variables) <= MAX_VARIABLES:
+        return True
+    return model.problem.choices <= MAX_CHOICES and largest_part(model) <= MAX_VARIABLES
+
+
 def prove(problem: Problem, gamma: float | None = None, encoding: Encoding = "reduced") -> Proof:
     """Check one problem's QUBO.
 
@@ -85,11 +93,12 @@ def prove(problem: Problem, gamma: float | None = None, encoding: Encoding = "re
         encoding: of the arc form's subtour terms.
 
     Raises:
-        ValueError: more variables than can be enumerated.
+        ValueError: it is too large, see `can_prove`.
     """
     model = build_model(problem, gamma, encoding=encoding)
     began = time.perf_counter()
-    found = enumerate_model(model)
+    whole = len(model.variables) <= MAX_VARIABLES
+    found = enumerate_model(model) if whole else eliminate(model)
     wall_s = time.perf_counter() - began
     return Proof(
         choices=problem.choices,

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import dimod
 import numpy as np
@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 from dispatcher_daemon.decode import valid_selections, violations
 from dispatcher_daemon.dispatch import arc_problem_of
 from dispatcher_daemon.formulations import proof as proof_module
+from dispatcher_daemon.formulations.eliminate import eliminate
+from dispatcher_daemon.formulations.enumerate import Exactness, enumerate_model
 from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.formulations.proof import prove
-from dispatcher_daemon.formulations.qubo import QuboModel
+from dispatcher_daemon.formulations.proof import can_prove, prove
+from dispatcher_daemon.formulations.qubo import Encoding, QuboModel
 from dispatcher_daemon.instances import open_instance
 from dispatcher_daemon.instances.random_problems import random_arc_problem, random_route_problem
-from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.problem import ArcProblem, CandidateArc, Problem
 
 SEEDS = st.integers(0, 10**9)
 GAMMAS = st.sampled_from([None, 50.0])
@@ -58,6 +60,35 @@ def test_selections_are_judged_at_once_as_one_by_one(seed: int, route: bool) -> 
         not violations(problem, [i for i in range(n) if s >> i & 1]) for s in range(1 << n)
     ]
     assert valid_selections(problem).tolist() == one_by_one
+
+
+@settings(max_examples=30)
+@given(
+    seed=SEEDS,
+    gamma=st.sampled_from([None, 50.0, 0.01]),
+    encoding=st.sampled_from(["full", "reduced"]),
+)
+def test_parts_find_what_the_whole_finds(
+    seed: int, gamma: float | None, encoding: Encoding
+) -> None:
+    """Eliminating auxiliary bits gives every figure that looking at all states gives."""
+    problem = random_arc_problem(np.random.default_rng(seed), 17, encoding)
+    model = build_model(problem, gamma, encoding=encoding)
+    parts, whole = eliminate(model), enumerate_model(model)
+    for field in fields(Exactness):
+        ours, theirs = getattr(parts, field.name), getattr(whole, field.name)
+        if field.name != "minimum_selected":  # of several states that are equally low
+            assert ours == pytest.approx(theirs, abs=1e-9), field.name
+
+
+def test_parts_that_are_too_large_are_refused() -> None:
+    """Four customers in any order: all auxiliary bits hang together, 44 of them."""
+    places = ("d", "a", "b", "c", "e")
+    arcs = tuple(CandidateArc("v", i, j, 0.1) for i in places for j in places if i != j)
+    model = build_model(ArcProblem("d", places[1:], ("v",), arcs))
+    assert not can_prove(model)
+    with pytest.raises(ValueError, match="too many"):
+        eliminate(model)
 
 
 def an_arc_problem() -> Problem:
