@@ -18,7 +18,8 @@ from dashboard.words import Rgb
 
 MAX_VEHICLES: Final = 500
 MAX_LABELS: Final = 40
-"""Vans that get a label, and stops: where there are more of those, none does."""
+"""Labels of stops, and of groups of vans; where there are more of a kind, none has one: they would
+hide the map."""
 ROUTE_LANES: Final = 4
 """Routes drawn beside each other before they share a lane."""
 _LANE_UNITS: Final[Array] = np.array([1.3 + 0.5 * lane for lane in range(ROUTE_LANES)])
@@ -163,7 +164,9 @@ class FleetLayer:
 
     def _label_vans(self, places_m: Array, names: Sequence[str]) -> None:
         # Vans of one platoon share a label; theirs would lie on top of each other.
-        groups = geometry.near_each_other(places_m, 8 * self._canvas.unit_m)[:MAX_LABELS]
+        groups = geometry.near_each_other(places_m, 8 * self._canvas.unit_m)
+        if len(groups) > MAX_LABELS:
+            groups = []
         for index, group in enumerate(groups):
             text = " + ".join(names[member] for member in group[:3])
             if len(group) > 3:

@@ -20,9 +20,7 @@ from dashboard.views import (
 )
 from slipstream.messages import Unserved
 
-MAX_VANS: Final = 20
 MAX_UNSERVED: Final = 5
-"""Rows of the page's longest lists; the cycle's panel is below that of the vans."""
 
 
 def about() -> str:
@@ -66,9 +64,12 @@ def about() -> str:
 
 def summary(view: DashboardView) -> str:
     """The headline, and the last cycle in three figures."""
-    tiles = ""
+    tiles = unserved = ""
     if view.cycle is not None:
         cycle = view.cycle
+        if cycle.unserved:
+            count = words.plural(len(cycle.unserved), "stop")
+            unserved = f'<div class="m">{markup.dot("warn")} {count} not served</div>'
         tiles = markup.tile(
             "Last dispatch cycle",
             f"#{cycle.number}",
@@ -91,7 +92,7 @@ def summary(view: DashboardView) -> str:
     dispatcher = f"{markup.dot(view.dispatcher_level)} {text(view.dispatcher, 160)}"
     return (
         f'<div class="sl"><div class="head" style="color:{colour}">{text(view.headline)}</div>'
-        f'<div class="m">{dispatcher}</div>{problems}'
+        f'<div class="m">{dispatcher}</div>{unserved}{problems}'
         f'<div class="tiles">{tiles}</div></div>'
     )
 
@@ -132,7 +133,7 @@ def vehicles(views: Sequence[VehicleView]) -> str:
             f"{van.platoon_km:.1f}" if van.platoon_km else "–",
             "–" if van.idle else f"{van.energy_kwh:.2f}",
         ]
-        for van in views[:MAX_VANS]
+        for van in views[: markup.MAX_ROWS]
     ]
     idle = sum(van.idle for van in views)
     title = f"Vans ({len(views)}, {idle} idle)" if idle else "Vans"

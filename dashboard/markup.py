@@ -9,7 +9,7 @@ from itertools import zip_longest
 from dashboard import words
 from dashboard.words import Level, Rgb, Traffic
 
-MAX_ROWS = 40
+MAX_ROWS = 20
 LEVEL_RGB: dict[Level, Rgb] = {"ok": (0, 128, 94), "warn": (176, 104, 0), "bad": (190, 50, 20)}
 
 STYLE = """<style>

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from dashboard import html, markup
 from dashboard.live import Snapshot
 from dashboard.view_model import build_view
+from dashboard.views import DashboardView
 from slipstream.messages import Unserved
 
 S = 1_000_000_000
@@ -141,7 +142,7 @@ def test_long_tables_are_cut(world, now_ns):
     rsus = {f"rsu-{n:03}": world.health(f"road-{n:03}", now_ns) for n in range(60)}
     block = html.rsus(_view(Snapshot(rsus=rsus), now_ns).rsus)
     assert block.count("<tr>") == markup.MAX_ROWS + 1
-    assert "and 20 more" in block
+    assert "and 40 more" in block
 
 
 def test_an_old_picture_is_faded(world, now_ns):
@@ -152,29 +153,32 @@ def test_an_old_picture_is_faded(world, now_ns):
     assert "old picture, 60 s ago" in block
 
 
-def _cycle_block(world, now_ns, *unserved: Unserved) -> str:
+def _cycle_view(world, now_ns, *unserved: Unserved) -> DashboardView:
     report = world.cycle(3, now_ns).model_copy(update={"unserved": unserved})
-    return html.cycle(_view(Snapshot(cycles=(report,)), now_ns).cycle)
+    return _view(Snapshot(cycles=(report,)), now_ns)
 
 
 def test_stops_that_are_not_served_are_told(world, now_ns):
-    """The cycle's panel counts them and names the first few with their reasons, as they came."""
+    """The head counts them, and the cycle's panel names the first few with reasons as they came."""
     stops = [Unserved(stop=f"c_{n}", reason=f"loaded on 'van_{n}'") for n in range(12)]
-    block = _cycle_block(world, now_ns, *stops)
+    view = _cycle_view(world, now_ns, *stops)
+    assert "12 stops not served" in html.summary(view)
+    block = html.cycle(view.cycle)
     assert "12 stops not served" in block
     for n in range(html.MAX_UNSERVED):
         assert f"<td>c_{n}</td>" in block
         assert f"loaded on &#x27;van_{n}&#x27;" in block
     assert f"c_{html.MAX_UNSERVED}" not in block
     assert f"and {12 - html.MAX_UNSERVED} more" in block
-    one = _cycle_block(world, now_ns, stops[0])
+    one = html.cycle(_cycle_view(world, now_ns, stops[0]).cycle)
     assert "1 stop not served" in one
     assert "more</small>" not in one
 
 
 def test_nothing_is_said_where_all_stops_are_served(world, now_ns):
     """A cycle that serves every stop has no word on stops that it does not."""
-    assert "not served" not in _cycle_block(world, now_ns)
+    view = _cycle_view(world, now_ns)
+    assert "not served" not in html.cycle(view.cycle) + html.summary(view)
 
 
 def test_a_large_fleet_stays_readable(world, now_ns):
@@ -187,7 +191,7 @@ def test_a_large_fleet_stays_readable(world, now_ns):
         plans[f"van-{n:03}"] = plans[f"van-{n:03}"].model_copy(update=idle)
     block = html.vehicles(_view(Snapshot(plans=plans), now_ns).vehicles)
     assert "Vans (200, 100 idle)" in block
-    assert block.count("<tr>") == html.MAX_VANS + 1
+    assert block.count("<tr>") == markup.MAX_ROWS + 1
     assert "van-001" in block
     assert "van-000" not in block
     one = html.vehicles(_view(Snapshot(plans={"van-000": plans["van-000"]}), now_ns).vehicles)
