@@ -24,7 +24,7 @@ from dispatcher_daemon.routes import (
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.pool import Job, Solve
 from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
-from dispatcher_daemon.sweeping import choice_of
+from dispatcher_daemon.sweeping import Choice, choice_of
 from slipstream.messages import SolverReport
 
 
@@ -91,16 +91,20 @@ class ArcCycle:
             timetable(cycle.problem, self._legs, v, decoded.routes[v.id], cycle.settings.deadline_s)
             for v in cycle.problem.fleet.vehicles
         ]
-        objective = model.objective_kwh(selected)
-        if platooning:
-            routes, objective = self._rescheduled(routes, objective)
-        return cycle.candidate(solver, routes, objective, platooning=platooning)
+        if not platooning:
+            cost = model.without_platooning().objective_kwh(selected)
+            return cycle.candidate(solver, routes, cost, platooning=False)
+        choice = self._scheduled(routes)
+        if choice is None:
+            return cycle.candidate(solver, routes, model.objective_kwh(selected))
+        driven = [i.route for i in choice.itineraries if i.route is not None]
+        return cycle.candidate(solver, driven, choice.objective_kwh)
 
-    def _rescheduled(self, routes: list[Route], objective_kwh: float) -> tuple[list[Route], float]:
-        """Departures moved within the vehicles' windows, where platoons then save more."""
+    def _scheduled(self, routes: Sequence[Route]) -> Choice | None:
+        """Departures chosen within the vehicles' windows so that platoons meet, and the exact
+        objective: rewards of the arc form may rest on entry times that are too early.
+        """
         cycle = self._cycle
-        if all(v.depart_by_s is None for v in cycle.problem.fleet.vehicles):
-            return routes, objective_kwh
         settings = cycle.settings
         planner = Planner(
             cycle.problem, cycle.snapshot, [], settings.sync_window_s, settings.deadline_s
@@ -111,13 +115,11 @@ class ArcCycle:
         ]
         itineraries = [itinerary for itinerary in present if itinerary is not None]
         if len(itineraries) < len(routes):
-            return routes, objective_kwh
+            return None
         latest_first: Sequence[Itinerary] = sorted(itineraries, key=lambda i: -i.depart_s)
         moved = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
-        before, after = choice_of(planner, itineraries), choice_of(planner, moved)
-        if after.saving_kwh <= before.saving_kwh + 1e-9:
-            return routes, objective_kwh
-        return [i.route for i in moved if i.route is not None], after.objective_kwh
+        choices = choice_of(planner, itineraries), choice_of(planner, moved)
+        return min(choices, key=lambda c: c.objective_kwh)
 
 
 def _baseline(model: ArcProblem, outcome: Outcome) -> tuple[str, frozenset[int] | None]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -26,7 +25,8 @@ from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.sweeping import Choice, Sweep, Sweeping, choice_of
 from dispatcher_daemon.traffic import TrafficSnapshot
 from dispatcher_daemon.travel import Travel, roads_of
-from dispatcher_daemon.vrp import StopsOf, base_routes
+from dispatcher_daemon.vrp import base_routes
+from dispatcher_daemon.vrp_model import StopsOf
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def first_plans(
     """(planner, the better itineraries to begin with, everybody at once, scheduled greedily)."""
     planner = Planner(problem, snapshot, [travel], sync_window_s, reference_s)
     alone = at_once(planner, routes, missing)
-    planner.travels += (attracted(problem, travel, alone, planner),)
+    planner.travels += (attracted(problem, travel, planner),)
     # Those ready last choose first: the others can wait for them, not the other way round.
     latest_first = sorted(alone, key=lambda i: (-i.depart_s, i.number))
     scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
@@ -182,14 +182,8 @@ def _what_can_be_kept(
     return kept, dropped
 
 
-def attracted(
-    problem: RoutingProblem,
-    travel: Travel,
-    itineraries: Sequence[Itinerary],
-    planner: Planner,
-) -> Travel:
-    """Ways that like open segments on which others drive: worth a follower's share there."""
-    used = Counter(segment for itinerary in itineraries for segment in itinerary.way)
-    roads = travel.roads
-    discount = np.array([planner.shares[s].follower_kwh if used[s] > 1 else 0.0 for s in roads.ids])
-    return Travel(problem, roads, discount)
+def attracted(problem: RoutingProblem, travel: Travel, planner: Planner) -> Travel:
+    """Ways that like open segments: worth a follower's share, as if there were one to follow."""
+    worth = {name: shares.follower_kwh for name, shares in planner.shares.items()}
+    discount = np.array([worth.get(name, 0.0) for name in travel.roads.ids])
+    return Travel(problem, travel.roads, discount)

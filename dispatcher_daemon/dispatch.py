@@ -152,10 +152,17 @@ def _in_arcs(cycle: Cycle) -> tuple[RoutingProblem, dict[str, str]] | None:
 
 
 def _choose(found: Found) -> tuple[Candidate | None, str, str | None]:
+    """(the best plan, status, reason)."""
     chosen = min(found.candidates, key=lambda c: c.objective_kwh, default=None)
+    fallback = found.fallback if isinstance(found.fallback, Candidate) else None
+    if chosen is not None and fallback is not None:
+        # In the arc form, platoons that a solver counts on may not come about.
+        if fallback.objective_kwh < chosen.objective_kwh - 1e-9:
+            return fallback, "baseline", f"no solver's plan is better than {found.baseline}'s"
+        return chosen, "ok", None
     if chosen is not None:
         return chosen, "ok", None
     said = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
-    if isinstance(found.fallback, Candidate):
-        return found.fallback, "baseline", f"no solver gave a valid plan ({said})"
+    if fallback is not None:
+        return fallback, "baseline", f"no solver gave a valid plan ({said})"
     return None, "failed", f"no valid plan ({said}; baseline: {found.fallback})"

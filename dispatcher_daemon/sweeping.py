@@ -13,6 +13,7 @@ import numpy as np
 from dispatcher_daemon.blocks import Block, build_block
 from dispatcher_daemon.decode import violations
 from dispatcher_daemon.departures import alternatives
+from dispatcher_daemon.exchanges import best_exchange
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
 from dispatcher_daemon.options import options_for
@@ -20,7 +21,7 @@ from dispatcher_daemon.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.pool import Job, Solve
-from dispatcher_daemon.vrp import StopsOf
+from dispatcher_daemon.vrp_model import StopsOf
 
 _BETTER_KWH = 1e-9
 
@@ -122,7 +123,9 @@ class Sweeping:
         planner, most = self.planner, self.settings.block_variables
         windows = [planner.window_s(i.number) for i in self.present]
         graph = opportunity_graph(self.present, windows, planner.shares, planner.sync_window_s)
-        groups = blocks_of(graph, max(2, most // self.settings.options), seed)
+        size = max(2, most // self.settings.options)
+        # A small fleet is one block: exchanges can tie vehicles that have no road in common yet.
+        groups = [sorted(graph)] if len(graph) <= size else blocks_of(graph, size, seed)
         solved: list[tuple[Block, list[Outcome]]] = []
         rng = np.random.default_rng(seed)
         taken: Counter[str] = Counter()
@@ -210,11 +213,14 @@ class Sweeping:
 
     def _block(self, group: Sequence[int], most: int, rng: np.random.Generator) -> Block:
         members = [self.present[n] for n in group]
-        each = most // len(group)
+        exchange = best_exchange(self.planner, members, self._meetings, rng) or ()
+        each = max(2, (most - len(exchange)) // len(group))
         options = {
             n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
             for n in group
         }
+        for itinerary in exchange:
+            options[itinerary.number].append(itinerary)
         return build_block(self._names, options, self._meetings)
 
     def _ask(self, blocks: Sequence[Block], deadline_s: float, seed: int) -> list[list[Outcome]]:
