@@ -17,47 +17,49 @@ TRIED = 8
 Pair = tuple[tuple[int, tuple[str, ...]], tuple[int, tuple[str, ...]]]
 
 
-def best_exchange(
+def best_exchanges(
     planner: Planner,
     itineraries: Sequence[Itinerary],
     meetings: Meetings,
+    most: int,
     rng: np.random.Generator,
-) -> tuple[Itinerary, Itinerary] | None:
-    """The exchange between two vehicles that does best with all others as they are; it may cost
-    more than it saves, as others of its block may change as well.
+) -> list[tuple[Itinerary, Itinerary]]:
+    """The exchanges between two vehicles that do best with all others as they are; they may cost
+    more than they save, as others of the block may change as well.
 
     Args:
         itineraries: of the block's vehicles, on ``meetings`` as they are.
+        most: exchanges to return.
         rng: draws which of the cheap exchanges are tried.
 
     Returns:
-        Both vehicles' itineraries; None if there is no exchange.
+        Both vehicles' itineraries of each exchange, the best first.
     """
     moves = sorted(_moves(planner, itineraries), key=lambda move: move[0])[: 3 * TRIED]
     if not moves:
-        return None
+        return []
     # The cheapest, and some others that are nearly as cheap.
     drawn = [0, *(1 + rng.permutation(len(moves) - 1)[: TRIED - 1])]
     present = {i.number: i for i in itineraries}
-    best, best_change = None, np.inf
+    found: list[tuple[float, tuple[Itinerary, Itinerary]]] = []
     for number in drawn:
         _, (one, other) = moves[number]
         old = present[one[0]], present[other[0]]
         change = -sum(meetings.remove(i.way) + i.cost_kwh for i in old)
         new: list[Itinerary] = []
         for vehicle, stops in (one, other):
-            found = _timed(planner, vehicle, stops, meetings)
-            if found is None:
+            itinerary = _timed(planner, vehicle, stops, meetings)
+            if itinerary is None:
                 break
-            change += found.cost_kwh - meetings.add(found.way)
-            new.append(found)
+            change += itinerary.cost_kwh - meetings.add(itinerary.way)
+            new.append(itinerary)
         for itinerary in new:
             meetings.remove(itinerary.way)
         for itinerary in old:
             meetings.add(itinerary.way)
-        if len(new) == 2 and change < best_change:
-            best, best_change = (new[0], new[1]), change
-    return best
+        if len(new) == 2:
+            found.append((change, (new[0], new[1])))
+    return [pair for _, pair in sorted(found, key=lambda entry: entry[0])[:most]]
 
 
 def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple[float, Pair]]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from dispatcher_daemon.blocks import Block, build_block
 from dispatcher_daemon.city import first_plans
+from dispatcher_daemon.exchanges import best_exchanges
 from dispatcher_daemon.itineraries import Planner
 from dispatcher_daemon.meetings import Meetings
 from dispatcher_daemon.options import options_for
@@ -50,7 +52,8 @@ def route_problem_of(
     seed: int,
     reference_s: float = 0.0,
 ) -> RouteForm:
-    """Base routes, greedy departures and up to `settings.options` options of each vehicle.
+    """Base routes, greedy departures, up to `settings.options` options of each vehicle, and the
+    best exchanges of stops between each two.
 
     Savings are expanded around the greedy plan (`blocks.build_block`).
     """
@@ -71,5 +74,9 @@ def route_problem_of(
     options = {
         i.number: options_for(planner, i, driving, meetings, settings.options, rng) for i in driving
     }
+    for one, other in combinations(driving, 2):
+        for pair in best_exchanges(planner, (one, other), meetings, settings.options - 1, rng):
+            for itinerary in pair:
+                options[itinerary.number].append(itinerary)
     names = {n: v.id for n, v in enumerate(problem.fleet.vehicles)}
     return RouteForm(planner, build_block(names, options, meetings), base, greedy, unserved)

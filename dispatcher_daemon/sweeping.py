@@ -13,7 +13,7 @@ import numpy as np
 from dispatcher_daemon.blocks import Block, build_block
 from dispatcher_daemon.decode import violations
 from dispatcher_daemon.departures import alternatives
-from dispatcher_daemon.exchanges import best_exchange
+from dispatcher_daemon.exchanges import best_exchanges
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
 from dispatcher_daemon.options import options_for
@@ -213,7 +213,8 @@ class Sweeping:
 
     def _block(self, group: Sequence[int], most: int, rng: np.random.Generator) -> Block:
         members = [self.present[n] for n in group]
-        exchange = best_exchange(self.planner, members, self._meetings, rng) or ()
+        exchanges = best_exchanges(self.planner, members, self._meetings, 1, rng)
+        exchange = [itinerary for pair in exchanges for itinerary in pair]
         each = max(2, (most - len(exchange)) // len(group))
         options = {
             n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
