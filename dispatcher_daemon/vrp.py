@@ -19,7 +19,6 @@ import pyvrp
 from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.search import NeighbourhoodParams, PerturbationParams
 from pyvrp.stop import (
-    FirstFeasible,
     MaxIterations,
     MaxRuntime,
     MultipleCriteria,
@@ -30,20 +29,16 @@ from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.travel import Travel
-from dispatcher_daemon.vrp_model import StopsOf, Visits, VrpModel
+from dispatcher_daemon.vrp_model import NEVER_MWH, StopsOf, Visits, VrpModel
 
 log = logging.getLogger(__name__)
 
 
 _MOST_TO_FEASIBLE = 20_000
-_PARAMETERS: Final = pyvrp.SolveParams(
-    neighbourhood=NeighbourhoodParams(num_neighbours=20),
-    perturbation=PerturbationParams(1, 10),
-    # Leaving a stop out costs more than any detour, so carrying too much has to cost more still.
-    penalty=pyvrp.PenaltyParams(max_penalty=1e10),
-    ils=pyvrp.IteratedLocalSearchParams(history_length=100, exhaustive_on_best=False),
-)
-"""Smaller steps than PyVRP's own: they get further in seconds (docs/results.md)."""
+_STRICT: Final = pyvrp.PenaltyParams(max_penalty=1e9)
+"""Half of this is where it starts: more than leaving a stop out costs, for one unit too many."""
+_LOOSE: Final = pyvrp.PenaltyParams()
+"""PyVRP's own: passing through routes that are too full or late, the search gets further."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +79,9 @@ def base_routes(
         seed: same seed, same routes, unless time runs out.
         start: routes to start from, by vehicle, instead of a first search.
     """
-    if not stops:
-        return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, (), False)
+    has_vehicle = any(v.first_stop is None or v.first_stop in stops for v in problem.fleet.vehicles)
+    if not stops or not has_vehicle:
+        return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), False)
     ends = time.monotonic() + settings.time_limit_s
     whole = VrpModel(problem, travel, problem.fleet.vehicles, stops)
     required = not whole.demand_exceeds_capacity()
@@ -112,6 +108,7 @@ def base_routes(
                 settings.iterations_per_stop * max(1, len(own)),
                 limit_s,
                 seed + number,
+                _LOOSE if required and number % 2 == 0 else _STRICT,
             )
             for model, (_, own) in zip(models, parts, strict=True)
         ]
@@ -150,7 +147,7 @@ def _first_routes(
 ) -> tuple[StopsOf | None, bool]:
     data = model.data(required)
     begin = None if start is None else model.visits(start)
-    found, cut = _search(data, begin, None, settings.time_limit_s / 4, seed)
+    found, cut = _search(data, begin, None, settings.time_limit_s / 4, seed, _STRICT)
     return (None if found is None else model.read(found)), cut
 
 
@@ -160,6 +157,7 @@ def _search(
     iterations: int | None,
     limit_s: float,
     seed: int,
+    penalty: pyvrp.PenaltyParams,
 ) -> tuple[Visits | None, bool]:
     """(routes, or None if none are feasible; whether time ran out).
 
@@ -172,7 +170,7 @@ def _search(
     most = _MOST_TO_FEASIBLE if iterations is None else iterations
     stop: list[StoppingCriterion] = [MaxIterations(most), MaxRuntime(limit_s)]
     if iterations is None:
-        stop.append(FirstFeasible())
+        stop.append(lambda best_cost: best_cost < NEVER_MWH)
     with warnings.catch_warnings():
         # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.
         warnings.simplefilter("ignore", PenaltyBoundWarning)
@@ -182,16 +180,26 @@ def _search(
             seed=seed % 2**32,
             collect_stats=False,
             display=False,
-            params=_PARAMETERS,
+            params=_parameters(penalty),
             initial_solution=begin,
         )
     cut = result.runtime >= limit_s
-    if not result.best.is_feasible():
+    if not result.best.is_feasible() or result.best.distance() >= NEVER_MWH:
         return None, cut
     return [
         (route.vehicle_type(), [a.idx for a in route if a.is_client()])
         for route in result.best.routes()
     ], cut
+
+
+def _parameters(penalty: pyvrp.PenaltyParams) -> pyvrp.SolveParams:
+    """Smaller steps than PyVRP's own: they get further in seconds (docs/results.md)."""
+    return pyvrp.SolveParams(
+        ils=pyvrp.IteratedLocalSearchParams(history_length=100, exhaustive_on_best=False),
+        penalty=penalty,
+        neighbourhood=NeighbourhoodParams(num_neighbours=20),
+        perturbation=PerturbationParams(1, 10),
+    )
 
 
 def _parts(

@@ -19,8 +19,8 @@ from dispatcher_daemon.travel import Travel
 
 _MWH = 1e6
 _TENTHS = 10.0
-_NEVER_MWH = 10**10
-"""Stands for a way that does not exist: 10 MWh."""
+NEVER_MWH = 10**12
+"""Stands for a way that does not exist: 1 GWh. Whole plans cost less."""
 _PRIZE_MWH = 10**8
 """What leaving a stop out costs where not all can be served: 100 kWh, more than any detour."""
 _NEVER_TENTHS = 10**9
@@ -98,10 +98,10 @@ class VrpModel:
         seconds = self._travel.duration_s[np.ix_(rows, rows)]
         ways = np.isfinite(energy)
         # PyVRP's type hints know no array of two dimensions.
-        distance: Any = np.where(ways, np.rint(np.where(ways, energy, 0) * _MWH), _NEVER_MWH)
+        distance: Any = np.where(ways, np.rint(np.where(ways, energy, 0) * _MWH), NEVER_MWH)
         tenths: Any = np.where(ways, np.ceil(np.where(ways, seconds, 0) * _TENTHS), 0)
         for number, kind in enumerate(self._starts, starts):
-            distance[:, number] = _NEVER_MWH
+            distance[:, number] = NEVER_MWH
             distance[at[self._begin(kind)[0]], number] = 0
         np.fill_diagonal(distance, 0)
         np.fill_diagonal(tenths, 0)
