@@ -11,8 +11,10 @@ from dispatcher_daemon.departures import alternatives
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
 
-TRIED = 8
-"""So many of the exchanges that cost least are evaluated exactly."""
+TRIED = 4
+"""So many exchanges are evaluated exactly for each that is asked for."""
+DEPARTURES = 2
+"""Departures that are tried besides leaving at once."""
 
 Pair = tuple[tuple[int, tuple[str, ...]], tuple[int, tuple[str, ...]]]
 
@@ -35,11 +37,12 @@ def best_exchanges(
     Returns:
         Both vehicles' itineraries of each exchange, the best first.
     """
-    moves = sorted(_moves(planner, itineraries), key=lambda move: move[0])[: 3 * TRIED]
+    tried = most * TRIED
+    moves = sorted(_moves(planner, itineraries), key=lambda move: move[0])[: 3 * tried]
     if not moves:
         return []
     # The cheapest, and some others that are nearly as cheap.
-    drawn = [0, *(1 + rng.permutation(len(moves) - 1)[: TRIED - 1])]
+    drawn = [0, *(1 + rng.permutation(len(moves) - 1)[: tried - 1])]
     present = {i.number: i for i in itineraries}
     found: list[tuple[float, tuple[Itinerary, Itinerary]]] = []
     for number in drawn:
@@ -119,5 +122,5 @@ def _timed(
     at_once = planner.itinerary(number, stops, planner.legs(number, stops))
     if at_once is None:
         return None
-    candidates = [at_once, *alternatives(planner, at_once, meetings)]
+    candidates = [at_once, *alternatives(planner, at_once, meetings, DEPARTURES)]
     return max(candidates, key=lambda c: meetings.gain_kwh(c.way))
