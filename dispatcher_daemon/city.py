@@ -96,7 +96,7 @@ def plan_city(
     missing |= dict.fromkeys(routes.left, "no vehicle has room and time for it")
     stage("base")
     planner, begin, base, greedy = first_plans(
-        problem, snapshot, travel, routes.stops, missing, sync_window_s, reference_s
+        problem, snapshot, travel, routes.stops, missing, settings, sync_window_s, reference_s
     )
     stage("greedy")
     sweeping = Sweeping(planner, settings, solve, begin)
@@ -131,6 +131,7 @@ def first_plans(
     travel: Travel,
     routes: StopsOf,
     missing: dict[str, str],
+    settings: CitySettings,
     sync_window_s: float,
     reference_s: float,
 ) -> tuple[Planner, list[Itinerary], Choice, Choice]:
@@ -138,6 +139,8 @@ def first_plans(
     planner = Planner(problem, snapshot, [travel], sync_window_s, reference_s)
     alone = at_once(planner, routes, missing)
     planner.travels += (attracted(problem, travel, planner),)
+    if sum(len(i.route.legs) for i in alone if i.route is not None) <= settings.ways_legs:
+        planner.ways_per_leg = settings.ways
     # Those ready last choose first: the others can wait for them, not the other way round.
     latest_first = sorted(alone, key=lambda i: (-i.depart_s, i.number))
     scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)

@@ -52,6 +52,7 @@ class Planner:
         shares: what platooning saves on each open segment.
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
+        ways_per_leg: how many of the cheapest ways of each leg are worth looking at.
     """
 
     def __init__(
@@ -61,7 +62,9 @@ class Planner:
         travels: Sequence[Travel],
         sync_window_s: float,
         reference_s: float = 0.0,
+        ways_per_leg: int = 1,
     ) -> None:
+        self.ways_per_leg = ways_per_leg
         self.problem, self.snapshot = problem, snapshot
         self.sync_window_s = sync_window_s
         self.travels = tuple(travels)

@@ -21,9 +21,9 @@ def options_for(
 ) -> list[Itinerary]:
     """The present itinerary, the best other and some good ones, all others being as they are.
 
-    Tried are other ways between the stops, the stops backwards, each at the departures at which
-    the vehicle would meet most others, and a departure at which it could meet a partner that moves
-    as well.
+    Tried are other ways between stops, the stops backwards, each at the departures at which
+    the vehicle would meet most others; other ways of single legs; and a departure at which it could
+    meet a partner that moves as well.
 
     Args:
         partners: vehicles that may change at the same time.
@@ -39,6 +39,7 @@ def options_for(
         for variant in _variants(planner, itinerary)
         for candidate in (variant, *alternatives(planner, variant, meetings))
     ]
+    tried += _detours(planner, itinerary)
     worth = [meetings.gain_kwh(candidate.way) - candidate.cost_kwh for candidate in tried]
     meetings.add(itinerary.way)
     ranked = [tried[i] for i in sorted(range(len(tried)), key=lambda i: -worth[i])]
@@ -68,6 +69,22 @@ def _variants(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
             )
             if variant is not None and variant.key != itinerary.key:
                 yield variant
+
+
+def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
+    """The same with another of the cheapest ways of one leg."""
+    if itinerary.route is None or planner.ways_per_leg < 2:
+        return
+    legs = list(itinerary.route.legs)
+    for at, leg in enumerate(legs):
+        for way in planner.travels[0].ways(leg.start, leg.end, planner.ways_per_leg):
+            if way.path != leg.path:
+                other = [*legs[:at], way, *legs[at + 1 :]]
+                detour = planner.itinerary(
+                    itinerary.number, itinerary.stops, other, itinerary.depart_s
+                )
+                if detour is not None:
+                    yield detour
 
 
 def _joint(

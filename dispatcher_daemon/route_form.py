@@ -64,7 +64,7 @@ def route_problem_of(
         routes = base_routes(problem, travel, stops, settings.search, executor, seed)
     unserved |= dict.fromkeys(routes.left, "no vehicle has room and time for it")
     planner, begin, base, greedy = first_plans(
-        problem, snapshot, travel, routes.stops, unserved, sync_window_s, reference_s
+        problem, snapshot, travel, routes.stops, unserved, settings, sync_window_s, reference_s
     )
     meetings = Meetings(planner.shares, sync_window_s)
     for itinerary in begin:

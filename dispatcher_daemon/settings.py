@@ -60,6 +60,12 @@ class CitySettings(Settings):
     options: int = Field(
         default=5, ge=2, le=50, description="Options of each vehicle of a full block."
     )
+    ways: int = Field(
+        default=3, ge=1, le=20, description="Cheapest ways of each leg among the options ..."
+    )
+    ways_legs: int = Field(
+        default=100, ge=0, description="... of fleets with at most so many legs: each takes time."
+    )
     wave: int = Field(default=8, ge=1, description="Blocks that are solved side by side.")
     most_sweeps: int = Field(default=20, ge=0)
     patience: int = Field(

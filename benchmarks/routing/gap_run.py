@@ -60,7 +60,7 @@ def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:
         stops = [stop.id for stop in fleet.stops]
         routes = base_routes(problem, travel, stops, SearchSettings(rounds=1), executor, seed)
     planner, _, base, _ = first_plans(
-        problem, city.snapshot, travel, routes.stops, {}, city.sync_window_s, 0.0
+        problem, city.snapshot, travel, routes.stops, {}, CitySettings(), city.sync_window_s, 0.0
     )
     return _whole(planner, base.itineraries, seed)
 
