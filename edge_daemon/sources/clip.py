@@ -198,7 +198,9 @@ def paced_clip(reader: ClipReader) -> LiveSource:
         began = time.monotonic()
         for frame in reader.read_all():
             ahead = began + frame.media_time_s - time.monotonic()
-            if ahead < -1.0:  # the machine stood still: go on from here, do not race
+            if ahead < (0.0 if frame.cut else -1.0):
+                # Going back to the start took a while, or the machine stood still: no camera sends
+                # what it missed in a burst.
                 began -= ahead
             if stopping.wait(max(0.0, ahead)):
                 break
