@@ -125,7 +125,8 @@ class Sweeping:
         graph = opportunity_graph(self.present, windows, planner.shares, planner.sync_window_s)
         size = max(2, most // self.settings.options)
         # A small fleet is one block: exchanges can tie vehicles that have no road in common yet.
-        groups = [sorted(graph)] if len(graph) <= size else blocks_of(graph, size, seed)
+        small = 0 < len(graph) <= size
+        groups = [sorted(graph)] if small else blocks_of(graph, size, seed)
         solved: list[tuple[Block, list[Outcome]]] = []
         rng = np.random.default_rng(seed)
         taken: Counter[str] = Counter()
@@ -215,7 +216,9 @@ class Sweeping:
         members = [self.present[n] for n in group]
         exchanges = best_exchanges(self.planner, members, self._meetings, 1, rng)
         exchange = [itinerary for pair in exchanges for itinerary in pair]
-        each = max(2, (most - len(exchange)) // len(group))
+        if 2 * len(group) + len(exchange) > most:
+            exchange = []
+        each = (most - len(exchange)) // len(group)
         options = {
             n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
             for n in group

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise, product
+from itertools import islice, pairwise, product
 
 import networkx as nx
 import numpy as np
@@ -55,6 +55,27 @@ def test_energies_are_those_of_the_cheapest_legal_paths(town: Town, seed: int) -
         assert network.segments[leg.path[0]].start == a
         assert network.segments[leg.path[-1]].end == b
         assert all(after in turns(network, before) for before, after in pairwise(leg.path))
+
+
+def test_the_cheapest_ways_are_those_of_networkx(town: Town) -> None:
+    """The k cheapest loopless ways, in order, the first being the leg; none where there is none."""
+    problem, roads, travel = made(town, 2)
+    network = problem.network
+    cost = dict(zip(roads.ids, roads.cost_kwh, strict=True))
+    graph = nx.DiGraph()
+    for name in roads.ids:
+        graph.add_edges_from((name, after, {"kwh": cost[after]}) for after in turns(network, name))
+    graph.add_edges_from(("out", s.id, {"kwh": cost[s.id]}) for s in network.leaving["00"])
+    graph.add_edges_from(
+        (s, "in", {"kwh": 0.0}) for s in roads.ids if network.segments[s].end == "33"
+    )
+    expected = list(islice(nx.shortest_simple_paths(graph, "out", "in", "kwh"), 5))
+    found = travel.ways("depot-0", "s1", 5)
+    assert [leg.path for leg in found] == [tuple(path[1:-1]) for path in expected]
+    assert found[0] == travel.leg("depot-0", "s1")
+    for leg in found:
+        assert leg.cost_kwh == pytest.approx(sum(cost[s] for s in leg.path))
+    assert travel.ways("depot-0", "s5", 5) == travel.ways("s1", "s3", 5) == []
 
 
 def test_what_cannot_be_reached_is_infinitely_far(town: Town) -> None:
