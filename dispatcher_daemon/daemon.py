@@ -362,4 +362,5 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()
             pool.close()
+            executor.shutdown()
             scheduler.stop()

@@ -57,7 +57,8 @@ def test_changes_add_up_to_the_whole(every: list[Way], random: object) -> None:
     nothing, and a gain that is asked for is the change that then happens.
     """
     assert hasattr(random, "choice")
-    meetings, present, before = Meetings(SHARES, WINDOW_S), [], 0.0
+    meetings, before = Meetings(SHARES, WINDOW_S), 0.0
+    present: list[Way] = []
     for way in [*every, *every, *every]:
         if way in present:
             present.remove(way)

@@ -239,7 +239,7 @@ def test_an_exchange_that_misses_a_window_is_left_alone(town: Town) -> None:
         assert itinerary is not None
         itineraries.append(itinerary)
     sweeping = Sweeping(planner, SETTINGS, solve_here([ExactSolver()]), itineraries)
-    other = {"van-0": ("s1",), "van-1": ("early",)}
+    other: dict[str, tuple[str, ...]] = {"van-0": ("s1",), "van-1": ("early",)}
     assert sweeping.cross(other, 1, math.inf, time.monotonic) == 0
     assert sweeping.present == itineraries
     sweeps, _ = sweeping.run(1, math.inf, time.monotonic)
