@@ -19,7 +19,7 @@ import numpy as np
 from dispatcher_daemon.departures import schedule_greedily
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.routability import unservable
+from dispatcher_daemon.routability import unservable, without
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.sweeping import Choice, Sweep, Sweeping, choice_of
@@ -27,6 +27,9 @@ from dispatcher_daemon.traffic import TrafficSnapshot
 from dispatcher_daemon.travel import Travel, roads_of
 from dispatcher_daemon.vrp import base_routes
 from dispatcher_daemon.vrp_model import StopsOf
+
+_RESERVE = 0.05
+"""Share of a deadline that is kept for what is under way when it is noticed."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ def plan_city(
         start: routes to start from, as of the last cycle.
     """
     began = clock()
-    ends = began + deadline_s
+    ends = began + (1 - _RESERVE) * deadline_s
     walls: dict[str, float] = {}
 
     def stage(name: str) -> None:
@@ -89,6 +92,10 @@ def plan_city(
 
     travel = Travel(problem, roads_of(problem, snapshot))
     missing = unservable(problem, snapshot, travel)
+    lost = any(v.first_stop in missing for v in problem.fleet.vehicles)
+    if lost and len(missing) < len(problem.fleet.stops):
+        problem = without(problem, missing)
+        travel = Travel(problem, travel.roads)
     stops = [stop.id for stop in problem.fleet.stops if stop.id not in missing]
     stage("roads")
     search = limited(settings.search, settings.base_share)

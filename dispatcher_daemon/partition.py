@@ -23,8 +23,8 @@ def opportunity_graph(
 ) -> nx.Graph:
     """Which vehicles could platoon, and how much they could save, kWh.
 
-    An edge's weight is what a pair would save on all open segments that both pass, if departures
-    within their windows can bring them together on the first of those.
+    An edge's weight is what a pair would save on all open segments that both pass and on which
+    departures within their windows can bring them together.
 
     Args:
         windows_s: first and last departure by vehicle number.

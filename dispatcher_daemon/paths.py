@@ -46,7 +46,7 @@ def least_cost_paths(
             weights.append(cost[name])
 
     for name in ids:
-        connect(index[name], turns(network, name))
+        connect(index[name], dict.fromkeys(turns(network, name)))
     for i, source in enumerate(sources):
         connect(len(ids) + i, (segment.id for segment in network.leaving[source]))
 

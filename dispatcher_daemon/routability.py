@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -35,17 +35,24 @@ def servable_part(
     missing = unservable(problem, snapshot)
     if not missing:
         return problem, {}
-    fleet = problem.fleet
-    stops = tuple(stop for stop in fleet.stops if stop.id not in missing)
-    if not stops:
+    if len(missing) == len(problem.fleet.stops):
         return None, missing
+    return without(problem, missing), missing
+
+
+def without(problem: RoutingProblem, stops: Collection[str]) -> RoutingProblem:
+    """The problem without some, but not all of its stops; a vehicle that has one of them as first
+    stop has none.
+    """
+    fleet = problem.fleet
     vehicles = tuple(
-        v.model_copy(update={"first_stop": None}) if v.first_stop in missing else v
+        v.model_copy(update={"first_stop": None}) if v.first_stop in stops else v
         for v in fleet.vehicles
     )
+    kept = tuple(stop for stop in fleet.stops if stop.id not in stops)
     # Not a copy: what a fleet has looked up of its stops would be copied with it.
-    smaller = Fleet(name=fleet.name, depots=fleet.depots, stops=stops, vehicles=vehicles)
-    return replace(problem, fleet=smaller), missing
+    smaller = Fleet(name=fleet.name, depots=fleet.depots, stops=kept, vehicles=vehicles)
+    return replace(problem, fleet=smaller)
 
 
 def unservable(

@@ -77,6 +77,8 @@ def route_problem_of(
     for one, other in combinations(driving, 2):
         for pair in best_exchanges(planner, (one, other), meetings, settings.options - 1, rng):
             for itinerary in pair:
-                options[itinerary.number].append(itinerary)
+                of_one = options[itinerary.number]
+                if all(itinerary.key != known.key for known in of_one):
+                    of_one.append(itinerary)
     names = {n: v.id for n, v in enumerate(problem.fleet.vehicles)}
     return RouteForm(planner, build_block(names, options, meetings), base, greedy, unserved)

@@ -28,9 +28,9 @@ class LcQaoaSettings(Settings):
 class SearchSettings(Settings):
     """How long base routes are searched: by iterations, so that a result can be repeated."""
 
-    rounds: int = Field(default=30, ge=0, le=10_000)
+    rounds: int = Field(default=15, ge=0, le=10_000)
     iterations_per_stop: int = Field(
-        default=8, ge=1, le=100_000, description="Of iterated local search, in each round."
+        default=16, ge=1, le=100_000, description="Of iterated local search, in each round."
     )
     part_stops: int = Field(
         default=250, ge=10, description="A round searches parts of so many stops side by side."
@@ -49,7 +49,7 @@ class CitySettings(Settings):
         default=0.6, gt=0, lt=1, description="Share of a deadline that base routes may take."
     )
     second_rounds: int = Field(
-        default=4,
+        default=3,
         ge=0,
         le=1000,
         description="Rounds of a second search, in which open roads that others use cost less.",

@@ -52,7 +52,7 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
     network = problem.network
     ids = tuple(sorted(network.segments))
     index = {name: i for i, name in enumerate(ids)}
-    pairs = [(index[a], index[b]) for a in ids for b in turns(network, a)]
+    pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(turns(network, a))]
     return Roads(
         ids,
         np.array(
@@ -104,7 +104,7 @@ class Travel:
             values[pairs] for values in self._along_ways(searched)
         )
         self._legs: dict[tuple[int, int], Leg | None] = {}
-        self._ways: dict[tuple[int, int], list[list[int]]] = {}
+        self._ways: dict[tuple[int, int, int], list[list[int]]] = {}
 
     def _search(self, cost: Floats) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
         """(predecessors, shape (nodes, m); last segment of each way, shape (nodes, nodes))."""
@@ -173,10 +173,11 @@ class Travel:
         Each takes tens of milliseconds on a city's network.
         """
         i, j = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
-        if (i, j) not in self._ways:
-            self._ways[i, j] = self._cheapest(i, j, most) if self._last[i, j] >= 0 else []
+        key = i, j, most
+        if key not in self._ways:
+            self._ways[key] = self._cheapest(i, j, most) if self._last[i, j] >= 0 else []
         style = self._problem.style
-        return [leg_along(self.roads, way, start, end, style) for way in self._ways[i, j][:most]]
+        return [leg_along(self.roads, way, start, end, style) for way in self._ways[key]]
 
     def _cheapest(self, i: int, j: int, most: int) -> list[list[int]]:
         roads, network = self.roads, self._problem.network

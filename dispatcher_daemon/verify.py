@@ -44,7 +44,7 @@ def verify_plans(
     return (
         *_fleet_faults(plans, fleet, unserved),
         *(f"{p.vehicle}: {f}" for p in plans for f in _window_faults(p, fleet, reference_s)),
-        *(f"{p.vehicle}: {f}" for p in plans for f in _stop_faults(p, fleet)),
+        *(f"{p.vehicle}: {f}" for p in plans for f in _stop_faults(p, fleet, unserved)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _path_faults(p, network)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _time_faults(p, network, fleet)),
         *_platoon_faults(plans, open_segments, sync_window_s),
@@ -95,7 +95,7 @@ def _window_faults(plan: VehiclePlan, fleet: Fleet, reference_s: float) -> Itera
         yield f"carries {load}, more than its capacity of {vehicle.capacity}"
 
 
-def _stop_faults(plan: VehiclePlan, fleet: Fleet) -> Iterator[str]:
+def _stop_faults(plan: VehiclePlan, fleet: Fleet, unserved: Collection[str]) -> Iterator[str]:
     if len(plan.stops) < 3:
         yield "serves no stop"
         return
@@ -111,7 +111,8 @@ def _stop_faults(plan: VehiclePlan, fleet: Fleet) -> Iterator[str]:
         if known is None or known.node != stop.node:
             yield f"no stop {stop.stop} at node {stop.node}"
     for vehicle in fleet.vehicles:
-        if vehicle.id == plan.vehicle and vehicle.first_stop not in (None, plan.stops[1].stop):
+        free = vehicle.first_stop is None or vehicle.first_stop in unserved
+        if vehicle.id == plan.vehicle and not free and vehicle.first_stop != plan.stops[1].stop:
             yield f"does not serve {vehicle.first_stop} first"
 
 

@@ -108,7 +108,7 @@ def base_routes(
                 settings.iterations_per_stop * max(1, len(own)),
                 limit_s,
                 seed + number,
-                _LOOSE if required and number % 2 == 0 else _STRICT,
+                _LOOSE if required else _STRICT,
             )
             for model, (_, own) in zip(models, parts, strict=True)
         ]

@@ -67,8 +67,8 @@ class Form:
     best_s: float = 600.0
     best_seeds: tuple[int, ...] = (1,)
     fleets: tuple[int, ...] = (10, 20, 50, 100, 200, 350, 500)
-    fleet_seeds: tuple[int, ...] = (1, 2)
-    growing: bool = True
+    fleet_seeds: tuple[int, ...] = (1,)
+    growing: bool = False
     rivals: CitySize = CitySize(40, 200, 400)
     rival_seeds: tuple[int, ...] = tuple(range(1, 21))
     gap: CitySize = CitySize(100, 500, 1000)
