@@ -15,6 +15,7 @@ import pytest
 from edge_daemon.frame import Frame
 from edge_daemon.sources import FrameSource, SourceSettings, open_source
 from edge_daemon.sources.camera import open_camera, without_password
+from edge_daemon.sources.clip import ClipFrame, open_clip, paced_clip
 from edge_daemon.sources.live import LiveSource
 from slipstream.config import check
 from slipstream.errors import InputError
@@ -252,3 +253,31 @@ def test_a_backlog_after_a_stall_is_dropped(monkeypatch: pytest.MonkeyPatch) -> 
 def test_passwords_do_not_reach_the_log() -> None:
     """Neither user, password nor query is shown."""
     assert without_password("rtsp://u:p@cam:554/s?token=1") == "rtsp://cam:554/s"
+
+
+def test_going_back_to_the_start_sends_no_burst(
+    clip: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long a looped clip takes to start again, its frames keep their distance after it."""
+    reader = open_clip(clip, loop=True)
+    read_all = reader.read_all
+
+    def slow_to_start_again() -> Iterator[ClipFrame]:
+        for frame in read_all():
+            if frame.cut:
+                time.sleep(0.4)
+            yield frame
+
+    monkeypatch.setattr(reader, "read_all", slow_to_start_again)
+    source = paced_clip(reader)
+    arrived = []
+    for frame in source.frames():
+        if frame is not None:
+            arrived.append((time.monotonic(), frame.cut))
+        if any(cut for _, cut in arrived[:-10]):
+            break
+    source.close()
+    again = next(i for i, (_, cut) in enumerate(arrived) if cut)
+    gaps = np.diff([at for at, _ in arrived[again:]])
+    assert gaps.min() > 0.4 / reader.fps
+    assert source.counters.skipped == 0
