@@ -49,7 +49,7 @@ class CitySettings(Settings):
         default=0.6, gt=0, lt=1, description="Share of a deadline that base routes may take."
     )
     second_rounds: int = Field(
-        default=3,
+        default=2,
         ge=0,
         le=1000,
         description="Rounds of a second search, in which open roads that others use cost less.",

@@ -147,7 +147,11 @@ def _first_routes(
 ) -> tuple[StopsOf | None, bool]:
     data = model.data(required)
     begin = None if start is None else model.visits(start)
-    found, cut = _search(data, begin, None, settings.time_limit_s / 4, seed, _STRICT)
+    # From where loose penalties lead first, rounds get further.
+    for penalty in (_LOOSE, _STRICT) if required else (_STRICT,):
+        found, cut = _search(data, begin, None, settings.time_limit_s / 8, seed, penalty)
+        if found is not None:
+            break
     return (None if found is None else model.read(found)), cut
 
 
