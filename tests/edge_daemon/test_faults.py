@@ -320,7 +320,7 @@ def test_what_was_skipped_keeps_its_marks(
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
         frame = Frame(picture, 0.0, 0, 0.0)
         offer(replace(frame, clock_jump=True, cut=True))
-        for _ in range(4):
+        for _ in range(8):
             offer(frame)
         offered.set()
 
