@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from dispatcher_daemon.arcs import arc_problem
+from dispatcher_daemon.arcs import arc_parts_of
 from dispatcher_daemon.candidates import Candidate, Cycle, Found
 from dispatcher_daemon.decode import decode
 from dispatcher_daemon.departures import schedule_greedily
@@ -12,15 +12,7 @@ from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.problem import ArcProblem
-from dispatcher_daemon.rewards import JudgedPair, judge_pairs
-from dispatcher_daemon.routes import (
-    Leg,
-    Route,
-    RoutedArc,
-    candidate_arcs,
-    least_energy_legs,
-    timetable,
-)
+from dispatcher_daemon.routes import Route, timetable
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.pool import Job, Solve
 from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
@@ -32,24 +24,20 @@ class ArcCycle:
     """The arc form of one cycle.
 
     Attributes:
-        arcs: the candidate arcs.
-        judged: every pair of arcs that share a watched segment, and why it platoons or not.
+        parts: what it is made of.
     """
 
     def __init__(self, cycle: Cycle) -> None:
         """Build it."""
         self._cycle = cycle
-        problem, settings = cycle.problem, cycle.settings
-        self._legs: Mapping[tuple[str, str], Leg] = least_energy_legs(problem, cycle.snapshot)
-        self.arcs: tuple[RoutedArc, ...] = candidate_arcs(problem, self._legs, settings.deadline_s)
-        self.judged: tuple[JudgedPair, ...] = tuple(
-            judge_pairs(problem, self.arcs, cycle.snapshot, settings.sync_window_s)
+        settings = cycle.settings
+        self.parts = arc_parts_of(
+            cycle.problem, cycle.snapshot, settings.sync_window_s, settings.deadline_s
         )
-        self._model = arc_problem(problem, self.arcs, self.judged)
 
     def run(self, solve: Solve) -> Found:
         """Ask all solvers, and one for the plan without platooning."""
-        model, settings, seed = self._model, self._cycle.settings, self._cycle.seed
+        model, settings, seed = self.parts.problem, self._cycle.settings, self._cycle.seed
         jobs = [
             Job(BASELINE_SOLVER, model.without_platooning(), seed),
             *(Job(name, model, seed) for name in settings.solvers),
@@ -80,7 +68,7 @@ class ArcCycle:
     def _candidate(
         self, solver: str, selected: frozenset[int], *, platooning: bool = True
     ) -> Candidate | str:
-        model, cycle = self._model, self._cycle
+        model, legs, cycle = self.parts.problem, self.parts.legs, self._cycle
         if not all(0 <= index < len(model.arcs) for index in selected):
             return "not a selection of arcs"
         decoded = decode(model, selected)
@@ -88,7 +76,7 @@ class ArcCycle:
             return decoded.violations[0]
         # The first vehicles leave when the solvers' time is over.
         routes = [
-            timetable(cycle.problem, self._legs, v, decoded.routes[v.id], cycle.settings.deadline_s)
+            timetable(cycle.problem, legs, v, decoded.routes[v.id], cycle.settings.deadline_s)
             for v in cycle.problem.fleet.vehicles
         ]
         if not platooning:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from dispatcher_daemon.fleet import DEPOT
 from dispatcher_daemon.problem import ArcProblem, CandidateArc, RoutingProblem
 from dispatcher_daemon.rewards import JudgedPair, judge_pairs, rewards
-from dispatcher_daemon.routes import RoutedArc, candidate_arcs, least_energy_legs
+from dispatcher_daemon.routes import Leg, RoutedArc, candidate_arcs
 from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.travel import least_energy_legs
 
 
 def arc_problem(
@@ -32,17 +34,46 @@ def arc_problem(
     )
 
 
+@dataclass(frozen=True)
+class ArcParts:
+    """The arc form of a routing problem under given traffic, and what it was made of.
+
+    Attributes:
+        legs: least-energy ways by (from, to).
+        arcs: the candidate arcs.
+        judged: every pair of arcs that share a watched segment, and why it platoons or not.
+        problem: what solvers get.
+    """
+
+    legs: Mapping[tuple[str, str], Leg]
+    arcs: tuple[RoutedArc, ...]
+    judged: tuple[JudgedPair, ...]
+    problem: ArcProblem
+
+
+def arc_parts_of(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    sync_window_s: float,
+    reference_s: float = 0.0,
+) -> ArcParts:
+    """Build the arc form.
+
+    Args:
+        sync_window_s: Δt_sync.
+        reference_s: when a vehicle that is ready at once leaves.
+    """
+    legs = least_energy_legs(problem, snapshot)
+    arcs = candidate_arcs(problem, legs, reference_s)
+    judged = tuple(judge_pairs(problem, arcs, snapshot, sync_window_s))
+    return ArcParts(legs, arcs, judged, arc_problem(problem, arcs, judged))
+
+
 def arc_problem_of(
     problem: RoutingProblem,
     snapshot: TrafficSnapshot,
     sync_window_s: float,
     reference_s: float = 0.0,
 ) -> ArcProblem:
-    """The arc form of a routing problem under given traffic.
-
-    Args:
-        sync_window_s: Δt_sync.
-        reference_s: when a vehicle that is ready at once leaves.
-    """
-    arcs = candidate_arcs(problem, least_energy_legs(problem, snapshot), reference_s)
-    return arc_problem(problem, arcs, tuple(judge_pairs(problem, arcs, snapshot, sync_window_s)))
+    """The problem of `arc_parts_of` alone."""
+    return arc_parts_of(problem, snapshot, sync_window_s, reference_s).problem

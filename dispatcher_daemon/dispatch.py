@@ -10,7 +10,6 @@ from typing import Final, Literal
 
 from dispatcher_daemon.appraisal import summarise
 from dispatcher_daemon.arc_cycle import ArcCycle
-from dispatcher_daemon.arcs import arc_problem, arc_problem_of
 from dispatcher_daemon.candidates import Candidate, Cycle, Found
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
 from dispatcher_daemon.problem import RoutingProblem
@@ -23,8 +22,6 @@ from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, Unserved, VehiclePlan
-
-__all__ = ["CycleResult", "arc_problem", "arc_problem_of", "form_of", "run_cycle"]
 
 MOST_ARC_VEHICLES: Final = 2
 MOST_ARC_STOPS: Final = 8
@@ -91,7 +88,7 @@ def run_cycle(
         smaller, missing = in_arcs
         arc_form = ArcCycle(replace(this, problem=smaller))
         found = replace(arc_form.run(solve), unserved=missing)
-        arcs, judged = arc_form.arcs, arc_form.judged
+        arcs, judged = arc_form.parts.arcs, arc_form.parts.judged
     elif executor is None:
         with ThreadPoolExecutor(max_workers=1) as thread:
             found = route_cycle(this, solve, thread, start)

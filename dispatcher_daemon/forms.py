@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, Protocol
 
+from dispatcher_daemon.arcs import ArcParts, arc_parts_of
 from dispatcher_daemon.decode import decode
-from dispatcher_daemon.dispatch import arc_problem
 from dispatcher_daemon.fleet import arc_form_obstacle
 from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.instance import Instance
@@ -16,14 +16,7 @@ from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem, Routing
 from dispatcher_daemon.rewards import JudgedPair, judge_pairs
 from dispatcher_daemon.routability import servable_part
 from dispatcher_daemon.route_form import RouteForm, route_problem_of
-from dispatcher_daemon.routes import (
-    Leg,
-    Route,
-    RoutedArc,
-    candidate_arcs,
-    least_energy_legs,
-    timetable,
-)
+from dispatcher_daemon.routes import Route, RoutedArc, timetable
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.sweeping import choice_of
@@ -88,12 +81,24 @@ class ArcForm:
     """The paper's arc form; every vehicle leaves when it is ready."""
 
     routing: RoutingProblem
-    problem: ArcProblem
     unserved: Mapping[str, str]
-    arcs: tuple[RoutedArc, ...]
-    judged: tuple[JudgedPair, ...]
-    legs: Mapping[tuple[str, str], Leg]
+    parts: ArcParts
     name: FormName = "arc"
+
+    @property
+    def problem(self) -> ArcProblem:
+        """See `Form`."""
+        return self.parts.problem
+
+    @property
+    def arcs(self) -> tuple[RoutedArc, ...]:
+        """See `Form`."""
+        return self.parts.arcs
+
+    @property
+    def judged(self) -> tuple[JudgedPair, ...]:
+        """See `Form`."""
+        return self.parts.judged
 
     def objective_kwh(self, selected: Collection[int]) -> float:
         """See `Form`; with two vehicles pairs are all there is."""
@@ -114,7 +119,7 @@ class ArcForm:
         if decoded.routes is None:
             raise ValueError(decoded.violations[0])
         return [
-            timetable(self.routing, self.legs, vehicle, decoded.routes[vehicle.id])
+            timetable(self.routing, self.parts.legs, vehicle, decoded.routes[vehicle.id])
             for vehicle in self.routing.fleet.vehicles
         ]
 
@@ -220,10 +225,8 @@ def arc_form(instance: Instance) -> ArcForm:
     obstacle = arc_form_obstacle(routing.fleet)
     if obstacle is not None:
         raise InputError(instance.name, f"not for the arc form: {obstacle}", "take --form route")
-    legs = least_energy_legs(routing, instance.snapshot)
-    arcs = candidate_arcs(routing, legs)
-    judged = tuple(judge_pairs(routing, arcs, instance.snapshot, instance.sync_window_s))
-    return ArcForm(routing, arc_problem(routing, arcs, judged), unserved, arcs, judged, legs)
+    parts = arc_parts_of(routing, instance.snapshot, instance.sync_window_s)
+    return ArcForm(routing, unserved, parts)
 
 
 def _nothing_to_do(instance: Instance, missing: Mapping[str, str]) -> InputError:

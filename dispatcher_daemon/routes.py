@@ -7,12 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dispatcher_daemon.costs import segment_cost_kwh
-from dispatcher_daemon.drive import Drive, plan_drive
+from dispatcher_daemon.drive import Drive
 from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.paths import Path, least_cost_paths
+from dispatcher_daemon.paths import Path
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.traffic import TrafficSnapshot
 
 
 @dataclass(frozen=True)
@@ -84,33 +82,6 @@ class Route:
                     )
                 )
         return entries
-
-
-def least_energy_legs(
-    problem: RoutingProblem, snapshot: TrafficSnapshot
-) -> dict[tuple[str, str], Leg]:
-    """Least-energy way of every candidate arc, by (from, to); pairs without a way are left out."""
-    network, fleet = problem.network, problem.fleet
-    cost = {
-        name: segment_cost_kwh(segment, snapshot.segments[name], problem.vehicle)
-        for name, segment in network.segments.items()
-    }
-    wanted = sorted({pair for vehicle in fleet.vehicles for pair in fleet.legs(vehicle)})
-    starts = sorted({fleet.node(start) for start, _ in wanted})
-    ends = sorted({fleet.node(end) for _, end in wanted})
-    paths = least_cost_paths(network, cost, starts, ends)
-    legs = {}
-    for start, end in wanted:
-        path = paths.get((fleet.node(start), fleet.node(end)))
-        if path is None:
-            continue
-        drive = plan_drive(
-            [network.segments[name].length_m for name in path],
-            [snapshot.segments[name].speed_mps for name in path],
-            problem.style,
-        )
-        legs[start, end] = Leg(start, end, path, sum(cost[name] for name in path), drive)
-    return legs
 
 
 def candidate_arcs(

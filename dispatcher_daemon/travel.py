@@ -215,6 +215,16 @@ class Travel:
         return leg_along(self.roads, way[::-1], start, end, self._problem.style)
 
 
+def least_energy_legs(
+    problem: RoutingProblem, snapshot: TrafficSnapshot
+) -> dict[tuple[str, str], Leg]:
+    """Least-energy way of every candidate arc, by (from, to); pairs without a way are left out."""
+    travel, fleet = Travel(problem, roads_of(problem, snapshot)), problem.fleet
+    wanted = sorted({pair for vehicle in fleet.vehicles for pair in fleet.legs(vehicle)})
+    legs = {pair: travel.leg(*pair) for pair in wanted}
+    return {pair: leg for pair, leg in legs.items() if leg is not None}
+
+
 def leg_along(roads: Roads, way: Sequence[int], start: str, end: str, style: DrivingStyle) -> Leg:
     """The leg along given segments (indices into ``roads.ids``)."""
     rows = np.array(way)

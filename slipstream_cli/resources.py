@@ -93,7 +93,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _benchmark() -> dict[str, QuboSize]:
-    from dispatcher_daemon.dispatch import arc_problem_of
+    from dispatcher_daemon.arcs import arc_problem_of
     from dispatcher_daemon.formulations.arc import build_arc_model
     from dispatcher_daemon.instances import open_instance
     from dispatcher_daemon.resources import model_size

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from benchmarks.routing.figures import Answer, InstanceRow
+from dispatcher_daemon.arcs import arc_problem_of
 from dispatcher_daemon.decode import violations
-from dispatcher_daemon.dispatch import arc_problem_of
 from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.instances.registry import instance_names, open_instance
 from dispatcher_daemon.problem import Problem

@@ -10,12 +10,13 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.dispatch import arc_problem_of
+from dispatcher_daemon.arcs import arc_problem_of
 from dispatcher_daemon.fleet import DEPOT, Depot, Fleet, Stop, Vehicle
 from dispatcher_daemon.instances.landscapes import LANDSCAPES
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.routes import candidate_arcs, least_energy_legs
+from dispatcher_daemon.routes import candidate_arcs
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.travel import least_energy_legs
 from slipstream.roads import RoadNetwork
 
 GENERATOR_VERSION: Final = 1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from dispatcher_daemon.arcs import arc_problem_of
 from dispatcher_daemon.decode import decode
-from dispatcher_daemon.dispatch import arc_problem_of
 from dispatcher_daemon.formulations.proof import prove
 from dispatcher_daemon.instance import Instance, Optimum, write_instance
 from dispatcher_daemon.instances.catalogue import CATALOGUE

@@ -51,3 +51,19 @@ def test_a_window_that_closes_too_early_moves_nobody(town: Town) -> None:
     leaves = [(p.depart_ns - p.issued_ns) * 1e-9 - SETTINGS.deadline_s for p in result.plans]
     assert leaves == pytest.approx([0.0, 40.0])
     assert all(s.platoon is None for p in result.plans for s in p.segments)
+
+
+def test_stops_at_one_junction_are_served_in_one_visit(town: Town) -> None:
+    """Two pooled stops at the corner that a van drives to anyway cost no way between them, and a
+    stop at the depot's junction is served too.
+    """
+    vans = [{"first_stop": "s0"}, {"first_stop": "s1", "ready_s": 40.0}]
+    problem, snapshot = town(["33", "00", "33", "33"], vans)
+    solve = solve_here([ExactSolver()])
+    result = run_cycle(problem, snapshot, SETTINGS, solve, snapshot.now_ns, 1, 1)
+    assert result.report.status == "ok"
+    stops = {p.vehicle: [s.stop for s in p.stops[1:-1]] for p in result.plans}
+    first, second = (stops[v.id] for v in problem.fleet.vehicles)
+    assert first[0] == "s0"
+    assert sorted(first[1:]) == ["s2", "s3"]
+    assert second == ["s1"]

@@ -6,8 +6,9 @@ import pytest
 
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.rewards import JudgedPair, judge_pairs, rewards
-from dispatcher_daemon.routes import RoutedArc, candidate_arcs, least_energy_legs
+from dispatcher_daemon.routes import RoutedArc, candidate_arcs
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from dispatcher_daemon.travel import least_energy_legs
 from slipstream.messages import SegmentState
 
 Traffic = Callable[..., TrafficSnapshot]

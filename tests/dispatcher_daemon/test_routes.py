@@ -6,8 +6,9 @@ from itertools import pairwise
 import pytest
 
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.routes import candidate_arcs, least_energy_legs, timetable
+from dispatcher_daemon.routes import candidate_arcs, timetable
 from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.travel import least_energy_legs
 
 Traffic = Callable[..., TrafficSnapshot]
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dispatcher_daemon.arcs import arc_problem_of
 from dispatcher_daemon.decode import valid_selections, violations
-from dispatcher_daemon.dispatch import arc_problem_of
 from dispatcher_daemon.formulations import proof as proof_module
 from dispatcher_daemon.formulations.eliminate import eliminate
 from dispatcher_daemon.formulations.enumerate import Exactness, enumerate_model

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from dispatcher_daemon.arcs import arc_problem_of
 from dispatcher_daemon.decode import decode
-from dispatcher_daemon.dispatch import arc_problem_of
 from dispatcher_daemon.formulations.arc import ArcVariable, OrderBit, SlackBit, build_arc_model
 from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.formulations.proof import prove

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dispatcher_daemon.arcs import arc_problem_of
 from dispatcher_daemon.decode import violations
-from dispatcher_daemon.dispatch import arc_problem_of
 from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.instances import open_instance
