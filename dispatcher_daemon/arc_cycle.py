@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from dispatcher_daemon.arcs import arc_parts_of
 from dispatcher_daemon.candidates import Candidate, Cycle, Found
 from dispatcher_daemon.decode import decode
-from dispatcher_daemon.departures import schedule_greedily
 from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.insertion import cheapest_insertion
-from dispatcher_daemon.itineraries import Itinerary, Planner
+from dispatcher_daemon.itineraries import Planner
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.routes import Route, timetable
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.pool import Job, Solve
 from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
-from dispatcher_daemon.sweeping import Choice, choice_of
+from dispatcher_daemon.sweeping import Choice, simple_choices
 from slipstream.messages import SolverReport
 
 
@@ -104,10 +103,7 @@ class ArcCycle:
         itineraries = [itinerary for itinerary in present if itinerary is not None]
         if len(itineraries) < len(routes):
             return None
-        latest_first: Sequence[Itinerary] = sorted(itineraries, key=lambda i: -i.depart_s)
-        moved = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
-        choices = choice_of(planner, itineraries), choice_of(planner, moved)
-        return min(choices, key=lambda c: c.objective_kwh)
+        return min(simple_choices(planner, itineraries), key=lambda c: c.objective_kwh)
 
 
 def _baseline(model: ArcProblem, outcome: Outcome) -> tuple[str, frozenset[int] | None]:

@@ -16,13 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dispatcher_daemon.departures import schedule_greedily
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routability import unservable, without
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.pool import Solve
-from dispatcher_daemon.sweeping import Choice, Sweep, Sweeping, choice_of
+from dispatcher_daemon.sweeping import Choice, Sweep, Sweeping, choice_of, simple_choices
 from dispatcher_daemon.traffic import TrafficSnapshot
 from dispatcher_daemon.travel import Travel, roads_of
 from dispatcher_daemon.vrp import base_routes
@@ -148,12 +147,9 @@ def first_plans(
     planner.travels += (attracted(problem, travel, planner),)
     if sum(len(i.route.legs) for i in alone if i.route is not None) <= settings.ways_legs:
         planner.ways_per_leg = settings.ways
-    # Those ready last choose first: the others can wait for them, not the other way round.
-    latest_first = sorted(alone, key=lambda i: (-i.depart_s, i.number))
-    scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
-    base, greedy = choice_of(planner, alone), choice_of(planner, scheduled)
-    begin = scheduled if greedy.objective_kwh < base.objective_kwh else alone
-    return planner, begin, base, greedy
+    base, greedy = simple_choices(planner, alone)
+    begin = min((base, greedy), key=lambda choice: choice.objective_kwh)
+    return planner, list(begin.itineraries), base, greedy
 
 
 def at_once(planner: Planner, stops: StopsOf, missing: dict[str, str]) -> list[Itinerary]:

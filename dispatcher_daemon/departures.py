@@ -64,6 +64,14 @@ def alternatives(
             yield moved
 
 
+def best_departure(
+    planner: Planner, itinerary: Itinerary, meetings: Meetings, most: int = TRIED
+) -> Itinerary:
+    """The same route when it saves most with those on the road: as it is or otherwise timed."""
+    candidates = [itinerary, *alternatives(planner, itinerary, meetings, most)]
+    return max(candidates, key=lambda c: meetings.gain_kwh(c.way))
+
+
 def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> list[Itinerary]:
     """Route, then schedule: each vehicle in turn leaves when it saves most with those before it.
 
@@ -75,8 +83,7 @@ def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> lis
     meetings = Meetings(planner.shares, planner.sync_window_s)
     chosen = []
     for itinerary in itineraries:
-        candidates = [itinerary, *alternatives(planner, itinerary, meetings)]
-        best = max(candidates, key=lambda c: meetings.gain_kwh(c.way))
+        best = best_departure(planner, itinerary, meetings)
         meetings.add(best.way)
         chosen.append(best)
     return chosen

@@ -7,7 +7,7 @@ from itertools import pairwise, permutations
 
 import numpy as np
 
-from dispatcher_daemon.departures import alternatives
+from dispatcher_daemon.departures import best_departure
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
 
@@ -120,7 +120,4 @@ def _timed(
 ) -> Itinerary | None:
     """The itinerary at the departure that saves most with those on the road."""
     at_once = planner.itinerary(number, stops, planner.legs(number, stops))
-    if at_once is None:
-        return None
-    candidates = [at_once, *alternatives(planner, at_once, meetings, DEPARTURES)]
-    return max(candidates, key=lambda c: meetings.gain_kwh(c.way))
+    return None if at_once is None else best_departure(planner, at_once, meetings, DEPARTURES)

@@ -12,7 +12,7 @@ import numpy as np
 
 from dispatcher_daemon.blocks import Block, build_block
 from dispatcher_daemon.decode import violations
-from dispatcher_daemon.departures import alternatives
+from dispatcher_daemon.departures import best_departure, schedule_greedily
 from dispatcher_daemon.exchanges import best_exchanges
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
@@ -75,6 +75,14 @@ def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
     saving = math.fsum(meetings.add(itinerary.way) for itinerary in itineraries)
     cost = math.fsum(itinerary.cost_kwh for itinerary in itineraries)
     return Choice(tuple(itineraries), cost, saving)
+
+
+def simple_choices(planner: Planner, itineraries: Sequence[Itinerary]) -> tuple[Choice, Choice]:
+    """(the itineraries as they are, the same scheduled greedily); by vehicle number both."""
+    # Those ready last choose first: the others can wait for them, not the other way round.
+    latest_first = sorted(itineraries, key=lambda i: (-i.depart_s, i.number))
+    scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
+    return choice_of(planner, itineraries), choice_of(planner, scheduled)
 
 
 class Sweeping:
@@ -205,7 +213,7 @@ class Sweeping:
             legs = self.planner.legs(number, visits, travel)
             candidate = self.planner.itinerary(number, visits, legs)
             if candidate is not None:
-                candidates += [candidate, *alternatives(self.planner, candidate, self._meetings)]
+                candidates.append(best_departure(self.planner, candidate, self._meetings))
         if not candidates:
             return None
         best = max(candidates, key=lambda c: self._meetings.gain_kwh(c.way) - c.cost_kwh)

@@ -37,6 +37,8 @@ class Roads:
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
         turn: pairs of segments (from, onto), shape (2, t).
+        index: position by id.
+        leaving: positions of the segments that leave a junction, by junction; so `entering`.
     """
 
     ids: tuple[str, ...]
@@ -45,6 +47,8 @@ class Roads:
     length_m: Floats
     turn: Ints
     index: Mapping[str, int] = field(repr=False)
+    leaving: Mapping[str, list[int]] = field(repr=False)
+    entering: Mapping[str, list[int]] = field(repr=False)
 
 
 def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
@@ -52,6 +56,11 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
     network = problem.network
     ids = tuple(sorted(network.segments))
     index = {name: i for i, name in enumerate(ids)}
+    leaving: dict[str, list[int]] = {node: [] for node in network.junctions}
+    entering: dict[str, list[int]] = {node: [] for node in network.junctions}
+    for i, name in enumerate(ids):
+        leaving[network.segments[name].start].append(i)
+        entering[network.segments[name].end].append(i)
     pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(turns(network, a))]
     return Roads(
         ids,
@@ -65,6 +74,8 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
         np.array([network.segments[s].length_m for s in ids]),
         np.array(pairs, dtype=np.int64).reshape(-1, 2).T,
         index,
+        leaving,
+        entering,
     )
 
 
@@ -108,9 +119,9 @@ class Travel:
 
     def _search(self, cost: Floats) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
         """(predecessors, shape (nodes, m); last segment of each way, shape (nodes, nodes))."""
-        network, roads = self._problem.network, self.roads
+        roads = self.roads
         m, n = len(roads.ids), len(self._nodes)
-        out = [[roads.index[s.id] for s in network.leaving[node]] for node in self._nodes]
+        out = [roads.leaving[node] for node in self._nodes]
         onto = np.concatenate([roads.turn[1], *(np.array(o, dtype=np.int64) for o in out)])
         start = np.repeat(np.arange(m, m + n), [len(o) for o in out])
         graph = csr_array(
@@ -119,7 +130,7 @@ class Travel:
         distance, before = dijkstra(graph, indices=np.arange(m, m + n), return_predecessors=True)
         last = np.full((n, n), -1, dtype=np.int32)
         for j, node in enumerate(self._nodes):
-            into = [i for i, name in enumerate(roads.ids) if network.segments[name].end == node]
+            into = roads.entering[node]
             if into:
                 best = np.array(into)[distance[:, into].argmin(axis=1)]
                 reached = np.isfinite(distance[np.arange(n), best])
@@ -180,12 +191,9 @@ class Travel:
         return [leg_along(self.roads, way, start, end, style) for way in self._ways[key]]
 
     def _cheapest(self, i: int, j: int, most: int) -> list[list[int]]:
-        roads, network = self.roads, self._problem.network
+        roads = self.roads
         m = len(roads.ids)
-        out = [roads.index[s.id] for s in network.leaving[self._nodes[i]]]
-        into = [
-            n for n, name in enumerate(roads.ids) if network.segments[name].end == self._nodes[j]
-        ]
+        out, into = roads.leaving[self._nodes[i]], roads.entering[self._nodes[j]]
         # Segments, then the start and the end, which costs next to nothing: 0 would be no edge.
         rows = np.concatenate([roads.turn[0], np.full(len(out), m), into])
         columns = np.concatenate([roads.turn[1], out, np.full(len(into), m + 1)])

@@ -96,8 +96,7 @@ def base_routes(
         if left_s <= 0:
             timed_out = True
             break
-        left_out = [s for s in stops if all(s not in of_one for of_one in routes.values())]
-        parts = _parts(problem, routes, left_out, settings.part_stops, number)
+        parts = _parts(problem, routes, _left(stops, routes), settings.part_stops, number)
         models = [VrpModel(problem, travel, vehicles, own) for vehicles, own in parts]
         limit_s = left_s / math.ceil(len(parts) / settings.workers)
         jobs = [
@@ -122,8 +121,13 @@ def base_routes(
             timed_out |= cut
             if found is not None:
                 routes |= model.read(found)
-    served = {name for of_one in routes.values() for name in of_one}
-    return BaseRoutes(routes, tuple(s for s in stops if s not in served), timed_out)
+    return BaseRoutes(routes, _left(stops, routes), timed_out)
+
+
+def _left(stops: Sequence[str], routes: StopsOf) -> tuple[str, ...]:
+    """Stops that are on no route."""
+    served = {stop for of_one in routes.values() for stop in of_one}
+    return tuple(stop for stop in stops if stop not in served)
 
 
 def _submit(
