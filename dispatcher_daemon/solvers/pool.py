@@ -9,23 +9,18 @@ from __future__ import annotations
 
 import logging
 import math
-import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, TimeoutError, wait
 from dataclasses import dataclass
-from multiprocessing import connection
-from typing import Any, Literal, Protocol, Self
-
-import pebble
+from typing import Literal, Protocol, Self
 
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome, Solver
-from slipstream.service import die_with_parent
+from dispatcher_daemon.solvers.processes import Processes
 
 log = logging.getLogger(__name__)
 
@@ -51,23 +46,6 @@ class Solve(Protocol):
         ...
 
 
-def start_worker(parent: int) -> None:
-    """Tie the worker's life to its parent's and leave Ctrl-C to the parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
-    # when the creating thread ends: SolverPool makes workers in threads that live as long as it.
-    die_with_parent(parent)
-    guardian = multiprocessing.parent_process()
-    if guardian is not None:
-        sentinel = guardian.sentinel
-
-        def follow() -> None:
-            connection.wait([sentinel])
-            os._exit(1)
-
-        threading.Thread(target=follow, name="parent-watch", daemon=True).start()
-
-
 def _warm_up(solver: Solver) -> int:
     solver.warm_up()
     return os.getpid()
@@ -78,58 +56,20 @@ def run_job(solver: Solver, problem: Problem, deadline_s: float, seed: int) -> O
     return solver.solve(problem, deadline_s, seed)
 
 
-class _Workers:
-    """One solver and the pool of processes that run it."""
+class _Workers(Processes):
+    """One solver and the processes that run it."""
 
     def __init__(self, solver: Solver, keeper: ThreadPoolExecutor, size: int) -> None:
+        super().__init__(size, keeper, f"workers of solver {solver.name}")
         self.solver = solver
-        self.size = size
-        self._keeper = keeper
-        self._pool: Any = None
-        self._pending: set[Future[Any]] = set()
-
-    def _living_pool(self) -> Any:
-        """The pool, made anew if it broke (a worker that dies while idle breaks it)."""
-        if self._pool is not None and not self._pool.active:
-            log.warning("workers of solver %s broke; starting others", self.solver.name)
-            self.stop()
-        if self._pool is None:
-            pool = pebble.ProcessPool(
-                max_workers=self.size,
-                context=multiprocessing.get_context("spawn"),
-                initializer=start_worker,
-                initargs=(os.getpid(),),
-            )
-            # Asking whether it is active starts it, in the thread that asks.
-            self._keeper.submit(lambda: pool.active).result()
-            self._pool = pool
-        return self._pool
 
     def warm_up(self) -> list[Future[int]]:
         """One call a process; one that comes late may find its call taken, and imports later."""
-        pool = self._living_pool()
-        return [self._note(pool.schedule(_warm_up, args=(self.solver,))) for _ in range(self.size)]
+        return [self.schedule(_warm_up, (self.solver,)) for _ in range(self.size)]
 
     def submit(self, problem: Problem, deadline_s: float, seed: int) -> Future[Outcome]:
-        return self._note(
-            self._living_pool().schedule(
-                run_job, args=(self.solver, problem, deadline_s, seed), timeout=deadline_s + GRACE_S
-            )
-        )
-
-    def _note(self, future: Future[Any]) -> Future[Any]:
-        self._pending.add(future)
-        future.add_done_callback(self._pending.discard)
-        return future
-
-    def stop(self) -> None:
-        # A stopped pool leaves its futures open; whoever waits for one must hear of it.
-        for future in tuple(self._pending):
-            future.cancel()
-        if self._pool is not None:
-            self._pool.stop()
-            self._pool.join()
-            self._pool = None
+        job = (self.solver, problem, deadline_s, seed)
+        return self.schedule(run_job, job, timeout_s=deadline_s + GRACE_S)
 
 
 class SolverPool:

@@ -1,0 +1,95 @@
+"""Worker processes that die with this one and are replaced when they break."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from multiprocessing import connection
+from typing import Any
+
+import pebble
+
+from slipstream.service import die_with_parent
+
+log = logging.getLogger(__name__)
+
+
+def start_worker(parent: int) -> None:
+    """Tie the worker's life to its parent's and leave Ctrl-C to the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
+    # when the creating thread ends: SolverPool makes workers in threads that live as long as it.
+    die_with_parent(parent)
+    guardian = multiprocessing.parent_process()
+    if guardian is not None:
+        sentinel = guardian.sentinel
+
+        def follow() -> None:
+            connection.wait([sentinel])
+            os._exit(1)
+
+        threading.Thread(target=follow, name="parent-watch", daemon=True).start()
+
+
+class Processes:
+    """Some spawned processes; its caller sees to it that one thread at a time uses it.
+
+    Args:
+        size: number of processes.
+        keeper: makes the processes, in a thread that outlives them: see `start_worker`.
+        name: for the log.
+    """
+
+    def __init__(self, size: int, keeper: ThreadPoolExecutor, name: str) -> None:
+        self.size = size
+        self._keeper = keeper
+        self._name = name
+        self._pool: Any = None
+        self._pending: set[Future[Any]] = set()
+
+    def schedule(
+        self,
+        function: Callable[..., Any],
+        args: Sequence[Any] = (),
+        kwargs: Mapping[str, Any] | None = None,
+        timeout_s: float | None = None,
+    ) -> Future[Any]:
+        """Run a picklable call; a process that takes longer than its time is killed."""
+        future: Future[Any] = self._living_pool().schedule(
+            function, args=args, kwargs=dict(kwargs or {}), timeout=timeout_s
+        )
+        self._pending.add(future)
+        future.add_done_callback(self._pending.discard)
+        return future
+
+    def _living_pool(self) -> Any:
+        """The pool, made anew if it broke (a worker that dies while idle breaks it)."""
+        if self._pool is not None and not self._pool.active:
+            log.warning("%s broke; starting others", self._name)
+            self.stop()
+        if self._pool is None:
+            pool = pebble.ProcessPool(
+                max_workers=self.size,
+                context=multiprocessing.get_context("spawn"),
+                initializer=start_worker,
+                initargs=(os.getpid(),),
+            )
+            # Asking whether it is active starts it, in the thread that asks.
+            self._keeper.submit(lambda: pool.active).result()
+            self._pool = pool
+        return self._pool
+
+    def stop(self) -> None:
+        """End the processes, whatever they are doing; their calls are cancelled."""
+        # A stopped pool leaves its futures open; whoever waits for one must hear of it.
+        for future in tuple(self._pending):
+            future.cancel()
+        if self._pool is not None:
+            self._pool.stop()
+            self._pool.join()
+            self._pool = None
