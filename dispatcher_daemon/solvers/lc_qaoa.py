@@ -15,47 +15,31 @@ import numpy.typing as npt
 
 from dispatcher_daemon.formulations.model import Encoding, build_model
 from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.quantum.ansatz import ChainAnsatz, linear_ramp, scheduled
+from dispatcher_daemon.quantum.chain_order import heavy_path
+from dispatcher_daemon.quantum.ising import Ising, to_ising
 from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.chain import heavy_path
-from dispatcher_daemon.solvers.ising import Ising, to_ising
 from dispatcher_daemon.solvers.sampling import Bits, answer
 
 
-def linear_ramp(layers: int, delta_beta: float, delta_gamma: float) -> list[tuple[float, float]]:
-    """(β_i, γ_i) with β_i = (1 − i/p) Δβ and γ_i = ((i + 1)/p) Δγ, i = 0..p − 1 (LR-QAOA)."""
-    return [
-        ((1 - i / layers) * delta_beta, ((i + 1) / layers) * delta_gamma) for i in range(layers)
-    ]
-
-
-def chain_circuit(ising: Ising, angles: list[tuple[float, float]]) -> Any:
-    """QAOA circuit whose phase layers hold all fields and the couplings of neighbours only.
-
-    Layer: e^{−iγ C_chain}, the ZZ terms as two commuting brick layers, then e^{+iβ ΣX}. That sign
-    goes with the ramp: the start |+⟩^n is the ground state of −ΣX, and C is to be minimised.
-
-    Args:
-        ising: normalised, in chain order.
-        angles: (β, γ) of each layer.
-
-    Returns:
-        A measured `qiskit.QuantumCircuit`; classical bit q is qubit q.
-    """
+def chain_circuit(ansatz: ChainAnsatz) -> Any:
+    """The measured `qiskit.QuantumCircuit` of an ansatz; classical bit q is qubit q."""
     from qiskit import QuantumCircuit
 
-    n = len(ising.h)
+    n = ansatz.width
     circuit = QuantumCircuit(n, n)
     circuit.h(range(n))
-    for beta, gamma in angles:
+    for fields, bonds, mixers in zip(ansatz.fields, ansatz.bonds, ansatz.mixers, strict=True):
         for qubit in range(n):
-            circuit.rz(2 * gamma * ising.h[qubit], qubit)
+            if fields[qubit] != 0:
+                circuit.rz(fields[qubit], qubit)
         for first in (0, 1):
             for qubit in range(first, n - 1, 2):
-                coupling = ising.coupling[qubit, qubit + 1]
-                if coupling != 0:
-                    circuit.rzz(2 * gamma * coupling, qubit, qubit + 1)
+                if bonds[qubit] != 0:
+                    circuit.rzz(bonds[qubit], qubit, qubit + 1)
         for qubit in range(n):
-            circuit.rx(-2 * beta, qubit)
+            if mixers[qubit] != 0:
+                circuit.rx(mixers[qubit], qubit)
     circuit.measure(range(n), range(n))
     return circuit
 
@@ -111,7 +95,7 @@ class LcQaoaSolver:
     def warm_up(self) -> None:
         """Import Qiskit and Aer and run a circuit, as the first run loads their compiled parts."""
         model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
-        sample_mps(chain_circuit(model, [(0.1, 0.1)]), 16, 1)
+        sample_mps(chain_circuit(scheduled(model, [(0.1, 0.1)])), 16, 1)
         import dwave.samplers  # noqa: F401
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
@@ -121,6 +105,6 @@ class LcQaoaSolver:
         ising = to_ising(model.total, model.variables)
         order = heavy_path(ising.coupling)
         angles = linear_ramp(self.layers, self.delta_beta, self.delta_gamma)
-        circuit = chain_circuit(ising.permuted(order).normalised(), angles)
+        circuit = chain_circuit(scheduled(ising.permuted(order).normalised(), angles))
         bits, shots = counts_to_bits(sample_mps(circuit, self.shots, seed), order)
         return answer(self.name, model, bits, shots, seed, began, qubits=len(model.variables))
