@@ -32,6 +32,38 @@ class Samples:
         return hits / self.shots
 
 
+BackendKind = Literal["simulated", "noise-model", "hardware"]
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How the circuit behind an answer was trained and where it ran.
+
+    Attributes:
+        backend: where, as named to `slipstream solve --backend`.
+        kind: a simulation without noise, one with a device's noise model, or a device.
+        variant: of the algorithm.
+        layers: depth p.
+        two_qubit_depth: layers of two-qubit gates of the circuit as it ran (transpiled).
+        two_qubit_gates: their number.
+        train_s: time for the angles, s.
+        sample_s: time from handing the circuit over to its samples, s.
+        fallback: why it is not the backend that was asked for; None if it is.
+        job: the service's id of the job.
+    """
+
+    backend: str
+    kind: BackendKind
+    variant: str
+    layers: int
+    two_qubit_depth: int
+    two_qubit_gates: int
+    train_s: float
+    sample_s: float
+    fallback: str | None = None
+    job: str | None = None
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a solver answers; the dispatcher re-evaluates and verifies all of it.
@@ -44,6 +76,7 @@ class Outcome:
         repaired: True if the answer only came out of post-processing.
         samples: statistics of a sampling solver.
         reason: why there is no answer.
+        execution: of a quantum circuit; None from a classical solver.
     """
 
     solver: str
@@ -53,6 +86,7 @@ class Outcome:
     repaired: bool = False
     samples: Samples | None = None
     reason: str | None = None
+    execution: Execution | None = None
 
 
 class Solver(Protocol):
