@@ -15,33 +15,12 @@ import numpy.typing as npt
 
 from dispatcher_daemon.formulations.model import Encoding, build_model
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.quantum.ansatz import ChainAnsatz, linear_ramp, scheduled
+from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.quantum.chain_order import heavy_path
+from dispatcher_daemon.quantum.circuits import circuit_of
 from dispatcher_daemon.quantum.ising import Ising, to_ising
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.sampling import Bits, answer
-
-
-def chain_circuit(ansatz: ChainAnsatz) -> Any:
-    """The measured `qiskit.QuantumCircuit` of an ansatz; classical bit q is qubit q."""
-    from qiskit import QuantumCircuit
-
-    n = ansatz.width
-    circuit = QuantumCircuit(n, n)
-    circuit.h(range(n))
-    for fields, bonds, mixers in zip(ansatz.fields, ansatz.bonds, ansatz.mixers, strict=True):
-        for qubit in range(n):
-            if fields[qubit] != 0:
-                circuit.rz(fields[qubit], qubit)
-        for first in (0, 1):
-            for qubit in range(first, n - 1, 2):
-                if bonds[qubit] != 0:
-                    circuit.rzz(bonds[qubit], qubit, qubit + 1)
-        for qubit in range(n):
-            if mixers[qubit] != 0:
-                circuit.rx(mixers[qubit], qubit)
-    circuit.measure(range(n), range(n))
-    return circuit
 
 
 def sample_mps(circuit: Any, shots: int, seed: int) -> dict[str, int]:
@@ -95,7 +74,7 @@ class LcQaoaSolver:
     def warm_up(self) -> None:
         """Import Qiskit and Aer and run a circuit, as the first run loads their compiled parts."""
         model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
-        sample_mps(chain_circuit(scheduled(model, [(0.1, 0.1)])), 16, 1)
+        sample_mps(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
         import dwave.samplers  # noqa: F401
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
@@ -105,6 +84,6 @@ class LcQaoaSolver:
         ising = to_ising(model.total, model.variables)
         order = heavy_path(ising.coupling)
         angles = linear_ramp(self.layers, self.delta_beta, self.delta_gamma)
-        circuit = chain_circuit(scheduled(ising.permuted(order).normalised(), angles))
+        circuit = circuit_of(scheduled(ising.permuted(order).normalised(), angles))
         bits, shots = counts_to_bits(sample_mps(circuit, self.shots, seed), order)
         return answer(self.name, model, bits, shots, seed, began, qubits=len(model.variables))
