@@ -55,8 +55,9 @@ class OneHotAnsatz:
     """Layers that keep one qubit of each group in |1⟩; groups lie side by side on the chain.
 
     Each group starts with its ``hot`` qubit in |1⟩, spread outwards from there by XXPlusYY gates
-    between neighbours: pairs by growing distance, at equal distance the upper one first. Each layer is RZ on every qubit, RZZ between the last qubit of a group and
-    the first of the next, and XXPlusYY on the even and then the odd pairs inside groups.
+    between neighbours: pairs by growing distance, at equal distance the upper one first. Each
+    layer is RZ on every qubit, RZZ between the last qubit of a group and the first of the next,
+    and XXPlusYY on the even and then the odd pairs inside groups.
 
     Attributes:
         groups: sizes, in chain order.
