@@ -18,14 +18,16 @@ class ServiceFault(Exception):
 
     Attributes:
         kind: what went wrong, for the decision to try again.
+        retry_s: when to, as the service asked (the Retry-After of a 429); None if it did not.
     """
 
-    def __init__(self, kind: FaultKind, line: str) -> None:
+    def __init__(self, kind: FaultKind, line: str, retry_s: float | None = None) -> None:
         super().__init__(line)
         self.kind = kind
+        self.retry_s = retry_s
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.kind, str(self))
+        return type(self), (self.kind, str(self), self.retry_s)
 
 
 @dataclass(frozen=True)
