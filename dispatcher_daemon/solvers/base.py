@@ -6,28 +6,36 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.quantum.distribution import BitDistribution
 
 Status = Literal["optimal", "feasible", "infeasible", "timeout", "failed"]
 
 
+Tally = tuple[tuple[float, int], ...]
+"""Shots by objective value, kWh, rising: of samples that decode to valid routes."""
+
+
 @dataclass(frozen=True)
 class Samples:
-    """Statistics of a sampling solver; raw samples and post-processed ones apart.
+    """Statistics of a sampling solver, stage by stage and never mixed.
 
     Attributes:
         qubits: width of the circuit; None from a classical sampler.
         shots: number of samples.
-        raw: shots by objective value, kWh, of the samples that decode to valid routes as they are.
-        repaired: the same after post-processing of each sample.
+        raw: as drawn.
+        descended: each sample after one-flip steepest descent on the full QUBO.
+        repaired: route form: one option for each vehicle, then that descent; the arc form knows no
+            repair but the descent.
     """
 
     qubits: int | None
     shots: int
-    raw: tuple[tuple[float, int], ...]
-    repaired: tuple[tuple[float, int], ...]
+    raw: Tally
+    descended: Tally
+    repaired: Tally
 
-    def share(self, which: tuple[tuple[float, int], ...], best_kwh: float | None = None) -> float:
-        """Share of the shots in ``raw`` or ``repaired``, or of those with the best objective."""
+    def share(self, which: Tally, best_kwh: float | None = None) -> float:
+        """Share of the shots that are in a stage's tally, or there with the best objective."""
         hits = sum(n for value, n in which if best_kwh is None or value <= best_kwh + 1e-9)
         return hits / self.shots
 
@@ -77,6 +85,8 @@ class Outcome:
         samples: statistics of a sampling solver.
         reason: why there is no answer.
         execution: of a quantum circuit; None from a classical solver.
+        controls: by name, what the circuit began with or was trained around, as a distribution
+            that needs no circuit; in the order of the QUBO's variables.
     """
 
     solver: str
@@ -87,6 +97,7 @@ class Outcome:
     samples: Samples | None = None
     reason: str | None = None
     execution: Execution | None = None
+    controls: tuple[tuple[str, BitDistribution], ...] = ()
 
 
 class Solver(Protocol):

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.formulations.model import Encoding, build_model
+from dispatcher_daemon.formulations.model import Encoding, QuboModel
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.sampling import Bits, answer, in_order
+from dispatcher_daemon.solvers.sampling import Bits, Drawn, in_order, solve_by_sampling
 
 _SEARCH_SHARE = 0.7
 """Part of the deadline that the search may take; decoding and repair need the rest."""
@@ -48,28 +48,28 @@ class TabuSolver:
         """See `Solver.solve`."""
         from dwave.samplers import TabuSampler
 
-        began = time.perf_counter()
-        model = build_model(problem, self.gamma, encoding=self.encoding)
-        if not model.variables:
-            return _without_variables(self.name, began)
-        ends = began + _SEARCH_SHARE * deadline_s
+        ends = time.perf_counter() + _SEARCH_SHARE * deadline_s
         sampler: Any = TabuSampler
-        found: list[Bits] = []
-        # Read by read, as the sampler's own time limit is a coarse one.
-        while len(found) < self.reads and (left_s := ends - time.perf_counter()) > 0:
-            read = sampler().sample(
-                model.total,
-                num_restarts=self.restarts,
-                coefficient_z_first=self.moves,
-                lower_bound_z=1,
-                timeout=max(1, int(1000 * left_s)),
-                seed=(seed + len(found)) % 2**32,
-            )
-            found.append(in_order(model, read))
-        if not found:
-            return _no_time(self.name, began)
-        bits = np.concatenate(found)
-        return answer(self.name, model, bits, np.ones(len(bits), dtype=np.int64), seed, began)
+
+        def draw(model: QuboModel) -> Drawn | None:
+            found: list[Bits] = []
+            # Read by read, as the sampler's own time limit is a coarse one.
+            while len(found) < self.reads and (left_s := ends - time.perf_counter()) > 0:
+                read = sampler().sample(
+                    model.total,
+                    num_restarts=self.restarts,
+                    coefficient_z_first=self.moves,
+                    lower_bound_z=1,
+                    timeout=max(1, int(1000 * left_s)),
+                    seed=(seed + len(found)) % 2**32,
+                )
+                found.append(in_order(model, read))
+            if not found:
+                return None
+            bits = np.concatenate(found)
+            return Drawn(bits, np.ones(len(bits), dtype=np.int64))
+
+        return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)
 
 
 @dataclass(frozen=True)
@@ -97,28 +97,18 @@ class AnnealingSolver:
         """See `Solver.solve`."""
         from dwave.samplers import SimulatedAnnealingSampler
 
-        began = time.perf_counter()
-        model = build_model(problem, self.gamma, encoding=self.encoding)
-        if not model.variables:
-            return _without_variables(self.name, began)
-        ends = began + _SEARCH_SHARE * deadline_s
+        ends = time.perf_counter() + _SEARCH_SHARE * deadline_s
         sampler: Any = SimulatedAnnealingSampler
-        found = sampler().sample(
-            model.total,
-            num_reads=self.reads,
-            num_sweeps=self.sweeps,
-            interrupt_function=lambda: time.perf_counter() >= ends,
-            seed=seed % 2**32,
-        )
-        counts = np.asarray(found.record.num_occurrences, dtype=np.int64)
-        return answer(self.name, model, in_order(model, found), counts, seed, began)
 
+        def draw(model: QuboModel) -> Drawn:
+            found = sampler().sample(
+                model.total,
+                num_reads=self.reads,
+                num_sweeps=self.sweeps,
+                interrupt_function=lambda: time.perf_counter() >= ends,
+                seed=seed % 2**32,
+            )
+            counts = np.asarray(found.record.num_occurrences, dtype=np.int64)
+            return Drawn(in_order(model, found), counts)
 
-def _without_variables(solver: str, began: float) -> Outcome:
-    wall_s = time.perf_counter() - began
-    return Outcome(solver, "failed", None, wall_s, reason="the problem has nothing to choose")
-
-
-def _no_time(solver: str, began: float) -> Outcome:
-    wall_s = time.perf_counter() - began
-    return Outcome(solver, "timeout", None, wall_s, reason="no time left for a search")
+        return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)

@@ -1,63 +1,135 @@
-"""From samples of a QUBO to an answer: what they are as drawn, repaired, and the best of both."""
+"""From samples of a QUBO to an answer: as drawn, descended, repaired, and the best of the three."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.decode import violations
-from dispatcher_daemon.formulations.model import QuboModel
+from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
-from dispatcher_daemon.solvers.base import Outcome, Samples
+from dispatcher_daemon.quantum.distribution import BitDistribution
+from dispatcher_daemon.solvers.base import Execution, Outcome, Samples, Tally
 
 Bits = npt.NDArray[np.int8]
 """Samples by variable of the model, shape (samples, variables)."""
+
+Counts = npt.NDArray[np.int64]
+"""How often each sample was drawn, shape (samples,)."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What a sampler drew, and from what.
+
+    Attributes:
+        qubits: width of the circuit, if there was one.
+        execution, controls: see `Outcome`.
+    """
+
+    bits: Bits
+    counts: Counts
+    qubits: int | None = None
+    execution: Execution | None = None
+    controls: tuple[tuple[str, BitDistribution], ...] = ()
+
+
+def solve_by_sampling(
+    solver: str,
+    problem: Problem,
+    gamma: float | None,
+    encoding: Encoding,
+    seed: int,
+    draw: Callable[[QuboModel], Drawn | None],
+) -> Outcome:
+    """What all samplers of a problem's QUBO have in common.
+
+    Args:
+        solver: its name.
+        gamma, encoding: of the QUBO, see `build_model`.
+        seed: of the post-processing.
+        draw: samples the QUBO; None if it had no time to.
+    """
+    began = time.perf_counter()
+    model = build_model(problem, gamma, encoding=encoding)
+    if not model.variables:
+        reason = "the problem has nothing to choose"
+        return Outcome(solver, "failed", None, time.perf_counter() - began, reason=reason)
+    drawn = draw(model)
+    if drawn is None:
+        reason = "no time left for a search"
+        return Outcome(solver, "timeout", None, time.perf_counter() - began, reason=reason)
+    return answer(
+        solver,
+        model,
+        drawn.bits,
+        drawn.counts,
+        seed,
+        began,
+        qubits=drawn.qubits,
+        execution=drawn.execution,
+        controls=drawn.controls,
+    )
 
 
 def answer(
     solver: str,
     model: QuboModel,
     bits: Bits,
-    counts: npt.NDArray[np.int64],
+    counts: Counts,
     seed: int,
     began: float,
     *,
     qubits: int | None = None,
+    execution: Execution | None = None,
+    controls: tuple[tuple[str, BitDistribution], ...] = (),
 ) -> Outcome:
-    """The best valid selection among the samples as drawn and repaired.
+    """The best valid selection of all stages; a raw one where post-processing finds no better.
 
     Args:
         solver: name of the solver.
-        bits: samples.
-        counts: how often each was drawn, shape (samples,).
-        seed: of the repair.
+        seed: of the post-processing.
         began: `time.perf_counter` at the request.
         qubits: width of the circuit, if there was one.
+        execution, controls: see `Outcome`.
     """
-    raw, best_raw = _valid_samples(model.problem, bits, counts)
-    repaired, best_repaired = _valid_samples(model.problem, repair(model, bits, seed), counts)
-    best, needed_repair = best_repaired, True
-    if best_raw is not None and (best is None or best_raw[0] <= best[0] + 1e-12):
-        best, needed_repair = best_raw, False
+    samples, (raw, *processed) = stages(model, bits, counts, seed, qubits)
+    found = [best for best in processed if best is not None]
+    best, repaired = min(found, default=None, key=lambda pair: pair[0]), True
+    if raw is not None and (best is None or raw[0] <= best[0] + 1e-12):
+        best, repaired = raw, False
     return Outcome(
         solver=solver,
         status="failed" if best is None else "feasible",
         selected=None if best is None else best[1],
         wall_s=time.perf_counter() - began,
-        repaired=best is not None and needed_repair,
-        samples=Samples(qubits, int(counts.sum()), raw, repaired),
+        repaired=best is not None and repaired,
+        samples=samples,
         reason="no sample led to a valid route set" if best is None else None,
+        execution=execution,
+        controls=controls,
     )
 
 
-def repair(model: QuboModel, bits: Bits, seed: int) -> Bits:
-    """Each sample after post-processing: one option for each vehicle, then `descend`."""
+Best = tuple[float, frozenset[int]]
+"""Objective in kWh and selection of the best valid sample."""
+
+
+def stages(
+    model: QuboModel, bits: Bits, counts: Counts, seed: int, qubits: int | None = None
+) -> tuple[Samples, list[Best | None]]:
+    """The samples of each stage (see `Samples`), and the best of each: raw, descended, repaired."""
+    descended = descend(model, bits, seed)
+    repaired = descended
     if isinstance(model.problem, RouteProblem):
-        bits = one_option_each(model, bits)
-    return descend(model, bits, seed)
+        repaired = descend(model, one_option_each(model, bits), seed)
+    tallies, best = _valid_samples(model.problem, (bits, descended, repaired), counts)
+    return Samples(qubits, int(counts.sum()), *tallies), best
 
 
 def one_option_each(model: QuboModel, bits: Bits) -> Bits:
@@ -111,21 +183,31 @@ def in_order(model: QuboModel, sample_set: Any) -> Bits:
 
 
 def _valid_samples(
-    problem: Problem, bits: Bits, counts: npt.NDArray[np.int64]
-) -> tuple[tuple[tuple[float, int], ...], tuple[float, frozenset[int]] | None]:
-    """Samples by objective of those that decode to routes, and the best (objective, selection)."""
-    patterns, inverse = np.unique(bits[:, : problem.choices], axis=0, return_inverse=True)
-    weights = np.bincount(inverse.ravel(), weights=counts).astype(np.int64)
-    found: dict[float, int] = {}
-    best: tuple[float, frozenset[int]] | None = None
-    for pattern, weight in zip(patterns, weights, strict=True):
-        selected = frozenset(int(i) for i in np.flatnonzero(pattern))
-        if violations(problem, selected):
-            continue
-        value = problem.objective_kwh(selected)
-        # Routes that swap like parts differ in the last bits of a sum only.
-        key = round(value, 9)
-        found[key] = found.get(key, 0) + int(weight)
-        if best is None or value < best[0]:
-            best = (value, selected)
-    return tuple(sorted(found.items())), best
+    problem: Problem, of_stages: Sequence[Bits], counts: Counts
+) -> tuple[list[Tally], list[Best | None]]:
+    """Samples of each stage by objective, those that decode to routes; and the best of each."""
+    selections = np.concatenate([bits[:, : problem.choices] for bits in of_stages])
+    patterns, inverse = np.unique(selections, axis=0, return_inverse=True)
+    judged: list[Best | None] = []
+    for pattern in patterns:
+        selected = frozenset(np.flatnonzero(pattern).tolist())
+        valid = not violations(problem, selected)
+        judged.append((problem.objective_kwh(selected), selected) if valid else None)
+    tallies: list[Tally] = []
+    best: list[Best | None] = []
+    for rows in inverse.reshape(len(of_stages), -1):
+        weights = np.bincount(rows, weights=counts, minlength=len(patterns)).astype(np.int64)
+        found: dict[float, int] = {}
+        winner: Best | None = None
+        for i in np.flatnonzero(weights):
+            pair = judged[i]
+            if pair is None:
+                continue
+            # Routes that swap like parts differ in the last bits of a sum only.
+            key = round(pair[0], 9)
+            found[key] = found.get(key, 0) + int(weights[i])
+            if winner is None or pair[0] < winner[0]:
+                winner = pair
+        tallies.append(tuple(sorted(found.items())))
+        best.append(winner)
+    return tallies, best
