@@ -133,7 +133,7 @@ def solver_report(
         optimum_kwh: proven by any of the solvers.
     """
     refused = outcome.selected is not None and objective_kwh is None
-    samples = outcome.samples
+    samples, ran = outcome.samples, outcome.execution
     optimal = None
     if samples is not None and optimum_kwh is not None:
         optimal = samples.share(samples.raw, optimum_kwh)
@@ -149,4 +149,8 @@ def solver_report(
         shots=None if samples is None else samples.shots,
         wall_s=outcome.wall_s,
         reason=fault,
+        backend=None if ran is None else ran.backend,
+        backend_kind=None if ran is None else ran.kind,
+        fallback=None if ran is None else ran.fallback,
+        two_qubit_depth=None if ran is None else ran.two_qubit_depth,
     )

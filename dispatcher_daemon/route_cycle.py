@@ -100,6 +100,10 @@ def _reports(plan: CityPlan, best: Candidate | str) -> tuple[SolverReport, ...]:
 def _report(name: str, outcomes: Sequence[Outcome], best: Candidate | str) -> SolverReport:
     answered = [o for o in outcomes if o.selected is not None]
     samples = [o.samples for o in outcomes if o.samples is not None]
+    ran = [o.execution for o in outcomes if o.execution is not None]
+    # The best that any block had: a device's answer for one is not hidden by the others.
+    best_ran = max(ran, key=lambda e: (e.fallback is None, e.kind == "hardware"), default=None)
+    elsewhere = [e.fallback for e in ran if e.fallback is not None]
     # Proven blocks do not prove the whole.
     status: Status = "feasible" if answered else outcomes[-1].status
     silent = [o.reason for o in outcomes if o.selected is None]
@@ -117,6 +121,12 @@ def _report(name: str, outcomes: Sequence[Outcome], best: Candidate | str) -> So
         reason=f"{len(silent)} of {len(outcomes)} blocks without an answer: {silent[-1]}"
         if silent
         else None,
+        backend=None if best_ran is None else best_ran.backend,
+        backend_kind=None if best_ran is None else best_ran.kind,
+        fallback=f"{len(elsewhere)} of {len(outcomes)} blocks: {elsewhere[-1]}"
+        if elsewhere
+        else None,
+        two_qubit_depth=max((e.two_qubit_depth for e in ran), default=None),
     )
 
 

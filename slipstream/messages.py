@@ -202,6 +202,12 @@ class SolverReport(Message):
     shots: Annotated[int, Field(ge=0)] | None = None
     wall_s: NonNegative
     reason: str | None = None
+    backend: str | None = Field(default=None, description="Where its quantum circuit ran.")
+    backend_kind: Literal["simulated", "noise-model", "hardware"] | None = None
+    fallback: str | None = Field(
+        default=None, description="Why it is not the device that was asked for."
+    )
+    two_qubit_depth: Annotated[int, Field(ge=0)] | None = None
 
 
 class Gate(Message):
@@ -254,6 +260,17 @@ class CycleReport(Message):
     )
 
 
+class HardwareHealth(Message):
+    """How the dispatcher stands with its quantum device."""
+
+    backend: str
+    pending: Annotated[int, Field(ge=0, description="Jobs that the service has, or may have.")]
+    used_s: NonNegative = Field(description="Device time charged or reserved in the last day.")
+    budget_s: NonNegative
+    breaker: Literal["closed", "open", "half-open"]
+    line: str | None = Field(description="Why no job would be submitted now; null: one would.")
+
+
 class DispatcherHealth(Message):
     """How the dispatcher is doing; counters run from its start."""
 
@@ -265,6 +282,7 @@ class DispatcherHealth(Message):
     bad_messages: Annotated[int, Field(ge=0)]
     next_cycle_ns: TimeNs | None
     rss_mb: NonNegative
+    hardware: HardwareHealth | None = Field(default=None, description="Null without a device.")
 
 
 def _chunk(name: str) -> str:

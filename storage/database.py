@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from storage import schema
+from storage import jobs, schema
 from storage.engine import (
     StorageError,
     is_sqlite,
@@ -24,11 +24,14 @@ from storage.engine import (
     sqlite_path,
     writer_engine,
 )
+from storage.jobs import QuantumJob
 from storage.models import CycleRow
 from storage.rows import cycle_row
 
 PRUNE_BATCH: Final = 200
 """Cycles deleted in one transaction: short enough that a cycle to be recorded hardly waits."""
+LEAST_JOB_DAYS: Final = 2.0
+"""Quantum jobs are kept at least so long: the budget of a day is computed from them."""
 
 
 class Database:
@@ -69,10 +72,29 @@ class Database:
         with self._writing() as session:
             return (session.scalar(select(func.max(CycleRow.cycle))) or 0) + 1
 
+    def save_job(self, job: QuantumJob) -> None:
+        """Store what is known of a quantum job, durably.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        with self._writing() as session:
+            jobs.save(session, job)
+
+    def jobs_since(self, finished_ns: int) -> list[QuantumJob]:
+        """Quantum jobs that are open or were found to be over since; oldest first.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        with self._writing() as session:
+            return jobs.since(session, finished_ns)
+
     def prune(self, keep_days: float, now_ns: int, *, limit: int | None = None) -> int:
         """Delete cycles that began more than ``keep_days`` before ``now_ns``.
 
-        The latest cycle always stays, so that cycle numbers never start again.
+        The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
+        were over by then go too, but none of the last `LEAST_JOB_DAYS`.
 
         Args:
             keep_days: age limit, days.
@@ -95,6 +117,9 @@ class Database:
             )
         # No cycle began before 1970, and SQLite takes no number beyond 64 bits.
         before_ns = max(0, now_ns - int(min(keep_days * 86_400e9, 2.0**63)))
+        jobs_before_ns = min(before_ns, max(0, now_ns - int(LEAST_JOB_DAYS * 86_400e9)))
+        with self._writing() as session:
+            jobs.prune(session, jobs_before_ns)
         pruned = 0
         while True:
             most = PRUNE_BATCH if limit is None else min(PRUNE_BATCH, limit - pruned)

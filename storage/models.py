@@ -1,4 +1,5 @@
-"""The tables: one row a cycle, and under it its solver runs, gates, plans and segment states.
+"""The tables: one row a cycle, and under it its solver runs, gates, plans and segment states; and
+beside them one row a quantum job.
 
 Times are UTC nanoseconds. Parts that are only ever read together with their row (a plan's stops
 and segments, a state's features, the stops a cycle left out) are JSON in the shape of
@@ -92,6 +93,10 @@ class SolverRunRow(Base):
     shots: Mapped[int | None]
     wall_s: Mapped[float]
     reason: Mapped[str | None]
+    backend: Mapped[str | None]
+    backend_kind: Mapped[str | None]
+    fallback: Mapped[str | None]
+    two_qubit_depth: Mapped[int | None]
 
 
 class GateRow(Base):
@@ -142,3 +147,33 @@ class StateRow(Base):
     frames: Mapped[int]
     coverage: Mapped[float]
     features: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class QuantumJobRow(Base):
+    """One job of a quantum device (a `storage.QuantumJob`)."""
+
+    __tablename__ = "quantum_jobs"
+
+    tag: Mapped[str] = mapped_column(primary_key=True)
+    job_id: Mapped[str | None]
+    backend: Mapped[str]
+    kind: Mapped[str]
+    cycle: Mapped[int]
+    submitted_ns: Mapped[int] = mapped_column(index=True)
+    updated_ns: Mapped[int]
+    finished_ns: Mapped[int | None]
+    state: Mapped[str]
+    reason: Mapped[str | None]
+    estimate_s: Mapped[float]
+    usage_s: Mapped[float | None]
+    shots: Mapped[int]
+    circuit: Mapped[str]
+    variables: Mapped[str]
+    chain_order: Mapped[list[Any]]
+    variant: Mapped[str]
+    layers: Mapped[int]
+    two_qubit_depth: Mapped[int | None]
+    two_qubit_gates: Mapped[int | None]
+    train_s: Mapped[float]
+    answer: Mapped[str | None]
+    answer_cycle: Mapped[int | None]

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session, selectinload
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from storage import schema
+from storage import jobs, schema
 from storage.engine import (
     StorageError,
     is_sqlite,
@@ -21,6 +21,7 @@ from storage.engine import (
     shown,
     sqlite_path,
 )
+from storage.jobs import QuantumJob
 from storage.models import CycleRow, PlanRow, StateRow
 from storage.rows import cycle_report, segment_state, vehicle_plan
 
@@ -67,6 +68,11 @@ class Reader:
         )
         with self._reading() as session:
             return tuple(segment_state(row) for row in _all(session, query))
+
+    def jobs(self, limit: int) -> tuple[QuantumJob, ...]:
+        """The last ``limit`` quantum jobs, latest first."""
+        with self._reading() as session:
+            return () if session is None else tuple(jobs.latest(session, limit))
 
     def close(self) -> None:
         """Let go of the database."""

@@ -12,9 +12,11 @@ from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_STATES,
     CycleReport,
+    DispatcherHealth,
     Estimate,
     KinematicFeatures,
     SegmentState,
+    SolverReport,
     Unserved,
     decode,
     plan_key,
@@ -128,6 +130,28 @@ def test_a_report_of_an_older_sender_leaves_no_stop_out() -> None:
     fields = a_report().model_dump(mode="json")
     del fields["unserved"]
     assert decode(CycleReport, json.dumps(fields).encode(), "k") == a_report()
+
+
+def test_reports_from_before_backends_are_read() -> None:
+    """A solver's report and a dispatcher's health without the device's fields still decode."""
+    run = SolverReport(
+        solver="lc-qaoa", status="feasible", objective_kwh=1.0, repaired=False, wall_s=0.1
+    )
+    fields = run.model_dump(mode="json")
+    for name in ("backend", "backend_kind", "fallback", "two_qubit_depth"):
+        assert fields.pop(name) is None
+    assert decode(SolverReport, json.dumps(fields).encode(), "k") == run
+    health = {
+        "time_ns": 1,
+        "started_ns": 1,
+        "cycles": 0,
+        "cycles_failed": 0,
+        "states_received": 0,
+        "bad_messages": 0,
+        "next_cycle_ns": None,
+        "rss_mb": 1.0,
+    }
+    assert decode(DispatcherHealth, json.dumps(health).encode(), "k").hardware is None
 
 
 @pytest.mark.parametrize(

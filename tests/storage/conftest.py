@@ -93,6 +93,10 @@ def _cycle(number: int) -> Cycle:
             shots=4096,
             wall_s=0.9,
             reason="raw samples infeasible",
+            backend="aer",
+            backend_kind="simulated",
+            fallback="budget of 60 s a day used up",
+            two_qubit_depth=8,
         ),
     )
     report = CycleReport(
