@@ -51,8 +51,9 @@ class Execution:
         backend: where, as named to `slipstream solve --backend`.
         kind: a simulation without noise, one with a device's noise model, or a device.
         variant: of the algorithm.
-        layers: depth p.
-        two_qubit_depth: layers of two-qubit gates of the circuit as it ran (transpiled).
+        layers: depth p; 0 where the algorithm has none.
+        two_qubit_depth: layers of two-qubit gates of the circuit as it ran (transpiled); None
+            where the service does not tell.
         two_qubit_gates: their number.
         train_s: time for the angles, s.
         sample_s: time from handing the circuit over to its samples, s.
@@ -64,8 +65,8 @@ class Execution:
     kind: BackendKind
     variant: str
     layers: int
-    two_qubit_depth: int
-    two_qubit_gates: int
+    two_qubit_depth: int | None
+    two_qubit_gates: int | None
     train_s: float
     sample_s: float
     fallback: str | None = None
