@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Final, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -10,6 +10,10 @@ from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 
 SolverName = Literal["exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa"]
+
+
+GUEST_SOLVER: Final[SolverName] = "lc-qaoa"
+"""The solver whose circuits go to the device that `HardwareSettings` names."""
 
 
 class LcQaoaSettings(Settings):
@@ -23,6 +27,74 @@ class LcQaoaSettings(Settings):
     delta_gamma: float = Field(
         default=0.6, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
     )
+
+
+class HardwareSettings(Settings):
+    """A quantum device as a guest of the cycle; without a backend there is none."""
+
+    backend: str = Field(
+        default="",
+        pattern=r"^(|ibm:[A-Za-z0-9_-]+|fake:Fake[A-Za-z0-9]+)$",
+        description="ibm:NAME, ibm:least-busy, or for a trial without an account fake:FakeBoston; "
+        "empty: no device.",
+    )
+    shots: int = Field(default=4096, ge=1, le=100_000)
+    budget_s_per_day: float = Field(
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Device time in any 24 hours; what a job may take is reserved beforehand.",
+    )
+    most_pending: int = Field(default=2, ge=1, le=100, description="Jobs at the service at once.")
+    jobs_per_cycle: int = Field(default=1, ge=1, le=100, description="Most that one cycle submits.")
+    wait_s: float = Field(
+        default=10.0,
+        ge=0,
+        allow_inf_nan=False,
+        description="How long a cycle waits for the device when all other solvers are done, over "
+        "all its blocks and never beyond its deadline.",
+    )
+    poll_s: float = Field(
+        default=1.0, gt=0, allow_inf_nan=False, description="First look at a job; then ever rarer."
+    )
+    most_poll_s: float = Field(default=60.0, gt=0, allow_inf_nan=False)
+    call_limit_s: float = Field(
+        default=20.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="A call of the service that takes longer is ended with its process.",
+    )
+    give_up_after_s: float = Field(
+        default=1800.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Older jobs are cancelled; older answers are recorded as late.",
+    )
+    lost_after_s: float = Field(
+        default=300.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="A job that the service does not know for so long is given up.",
+    )
+    faults: int = Field(
+        default=3, ge=1, le=1000, description="So many in a row, and nothing is submitted for ..."
+    )
+    rest_s: float = Field(
+        default=60.0, gt=0, allow_inf_nan=False, description="... so long, twice as long each time,"
+    )
+    most_rest_s: float = Field(
+        default=3600.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="up to this; refused credentials rest so long at once.",
+    )
+
+    @model_validator(mode="after")
+    def _limits_are_above(self) -> Self:
+        for low, high in (("poll_s", "most_poll_s"), ("rest_s", "most_rest_s")):
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(f"{low} must not be above {high}")
+        return self
 
 
 class SearchSettings(Settings):
@@ -146,6 +218,7 @@ class DispatcherSettings(Settings):
         description="Penalty weight of the QUBO, kWh; None: computed per instance.",
     )
     lc_qaoa: LcQaoaSettings = LcQaoaSettings()
+    hardware: HardwareSettings = HardwareSettings()
     seed: int = Field(default=1, ge=0, lt=2**32)
 
     @field_validator("solvers")
@@ -161,4 +234,11 @@ class DispatcherSettings(Settings):
             raise ValueError(
                 f"deadline_s ({self.deadline_s:g}) must be below interval_s ({self.interval_s:g})"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _device_has_its_solver(self) -> Self:
+        asked = {*self.solvers, *self.city.solvers}
+        if self.hardware.backend and GUEST_SOLVER not in asked:
+            raise ValueError(f"hardware.backend runs circuits of {GUEST_SOLVER}: add it to solvers")
         return self

@@ -46,8 +46,9 @@ class QuantumJob:
         two_qubit_depth: layers of two-qubit gates; None if the device's compiler did not tell.
         two_qubit_gates: their number.
         train_s: time for the angles, s.
-        answer: "used": a cycle took it; "late": none did; None: neither yet, or none came.
-        answer_cycle: the cycle that took it.
+        answer: "used": a cycle took it; "unfit": a cycle read it, but no sample led to valid routes;
+            "late": no cycle had use for it in time; None: not read yet, or none came.
+        answer_cycle: the cycle that read it.
     """
 
     tag: str
@@ -71,7 +72,7 @@ class QuantumJob:
     two_qubit_depth: int | None
     two_qubit_gates: int | None
     train_s: float
-    answer: Literal["used", "late"] | None = None
+    answer: Literal["used", "unfit", "late"] | None = None
     answer_cycle: int | None = None
 
     @property

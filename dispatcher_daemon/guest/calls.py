@@ -1,0 +1,135 @@
+"""What the device's own worker process does: every call of the service, training, reading samples.
+
+The service is opened in that process, once, and again after its credentials were refused.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar, runtime_checkable
+
+from dispatcher_daemon.guest.making import Maker
+from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.quantum.jobs import JobService, JobView, ServiceFault
+from dispatcher_daemon.solvers.base import Outcome
+from slipstream.errors import InputError
+
+T = TypeVar("T")
+
+
+class Opener(Protocol):
+    """Opens the service; picklable and hashable."""
+
+    def __call__(self) -> JobService:
+        """May raise InputError, as for missing credentials, or `ServiceFault`."""
+        ...
+
+
+@runtime_checkable
+class Compiler(Protocol):
+    """A service that tells what it makes of a circuit."""
+
+    def two_qubit(self, circuit: object) -> tuple[int, int]:
+        """Layers of two-qubit gates of the circuit as it will run, and their number."""
+        ...
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A circuit, ready to be submitted.
+
+    Attributes:
+        circuit: pickled, so that only the worker needs what can read it.
+        backend: name of the device.
+        estimate_s: device time that it will take at most, s.
+        two_qubit_depth: of the compiled circuit; None if the service does not tell.
+        two_qubit_gates: likewise.
+        order, fingerprint, variant, layers, train_s: see `Made`.
+    """
+
+    circuit: bytes
+    backend: str
+    estimate_s: float
+    two_qubit_depth: int | None
+    two_qubit_gates: int | None
+    order: tuple[int, ...]
+    fingerprint: str
+    variant: str
+    layers: int
+    train_s: float
+
+
+_open: dict[Opener, JobService] = {}
+
+
+def warm_up(maker: Maker) -> None:
+    """Import what the other calls need."""
+    maker.warm_up()
+
+
+def prepare(
+    opener: Opener, maker: Maker, problem: Problem, deadline_s: float, seed: int, shots: int
+) -> Prepared:
+    """Train a circuit and ask what it will cost."""
+    made = maker.make(problem, deadline_s, seed)
+
+    def ask(service: JobService) -> Prepared:
+        depth, gates = None, None
+        if isinstance(service, Compiler):
+            depth, gates = service.two_qubit(made.circuit)
+        return Prepared(
+            pickle.dumps(made.circuit),
+            service.name,
+            float(service.estimate_s(made.circuit, shots)),
+            depth,
+            gates,
+            tuple(int(variable) for variable in made.order),
+            made.fingerprint,
+            made.variant,
+            made.layers,
+            made.train_s,
+        )
+
+    return _with(opener, ask)
+
+
+def submit(opener: Opener, circuit: bytes, shots: int, tag: str) -> str:
+    """Submit; returns the job's id."""
+    return _with(opener, lambda service: service.submit(pickle.loads(circuit), shots, [tag]))
+
+
+def look(opener: Opener, job_id: str) -> JobView:
+    """State of a job."""
+    return _with(opener, lambda service: service.look(job_id))
+
+
+def cancel(opener: Opener, job_id: str) -> None:
+    """Cancel a job."""
+    _with(opener, lambda service: service.cancel(job_id))
+
+
+def find(opener: Opener, tag: str) -> list[str]:
+    """Ids of the jobs with a tag."""
+    return _with(opener, lambda service: list(service.find(tag)))
+
+
+def read(
+    maker: Maker, problem: Problem, order: Sequence[int], samples: Mapping[str, int], seed: int
+) -> Outcome:
+    """Score samples."""
+    return maker.read(problem, order, samples, seed)
+
+
+def _with(opener: Opener, do: Callable[[JobService], T]) -> T:
+    try:
+        if opener not in _open:
+            _open[opener] = opener()
+        return do(_open[opener])
+    except InputError as error:
+        raise ServiceFault("refused", str(error)) from None
+    except ServiceFault as fault:
+        if fault.kind == "refused":
+            _open.pop(opener, None)
+        raise
