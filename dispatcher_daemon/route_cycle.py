@@ -126,7 +126,9 @@ def _report(name: str, outcomes: Sequence[Outcome], best: Candidate | str) -> So
         fallback=f"{len(elsewhere)} of {len(outcomes)} blocks: {elsewhere[-1]}"
         if elsewhere
         else None,
-        two_qubit_depth=max((e.two_qubit_depth for e in ran), default=None),
+        two_qubit_depth=max(
+            (e.two_qubit_depth for e in ran if e.two_qubit_depth is not None), default=None
+        ),
     )
 
 

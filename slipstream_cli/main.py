@@ -47,6 +47,8 @@ _EXTRA_OF: Final = {
     "pebble": "dispatcher",
     "qiskit": "dispatcher",
     "qiskit_aer": "dispatcher",
+    "qiskit_ibm_catalog": "iskay",
+    "qiskit_ibm_runtime": "dispatcher",
     "scipy": "edge",
     "sqlalchemy": "dispatcher",
     "torch": "train",
