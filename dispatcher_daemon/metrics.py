@@ -40,3 +40,18 @@ SAVED_KWH = Gauge(
 LAST_CYCLE = Gauge(
     "slipstream_dispatcher_last_cycle_timestamp_seconds", "UTC of the last stored cycle's start."
 )
+QUANTUM_JOBS = Gauge(
+    "slipstream_dispatcher_quantum_jobs",
+    "Jobs of the quantum device that are open or ended within a day, by state.",
+    ["state"],
+)
+QUANTUM_USED_SECONDS = Gauge(
+    "slipstream_dispatcher_quantum_used_seconds",
+    "Device time charged or reserved in the last 24 hours.",
+)
+QUANTUM_BREAKER = Gauge(
+    "slipstream_dispatcher_quantum_breaker", "1 for the state of the device's breaker.", ["state"]
+)
+QUANTUM_FAULTS = Counter(
+    "slipstream_dispatcher_quantum_faults", "Faults of the quantum device's service.", ["kind"]
+)

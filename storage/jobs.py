@@ -46,7 +46,7 @@ class QuantumJob:
         two_qubit_depth: layers of two-qubit gates; None if the device's compiler did not tell.
         two_qubit_gates: their number.
         train_s: time for the angles, s.
-        answer: "used": a cycle took it; "unfit": a cycle read it, but no sample led to valid routes;
+        answer: "used": a cycle took it; "unfit": a cycle read it, but no sample led to routes;
             "late": no cycle had use for it in time; None: not read yet, or none came.
         answer_cycle: the cycle that read it.
     """

@@ -1,1 +1,1 @@
-"""A quantum device as a guest of the dispatch cycle: asked each cycle, never waited for beyond it."""
+"""A quantum device as a guest of the dispatch cycle: asked, and never waited for beyond it."""

@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Literal
+from typing import Final, Literal
 
 from dispatcher_daemon.quantum.jobs import FaultKind
+
+_LONGEST_RETRY_S: Final = 86_400.0
 
 BreakerState = Literal["closed", "open", "half-open"]
 
@@ -93,7 +95,8 @@ class Breaker:
         if kind == "refused":
             self._open(self._patience.most_rest_s)
         elif kind == "limited":
-            self._open(retry_s if retry_s is not None else self._rest_s())
+            believed = retry_s if retry_s is not None and 0 <= retry_s <= _LONGEST_RETRY_S else None
+            self._open(self._rest_s() if believed is None else believed)
         elif self._trying or self._faults >= self._patience.faults:
             self._open(self._rest_s())
 

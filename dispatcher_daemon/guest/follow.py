@@ -1,0 +1,89 @@
+"""What follows for a job from what the service says of it; pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import get_args
+
+from dispatcher_daemon.guest.making import check_samples
+from dispatcher_daemon.quantum.jobs import FaultKind, JobState, JobView, ServiceFault
+from storage import QuantumJob
+
+_STATES = get_args(JobState)
+
+
+@dataclass(frozen=True)
+class News:
+    """A job after a look at it.
+
+    Attributes:
+        job: with what is new.
+        samples: of a job that is done, checked.
+        fault: what counts against the service.
+    """
+
+    job: QuantumJob
+    samples: Mapping[str, int] | None = None
+    fault: tuple[FaultKind, str] | None = None
+
+
+def after_look(job: QuantumJob, view: object, now_ns: int, lost: bool) -> News:
+    """What a look at a job has shown.
+
+    Args:
+        view: what the service answered, whatever it is.
+        now_ns: UTC.
+        lost: the service has not known it for so long that it is given up.
+
+    Raises:
+        ServiceFault: of kind "garbage": not even a state; it will be looked at again.
+    """
+    if not isinstance(view, JobView) or view.state not in _STATES:
+        raise ServiceFault("garbage", "the service told no state of the job")
+    if view.state == "lost":
+        return after_loss(job, now_ns) if lost and job.open else News(job)
+    if view.state in ("queued", "running"):
+        # One that was over cannot queue again: that would free what it has cost.
+        return News(replace(job, state=view.state, updated_ns=now_ns) if job.open else job)
+    usage_s = known_usage_s(view.usage_s)
+    if usage_s is None:
+        usage_s = job.usage_s
+    if not job.open:
+        samples = view.counts if job.state == "done" and view.state == "done" else None
+        return News(replace(job, usage_s=usage_s), samples)
+    job = replace(job, usage_s=usage_s, updated_ns=now_ns, finished_ns=now_ns)
+    if view.state == "done":
+        try:
+            if view.counts is None:
+                raise ServiceFault("garbage", "done, but without samples")
+            check_samples(view.counts, len(job.chain_order), job.shots)
+        except ServiceFault as fault:
+            line = f"garbage: {fault}"
+            return News(replace(job, state="failed", reason=line), fault=("garbage", line))
+        return News(replace(job, state="done", reason=None), view.counts)
+    reason = one_line(view.reason) or job.reason
+    if view.state == "cancelled":
+        return News(replace(job, state="cancelled", reason=reason or "cancelled at the service"))
+    line = reason or "failed at the service"
+    return News(replace(job, state="failed", reason=line), fault=("broken", f"job failed: {line}"))
+
+
+def after_loss(job: QuantumJob, now_ns: int) -> News:
+    """A job that the service does not know, given up; what was reserved for it stays reserved."""
+    line = job.reason or "the service does not know it"
+    lost = replace(job, state="lost", reason=line, updated_ns=now_ns, finished_ns=now_ns)
+    return News(lost, fault=("broken", "a job was lost"))
+
+
+def known_usage_s(usage: object) -> float | None:
+    """A charge as it can be believed: a time; None for anything else."""
+    if isinstance(usage, bool) or not isinstance(usage, int | float):
+        return None
+    return float(usage) if math.isfinite(usage) and usage >= 0 else None
+
+
+def one_line(text: object) -> str:
+    """Foreign words as one line of at most 200 characters."""
+    return " ".join(str(text).split())[:200] if text else ""
