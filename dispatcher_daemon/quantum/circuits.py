@@ -88,6 +88,33 @@ def dense_qaoa_circuit(ising: Ising, schedule: Sequence[tuple[float, float]]) ->
     return circuit
 
 
+def swap_network_circuit(ising: Ising, schedule: Sequence[tuple[float, float]]) -> Any:
+    """`dense_qaoa_circuit` with gates between neighbours only: every pair meets on the way.
+
+    In n rounds of neighbours' swaps each pair is side by side exactly once, and the order comes out
+    reversed. Each swap and its RZZ are one block, for the transpiler to join.
+    """
+    from qiskit.circuit.library import UnitaryGate
+    from qiskit.quantum_info import Operator
+
+    n = len(ising.h)
+    circuit = _empty(n)
+    circuit.h(range(n))
+    at = list(range(n))
+    for beta, gamma in schedule:
+        _fields(circuit, 2 * gamma * ising.h[at])
+        for turn in range(n):
+            for left in range(turn % 2, n - 1, 2):
+                pair = _empty(2)
+                pair.rzz(2 * gamma * ising.coupling[at[left], at[left + 1]], 0, 1)
+                pair.swap(0, 1)
+                circuit.append(UnitaryGate(Operator(pair)), [left, left + 1])
+                at[left], at[left + 1] = at[left + 1], at[left]
+        circuit.rx(-2 * beta, range(n))
+    circuit.measure(range(n), at)
+    return circuit
+
+
 def _empty(n: int) -> Any:
     from qiskit import QuantumCircuit
 
