@@ -1,17 +1,8 @@
-"""One running SUMO simulation: started, stepped, read around the RSU, and closed again.
-
-SUMO lives in the calling process (libsumo), which holds one simulation at a time and writes nothing
-to its terminal meanwhile.
-"""
+"""One running SUMO simulation, read around an RSU."""
 
 from __future__ import annotations
 
 import math
-import os
-import sys
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -21,6 +12,7 @@ import numpy as np
 from libsumo import constants
 
 from simulation.sumo.lines import distances
+from simulation.sumo.session import Session
 from simulation.sumo.shapes import Kind, is_known
 from simulation.sumo.traffic import STEP_S, State
 from slipstream.errors import InputError
@@ -44,9 +36,9 @@ class World:
     """
 
     def __init__(self, net: Path, routes: Path, additional: tuple[Path, ...], seed: int) -> None:
-        self._files = (net, routes, *additional)
-        self._command = [
-            *("sumo", "--net-file", str(net), "--route-files", str(routes)),
+        self._routes = routes
+        options = [
+            *("--net-file", str(net), "--route-files", str(routes)),
             *(("--additional-files", ",".join(map(str, additional))) if additional else ()),
             *("--step-length", str(STEP_S), "--step-method.ballistic", "true"),
             # Without a duration vehicles jump sideways from lane to lane.
@@ -54,17 +46,12 @@ class World:
             *("--seed", str(seed), "--xml-validation", "never"),
             *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
         ]
+        self._session = Session(options, (net, routes, *additional))
         self._kinds: dict[str, Kind] = {}
         self._stretch: dict[str, float] = {}
 
     def __enter__(self) -> World:
-        if libsumo.isLoaded():
-            raise RuntimeError("a SUMO simulation already runs in this process")
-        with ExitStack() as stack:
-            self._said = stack.enter_context(_messages())
-            stack.callback(_close)
-            self._run(lambda: libsumo.start(self._command))
-            self._stack = stack.pop_all()
+        self._session.__enter__()
         return self
 
     def __exit__(
@@ -73,12 +60,12 @@ class World:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._stack.close()
+        self._session.__exit__(kind, error, traceback)
 
     @property
     def time_s(self) -> float:
         """Simulated time."""
-        return float(libsumo.simulation.getTime())
+        return self._session.time_s
 
     def advance(self, until_s: float | None = None) -> None:
         """Move by one step, or by steps until a time.
@@ -86,22 +73,7 @@ class World:
         Raises:
             InputError: SUMO refuses a vehicle or a route.
         """
-        self._run(lambda: libsumo.simulationStep(until_s or 0.0))
-
-    def _run(self, command: Callable[[], object]) -> None:
-        """Have SUMO do something that it may refuse, with or without an exception.
-
-        Raises:
-            InputError: it did.
-        """
-        reasons: list[str] = []
-        try:
-            command()
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-            reasons = [str(error)]
-        spoken = self._said.news()
-        if reasons or any(line.startswith("Error") for line in spoken):
-            raise self._refusal([*spoken, *reasons])
+        self._session.advance(until_s)
 
     def expect_vehicles(self) -> None:
         """Make sure that there is something to see.
@@ -111,7 +83,7 @@ class World:
         """
         if libsumo.simulation.getMinExpectedNumber() == 0:
             raise InputError(
-                self._files[1],
+                self._routes,
                 f"no vehicle drives at {self.time_s:g} s or soon after",
                 "give another begin, or a route file with vehicles",
             )
@@ -152,7 +124,7 @@ class World:
             vclass = libsumo.vehicle.getVehicleClass(name)
             if not is_known(vclass):
                 raise InputError(
-                    self._files[1],
+                    self._routes,
                     f"a vehicle of class {vclass!r} cannot be drawn",
                     "use passenger, delivery, truck, trailer, bus or motorcycle",
                     key=name,
@@ -170,57 +142,3 @@ class World:
             drawn = float(distances(shape)[-1]) if len(shape) > 1 else 0.0
             self._stretch[lane] = drawn / libsumo.lane.getLength(lane) if drawn > 1.0 else 1.0
         return self._stretch[lane]
-
-    def _refusal(self, lines: list[str]) -> InputError:
-        """SUMO's complaint about one of the files; about all but the net if it names none."""
-        text = "\n".join(lines)
-        parts = [line.removeprefix("Error: ").strip() for line in text.splitlines()]
-        told = list(dict.fromkeys(p for p in parts if p and p not in ("Process Error", _QUIT)))
-        problem = " ".join(told[:3]).rstrip(".") or "it gives no reason"
-        named = next((path for path in self._files if str(path) in text), None)
-        source = named or ", ".join(path.name for path in self._files[1:])
-        if named is not None:
-            problem = problem.replace(f"In file '{named}'", "").replace(f"'{named}' ", "")
-        return InputError(source, f"SUMO refuses it: {problem}", "mend the file")
-
-
-_QUIT: Final = "Quitting (on error)."
-
-
-def _close() -> None:
-    """Close the simulation if one is loaded."""
-    if libsumo.isLoaded():
-        libsumo.close()
-
-
-@contextmanager
-def _messages() -> Iterator[_Said]:
-    """Keep what this process writes to the terminal: SUMO gives its reasons there alone."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved = os.dup(1), os.dup(2)
-    with tempfile.TemporaryFile() as file:
-        os.dup2(file.fileno(), 1)
-        os.dup2(file.fileno(), 2)
-        try:
-            yield _Said(file.fileno())
-        finally:
-            os.dup2(saved[0], 1)
-            os.dup2(saved[1], 2)
-            os.close(saved[0])
-            os.close(saved[1])
-
-
-class _Said:
-    """Reads what went into a file."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self._read = 0
-
-    def news(self) -> list[str]:
-        """The lines since the last call."""
-        new = os.fstat(self._descriptor).st_size - self._read
-        text = os.pread(self._descriptor, new, self._read) if new else b""
-        self._read += new
-        return text.decode(errors="replace").splitlines()
