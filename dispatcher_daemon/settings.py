@@ -16,10 +16,21 @@ GUEST_SOLVER: Final[SolverName] = "lc-qaoa"
 """The solver whose circuits go to the device that `HardwareSettings` names."""
 
 
-class LcQaoaSettings(Settings):
-    """Linear-chain QAOA with linear-ramp angles."""
+LcQaoaVariant = Literal[
+    "ramp", "trained", "multi-angle", "product", "one-hot", "one-hot-multi-angle"
+]
 
-    layers: int = Field(default=2, ge=1, le=20, description="Depth p.")
+
+class LcQaoaSettings(Settings):
+    """Linear-chain QAOA: which circuit, how it is trained, how often it is sampled."""
+
+    variant: LcQaoaVariant = Field(
+        default="trained",
+        description="ramp: untrained; trained: the paper's, 2p angles by COBYLA; multi-angle: each "
+        "gate its own angle; product: the same without entangling gates, its control; one-hot, "
+        "one-hot-multi-angle: one option of each vehicle by construction (route form only).",
+    )
+    layers: int = Field(default=2, ge=1, le=10, description="Depth p; the cost grows with 4^p.")
     shots: int = Field(default=4096, ge=1, le=1_000_000)
     delta_beta: float = Field(
         default=0.3, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
@@ -27,6 +38,26 @@ class LcQaoaSettings(Settings):
     delta_gamma: float = Field(
         default=0.6, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
     )
+    iterations: int = Field(
+        default=100, ge=1, le=100_000, description="Of training, for each restart."
+    )
+    restarts: int = Field(default=8, ge=1, le=10_000, description="Of every gate its own angle.")
+    spread: float = Field(
+        default=0.3,
+        ge=0,
+        allow_inf_nan=False,
+        description="Standard deviation of the restarts' angles around the ramp, rad.",
+    )
+    cvar_share: float = Field(
+        default=1.0,
+        gt=0,
+        le=1,
+        description="Trained: below 1, the mean of so much of the samples instead of all energies.",
+    )
+    order: Literal["heavy", "random"] = Field(
+        default="heavy", description="Of the chain: along heavy couplings, or drawn."
+    )
+    backend: str = Field(default="aer", min_length=1, description="Where circuits are sampled.")
 
 
 class HardwareSettings(Settings):

@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.guest.making import Made, fingerprint
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
-from dispatcher_daemon.quantum.chain_order import heavy_path
 from dispatcher_daemon.quantum.circuits import circuit_of
-from dispatcher_daemon.quantum.ising import to_ising
 from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits
@@ -50,20 +49,17 @@ class ChainMaker:
 
     def make(self, problem: Problem, deadline_s: float, seed: int) -> Made:
         """See `Maker.make`."""
-        began = time.perf_counter()
-        model = build_model(problem, self.solver.gamma, encoding=self.solver.encoding)
-        ising = to_ising(model.total, model.variables)
-        order = heavy_path(ising.coupling)
-        angles = linear_ramp(self.solver.layers, self.solver.delta_beta, self.solver.delta_gamma)
-        ansatz = scheduled(ising.permuted(order).normalised(), angles)
-        train_s = time.perf_counter() - began
+        prepared = self.solver.prepare(problem, deadline_s, seed)
         return Made(
-            self.circuit(ansatz),
-            tuple(order),
-            fingerprint(order, *(table.tolist() for table in vars(ansatz).values())),
-            "linear ramp",
-            self.solver.layers,
-            train_s,
+            self.circuit(prepared.ansatz),
+            prepared.order,
+            fingerprint(
+                prepared.order,
+                *(t.tolist() for t in vars(prepared.ansatz).values() if isinstance(t, np.ndarray)),
+            ),
+            prepared.variant,
+            prepared.ansatz.layers,
+            prepared.train_s,
         )
 
     def read(

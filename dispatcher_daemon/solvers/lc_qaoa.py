@@ -1,26 +1,188 @@
-"""Linear-Chain QAOA on Aer: nearest-neighbour ZZ couplings, linear-ramp angles, one sampling job.
+"""Linear-Chain QAOA: trained without a device, sampled in one job, scored with the full QUBO.
 
-Samples are scored with the full QUBO, whatever the circuit left out of it.
+Preparing a circuit, sampling it and scoring its samples are apart, as a device may answer late.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from dispatcher_daemon.formulations.model import Encoding, build_model
-from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
+from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.quantum.chain_order import heavy_path
+from dispatcher_daemon.quantum.chain_sites import Ansatz
+from dispatcher_daemon.quantum.chain_state import ChainState
+from dispatcher_daemon.quantum.chain_training import (
+    Schedule,
+    around,
+    cvar,
+    mean_energy,
+    train_angles,
+    train_schedule,
+)
 from dispatcher_daemon.quantum.circuits import circuit_of
+from dispatcher_daemon.quantum.distribution import BitDistribution
 from dispatcher_daemon.quantum.ising import Ising, to_ising
-from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.sampling import Bits, answer
+from dispatcher_daemon.quantum.one_hot import group_order, inside_groups, one_hot_scheduled
+from dispatcher_daemon.settings import LcQaoaSettings
+from dispatcher_daemon.solvers.base import Execution, Outcome
+from dispatcher_daemon.solvers.sampling import Bits, Counts, Drawn, solve_by_sampling
+
+_CVAR_SHOTS = 1024
+
+_TRAINING_SHARE = 0.6
+"""Of the time to answer; the rest is for sampling and post-processing."""
+
+
+class VariantError(ValueError):
+    """A variant that a problem has no use for."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A trained circuit and what its samples mean; picklable.
+
+    Attributes:
+        model: whose QUBO it was trained for.
+        order: qubit q of the chain carries variable ``order[q]``.
+        ansatz: the circuit as angles.
+        variant: of the algorithm.
+        energy: ⟨H_total⟩ of the trained state, kWh, exact and without noise.
+        evaluations: of the training's objective.
+        train_s: time for order and angles, s.
+        marginals: the trained state's one-qubit (or one-group) distributions: its control.
+    """
+
+    model: QuboModel
+    order: tuple[int, ...]
+    ansatz: Ansatz
+    variant: str
+    energy: float
+    evaluations: int
+    train_s: float
+    marginals: BitDistribution
+
+
+def prepare(
+    problem: Problem,
+    settings: LcQaoaSettings,
+    seed: int,
+    deadline: float,
+    *,
+    gamma: float | None = None,
+    encoding: Encoding = "reduced",
+) -> Prepared:
+    """The circuit for a problem, trained as configured.
+
+    Args:
+        seed: of restarts, of a random order, and of CVaR's samples.
+        deadline: `time.perf_counter` at which training takes the best so far.
+        gamma, encoding: of the QUBO, see `build_model`.
+
+    Raises:
+        VariantError: a one-hot variant of a problem without route options.
+    """
+    return prepare_model(
+        build_model(problem, gamma, encoding=encoding), settings, seed=seed, deadline=deadline
+    )
+
+
+def prepare_model(
+    model: QuboModel, settings: LcQaoaSettings, *, seed: int, deadline: float
+) -> Prepared:
+    """See `prepare`; for a model that is there already."""
+    began = time.perf_counter()
+    full = to_ising(model.total, model.variables)
+    groups: tuple[int, ...] = ()
+    if settings.variant.startswith("one-hot"):
+        full, order, groups = _in_groups(model, full, settings, seed)
+    else:
+        order = _order(full, settings, seed)
+    ordered = full.permuted(order)
+    ising = ordered.normalised()
+
+    def build(schedule: Schedule) -> Ansatz:
+        return one_hot_scheduled(ising, groups, schedule) if groups else scheduled(ising, schedule)
+
+    ansatz, evaluations = _trained(build, ising, settings, seed, deadline)
+    state = ChainState(ansatz)
+    return Prepared(
+        model=model,
+        order=order,
+        ansatz=ansatz,
+        variant=settings.variant,
+        energy=state.energy(ordered),
+        evaluations=evaluations,
+        train_s=time.perf_counter() - began,
+        marginals=_marginals(state, order, groups),
+    )
+
+
+def _trained(
+    build: Any, ising: Ising, settings: LcQaoaSettings, seed: int, deadline: float
+) -> tuple[Ansatz, int]:
+    start = linear_ramp(settings.layers, settings.delta_beta, settings.delta_gamma)
+    if settings.variant == "ramp":
+        return build(start), 0
+    if settings.variant in ("trained", "one-hot"):
+        objective = mean_energy(ising)
+        if settings.cvar_share < 1:
+            objective = cvar(ising, settings.cvar_share, _CVAR_SHOTS, seed)
+        found = train_schedule(
+            build, objective, start, evaluations=settings.iterations, deadline=deadline
+        )
+    else:
+        found = train_angles(
+            around(build(start), settings.spread, settings.restarts, seed),
+            ising,
+            iterations=settings.iterations,
+            deadline=deadline,
+            entangled=settings.variant != "product",
+        )
+    return found.ansatz, found.evaluations
+
+
+def _order(ising: Ising, settings: LcQaoaSettings, seed: int) -> tuple[int, ...]:
+    if settings.order == "heavy":
+        return tuple(heavy_path(ising.coupling))
+    return tuple(np.random.default_rng(seed).permutation(len(ising.h)).tolist())
+
+
+def _in_groups(
+    model: QuboModel, ising: Ising, settings: LcQaoaSettings, seed: int
+) -> tuple[Ising, tuple[int, ...], tuple[int, ...]]:
+    """The Hamiltonian where each vehicle has one option, the chain's order, and its groups."""
+    if not isinstance(model.problem, RouteProblem):
+        raise VariantError(f"{settings.variant} needs route options: take the route form")
+    groups = [list(group) for group in model.problem.options_of.values() if group]
+    inside = inside_groups(ising, groups)
+    if settings.order == "heavy":
+        return inside, *group_order(inside.coupling, groups)
+    rng = np.random.default_rng(seed)
+    drawn = [rng.permutation(groups[g]).tolist() for g in rng.permutation(len(groups))]
+    return inside, tuple(q for group in drawn for q in group), tuple(len(g) for g in drawn)
+
+
+def _marginals(
+    state: ChainState, order: tuple[int, ...], groups: tuple[int, ...]
+) -> BitDistribution:
+    ones = np.empty(len(order))
+    ones[list(order)] = np.clip((1 - state.means()) / 2, 0.0, 1.0)
+    ends = np.cumsum(groups)
+    members = [order[end - size : end] for size, end in zip(groups, ends, strict=True)]
+    for group in members:
+        ones[list(group)] /= ones[list(group)].sum()
+    return BitDistribution(tuple(ones.tolist()), tuple(members))
+
+
+def _end_of_training(deadline_s: float) -> float:
+    return time.perf_counter() + _TRAINING_SHARE * deadline_s
 
 
 def sample_mps(circuit: Any, shots: int, seed: int) -> dict[str, int]:
@@ -36,8 +198,8 @@ def sample_mps(circuit: Any, shots: int, seed: int) -> dict[str, int]:
 
 
 def counts_to_bits(
-    counts: Mapping[str, int], order: list[int]
-) -> tuple[Bits, npt.NDArray[np.int64]]:
+    counts: Mapping[str, int], order: list[int] | tuple[int, ...]
+) -> tuple[Bits, Counts]:
     """Samples as rows of bits by variable, and their counts, in the order of the bit strings.
 
     Args:
@@ -46,27 +208,21 @@ def counts_to_bits(
     strings = sorted(counts)
     by_qubit = np.array([[int(c) for c in reversed(s)] for s in strings], dtype=np.int8)
     bits = np.empty_like(by_qubit)
-    bits[:, order] = by_qubit
+    bits[:, list(order)] = by_qubit
     return bits, np.array([counts[s] for s in strings], dtype=np.int64)
 
 
 @dataclass(frozen=True)
 class LcQaoaSolver:
-    """LC-QAOA without training: angles come from the ramp.
+    """LC-QAOA as configured.
 
     Attributes:
-        layers: p.
-        shots: samples drawn.
-        delta_beta: height of the mixer ramp, rad.
-        delta_gamma: height of the phase ramp, rad.
+        settings: of circuit, training and sampling.
         gamma: penalty weight of the QUBO, kWh; None: computed.
         encoding: of the arc form's subtour terms.
     """
 
-    layers: int = 2
-    shots: int = 4096
-    delta_beta: float = 0.3
-    delta_gamma: float = 0.6
+    settings: LcQaoaSettings = field(default_factory=LcQaoaSettings)
     gamma: float | None = None
     encoding: Encoding = "reduced"
     name: str = "lc-qaoa"
@@ -76,14 +232,51 @@ class LcQaoaSolver:
         model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
         sample_mps(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
         import dwave.samplers  # noqa: F401
+        import scipy.optimize  # noqa: F401
+
+    def prepare(self, problem: Problem, deadline_s: float, seed: int) -> Prepared:
+        """The circuit alone, trained in its share of the deadline; raises as `prepare` does."""
+        return prepare(
+            problem,
+            self.settings,
+            seed,
+            _end_of_training(deadline_s),
+            gamma=self.gamma,
+            encoding=self.encoding,
+        )
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
-        """See `Solver.solve`; the deadline is left to the worker, as no step can be cut short."""
+        """See `Solver.solve`; training ends in time to sample, which cannot be cut short."""
+        deadline = _end_of_training(deadline_s)
+
+        def draw(model: QuboModel) -> Drawn:
+            prepared = prepare_model(model, self.settings, seed=seed, deadline=deadline)
+            return self._draw(prepared, seed)
+
+        try:
+            return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)
+        except VariantError as error:
+            return Outcome(self.name, "failed", None, 0.0, reason=str(error))
+
+    def _draw(self, prepared: Prepared, seed: int) -> Drawn:
         began = time.perf_counter()
-        model = build_model(problem, self.gamma, encoding=self.encoding)
-        ising = to_ising(model.total, model.variables)
-        order = heavy_path(ising.coupling)
-        angles = linear_ramp(self.layers, self.delta_beta, self.delta_gamma)
-        circuit = circuit_of(scheduled(ising.permuted(order).normalised(), angles))
-        bits, shots = counts_to_bits(sample_mps(circuit, self.shots, seed), order)
-        return answer(self.name, model, bits, shots, seed, began, qubits=len(model.variables))
+        circuit = circuit_of(prepared.ansatz)
+        counts = sample_mps(circuit, self.settings.shots, seed)
+        sample_s = time.perf_counter() - began
+        gates = circuit.count_ops()
+        execution = Execution(
+            backend="aer",
+            kind="simulated",
+            variant=prepared.variant,
+            layers=self.settings.layers,
+            two_qubit_depth=circuit.depth(
+                lambda instruction: instruction.operation.num_qubits == 2
+            ),
+            two_qubit_gates=gates.get("rzz", 0) + gates.get("xx_plus_yy", 0),
+            train_s=prepared.train_s,
+            sample_s=sample_s,
+        )
+        bits, shots = counts_to_bits(counts, prepared.order)
+        return Drawn(
+            bits, shots, len(prepared.order), execution, (("marginals", prepared.marginals),)
+        )

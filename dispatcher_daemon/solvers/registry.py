@@ -25,21 +25,14 @@ def make_solver(
     Args:
         encoding: of the arc form's subtour terms, for solvers of QUBOs.
     """
-    gamma, options = settings.gamma, settings.lc_qaoa
+    gamma = settings.gamma
     makers: dict[SolverName, Callable[[], Solver]] = {
         "exact": ExactSolver,
         "cplex": CplexSolver,
         "tabu": lambda: TabuSolver(gamma=gamma, encoding=encoding),
         "annealing": lambda: AnnealingSolver(gamma=gamma, encoding=encoding),
         "insertion": InsertionSolver,
-        "lc-qaoa": lambda: LcQaoaSolver(
-            layers=options.layers,
-            shots=options.shots,
-            delta_beta=options.delta_beta,
-            delta_gamma=options.delta_gamma,
-            gamma=gamma,
-            encoding=encoding,
-        ),
+        "lc-qaoa": lambda: LcQaoaSolver(settings.lc_qaoa, gamma=gamma, encoding=encoding),
     }
     return makers[name]()
 

@@ -17,6 +17,7 @@ from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.quantum.chain_order import heavy_path, path_weight
 from dispatcher_daemon.quantum.circuits import circuit_of
 from dispatcher_daemon.quantum.ising import Ising, to_ising
+from dispatcher_daemon.settings import LcQaoaSettings
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits, sample_mps
 from dispatcher_daemon.solvers.sampling import descend
 
@@ -157,7 +158,7 @@ def test_descent_ends_in_local_minima_of_the_full_qubo(demo_arcs: Demo) -> None:
 def test_demo_is_solved_with_raw_and_repaired_samples_apart(demo_arcs: Demo) -> None:
     """The answer is valid; raw statistics are those of the samples as drawn, and near zero."""
     problem = demo_arcs(avenue_east=1, avenue_west=1)
-    outcome = LcQaoaSolver().solve(problem, 10.0, seed=7)
+    outcome = LcQaoaSolver(LcQaoaSettings(variant="ramp")).solve(problem, 10.0, seed=7)
     assert outcome.status == "feasible"
     assert outcome.selected is not None
     assert decode(problem, outcome.selected).routes is not None
@@ -174,7 +175,7 @@ def test_demo_is_solved_with_raw_and_repaired_samples_apart(demo_arcs: Demo) -> 
 def test_same_seed_same_answer(demo_arcs: Demo) -> None:
     """Two runs with one seed agree in everything but time; seed 0 is a seed like any other."""
     problem = demo_arcs(avenue_east=1, avenue_west=1)
-    solver = LcQaoaSolver(shots=512)
+    solver = LcQaoaSolver(LcQaoaSettings(variant="ramp", shots=512))
     for seed in (0, 11):
         one, two = (solver.solve(problem, 10.0, seed) for _ in range(2))
         assert (one.selected, one.samples) == (two.selected, two.samples)

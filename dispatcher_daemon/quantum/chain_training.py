@@ -1,0 +1,179 @@
+"""Training of chain ansätze without a device: exact energies, and samples where CVaR is asked for.
+
+Energies are those of the whole Hamiltonian, all couplings included, of the circuit's exact state.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dispatcher_daemon.quantum.ansatz import linear_ramp
+from dispatcher_daemon.quantum.chain_sites import Ansatz, ChainSites, Real
+from dispatcher_daemon.quantum.chain_state import (
+    Bits,
+    ChainState,
+    energies,
+    energies_and_gradients,
+)
+from dispatcher_daemon.quantum.ising import Ising
+
+Schedule = Sequence[tuple[float, float]]
+"""(β, γ) of each layer."""
+
+Objective = Callable[[Ansatz], float]
+
+
+@dataclass(frozen=True)
+class Trained:
+    """An ansatz and how it came about.
+
+    Attributes:
+        ansatz: the best one that was evaluated.
+        value: its objective; of the mean energy if nothing else was asked for.
+        evaluations: of the objective, all restarts together.
+    """
+
+    ansatz: Ansatz
+    value: float
+    evaluations: int
+
+
+def mean_energy(ising: Ising) -> Objective:
+    """⟨C⟩ as an objective; ``ising`` in chain order."""
+
+    def objective(ansatz: Ansatz) -> float:
+        sites = ChainSites(ansatz)
+        return float(energies(sites, sites.flat(ansatz)[None], ising)[0])
+
+    return objective
+
+
+def cvar(ising: Ising, share: float, shots: int, seed: int) -> Objective:
+    """Mean energy of the lowest ``share`` of samples, drawn with the same random numbers each time.
+
+    Args:
+        share: α, 0 < α ≤ 1.
+    """
+    kept = max(1, round(share * shots))
+
+    def objective(ansatz: Ansatz) -> float:
+        drawn = ising_energies(ising, ChainState(ansatz).sample(shots, seed))
+        return float(np.partition(drawn, kept - 1)[:kept].mean())
+
+    return objective
+
+
+def ising_energies(ising: Ising, bits: Bits) -> Real:
+    """C of each row of bits, shape (rows,)."""
+    z = 1.0 - 2.0 * bits
+    return np.asarray(ising.offset + z @ ising.h + ((z @ ising.coupling) * z).sum(axis=1) / 2)
+
+
+def train_schedule(
+    build: Callable[[Schedule], Ansatz],
+    objective: Objective,
+    start: Schedule,
+    *,
+    evaluations: int,
+    deadline: float = float("inf"),
+) -> Trained:
+    """The 2p angles of a schedule by COBYLA, from ``start``.
+
+    Args:
+        build: the ansatz of a schedule.
+        evaluations: most of the objective; at least one is made.
+        deadline: `time.perf_counter` at which the best so far is taken.
+    """
+    from scipy.optimize import minimize
+
+    best: list[Trained] = []
+
+    def value(parameters: Real) -> float:
+        ansatz = build([(float(beta), float(gamma)) for beta, gamma in parameters.reshape(-1, 2)])
+        found = objective(ansatz)
+        count = best[0].evaluations + 1 if best else 1
+        if best and best[0].value <= found:
+            best[0] = Trained(best[0].ansatz, best[0].value, count)
+        else:
+            best[:] = [Trained(ansatz, found, count)]
+        if count >= evaluations or time.perf_counter() >= deadline:
+            raise _Enough
+        return found
+
+    try:
+        # A step of 0.1 rad: a tenth of the ramp's height moves the energy, and does not leave it.
+        options = {"maxiter": evaluations, "rhobeg": 0.1}
+        minimize(value, np.array(start, dtype=float).ravel(), method="COBYLA", options=options)
+    except _Enough:
+        pass
+    return best[0]
+
+
+class _Enough(Exception):
+    """Evaluations or time are used up."""
+
+
+def train_angles(
+    starts: Sequence[Ansatz],
+    ising: Ising,
+    *,
+    iterations: int,
+    deadline: float = float("inf"),
+    entangled: bool = True,
+) -> Trained:
+    """Every gate's own angle by L-BFGS with the exact gradient; the start that gets lowest wins.
+
+    Which of them wins is decided by ⟨C⟩ alone. Energies fall towards single bit strings, so that
+    what this finds is an answer found classically, written into a circuit.
+
+    Args:
+        starts: ansätze of one shape, at least one.
+        ising: in chain order.
+        iterations: most for each start.
+        deadline: `time.perf_counter` at which the best so far is taken.
+        entangled: False keeps all RZZ angles at 0: a product state, the control of this method.
+    """
+    from scipy.optimize import minimize
+
+    sites = ChainSites(starts[0])
+    free = sites.free() if entangled else sites.free() & ~sites.is_bond()
+    best, lowest, count = starts[0], np.inf, 0
+    for start in starts:
+        angles = np.where(free, sites.flat(start), 0.0)
+
+        def value(chosen: Real, angles: Real = angles) -> tuple[float, Real]:
+            nonlocal best, lowest, count
+            angles[free] = chosen
+            found, gradient = energies_and_gradients(sites, angles[None], ising)
+            count += 1
+            if found[0] < lowest:
+                best, lowest = sites.ansatz(angles.copy()), float(found[0])
+            if time.perf_counter() >= deadline:
+                raise _Enough
+            return float(found[0]), gradient[0, free]
+
+        options: dict[str, Any] = {"maxiter": iterations}
+        try:
+            minimize(value, angles[free], jac=True, method="L-BFGS-B", options=options)
+        except _Enough:
+            break
+    return Trained(best, lowest, count)
+
+
+def around(ansatz: Ansatz, spread: float, count: int, seed: int) -> list[Ansatz]:
+    """Starts for `train_angles`: ``count`` ansätze with normal noise on the angles of all gates."""
+    sites = ChainSites(ansatz)
+    flat, free, rng = sites.flat(ansatz), sites.free(), np.random.default_rng(seed)
+    return [
+        sites.ansatz(flat + spread * free * rng.standard_normal(len(flat))) for _ in range(count)
+    ]
+
+
+def ramp(layers: int, height: tuple[float, float] = (0.3, 0.6)) -> list[tuple[float, float]]:
+    """The linear ramp of LR-QAOA with (Δβ, Δγ)."""
+    return linear_ramp(layers, *height)
