@@ -10,15 +10,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
+from slipstream_cli.solve_quantum import (
+    QUANTUM_SOLVERS,
+    add_options,
+    best_known_kwh,
+    check_options,
+    make_solvers,
+    records,
+)
 from slipstream_cli.solve_report import Report, as_json, as_text, list_as_text
 
 if TYPE_CHECKING:
     from dispatcher_daemon.forms import Form
     from dispatcher_daemon.formulations.qubo import QuboModel
     from dispatcher_daemon.instance import Instance
-    from dispatcher_daemon.settings import SolverName
 
-_SOLVERS = ("exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa")
+_SOLVERS = ("exact", "cplex", "tabu", "annealing", "insertion", *QUANTUM_SOLVERS)
 _ENDINGS = (".lp", ".mps", ".json", ".coo")
 _LARGEST_ARC_FLEET = 2
 _FEWEST_OPTIONS, _MOST_OPTIONS = 2, 50
@@ -77,6 +84,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--schema", action="store_true", help="print the JSON schema of instance files"
     )
     command.add_argument("--json", action="store_true", help="print the results as JSON")
+    add_options(command)
     command.set_defaults(run=run)
 
 
@@ -104,6 +112,8 @@ def _solve(options: argparse.Namespace) -> int:
     from dispatcher_daemon.formulations.model import build_model
     from dispatcher_daemon.instances import open_instance
 
+    names = options.solver or ([] if options.write else ["exact"])
+    check_options(options, names)
     instance = open_instance(options.instance)
     form = _form(options, instance)
     model = build_model(form.problem, options.gamma, encoding=options.encoding)
@@ -127,9 +137,8 @@ def _solve(options: argparse.Namespace) -> int:
         known=known,
         rivals_kwh=form.rivals_kwh(),
     )
-    names = options.solver or ([] if options.write else ["exact"])
     if names:
-        _run_solvers(names, options, form, instance, report)
+        _run_solvers(names, options, form, model, instance, report)
     print(json.dumps(as_json(report)) if options.json else as_text(report))
     return 0 if not names or any(trial.is_valid for trial in report.trials) else 1
 
@@ -144,19 +153,17 @@ def _form(options: argparse.Namespace, instance: Instance) -> Form:
 
 
 def _run_solvers(
-    names: Sequence[SolverName],
+    names: Sequence[str],
     options: argparse.Namespace,
     form: Form,
+    model: QuboModel,
     instance: Instance,
     report: Report,
 ) -> None:
-    from dispatcher_daemon.settings import DispatcherSettings
     from dispatcher_daemon.solvers.pool import Job, solve_here
-    from dispatcher_daemon.solvers.registry import make_solver
     from dispatcher_daemon.trial import appraise
 
-    settings = DispatcherSettings(gamma=options.gamma)
-    solvers = [make_solver(name, settings, options.encoding) for name in dict.fromkeys(names)]
+    solvers = make_solvers(names, options)
     for solver in solvers:
         solver.warm_up()  # says what is not installed before anything takes time
     found = form.baseline(options.deadline, options.seed)
@@ -167,6 +174,11 @@ def _run_solvers(
         (outcome,) = solve([job], options.deadline)
         report.trials.append(
             appraise(form, instance.snapshot, instance.sync_window_s, outcome, routes)
+        )
+    if any(trial.outcome.execution is not None for trial in report.trials):
+        optimum = best_known_kwh(form, report.trials, options.deadline, options.seed)
+        report.quantum = records(
+            model, report.trials, optimum, options.seed, with_controls=not options.no_controls
         )
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from slipstream_cli.solve_quantum import lines_of
+
 if TYPE_CHECKING:
     from dispatcher_daemon.instance import Optimum
     from dispatcher_daemon.rewards import JudgedPair
@@ -28,6 +30,7 @@ class Report:
         known: the published optimum of the same problem.
         rivals_kwh: objectives of simpler plans, by what made them.
         baseline: what made the plan without platooning; None if there is none.
+        quantum: by solver, of those that ran a circuit; see `quantum_record`.
     """
 
     instance: str
@@ -45,6 +48,7 @@ class Report:
     rivals_kwh: Mapping[str, float]
     baseline: str | None = None
     trials: list[Trial] = field(default_factory=list)
+    quantum: Mapping[str, dict[str, Any]] = field(default_factory=dict)
 
 
 def as_json(report: Report) -> dict[str, Any]:
@@ -65,7 +69,10 @@ def as_json(report: Report) -> dict[str, Any]:
         "known_optimum_proven": known is not None and known.proven,
         "rivals_kwh": dict(report.rivals_kwh),
         "baseline": report.baseline,
-        "solvers": [_trial_as_json(trial) for trial in report.trials],
+        "solvers": [
+            _trial_as_json(trial) | report.quantum.get(trial.outcome.solver, {})
+            for trial in report.trials
+        ],
         "rewards": None
         if report.rewards is None
         else [_reward_as_json(pair, arcs) for pair, arcs in report.rewards],
@@ -90,9 +97,11 @@ def _trial_as_json(trial: Trial) -> dict[str, Any]:
             "count": samples.shots,
             "qubits": samples.qubits,
             "feasible_raw": samples.share(samples.raw),
+            "feasible_descended": samples.share(samples.descended),
             "feasible_repaired": samples.share(samples.repaired),
         },
         "energy": None if trial.energy is None else trial.energy._asdict(),
+        "energy_kwh": None if trial.energy is None else trial.energy.total_kwh,
         "saving": None if trial.saving is None else trial.saving._asdict(),
         "platooned_m": trial.platooned_m,
         "routes": {route.vehicle: _route_as_json(route) for route in trial.routes},
@@ -153,7 +162,7 @@ def _lines(report: Report) -> Iterator[str]:
         yield f"written: {report.written}"
     for trial in report.trials:
         yield ""
-        yield from _trial_lines(trial, report.baseline)
+        yield from _trial_lines(trial, report.baseline, report.quantum.get(trial.outcome.solver))
     if report.rewards is not None:
         earned = sum(pair.saving_kwh > 0 for pair, _ in report.rewards)
         yield ""
@@ -164,7 +173,9 @@ def _lines(report: Report) -> Iterator[str]:
             yield f"  {pair.explain(arcs)}"
 
 
-def _trial_lines(trial: Trial, baseline: str | None) -> Iterator[str]:
+def _trial_lines(
+    trial: Trial, baseline: str | None, quantum: Mapping[str, Any] | None
+) -> Iterator[str]:
     outcome, samples = trial.outcome, trial.outcome.samples
     objective = "no answer"
     if outcome.selected is not None:
@@ -177,9 +188,12 @@ def _trial_lines(trial: Trial, baseline: str | None) -> Iterator[str]:
         yield f"  {outcome.reason}"
     for fault in trial.faults:
         yield f"  {fault}"
-    if samples is not None:
+    if quantum is not None:
+        yield from lines_of(quantum)
+    elif samples is not None:
         yield (
             f"  samples: {samples.shots}, feasible {100 * samples.share(samples.raw):.2f} % raw, "
+            f"{100 * samples.share(samples.descended):.2f} % descended, "
             f"{100 * samples.share(samples.repaired):.2f} % repaired"
         )
     if trial.energy is not None:

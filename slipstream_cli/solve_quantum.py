@@ -1,0 +1,232 @@
+"""What `slipstream solve` asks and tells of quantum solvers."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+from slipstream.errors import InputError
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.forms import Form
+    from dispatcher_daemon.formulations.qubo import QuboModel
+    from dispatcher_daemon.settings import DispatcherSettings
+    from dispatcher_daemon.solvers.base import Solver
+    from dispatcher_daemon.trial import Trial
+
+QUANTUM_SOLVERS: Final = ("lc-qaoa", "iskay")
+_MOST_LAYERS: Final = 10
+_MOST_SHOTS: Final = 1_000_000
+_MOST_ITERATIONS: Final = 100_000
+_OPTIONS: Final = ("p", "backend", "shots", "variant", "iterations", "job")
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of quantum solvers."""
+    group = command.add_argument_group("quantum solvers")
+    group.add_argument("--p", type=_whole(1, _MOST_LAYERS), metavar="N", help="layers (default: 2)")
+    group.add_argument(
+        "--backend",
+        metavar="NAME",
+        help="aer, aer:FakeBoston (or another fake device: with its noise), ibm:NAME, "
+        "ibm:least-busy (default: aer)",
+    )
+    group.add_argument(
+        "--shots", type=_whole(1, _MOST_SHOTS), metavar="N", help="samples (default: 4096)"
+    )
+    group.add_argument("--variant", metavar="NAME", help="of the algorithm")
+    group.add_argument(
+        "--iterations", type=_whole(1, _MOST_ITERATIONS), metavar="N", help="of training, at most"
+    )
+    group.add_argument("--job", metavar="ID", help="take up an earlier job of iskay")
+    group.add_argument(
+        "--no-controls", action="store_true", help="leave out the samples without a circuit"
+    )
+
+
+def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
+    """Refuse options that none of the solvers has.
+
+    Raises:
+        InputError: naming the option.
+    """
+    if not set(names) & set(QUANTUM_SOLVERS):
+        for option in _OPTIONS:
+            if getattr(options, option) is not None:
+                raise InputError(
+                    "solve",
+                    "only quantum solvers have this option",
+                    f"add --solver {'|'.join(QUANTUM_SOLVERS)}",
+                    key=f"--{option}",
+                )
+    if options.job is not None and "iskay" not in names:
+        raise InputError("solve", "only iskay takes up a job", "add --solver iskay", key="--job")
+    if options.job is not None and not re.fullmatch(r"[\w-]{1,100}", options.job):
+        raise InputError("solve", "no id of a job", "give the id as it was printed", key="--job")
+
+
+def settings_of(options: argparse.Namespace) -> DispatcherSettings:
+    """Settings with what was given on the command line.
+
+    Raises:
+        InputError: a solver has no such variant, or takes no such number.
+    """
+    from dispatcher_daemon.settings import DispatcherSettings
+    from slipstream.config import check
+
+    given = {
+        field: value
+        for field, value in (
+            ("layers", options.p),
+            ("backend", options.backend),
+            ("shots", options.shots),
+            ("variant", options.variant),
+            ("iterations", options.iterations),
+        )
+        if value is not None
+    }
+    asked = set(options.solver or ()) & {"qaoa", "lc-qaoa"}
+    data: dict[str, Any] = {name.replace("-", "_"): given for name in asked}
+    return check({"gamma": options.gamma, **data}, DispatcherSettings, "solve")
+
+
+def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solver]:
+    """The solvers by name, each once.
+
+    Raises:
+        InputError: what they need is missing: credentials, a device, a variant.
+    """
+    from dispatcher_daemon.solvers.registry import make_solver
+
+    settings = settings_of(options)
+    solvers: list[Solver] = []
+    for name in dict.fromkeys(names):
+        if name == "iskay":
+            solvers.append(_iskay(options))
+        else:
+            solvers.append(make_solver(name, settings, options.encoding))  # type: ignore[arg-type]
+    return solvers
+
+
+def _iskay(options: argparse.Namespace) -> Solver:
+    from dispatcher_daemon.quantum.account import read_account
+    from dispatcher_daemon.solvers.iskay import IskaySolver
+
+    kind, _, device = (options.backend or "").partition(":")
+    if kind != "ibm" or not device or device == "least-busy":
+        raise InputError(
+            "solve", "iskay runs on a named IBM device", "give --backend ibm:NAME", key="--backend"
+        )
+    solver = IskaySolver(
+        read_account(), device, job=options.job, gamma=options.gamma, encoding=options.encoding
+    )
+    changes = {"shots": options.shots, "iterations": options.iterations}
+    return replace(solver, **{name: value for name, value in changes.items() if value is not None})
+
+
+def records(
+    model: QuboModel,
+    trials: Sequence[Trial],
+    optimum_kwh: float | None,
+    seed: int,
+    *,
+    with_controls: bool,
+) -> dict[str, dict[str, Any]]:
+    """What ran and what it is worth, by solver, of those with a circuit; see `quantum_record`.
+
+    Args:
+        optimum_kwh: exact or best known objective of the model.
+    """
+    from dispatcher_daemon.solvers.controls import distributions, run_controls
+    from dispatcher_daemon.solvers.quantum_record import quantum_record
+
+    found = {}
+    for outcome in (trial.outcome for trial in trials):
+        if outcome.execution is None:
+            continue
+        controls = {}
+        if outcome.samples is not None and with_controls:
+            of = distributions(model, outcome)
+            controls = run_controls(model, of, outcome.samples.shots, seed)
+        found[outcome.solver] = quantum_record(outcome, outcome.execution, controls, optimum_kwh)
+    return found
+
+
+def best_known_kwh(
+    form: Form, trials: Sequence[Trial], deadline_s: float, seed: int
+) -> float | None:
+    """The proven optimum of what the solvers minimised, or the best answer; None without one."""
+    from dispatcher_daemon.solvers.exact import ExactSolver
+
+    proven = [t.model_kwh for t in trials if t.outcome.status == "optimal"]
+    if not proven:
+        outcome = ExactSolver().solve(form.problem, deadline_s, seed)
+        if outcome.selected is not None:
+            proven = [form.problem.objective_kwh(outcome.selected)]
+    known = [t.model_kwh for t in trials]
+    return min((kwh for kwh in (*proven, *known) if kwh is not None), default=None)
+
+
+def lines_of(record: Mapping[str, Any]) -> Iterator[str]:
+    """A record in lines for people."""
+    layers = f", p = {record['p']}" if record["p"] else ""
+    qubits = "" if record["qubits"] is None else f", {record['qubits']} qubits"
+    yield (
+        f"  circuit: {record['variant']}{layers}{qubits} on {record['backend']} ({record['kind']})"
+        f"{_gates(record)}; trained {record['train_s']:.2f} s, sampled {record['sample_s']:.2f} s"
+    )
+    if record["fallback"] is not None:
+        yield f"  fallback: {record['fallback']}"
+    if record["job"] is not None:
+        yield f"  job: {record['job']}"
+    if record["p_feasible"] is None:
+        return
+    yield f"  {record['shots']} samples, % feasible / % optimal"
+    yield _columns("", ("raw", "descended", "repaired"))
+    yield _columns("the circuit", _shares(record))
+    for name, control in record["controls"].items():
+        yield _columns(name, _shares(control))
+        yield _columns("  the circuit adds", _differences(record["added"][name]))
+
+
+_STAGES: Final = ("", "_descended", "_repaired")
+
+
+def _columns(title: str, cells: Sequence[str]) -> str:
+    return f"    {title:<18}" + "".join(f"{cell:>28}" for cell in cells)
+
+
+def _gates(record: Mapping[str, Any]) -> str:
+    depth, gates = record["two_qubit_depth"], record["two_qubit_gates"]
+    return "" if depth is None else f", two-qubit depth {depth}, {gates} two-qubit gates"
+
+
+def _shares(record: Mapping[str, Any]) -> list[str]:
+    def percent(key: str) -> str:
+        return "?" if record[key] is None else f"{100 * record[key]:.2f}"
+
+    return [f"{percent('p_feasible' + s)} / {percent('p_optimal' + s)}" for s in _STAGES]
+
+
+def _differences(added: Mapping[str, Mapping[str, float]]) -> list[str]:
+    def points(key: str) -> str:
+        if key not in added:
+            return "?"
+        return f"{100 * added[key]['value']:+.2f} ±{100 * added[key]['standard_error']:.2f}"
+
+    return [f"{points('p_feasible' + s)} / {points('p_optimal' + s)}" for s in _STAGES]
+
+
+def _whole(least: int, most: int) -> Any:
+    def parse(text: str) -> int:
+        value = int(text) if text.isdecimal() and len(text) < 12 else -1
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(
+                f"{text!r} is not a whole number from {least} to {most}"
+            )
+        return value
+
+    return parse
