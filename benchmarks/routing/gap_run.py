@@ -117,6 +117,20 @@ def improved(
     problem: RouteProblem, chosen: frozenset[int], vehicles: Sequence[str]
 ) -> frozenset[int]:
     """The best choice for some vehicles, proven, all others' as it is."""
+    block, free = block_of(problem, chosen, vehicles)
+    outcome = ExactSolver().solve(block, _BLOCK_S, 1)
+    if outcome.selected is None:
+        return chosen
+    changed = (chosen - set(free)) | {free[position] for position in outcome.selected}
+    return changed if problem.objective_kwh(changed) < problem.objective_kwh(chosen) else chosen
+
+
+def block_of(
+    problem: RouteProblem, chosen: frozenset[int], vehicles: Sequence[str]
+) -> tuple[RouteProblem, list[int]]:
+    """Some vehicles' options as a problem of their own, what they save with the others' present
+    choice counted into their costs; and the indices of these options in the whole.
+    """
     free = [i for vehicle in vehicles for i in problem.options_of[vehicle]]
     fixed = chosen - set(free)
     at = {i: position for position, i in enumerate(free)}
@@ -129,13 +143,8 @@ def improved(
             cost[a] -= saving
         elif b in at and a in fixed:
             cost[b] -= saving
-    options = [RouteOption(problem.options[i].vehicle, (), cost[i]) for i in free]
-    block = RouteProblem(tuple(vehicles), (), tuple(options), savings)
-    outcome = ExactSolver().solve(block, _BLOCK_S, 1)
-    if outcome.selected is None:
-        return chosen
-    changed = fixed | {free[position] for position in outcome.selected}
-    return changed if problem.objective_kwh(changed) < problem.objective_kwh(chosen) else chosen
+    options = tuple(RouteOption(problem.options[i].vehicle, (), cost[i]) for i in free)
+    return RouteProblem(tuple(vehicles), (), options, savings), free
 
 
 if __name__ == "__main__":
