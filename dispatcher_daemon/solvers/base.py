@@ -24,8 +24,8 @@ class Samples:
         shots: number of samples.
         raw: as drawn.
         descended: each sample after one-flip steepest descent on the full QUBO.
-        repaired: route form: one option for each vehicle, then that descent; the arc form knows no
-            repair but the descent.
+        repaired: route form: one option for each vehicle, then that descent; arc form: routes that
+            follow the arcs of the descended sample where these lead to valid ones.
     """
 
     qubits: int | None

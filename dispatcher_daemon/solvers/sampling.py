@@ -14,6 +14,7 @@ from dispatcher_daemon.decode import violations
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.quantum.distribution import BitDistribution
+from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from dispatcher_daemon.solvers.base import Execution, Outcome, Samples, Tally
 
 Bits = npt.NDArray[np.int8]
@@ -125,9 +126,10 @@ def stages(
 ) -> tuple[Samples, list[Best | None]]:
     """The samples of each stage (see `Samples`), and the best of each: raw, descended, repaired."""
     descended = descend(model, bits, seed)
-    repaired = descended
     if isinstance(model.problem, RouteProblem):
         repaired = descend(model, one_option_each(model, bits), seed)
+    else:
+        repaired = follow_arcs(model.problem, descended[:, : model.problem.choices])
     tallies, best = _valid_samples(model.problem, (bits, descended, repaired), counts)
     return Samples(qubits, int(counts.sum()), *tallies), best
 
