@@ -14,6 +14,7 @@ from edge_daemon.frame import Frame, Image
 from edge_daemon.sources.clock import StreamClock
 from edge_daemon.sources.diagnosis import diagnose
 from edge_daemon.sources.live import LiveSource, Offer
+from edge_daemon.sources.pictures import Pictures
 from edge_daemon.sources.protocol import SourceCounters
 from slipstream.service import LogLimiter
 
@@ -81,6 +82,7 @@ class _Camera:
         self._shown = shown
         self._stall_ms = int(1e3 * stall_s)
         self._size = size
+        self._pictures = None if size is None else Pictures((size[1], size[0], 3))
         self._counters = counters
         self._limiter = limiter
         self._began_s = time.monotonic()
@@ -89,7 +91,7 @@ class _Camera:
 
     def stream(self, offer: Offer, stopping: threading.Event) -> bool:
         """Connect and offer frames until none comes; True if any did."""
-        counters = self._counters
+        counters, pictures = self._counters, self._pictures
         counters.tried_s = time.monotonic()
         options = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, self._stall_ms]
         options += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, self._stall_ms]
@@ -100,7 +102,7 @@ class _Camera:
         cut = self._seen
         came = False
         while not stopping.is_set():
-            ok, image = stream.read()
+            ok, image = stream.read(None if pictures is None else pictures.blank())
             if not ok or image is None:
                 break
             came = True

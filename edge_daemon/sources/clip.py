@@ -14,6 +14,7 @@ import numpy as np
 
 from edge_daemon.frame import Frame, Image
 from edge_daemon.sources.live import LiveSource, Offer
+from edge_daemon.sources.pictures import Pictures
 from edge_daemon.sources.protocol import SourceCounters
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
@@ -64,6 +65,7 @@ class ClipReader:
         self.path = path
         self._shape = shape
         self._capture = capture
+        self._pictures = Pictures(shape)
         self._loop = loop
         fps = float(capture.get(cv2.CAP_PROP_FPS))
         self.fps = fps if 0 < fps <= _MAX_FPS else 30.0
@@ -84,7 +86,7 @@ class ClipReader:
             shown, last, before = 0, start - step, 0.0
             while True:
                 self.counters.tried_s = time.monotonic()
-                ok, image = self._capture.read()
+                ok, image = self._capture.read(self._pictures.blank())
                 if not ok or image is None:
                     break
                 position = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3

@@ -79,7 +79,7 @@ def test_a_slow_reader_gets_the_newest_frame_and_the_skipped_are_counted(clip: P
     for frame in source.frames():
         if frame is not None:
             frames.append(frame)
-            assert time.monotonic() - frame.captured_s < 1.0  # its own nap, and little more
+            assert time.monotonic() - frame.captured_s < 2.5  # eight naps at the most
             time.sleep(0.2)
     source.close()
     assert len(frames) < 15
@@ -229,7 +229,7 @@ def test_a_backlog_after_a_stall_is_dropped(monkeypatch: pytest.MonkeyPatch) -> 
     waits = [*[0.033] * 3, 1.0, *[0.0] * 10, *[0.033] * 3]
 
     class Stream:
-        def read(self) -> tuple[bool, object]:
+        def read(self, _into: object) -> tuple[bool, object]:
             if not waits:
                 time.sleep(0.05)
                 return False, None
