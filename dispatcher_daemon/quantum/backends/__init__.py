@@ -1,0 +1,41 @@
+"""Places that run circuits: Aer, and devices of IBM Quantum."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.quantum.backends.base import Backend, Sampled
+from slipstream.errors import InputError
+
+__all__ = ["Backend", "Sampled", "open_backend"]
+
+
+def open_backend(text: str) -> Backend:
+    """The backend of that name.
+
+    Args:
+        text: "aer", "aer:FakeBoston" or another fake device (with "+fractional": RZZ and RX gates
+            added to it, which is an assumption), "ibm:NAME" or "ibm:least-busy".
+
+    Raises:
+        InputError: there is no such backend, or no credentials for it.
+        ServiceFault: IBM Quantum does not do what it is asked.
+    """
+    service, _, name = text.partition(":")
+    if text == "aer":
+        from dispatcher_daemon.quantum.backends.aer import AerBackend
+
+        return AerBackend()
+    if service == "aer" and name:
+        from dispatcher_daemon.quantum.backends.aer import FRACTIONAL, NoisyBackend, fake_target
+
+        device = name.removesuffix(FRACTIONAL)
+        fake_target(device)
+        return NoisyBackend(device, fractional=name.endswith(FRACTIONAL))
+    if service == "ibm" and name:
+        from dispatcher_daemon.quantum.backends.ibm import open_ibm_backend
+
+        return open_ibm_backend(name)
+    raise InputError(
+        "backend",
+        f"there is no backend {text!r}",
+        "use aer, aer:FakeBoston, ibm:NAME or ibm:least-busy",
+    )
