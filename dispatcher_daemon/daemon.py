@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import ExitStack
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from dispatcher_daemon import metrics
 from dispatcher_daemon.dispatch import form_of, run_cycle
 from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.guest.desk import Desk
+from dispatcher_daemon.guest.opening import open_desk
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
@@ -92,6 +95,7 @@ class Dispatcher:
         store: database.
         solve: solver pool.
         executor: for the search of the route form's base routes; None: the cycle's own thread.
+        guest: the desk of a quantum device, which then solves in place of the pool.
     """
 
     def __init__(
@@ -102,13 +106,15 @@ class Dispatcher:
         store: CycleStore,
         solve: Solve,
         executor: Executor | None = None,
+        guest: Desk | None = None,
     ) -> None:
         self._executor = executor
+        self._guest = guest
         self._stops: Mapping[str, tuple[str, ...]] = {}
         self._settings = settings
         self._problem = problem
         self._store = store
-        self._solve = solve
+        self._solve = solve if guest is None else guest
         self._book = TrafficBook(problem.network, future_tolerance_s=settings.future_tolerance_s)
         self._limiter = LogLimiter()
         self._plan_outlets = {v.id: bus.publisher(plan_key(v.id)) for v in problem.fleet.vehicles}
@@ -159,6 +165,8 @@ class Dispatcher:
         number, began, now_ns = self._cycle, time.monotonic(), time.time_ns()
         plans: tuple[VehiclePlan, ...] = ()
         states: tuple[SegmentState, ...] = ()
+        if self._guest is not None:
+            self._guest.begin_cycle(number)
         try:
             snapshot = take_snapshot(
                 self._problem.network,
@@ -264,6 +272,7 @@ class Dispatcher:
                 bad_messages=self.bad_messages,
                 next_cycle_ns=next_cycle_ns,
                 rss_mb=rss_mb(),
+                hardware=None if self._guest is None else self._guest.health(),
             )
         )
 
@@ -340,13 +349,17 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         Bus.open(settings.bus) as bus,
         SolverPool(configured_solvers(settings), workers) as pool,
         executor,
+        ExitStack() as stack,
     ):
         cold = pool.warm_up(stopping=service.stopping)
         if service.stopping.is_set():
             return
         for name, reason in cold.items():
             log.warning("solver %s is not ready: %s", name, reason)
-        dispatcher = Dispatcher(settings, problem, bus, database, pool, executor)
+        guest = open_desk(settings, pool, database)
+        if guest is not None:
+            stack.enter_context(guest)
+        dispatcher = Dispatcher(settings, problem, bus, database, pool, executor, guest)
         bus.subscribe(ALL_STATES, dispatcher.on_state)
         scheduler = CycleScheduler(
             dispatcher.run_cycle,
@@ -362,5 +375,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()
             pool.close()
+            if guest is not None:
+                guest.close()
             executor.shutdown()
             scheduler.stop()

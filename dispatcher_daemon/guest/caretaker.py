@@ -19,7 +19,7 @@ from dispatcher_daemon.guest.breaker import Breaker
 from dispatcher_daemon.guest.calls import Opener, Prepared
 from dispatcher_daemon.guest.follow import News, after_look, after_loss, one_line
 from dispatcher_daemon.guest.ledger import DeviceKind, Ledger
-from dispatcher_daemon.guest.making import Maker
+from dispatcher_daemon.guest.making import Maker, Unsuitable
 from dispatcher_daemon.guest.ticket import Ticket
 from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.settings import HardwareSettings
@@ -151,6 +151,9 @@ class Caretaker:
             prepared = self._call(calls.prepare, args, deadline_s + limits.call_limit_s)
         except ServiceFault as fault:
             ticket.decline(self._fault("not prepared", fault))
+            return None
+        except Unsuitable as error:
+            ticket.decline(str(error))
             return None
         used_s = self._ledger.used_s()
         said = budget.refusal(used_s, prepared.estimate_s, limits.budget_s_per_day)

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.guest.making import Made, fingerprint
+from dispatcher_daemon.formulations.model import QuboModel
+from dispatcher_daemon.guest.making import Made, Unsuitable, fingerprint
 from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.quantum.ansatz import ChainAnsatz
 from dispatcher_daemon.quantum.circuits import circuit_of
-from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits
-from dispatcher_daemon.solvers.sampling import answer
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, VariantError, counts_to_bits
+from dispatcher_daemon.solvers.sampling import Drawn, solve_by_sampling
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,11 @@ class ChainMaker:
         return self.solver.encoding
 
     def warm_up(self) -> None:
-        """Import what the solver does."""
-        self.solver.warm_up()
+        """Import what training, building and scoring need."""
+        zero = np.zeros((1, 2))
+        self.circuit(ChainAnsatz(zero, np.ones((1, 1)), zero))
+        import dwave.samplers  # noqa: F401
+        import scipy.optimize  # noqa: F401
 
     def circuit(self, ansatz: Any) -> Any:
         """The measured circuit of an ansatz."""
@@ -49,30 +52,37 @@ class ChainMaker:
 
     def make(self, problem: Problem, deadline_s: float, seed: int) -> Made:
         """See `Maker.make`."""
-        prepared = self.solver.prepare(problem, deadline_s, seed)
+        if not problem.choices:
+            raise Unsuitable("the problem has nothing to choose")
+        try:
+            prepared = self.solver.prepare(problem, deadline_s, seed)
+        except VariantError as error:
+            raise Unsuitable(str(error)) from None
+        tables = [np.asarray(table).tolist() for table in vars(prepared.ansatz).values()]
         return Made(
             self.circuit(prepared.ansatz),
             prepared.order,
-            fingerprint(
-                prepared.order,
-                *(t.tolist() for t in vars(prepared.ansatz).values() if isinstance(t, np.ndarray)),
-            ),
+            fingerprint(prepared.order, *tables),
             prepared.variant,
-            prepared.ansatz.layers,
+            self.solver.settings.layers,
             prepared.train_s,
         )
 
     def read(
         self, problem: Problem, order: Sequence[int], samples: Mapping[str, int], seed: int
     ) -> Outcome:
-        """See `Maker.read`.
-
-        Raises:
-            ServiceFault: of kind "garbage": the problem has another number of variables.
-        """
+        """See `Maker.read`; an outcome without an answer if the number of variables differs."""
         began = time.perf_counter()
-        model = build_model(problem, self.solver.gamma, encoding=self.solver.encoding)
-        if len(order) != len(model.variables):
-            raise ServiceFault("garbage", "the problem has another number of variables by now")
-        bits, shots = counts_to_bits(samples, list(order))
-        return answer(self.name, model, bits, shots, seed, began, qubits=len(order))
+
+        def draw(model: QuboModel) -> Drawn:
+            if len(order) != len(model.variables):
+                raise Unsuitable("the problem has another number of variables by now")
+            bits, shots = counts_to_bits(samples, tuple(order))
+            return Drawn(bits, shots, len(order))
+
+        try:
+            gamma, encoding = self.solver.gamma, self.solver.encoding
+            return solve_by_sampling(self.name, problem, gamma, encoding, seed, draw)
+        except Unsuitable as error:
+            wall_s = time.perf_counter() - began
+            return Outcome(self.name, "failed", None, wall_s, reason=str(error))

@@ -12,6 +12,10 @@ from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.solvers.base import Outcome
 
 
+class Unsuitable(Exception):
+    """A problem that its solver makes no circuit for; nobody's fault."""
+
+
 @dataclass(frozen=True)
 class Made:
     """A circuit for a device.
@@ -55,6 +59,9 @@ class Maker(Protocol):
 
         Args:
             deadline_s: of the cycle; a circuit that is trained later serves later cycles.
+
+        Raises:
+            Unsuitable: there is no circuit for it.
         """
         ...
 

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import pebble
 
+from dispatcher_daemon.guest.making import Unsuitable
 from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.solvers.pool import error_line
 from dispatcher_daemon.solvers.processes import Processes
@@ -35,7 +36,7 @@ class GuestWorker:
         Raises:
             ServiceFault: its own; or "unreachable" if it took longer than its limit, "broken" if
                 the process died or it raised something else.
-            WorkerClosed: see there.
+            Unsuitable, WorkerClosed: see there.
         """
         with self._lock:
             if self._closed:
@@ -48,7 +49,7 @@ class GuestWorker:
             raise ServiceFault("unreachable", f"no answer within {limit_s:g} s") from None
         except CancelledError:
             raise WorkerClosed from None
-        except ServiceFault:
+        except (ServiceFault, Unsuitable):
             raise
         except pebble.ProcessExpired as error:
             if self._closed:

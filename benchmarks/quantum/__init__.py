@@ -1,0 +1,1 @@
+"""What the quantum solvers and their devices are measured by."""

@@ -1,0 +1,344 @@
+"""`python -m benchmarks.quantum.guest`: dispatch cycles beside a device that fails in every way.
+
+Real cycles, workers, database and desk; the device's service is a stand-in that times out, refuses,
+loses jobs, answers garbage, late or never, hangs and takes the worker down with it. Every few
+cycles desk and database are torn down, whatever they are at, and opened again. Exit status 1 if
+any promise is broken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import random
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import psutil
+
+from benchmarks.quantum.faulty_service import EVERYTHING, AnsatzMaker, Books, Opening
+from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.guest.clerk import Clerk
+from dispatcher_daemon.guest.desk import Desk
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers.pool import GRACE_S, SolverPool
+from dispatcher_daemon.solvers.registry import configured_solvers
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.verify import verify_plans
+from slipstream.roads import load_network
+from storage import QuantumJob, open_database, open_reader
+
+DEADLINE_S: Final = 0.4
+OVERHEAD_S: Final = 0.5
+"""What a cycle does beside solving: building, verifying, on a machine that others use too."""
+DAY_S: Final = 30.0
+"""The budget's day here, so that it passes many times over."""
+
+SETTINGS: Final = DispatcherSettings(
+    solvers=("exact", "lc-qaoa"),
+    deadline_s=DEADLINE_S,
+    interval_s=2 * DEADLINE_S,
+    lc_qaoa=LcQaoaSettings(variant="ramp", shots=128),
+    hardware=HardwareSettings(
+        backend="ibm:faulty",
+        shots=256,
+        budget_s_per_day=60.0,
+        most_pending=3,
+        wait_s=DEADLINE_S,
+        poll_s=0.05,
+        most_poll_s=0.5,
+        call_limit_s=0.5,
+        give_up_after_s=5.0,
+        lost_after_s=1.0,
+        faults=3,
+        rest_s=0.5,
+        most_rest_s=3.0,
+    ),
+)
+
+
+@dataclass
+class Run:
+    """What came of it.
+
+    Attributes:
+        cycles: that were run.
+        restarts: of desk and database in between.
+        answered: cycles by where the circuit's answer came from.
+        fallbacks: reasons, their figures left out, by how often.
+        walls_s: time of each cycle from the call to the verified plan.
+        events: what the service did, by how often.
+        jobs: of the ledger at the end, by state.
+        answers: what became of the answers.
+        charged_s: device time that the service charged in all.
+        most_in_a_day_s: the most of it in any window of the budget's length.
+        budget_s: what was allowed.
+        leaks: threads, processes, descriptors at the end less those at the beginning.
+        broken: promises that were not kept; empty if all is well.
+    """
+
+    cycles: int = 0
+    restarts: int = 0
+    answered: Counter[str] = field(default_factory=Counter)
+    fallbacks: Counter[str] = field(default_factory=Counter)
+    walls_s: list[float] = field(default_factory=list)
+    events: dict[str, int] = field(default_factory=dict)
+    jobs: dict[str, int] = field(default_factory=dict)
+    answers: dict[str, int] = field(default_factory=dict)
+    charged_s: float = 0.0
+    most_in_a_day_s: float = 0.0
+    budget_s: float = SETTINGS.hardware.budget_s_per_day
+    leaks: dict[str, int] = field(default_factory=dict)
+    broken: list[str] = field(default_factory=list)
+
+    def report(self) -> dict[str, Any]:
+        """All of it for JSON, times as percentiles."""
+        figures = dict(vars(self))
+        del figures["walls_s"]
+        walls = sorted(self.walls_s)
+        if walls:
+            figures["wall_s"] = {
+                "median": round(statistics.median(walls), 3),
+                "p99": round(walls[int(0.99 * (len(walls) - 1))], 3),
+                "max": round(walls[-1], 3),
+                "limit": DEADLINE_S + GRACE_S + OVERHEAD_S,
+            }
+        return figures
+
+
+class Stage:
+    """Everything around the cycles; desk and database can be torn down and opened again."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        self.url = f"sqlite:///{folder}/cycles.db"
+        self.books = Books(folder / "service.db", seed, EVERYTHING, (0.0, 0.5))
+        self.pool = SolverPool(configured_solvers(SETTINGS))
+        self.pool.warm_up()
+        network = load_network("demo")
+        self.problem = RoutingProblem(network, load_fleet("demo", network))
+        self._stack = ExitStack()
+        self.open()
+
+    def open(self) -> None:
+        """Database and desk."""
+        self.database = self._stack.enter_context(open_database(self.url))
+        maker = AnsatzMaker(LcQaoaSolver(SETTINGS.lc_qaoa))
+        self.clerk = Clerk(
+            SETTINGS.hardware,
+            "hardware",
+            Opening(str(self.books.path)),
+            maker,
+            self.database,
+            day_s=DAY_S,
+        )
+        self.desk = self._stack.enter_context(Desk(self.pool, self.clerk, SETTINGS.hardware.wait_s))
+
+    def tear_down(self) -> None:
+        """As a crash would: nothing is finished, nothing is told."""
+        self._stack.close()
+
+    def close(self) -> None:
+        """All of it."""
+        self.tear_down()
+        self.pool.close()
+
+
+def run(
+    cycles: int,
+    seed: int,
+    folder: Path,
+    *,
+    restart_every: int = 40,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Run:
+    """Run the cycles and judge them."""
+    result = Run()
+    rng = random.Random(seed)
+    before = _resources()
+    stage = Stage(folder, seed)
+    try:
+        for number in range(1, cycles + 1):
+            _cycle(stage, number, rng, result)
+            if rng.random() * restart_every < 1:
+                stage.tear_down()
+                stage.open()
+                result.restarts += 1
+            if number % 50 == 0:
+                tell(f"{number} cycles, {dict(result.answered)}, broken: {result.broken[-3:]}")
+        _settle(stage, result)
+    finally:
+        stage.close()
+    _judge(stage, result)
+    after = _resources()
+    result.leaks = {name: after[name] - before[name] for name in before}
+    # The first database and the first pool leave some open for good: libraries, not cycles.
+    for name, most in (("threads", 1), ("processes", 1), ("descriptors", 6)):
+        if result.leaks[name] > most:
+            result.broken.append(f"{result.leaks[name]} {name} more than before")
+    return result
+
+
+def _cycle(stage: Stage, number: int, rng: random.Random, result: Run) -> None:
+    snapshot = _traffic(stage.problem, rng)
+    stage.desk.begin_cycle(number)
+    began = time.monotonic()
+    done = run_cycle(
+        stage.problem, snapshot, SETTINGS, stage.desk, snapshot.now_ns, number, seed=number
+    )
+    wall_s = time.monotonic() - began
+    result.cycles += 1
+    result.walls_s.append(wall_s)
+    if wall_s > DEADLINE_S + GRACE_S + OVERHEAD_S:
+        result.broken.append(f"cycle {number} took {wall_s:.2f} s")
+    if not done.plans:
+        result.broken.append(f"cycle {number} made no plan: {done.report.reason}")
+    faults = verify_plans(
+        done.plans,
+        stage.problem.network,
+        stage.problem.fleet,
+        {name for name, traffic in snapshot.segments.items() if traffic.open},
+        SETTINGS.sync_window_s,
+        unserved={},
+        reference_s=SETTINGS.deadline_s,
+    )
+    result.broken += [f"cycle {number}: {fault}" for fault in faults]
+    stage.database.record_cycle(done.report, done.plans, snapshot.states)
+    (chain,) = (run for run in done.report.solvers if run.solver == "lc-qaoa")
+    result.answered[chain.backend_kind or f"none: {chain.status}"] += 1
+    if chain.backend_kind != "hardware":
+        why = chain.fallback or chain.reason or ""
+        if not why:
+            result.broken.append(f"cycle {number} does not say why the device has not answered")
+        result.fallbacks[_kind_of(why)] += 1
+
+
+def _traffic(problem: RoutingProblem, rng: random.Random) -> TrafficSnapshot:
+    """Gates open and close, speeds go up and down: now and then other arcs are candidates."""
+    seen = {}
+    for name in ("avenue_east", "avenue_west"):
+        limit = problem.network.segments[name].speed_limit_mps
+        calm = rng.random() < 0.7
+        speed = limit * (rng.choice((0.9, 1.0)) if calm else rng.choice((0.3, 0.5)))
+        seen[name] = SegmentTraffic(name, speed, y_e=int(calm), open=calm, reason=None, age_s=1.0)
+    segments = {
+        s: SegmentTraffic(s, r.speed_limit_mps) for s, r in problem.network.segments.items()
+    }
+    return TrafficSnapshot(time.time_ns(), segments | seen, ())
+
+
+def _settle(stage: Stage, result: Run) -> None:
+    """Without new faults all jobs must come to an end by themselves."""
+    stage.books.expect({})
+    limits = SETTINGS.hardware
+    until = time.monotonic() + limits.give_up_after_s + limits.lost_after_s + 20.0
+    while stage.desk.health().pending and time.monotonic() < until:
+        time.sleep(0.1)
+    if stage.desk.health().pending:
+        result.broken.append(f"{stage.desk.health().pending} jobs never came to an end")
+
+
+def _judge(stage: Stage, result: Run) -> None:
+    """The ledger against the service's own books, and against the cycles."""
+    now = time.time()
+    with open_reader(stage.url) as reader:
+        ledger = {job.tag: job for job in reader.jobs(limit=10**6)}
+        reports = reader.cycles(limit=10**6)
+    taken = {job["tag"]: job for job in stage.books.jobs()}
+    result.events = dict(stage.books.happened())
+    result.jobs = dict(Counter(job.state for job in ledger.values()))
+    result.answers = dict(Counter(job.answer or "none" for job in ledger.values()))
+    charges = stage.books.charges(now)
+    result.charged_s = sum(usage for _, usage in charges)
+    result.most_in_a_day_s = stage.books.most_in_a_day(now, DAY_S)
+    if result.most_in_a_day_s > result.budget_s:
+        result.broken.append(f"{result.most_in_a_day_s:.1f} s charged in one window of the budget")
+    if len(taken) < len(stage.books.jobs()):
+        result.broken.append("a job was submitted twice")
+    for tag, theirs in taken.items():
+        result.broken += _differences(ledger.get(tag), theirs, now)
+    used = Counter(job.answer_cycle for job in ledger.values() if job.answer == "used")
+    shown = Counter(
+        report.cycle
+        for report in reports
+        for run in report.solvers
+        if run.backend_kind == "hardware"
+    )
+    # A desk torn down between an answer and its entry leaves the entry out; never the answer.
+    if used - shown or len(shown - used) > result.restarts:
+        result.broken.append(f"used: {used - shown} unseen, {shown - used} not entered")
+
+
+def _differences(ours: QuantumJob | None, theirs: dict[str, Any], now: float) -> list[str]:
+    """What the ledger says of a job that the service knows otherwise."""
+    if ours is None:
+        return [f"{theirs['tag']} is in no ledger"]
+    wrong = []
+    if ours.job_id not in (None, theirs["id"]):
+        wrong.append(f"{ours.tag} has the id of another job")
+    if ours.open:
+        wrong.append(f"{ours.tag} is open at the end")
+    gone = theirs["cancelled"] or theirs["fate"] == "never" or theirs["ready"] > now
+    charged = 0.0 if gone else theirs["usage"]
+    counted = ours.estimate_s if ours.usage_s is None else ours.usage_s
+    if counted < charged - 1e-9:
+        wrong.append(f"{ours.tag} counts {counted:.2f} s, {charged:.2f} s were charged")
+    if ours.answer == "used" and theirs["fate"] not in ("ok", "late", "usage unknown"):
+        wrong.append(f"the answer of {ours.tag} was used though it was: {theirs['fate']}")
+    return wrong
+
+
+def _kind_of(why: str) -> str:
+    """A reason without its figures and names."""
+    words = ("#" if any(c.isdigit() for c in word) else word for word in why.split())
+    return " ".join(words)[:90]
+
+
+def _resources() -> dict[str, int]:
+    process = psutil.Process()
+    return {
+        "threads": threading.active_count(),
+        "processes": len(process.children(recursive=True)),
+        "descriptors": process.num_fds(),
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it and print the figures as JSON."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.quantum.guest", description=__doc__)
+    parser.add_argument("--cycles", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", type=Path, help="kept afterwards (default: a temporary one)")
+    options = parser.parse_args(arguments)
+    logging.disable(logging.CRITICAL)
+    with ExitStack() as stack:
+        folder = options.folder
+        if folder is None:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        folder.mkdir(parents=True, exist_ok=True)
+        began = time.monotonic()
+        result = run(
+            options.cycles,
+            options.seed,
+            folder,
+            tell=lambda line: print(line, file=sys.stderr, flush=True),
+        )
+        report = result.report() | {"took_s": round(time.monotonic() - began, 1)}
+    print(json.dumps(report, indent=1))
+    return 1 if result.broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
