@@ -107,7 +107,9 @@ def train_schedule(
 
     try:
         # A step of 0.1 rad: a tenth of the ramp's height moves the energy, and does not leave it.
-        options = {"maxiter": evaluations, "rhobeg": 0.1}
+        # COBYLA warns about less than a simplex and a point; `evaluations` ends it all the same.
+        most = max(evaluations, 2 * len(start) + 2)
+        options = {"maxiter": most, "rhobeg": 0.1}
         minimize(value, np.array(start, dtype=float).ravel(), method="COBYLA", options=options)
     except _Enough:
         pass
