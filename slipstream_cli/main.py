@@ -25,6 +25,7 @@ COMMANDS: Final = (
     "model",
     "robustness",
     "solve",
+    "bench",
     "verify",
     "resources",
     "db",

@@ -1,0 +1,137 @@
+"""Which rows the tables have, and how each is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from pydantic import Field
+
+from dispatcher_daemon.quantum_bench import paper
+from dispatcher_daemon.quantum_bench.case import Case
+from dispatcher_daemon.quantum_bench.paper import PaperRow
+from dispatcher_daemon.quantum_bench.store import Record
+from dispatcher_daemon.quantum_bench.summary import Mark
+from dispatcher_daemon.settings import DispatcherSettings, LcQaoaSettings, LcQaoaVariant
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.registry import make_solver
+from slipstream.config import Settings
+
+VARIANT_TITLES: Final[dict[LcQaoaVariant, str]] = {
+    "trained": "the paper's method",
+    "multi-angle": "multi-angle",
+    "product": "multi-angle without entangling gates",
+}
+
+
+class BenchSettings(Settings):
+    """How much is measured, and where circuits run."""
+
+    instances: int = Field(default=20, ge=1, le=20, description="The first so many of the set.")
+    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    seed: int = Field(default=1, ge=0, lt=2**32)
+    iterations: int = Field(default=100, ge=1, le=100_000, description="Of training.")
+    layers: tuple[Annotated[int, Field(ge=1, le=10)], ...] = Field(
+        default=(1, 2, 3, 4, 5), min_length=1, description="Of the sweep."
+    )
+    noise: str = Field(default="aer:FakeBoston", description="Back end with a noise model.")
+    device: str | None = Field(default=None, description="An IBM device, for its rows.")
+    deadline_s: float = Field(default=600.0, gt=0, description="For one solve.")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row, in one or more tables.
+
+    Attributes:
+        key: stable name; a row that two tables have is measured once.
+        title: for people.
+        mark: how its figures come about.
+        paper: the paper's figures.
+        measure: solves one instance; None where it cannot be had.
+        reason: why not.
+    """
+
+    key: str
+    title: str
+    mark: Mark
+    paper: PaperRow | None
+    measure: Callable[[Case], Record] | None
+    reason: str | None = None
+
+
+def hardware_rows(settings: BenchSettings) -> list[Row]:
+    """Rows of the paper's table of hardware benchmarks, and our variants beside them."""
+    rows = [
+        Row("exact", "exact (HiGHS)", "classical", paper.EXACT, _exact(settings)),
+        _iskay(settings),
+    ]
+    for variant in VARIANT_TITLES:
+        rows += [lc_qaoa(settings, variant, p, settings.noise) for p in (1, 2)]
+    return rows
+
+
+def sweep_rows(settings: BenchSettings) -> list[Row]:
+    """Rows of the paper's p-sweep."""
+    return [
+        lc_qaoa(settings, variant, p, settings.noise)
+        for variant in ("trained", "multi-angle")
+        for p in settings.layers
+    ]
+
+
+def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: str) -> Row:
+    """A row of LC-QAOA."""
+    options = LcQaoaSettings(
+        variant=variant,
+        layers=p,
+        shots=settings.shots,
+        iterations=settings.iterations,
+        backend=backend,
+    )
+    solver = make_solver("lc-qaoa", DispatcherSettings(lc_qaoa=options))
+
+    def measure(case: Case) -> Record:
+        return case.measure(solver, settings.deadline_s, settings.seed)
+
+    return Row(
+        key=f"lc-qaoa/{variant}/p{p}/{backend}",
+        title=f"LC-QAOA, {VARIANT_TITLES.get(variant, variant)}, p = {p}",
+        mark=mark_of(backend),
+        paper=paper.LC_QAOA_DEVICE.get(p) if variant == "trained" else None,
+        measure=measure,
+    )
+
+
+def mark_of(backend: str) -> Mark:
+    """How a back end's figures come about."""
+    if backend.startswith("ibm:"):
+        return "hardware"
+    return "simulated" if backend == "aer" else "noise-model"
+
+
+def _exact(settings: BenchSettings) -> Callable[[Case], Record]:
+    return lambda case: case.measure(ExactSolver(), settings.deadline_s, settings.seed)
+
+
+def _iskay(settings: BenchSettings) -> Row:
+    solver: Any = None
+    reason: str | None = "not run: it needs a device (--device), an account and the extra iskay"
+    if settings.device is not None:
+        from dispatcher_daemon.quantum.account import read_account
+        from dispatcher_daemon.solvers.iskay import IskaySolver
+
+        solver, reason = IskaySolver(read_account(), settings.device), None
+
+    def measure(case: Case) -> Record:
+        return case.measure(solver, settings.deadline_s, settings.seed)
+
+    return Row(
+        "iskay",
+        "Kipu Iskay",
+        "hardware",
+        paper.ISKAY,
+        None if solver is None else measure,
+        reason,
+    )

@@ -1,0 +1,95 @@
+"""Measuring all rows on all instances, and the tables that come of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+from dispatcher_daemon.quantum_bench.case import named_cases, open_case
+from dispatcher_daemon.quantum_bench.report import Table
+from dispatcher_daemon.quantum_bench.rows import BenchSettings, Row, hardware_rows, sweep_rows
+from dispatcher_daemon.quantum_bench.store import Record, Store
+from dispatcher_daemon.quantum_bench.summary import Line, summarise
+
+HARDWARE: Final = "hardware"
+SWEEP: Final = "sweep"
+
+NOTES: Final = (
+    "means over the instances ± standard deviation between them; wall is all of a solve: training, "
+    "transpilation, sampling, post-processing, on this machine",
+    "P_feas and P_opt are shares of all shots; descended and repaired are P_feas / P_opt after "
+    "post-processing, which the paper's figures do not have; its one instance is not published",
+    "optimum: instances of which some shot (raw), or the answer after all stages, is the proven "
+    "optimum",
+    "controls: the control's share, what the circuit adds to it, ± standard error by the shots, "
+    "± by the instances; marginals: the trained circuit's own one-qubit probabilities, sampled "
+    "without it",
+)
+
+_VERSION: Final = 1
+"""Of what is stored; a higher one measures anew."""
+
+
+def run(
+    settings: BenchSettings,
+    tables: Sequence[str],
+    out: Path | None,
+    progress: Callable[[int, int, str], None],
+) -> list[Table]:
+    """The tables asked for (`HARDWARE`, `SWEEP`), with what is stored taken over.
+
+    Args:
+        out: folder for the results as they come; None: none is written.
+        progress: told how many results there are, of how many, and what comes next.
+
+    Raises:
+        InputError: credentials are missing, or the folder is not writable.
+    """
+    rows_of: dict[str, list[Row]] = {}
+    if HARDWARE in tables:
+        rows_of[HARDWARE] = hardware_rows(settings)
+    if SWEEP in tables:
+        rows_of[SWEEP] = sweep_rows(settings)
+    stamp = settings.model_dump(mode="json", include={"shots", "seed", "iterations"})
+    path = None if out is None else out / "results.jsonl"
+    store = Store(path, {"version": _VERSION, **stamp})
+    rows = {row.key: row for of_table in rows_of.values() for row in of_table}
+    measured = _measure(list(rows.values()), named_cases(settings.instances), store, progress)
+    titles = {
+        HARDWARE: f"The paper's hardware table, {settings.instances} instances of 25 variables",
+        SWEEP: f"LC-QAOA by depth, {settings.instances} instances of 25 variables",
+    }
+    return [
+        Table(name, titles[name], tuple(_line(row, measured[row.key]) for row in of_table))
+        for name, of_table in rows_of.items()
+    ]
+
+
+def _measure(
+    rows: Sequence[Row],
+    names: Sequence[str],
+    store: Store,
+    progress: Callable[[int, int, str], None],
+) -> dict[str, list[Record]]:
+    wanted = [row for row in rows if row.measure is not None]
+    done, total = 0, len(wanted) * len(names)
+    found: dict[str, list[Record]] = {row.key: [] for row in rows}
+    for name in names:
+        case = None
+        for row in wanted:
+            record = store.get(row.key, name)
+            if record is None and row.measure is not None:
+                progress(done, total, f"{name}: {row.title}")
+                case = case or open_case(name)
+                record = store.put(row.key, name, row.measure(case))
+            done += 1
+            found[row.key].append(record or {})
+    progress(done, total, "")
+    return found
+
+
+def _line(row: Row, records: Sequence[Record]) -> Line:
+    if not records:
+        return Line(row.key, row.title, row.mark, row.paper, {}, None, None, None, (), row.reason)
+    return summarise(row.key, row.title, row.mark, row.paper, records)

@@ -1,0 +1,72 @@
+"""`slipstream bench quantum` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dispatcher_daemon.quantum_bench import run as bench_run
+from slipstream_cli.main import main
+
+Capture = pytest.CaptureFixture[str]
+
+TINY = (
+    *("--only", "sweep", "--layers", "1", "--instances", "1", "--noise", "aer"),
+    *("--shots", "64", "--iterations", "2"),
+)
+
+
+def bench(capsys: Capture, out: Path, *arguments: str) -> dict[str, Any]:
+    """The JSON of a tiny run."""
+    assert main(["bench", "quantum", *TINY, "--out", str(out), "--json", *arguments]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""  # a pipe sees no progress
+    document: dict[str, Any] = json.loads(captured.out)
+    return document
+
+
+def test_a_tiny_sweep_is_measured_stored_and_not_measured_again(
+    capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows beside the paper's figures, marked; a second run takes all from the store."""
+    document = bench(capsys, tmp_path)
+    rows = document["tables"]["sweep"]
+    literal = next(row for row in rows if "paper's method" in row["title"])
+    assert literal["mark"] == "simulated"
+    assert literal["paper"]["p_feasible"] == 0.125
+    for row in rows:
+        assert 0 <= row["figures"]["p_optimal"]["mean"] <= row["figures"]["p_feasible"]["mean"] <= 1
+        assert {"uniform bits", "marginals"} <= {added["control"] for added in row["added"]}
+    assert (tmp_path / "report.md").read_text().startswith("### ")
+    assert json.loads((tmp_path / "report.json").read_text()) == document
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} is measured again")
+
+    monkeypatch.setattr(bench_run, "open_case", refuse)
+    assert bench(capsys, tmp_path) == document
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--instances", "21"), "instances"),
+        (("--shots", "0"), "shots"),
+        (("--layers", "0"), "layers"),
+        (("--layers", "99"), "layers"),
+        (("--seed", "-1"), "seed"),
+    ],
+)
+def test_bad_input_is_one_line(
+    capsys: Capture, tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    """A user's mistake is one line on standard error and exit status 2."""
+    assert main(["bench", "quantum", "--out", str(tmp_path), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("slipstream: ")
+    assert captured.err.count("\n") == 1
+    assert said in captured.err
