@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dispatcher_daemon.quantum.backends.base import Backend, Sampled
+from dispatcher_daemon.quantum.jobs import JobService
 from slipstream.errors import InputError
 
-__all__ = ["Backend", "Sampled", "open_backend"]
+__all__ = ["Backend", "Sampled", "open_backend", "open_service"]
 
 
 def open_backend(text: str) -> Backend:
@@ -38,4 +39,31 @@ def open_backend(text: str) -> Backend:
         "backend",
         f"there is no backend {text!r}",
         "use aer, aer:FakeBoston, ibm:NAME or ibm:least-busy",
+    )
+
+
+def open_service(text: str) -> JobService:
+    """The job service of that name.
+
+    Args:
+        text: "ibm:NAME", "ibm:least-busy", or "fake:FakeBoston" or another fake device: its noise
+            model behind the same calls.
+
+    Raises:
+        InputError: there is no such service, or no credentials for it.
+        ServiceFault: IBM Quantum does not do what it is asked.
+    """
+    service, _, name = text.partition(":")
+    if service == "fake" and name:
+        from dispatcher_daemon.quantum.backends.local import LocalService
+
+        return LocalService(name)
+    if service == "ibm" and name:
+        from dispatcher_daemon.quantum.backends.ibm import open_ibm
+
+        return open_ibm(name)
+    raise InputError(
+        "backend",
+        f"there is no job service {text!r}",
+        "use ibm:NAME, ibm:least-busy or fake:FakeBoston",
     )

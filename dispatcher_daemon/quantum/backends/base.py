@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -9,6 +10,18 @@ from typing import Any, Protocol
 from dispatcher_daemon.quantum.physical_chain import Placement, place_chain
 from dispatcher_daemon.quantum.targets import transpile_dense, transpile_on
 from dispatcher_daemon.solvers.base import BackendKind
+
+
+OVERHEAD_S = 5.0
+"""Assumed upper bound of what a job is charged beside its shots, s."""
+SHOT_S = 5e-4
+"""Assumed upper bound of what a shot takes, s: 250 µs between shots by default, a circuit of some
+10 µs and its readout, twice for good measure."""
+
+
+def device_s(shots: int) -> float:
+    """Device time that a job will be charged at most, s; also set as its limit on a device."""
+    return float(math.ceil(OVERHEAD_S + SHOT_S * shots))
 
 
 @dataclass(frozen=True)
