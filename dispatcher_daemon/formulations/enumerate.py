@@ -28,20 +28,36 @@ def all_energies(
     Raises:
         ValueError: more than `MAX_VARIABLES` variables.
     """
-    n = len(order)
-    if n > MAX_VARIABLES:
-        raise ValueError(f"{n} variables are too many to enumerate, the most is {MAX_VARIABLES}")
-    low = min(n, block_bits)
     index = {name: i for i, name in enumerate(order)}
     h = np.array([float(bqm.get_linear(name)) for name in order])
-    coupling = np.zeros((n, n))
+    coupling = np.zeros((len(order), len(order)))
     for (u, v), value in bqm.quadratic.items():
         coupling[index[u], index[v]] = coupling[index[v], index[u]] = value
+    return energies_of(h, coupling, float(bqm.offset), block_bits)
+
+
+def energies_of(
+    h: npt.NDArray[np.float64],
+    coupling: npt.NDArray[np.float64],
+    offset: float,
+    block_bits: int = BLOCK_BITS,
+) -> Iterator[npt.NDArray[np.float64]]:
+    """The same of a QUBO as arrays: biases (n,), symmetric couplings (n, n) without a diagonal."""
+    n = len(h)
+    if n > MAX_VARIABLES:
+        raise ValueError(f"{n} variables are too many to enumerate, the most is {MAX_VARIABLES}")
+    return _blocks(h, coupling, offset, min(n, block_bits))
+
+
+def _blocks(
+    h: npt.NDArray[np.float64], coupling: npt.NDArray[np.float64], offset: float, low: int
+) -> Iterator[npt.NDArray[np.float64]]:
+    n = len(h)
     fields = [_sums(coupling[i, :i]) for i in range(low)]
     energies = np.empty(1 << low)
     for high in range(1 << (n - low)):
         on = low + np.flatnonzero([(high >> bit) & 1 for bit in range(n - low)])
-        energies[0] = bqm.offset + h[on].sum() + coupling[np.ix_(on, on)].sum() / 2
+        energies[0] = offset + h[on].sum() + coupling[np.ix_(on, on)].sum() / 2
         linear = h[:low] + coupling[:low, on].sum(axis=1)
         for i in range(low):
             size = 1 << i
