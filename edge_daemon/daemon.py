@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import math
 import time
@@ -15,6 +16,8 @@ from edge_daemon import metrics
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
+from edge_daemon.heap import GIVE_BACK_EVERY_S, give_back_freed
+from edge_daemon.pauses import Pauses
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
 from edge_daemon.settings import EdgeSettings
@@ -108,27 +111,44 @@ class EdgeDaemon:
         self._fault: CameraFault | None = None
         self._fault_began_s = 0.0
         self._limiter = LogLimiter()
+        self._pauses = Pauses()
+        self._skipped = 0
+        self._given_back_s = time.monotonic()
 
     def run(self) -> None:
         """Process frames until the service stops or the source ends."""
         self._service.ready()
         for reason in CAMERA_FAULTS:
             metrics.FAULT.labels(reason).set(0)
+        # What has been loaded stays: looking it through again and again would take 20 ms each time.
+        gc.collect()
+        gc.freeze()
         due_s = preview_due_s = -math.inf
-        with closing(detect_stream(self._source.frames(), self._detector)) as results:
+        pauses = self._pauses
+        with (
+            pauses.of_garbage_collector(),
+            closing(detect_stream(self._source.frames(), self._detector)) as results,
+        ):
+            done_s = time.monotonic()
             for frame, found in results:
+                if frame is not None:
+                    pauses.note("waiting for a picture and its vehicles", time.monotonic() - done_s)
                 if self._service.stopping.is_set():
                     break
-                self._judge(frame)
-                if frame is not None and found is not None:
-                    self._take(frame, found)
+                with pauses.of("watching and tracking"):
+                    self._judge(frame)
+                    if frame is not None and found is not None:
+                        self._take(frame, found)
                 now = self._now_s(frame)
                 if now >= due_s:
-                    self._tell("ok" if frame is not None else "no_signal")
+                    with pauses.of("states"):
+                        self._tell("ok" if frame is not None else "no_signal")
                     due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
                 if frame is not None and now >= preview_due_s:
-                    self._show(frame)
+                    with pauses.of("preview"):
+                        self._show(frame)
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
+                done_s = time.monotonic()
         self._tell("ended")
 
     def _now_s(self, frame: Frame | None) -> float:
@@ -191,13 +211,24 @@ class EdgeDaemon:
             log.warning("no picture %s", f"for {idle_s:.0f} s" if last else "yet")
         health = self._health(status)
         self._health_publisher.put(health)
+        self._account_for_skipped(health.frames_skipped)
         metrics.SKIPPED.set(health.frames_skipped)
         metrics.DECODE_ERRORS.set(health.decode_errors)
         metrics.RECONNECTS.set(health.reconnects)
         # Trying to reach an absent camera is progress too: a restart would not bring it back.
         stall_s = self._settings.source.stall_s
+        if now - self._given_back_s >= GIVE_BACK_EVERY_S:
+            give_back_freed()
+            self._given_back_s = now
         if status == "ok" or now - self._source.counters.tried_s < 2 * stall_s + _PATIENCE_S:
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
+
+    def _account_for_skipped(self, skipped: int) -> None:
+        """Say what took long, if frames were skipped since the last states."""
+        longest = self._pauses.told()
+        if skipped > self._skipped and self._limiter.allow("skipped"):
+            log.warning("%d frames skipped; longest: %s", skipped - self._skipped, longest)
+        self._skipped = skipped
 
     def _health(self, status: str) -> RsuHealth:
         latencies = [1e3 * latency for _, latency in self._recent]

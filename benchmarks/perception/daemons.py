@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import subprocess
 import sys
@@ -113,10 +114,21 @@ def run_daemons(
                     daemon.sample(now_s)
             on_progress(now_s - up_s)
             time.sleep(max(0.0, 1.0 - (clock() - now_s)))
+    for rsu, daemon in daemons.items():
+        _write_series(folder / f"{rsu}-memory.csv", daemon)
     return [
         _judged(rsu, daemon, observer.rsus[rsu], up_s + warm_up_s)
         for rsu, daemon in daemons.items()
     ]
+
+
+def _write_series(path: Path, daemon: _Daemon) -> None:
+    """Resident memory second by second, so that the verdict can be checked."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time_s", "rss_mb"])
+        for row in zip(daemon.times_s, daemon.rss_mb, strict=True):
+            writer.writerow([f"{value:.3f}" for value in row])
 
 
 @contextmanager
