@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 
-SolverName = Literal["exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa"]
+SolverName = Literal["exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa", "qaoa"]
 
 
 GUEST_SOLVER: Final[SolverName] = "lc-qaoa"
@@ -58,6 +58,41 @@ class LcQaoaSettings(Settings):
         default="heavy", description="Of the chain: along heavy couplings, or drawn."
     )
     backend: str = Field(default="aer", min_length=1, description="Where circuits are sampled.")
+
+
+class QaoaSettings(Settings):
+    """QAOA with all couplings, on an exactly simulated state."""
+
+    variant: Literal["x", "xy"] = Field(
+        default="x",
+        description="Mixer: x on all 2^n states; xy keeps one option of each vehicle (route form "
+        "only).",
+    )
+    layers: int = Field(default=2, ge=1, le=20, description="Depth p.")
+    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    angles: Literal["transferred", "trained", "ramp"] = Field(
+        default="transferred",
+        description="transferred: the linear ramp below as it is; trained: all 2p angles from "
+        "there, by COBYLA; ramp: only the ramp's two heights.",
+    )
+    delta_beta: float = Field(
+        default=0.4, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
+    )
+    delta_gamma: float = Field(
+        default=0.8, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
+    )
+    iterations: int = Field(
+        default=100, ge=1, le=100_000, description="Of training, each one state, at most."
+    )
+    alpha: float = Field(
+        default=1.0,
+        gt=0,
+        le=1,
+        description="Training lowers the mean energy of so much of the probability (CVaR).",
+    )
+    pairs: Literal["ring", "chain"] = Field(
+        default="ring", description="Pairs of options that the xy mixer acts on."
+    )
 
 
 class HardwareSettings(Settings):
@@ -249,6 +284,7 @@ class DispatcherSettings(Settings):
         description="Penalty weight of the QUBO, kWh; None: computed per instance.",
     )
     lc_qaoa: LcQaoaSettings = LcQaoaSettings()
+    qaoa: QaoaSettings = QaoaSettings()
     hardware: HardwareSettings = HardwareSettings()
     seed: int = Field(default=1, ge=0, lt=2**32)
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dispatcher_daemon.solvers.base import Solver
     from dispatcher_daemon.trial import Trial
 
-QUANTUM_SOLVERS: Final = ("lc-qaoa", "iskay")
+QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
 _MOST_LAYERS: Final = 10
 _MOST_SHOTS: Final = 1_000_000
 _MOST_ITERATIONS: Final = 100_000

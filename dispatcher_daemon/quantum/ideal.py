@@ -1,4 +1,4 @@
-"""What an exactly simulated QAOA state holds of valid and of optimal answers: no shots, no noise."""
+"""What an exactly simulated QAOA state holds of valid and of optimal answers: no shots."""
 
 from __future__ import annotations
 

@@ -26,6 +26,11 @@ def mixer_pairs(size: int, shape: Shape) -> list[tuple[int, int]]:
     return [*pairs, (size - 1, 0)] if shape == "ring" and size > 2 else pairs
 
 
+def one_hot_states(groups: Sequence[Sequence[int]]) -> int:
+    """Number of states with one qubit of each group in |1⟩."""
+    return math.prod(len(group) for group in groups)
+
+
 class OneHotState(ExactState):
     """State of the product of one-hot groups; states are numbered as by `one_hot_bits`.
 
@@ -51,7 +56,7 @@ class OneHotState(ExactState):
         self._groups = [list(group) for group in groups]
         # The first group counts ones, so that its axis is the last one.
         self._sizes = [len(group) for group in reversed(self._groups)]
-        if math.prod(self._sizes) != len(diagonal):
+        if one_hot_states(self._groups) != len(diagonal):
             raise ValueError("groups and diagonal of different sizes")
         self._shape: Shape = shape
         self._start = np.zeros(self._sizes, dtype=np.complex128)

@@ -12,6 +12,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
 from dispatcher_daemon.solvers.insertion import InsertionSolver
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers.qaoa import QaoaSolver
 
 BASELINE_SOLVER: SolverName = "exact"
 """Solves the baseline, whether it is among the solvers asked for the cooperative plan or not."""
@@ -33,6 +34,7 @@ def make_solver(
         "annealing": lambda: AnnealingSolver(gamma=gamma, encoding=encoding),
         "insertion": InsertionSolver,
         "lc-qaoa": lambda: LcQaoaSolver(settings.lc_qaoa, gamma=gamma, encoding=encoding),
+        "qaoa": lambda: QaoaSolver(settings.qaoa, gamma=gamma, encoding=encoding),
     }
     return makers[name]()
 

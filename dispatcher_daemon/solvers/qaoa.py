@@ -1,0 +1,164 @@
+"""QAOA simulated exactly: all couplings, no noise, angles trained on the state itself.
+
+A circuit of this kind fits no device's connections, so none is built here: depth and gates of the
+dense circuit on a target come from `quantum.targets`, and `Execution` leaves them out.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import psutil
+
+from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
+from dispatcher_daemon.problem import Problem, RouteProblem
+from dispatcher_daemon.quantum.ansatz import linear_ramp
+from dispatcher_daemon.quantum.diagonal import (
+    MOST_ONE_HOT_STATES,
+    MOST_QUBITS,
+    cost_diagonal,
+    one_hot_diagonal,
+)
+from dispatcher_daemon.quantum.exact_state import ExactState, Schedule
+from dispatcher_daemon.quantum.ising import to_ising
+from dispatcher_daemon.quantum.statevector import StateVector, memory_bytes
+from dispatcher_daemon.quantum.subspace import OneHotState, one_hot_states
+from dispatcher_daemon.quantum.training import Objective, train
+from dispatcher_daemon.settings import QaoaSettings
+from dispatcher_daemon.solvers.base import Execution, Outcome
+from dispatcher_daemon.solvers.sampling import answer
+
+_S_PER_STATE = {"diagonal": 1e-8, "layer": 2e-8, "samples": 1e-8}
+"""Two cores, generously. What takes longer than thought is caught by training's own clock."""
+_POST_PROCESSING_SHARE = 0.25
+_TRAINING_SHARE = 0.6
+
+
+class UnfitError(ValueError):
+    """A problem that cannot be simulated in the time, in the memory, or at all."""
+
+
+@dataclass(frozen=True)
+class QaoaSolver:
+    """QAOA on an exact state: X mixer on all 2^n states, or XY mixer on one-hot ones.
+
+    Up to 27 qubits with the X mixer; with the XY mixer as many as there are route options, up to
+    2^20 choices of one for each vehicle. What will not fit is refused before anything is computed.
+
+    Attributes:
+        settings: see there.
+        gamma: penalty weight of the QUBO, kWh; None: computed.
+        encoding: of the arc form's subtour terms.
+    """
+
+    settings: QaoaSettings = field(default_factory=QaoaSettings)
+    gamma: float | None = None
+    encoding: Encoding = "reduced"
+    name: str = "qaoa"
+
+    def warm_up(self) -> None:
+        """Import what it needs."""
+        import dwave.samplers  # noqa: F401
+        import scipy.optimize  # noqa: F401
+
+    def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
+        """See `Solver.solve`; training takes the best so far when its share of the time is up."""
+        began = time.perf_counter()
+        model = build_model(problem, self.gamma, encoding=self.encoding)
+        try:
+            self._check(model, deadline_s)
+        except UnfitError as error:
+            wall_s = time.perf_counter() - began
+            return Outcome(self.name, "failed", None, wall_s, reason=str(error))
+        ising = to_ising(model.total, model.variables).normalised()
+        state: ExactState
+        if self.settings.variant == "xy":
+            groups = _groups(model)
+            state = OneHotState(one_hot_diagonal(ising, groups), groups, self.settings.pairs)
+        else:
+            state = StateVector(cost_diagonal(ising))
+        self._train(state, began + _TRAINING_SHARE * deadline_s)
+        trained = time.perf_counter()
+        states, counts = state.sample(self.settings.shots, seed)
+        execution = Execution(
+            backend="statevector",
+            kind="simulated",
+            variant=self.settings.variant,
+            layers=self.settings.layers,
+            two_qubit_depth=None,
+            two_qubit_gates=None,
+            train_s=trained - began,
+            sample_s=time.perf_counter() - trained,
+        )
+        return answer(
+            self.name,
+            model,
+            state.bits(states),
+            counts,
+            seed,
+            began,
+            qubits=len(model.variables),
+            execution=execution,
+        )
+
+    def _train(self, state: ExactState, deadline: float) -> None:
+        options = self.settings
+        start: Schedule = linear_ramp(options.layers, options.delta_beta, options.delta_gamma)
+        if options.angles == "transferred":
+            state.evolve(start)
+            return
+        train(
+            state,
+            start,
+            Objective(options.alpha),
+            evaluations=options.iterations,
+            angles="ramp" if options.angles == "ramp" else "free",
+            deadline=deadline,
+        )
+
+    def _check(self, model: QuboModel, deadline_s: float) -> None:
+        """Refuse what will not fit.
+
+        Raises:
+            UnfitError: with the reason.
+        """
+        qubits = len(model.variables)
+        if not qubits:
+            raise UnfitError("the problem has nothing to choose")
+        if self.settings.variant == "xy":
+            count = one_hot_states(_groups(model))
+            if count == 0:
+                raise UnfitError("a vehicle has no option")
+            if count > MOST_ONE_HOT_STATES:
+                raise UnfitError(
+                    f"{count} combinations of options, the most is {MOST_ONE_HOT_STATES}"
+                )
+            return
+        if qubits > MOST_QUBITS:
+            raise UnfitError(f"{qubits} qubits, the most for a state vector is {MOST_QUBITS}")
+        needed, free = memory_bytes(qubits), psutil.virtual_memory().available
+        if needed > free:
+            raise UnfitError(
+                f"{qubits} qubits need {needed / 2**30:.1f} GiB, {free / 2**30:.1f} GiB are free"
+            )
+        cost = _S_PER_STATE
+        least_s = (cost["diagonal"] + self.settings.layers * cost["layer"] + cost["samples"]) * (
+            1 << qubits
+        )
+        if least_s > (1 - _POST_PROCESSING_SHARE) * deadline_s:
+            raise UnfitError(
+                f"{qubits} qubits at p = {self.settings.layers} take about {least_s:.1f} s "
+                f"untrained, too much of {deadline_s:g} s"
+            )
+
+
+def _groups(model: QuboModel) -> list[tuple[int, ...]]:
+    """Qubits of each vehicle's options.
+
+    Raises:
+        UnfitError: the problem is not in route form.
+    """
+    if not isinstance(model.problem, RouteProblem):
+        raise UnfitError("the XY mixer needs route options: the arc form has no one-hot groups")
+    return list(model.problem.options_of.values())
