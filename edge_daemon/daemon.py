@@ -120,7 +120,7 @@ class EdgeDaemon:
         self._service.ready()
         for reason in CAMERA_FAULTS:
             metrics.FAULT.labels(reason).set(0)
-        # What has been loaded stays: looking it through again and again would take 20 ms each time.
+        # What has been loaded stays: looking it through again and again takes 30 ms each time.
         gc.collect()
         gc.freeze()
         due_s = preview_due_s = -math.inf
