@@ -162,6 +162,7 @@ def _fragments(nodes: Nodes, edges: Edges, n: int) -> Paths:
 def _beam(graph: Any, n: int) -> tuple[int, ...] | None:
     """A light path of n nodes; of the paths over one set to one end only the lightest is kept."""
     weight = graph.nodes(data="weight")
+    front: list[tuple[float, tuple[int, ...], int]]
     front = [(weight[v], (v,), 1 << v) for v in sorted(graph)]
     for _ in range(n - 1):
         best: dict[tuple[int, int], tuple[float, tuple[int, ...], int]] = {}

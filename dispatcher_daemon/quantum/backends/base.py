@@ -11,7 +11,6 @@ from dispatcher_daemon.quantum.physical_chain import Placement, place_chain
 from dispatcher_daemon.quantum.targets import transpile_dense, transpile_on
 from dispatcher_daemon.solvers.base import BackendKind
 
-
 OVERHEAD_S = 5.0
 """Assumed upper bound of what a job is charged beside its shots, s."""
 SHOT_S = 5e-4

@@ -1,10 +1,11 @@
-"""A device of a fake provider behind the calls of a job service: the hardware path without hardware.
+"""A fake device behind the calls of a job service: the hardware path without hardware.
 
 What it answers is a simulation with the device's noise model and never called hardware.
 """
 
 from __future__ import annotations
 
+import secrets
 import threading
 from collections.abc import Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
@@ -65,7 +66,8 @@ class LocalService:
         """See `JobService.submit`."""
         with self._lock:
             seed = next(self._seeds)
-            job_id = f"local-{len(self._jobs) + 1}"
+            # Never an id that an earlier process gave to another job.
+            job_id = f"local-{secrets.token_hex(6)}"
             future = self._runner.submit(self._backend.sample, circuit, shots, seed)
             self._jobs[job_id] = _Job(tuple(tags), future, device_s(shots))
         return job_id

@@ -1,0 +1,111 @@
+"""Access to IBM Quantum: where the token comes from, and a client whose calls end."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from slipstream.errors import InputError
+
+TOKEN = "QISKIT_IBM_TOKEN"
+INSTANCE = "QISKIT_IBM_INSTANCE"
+ADDRESS = "SLIPSTREAM_IBM_URL"
+TOKEN_CREDENTIAL = "ibm-quantum-token"
+INSTANCE_CREDENTIAL = "ibm-quantum-instance"
+CONNECT_S = 5.0
+READ_S = 15.0
+
+
+@dataclass(frozen=True)
+class Access:
+    """What an account is reached with.
+
+    Attributes:
+        token: API key; not part of the representation.
+        instance: CRN or name of the service instance; "auto": the client chooses.
+        address: base URL of the REST interface, instead of IBM's own.
+    """
+
+    token: str = field(repr=False)
+    instance: str = "auto"
+    address: str | None = None
+
+
+def find_access(environment: Mapping[str, str] | None = None) -> Access:
+    """The token and instance from the environment, otherwise from systemd credentials.
+
+    Variables `QISKIT_IBM_TOKEN` and `QISKIT_IBM_INSTANCE`; files `ibm-quantum-token` and
+    `ibm-quantum-instance` in ``$CREDENTIALS_DIRECTORY``. `SLIPSTREAM_IBM_URL` replaces the address.
+
+    Raises:
+        InputError: there is no token.
+    """
+    known = os.environ if environment is None else environment
+    folder = known.get("CREDENTIALS_DIRECTORY")
+    token = known.get(TOKEN, "").strip() or _credential(folder, TOKEN_CREDENTIAL)
+    if not token:
+        raise InputError(
+            "IBM Quantum",
+            "there is no API key",
+            f"set {TOKEN}, or provide the systemd credential {TOKEN_CREDENTIAL}",
+        )
+    instance = known.get(INSTANCE, "").strip() or _credential(folder, INSTANCE_CREDENTIAL)
+    return Access(token, instance or "auto", known.get(ADDRESS) or None)
+
+
+def open_client(access: Access) -> Any:
+    """A `QiskitRuntimeService`; network calls are made.
+
+    It has been given its token, so that the client's own file of accounts is not read.
+    """
+    _bound_calls()
+    from qiskit_ibm_runtime import QiskitRuntimeService
+
+    address = access.address
+    return QiskitRuntimeService(
+        channel="ibm_quantum_platform",
+        token=access.token,
+        instance=access.instance,
+        url_resolver=None if address is None else lambda *_: address,
+    )
+
+
+def _credential(folder: str | None, name: str) -> str:
+    if not folder:
+        return ""
+    try:
+        return (Path(folder) / name).read_text(encoding="utf-8").strip()
+    except FileNotFoundError:
+        return ""
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            Path(folder) / name, f"cannot be read ({type(error).__name__})", "check the credential"
+        ) from None
+
+
+def _bound_calls() -> None:
+    """Give IBM's client a session whose calls end, each after one try.
+
+    Its own waits for ever for an answer, up to 15 minutes when it submits, and tries five times.
+    """
+    from qiskit_ibm_runtime.api import client
+    from qiskit_ibm_runtime.api.session import RetrySession
+    from requests.adapters import HTTPAdapter
+
+    if client.RetrySession is not RetrySession:
+        return
+
+    class BoundedSession(RetrySession):  # type: ignore[misc]
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            for scheme in ("http://", "https://"):
+                self.mount(scheme, HTTPAdapter(max_retries=0))
+
+        def request(self, method: str, url: str, bare: bool = False, **kwargs: Any) -> Any:
+            kwargs["timeout"] = (CONNECT_S, READ_S)
+            return super().request(method, url, bare, **kwargs)
+
+    client.RetrySession = BoundedSession
