@@ -97,19 +97,21 @@ class Caretaker:
         self._limiter = LogLimiter()
         self._care = {job.tag: self._begun() for job in ledger.jobs()}
         self._left_in_cycle = settings.jobs_per_cycle
+        self._least_estimate_s: float | None = None
 
     def begin_cycle(self) -> None:
         """A new cycle may submit jobs again."""
         self._left_in_cycle = self._settings.jobs_per_cycle
 
     def refusal(self) -> str | None:
-        """Why no job would be submitted now, whatever it costs; None if one would."""
+        """Why no job would be submitted now, not even the cheapest so far; None if one would."""
         limits = self._settings
         said = self._breaker.refusal()
         if said is None and len(self._ledger.pending()) >= limits.most_pending:
             said = f"{limits.most_pending} jobs are pending already"
         if said is None:
-            said = budget.refusal(self._ledger.used_s(), 0.0, limits.budget_s_per_day)
+            least_s, used_s = self._least_estimate_s or 0.0, self._ledger.used_s()
+            said = budget.refusal(used_s, least_s, limits.budget_s_per_day)
         return said
 
     def serve(self, ticket: Ticket) -> None:
@@ -155,8 +157,10 @@ class Caretaker:
         except Unsuitable as error:
             ticket.decline(str(error))
             return None
-        used_s = self._ledger.used_s()
-        said = budget.refusal(used_s, prepared.estimate_s, limits.budget_s_per_day)
+        used_s, estimate_s = self._ledger.used_s(), prepared.estimate_s
+        if self._least_estimate_s is None or estimate_s < self._least_estimate_s:
+            self._least_estimate_s = estimate_s
+        said = budget.refusal(used_s, estimate_s, limits.budget_s_per_day)
         if said is not None:
             ticket.decline(said)
             return None

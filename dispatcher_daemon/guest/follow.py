@@ -71,10 +71,13 @@ def after_look(job: QuantumJob, view: object, now_ns: int, lost: bool) -> News:
 
 
 def after_loss(job: QuantumJob, now_ns: int) -> News:
-    """A job that the service does not know, given up; what was reserved for it stays reserved."""
+    """A job that the service does not know, given up; what was reserved for it stays reserved.
+
+    One whose id never came was counted as a fault when it was submitted.
+    """
     line = job.reason or "the service does not know it"
     lost = replace(job, state="lost", reason=line, updated_ns=now_ns, finished_ns=now_ns)
-    return News(lost, fault=("broken", "a job was lost"))
+    return News(lost, fault=None if job.job_id is None else ("broken", "a job was lost"))
 
 
 def known_usage_s(usage: object) -> float | None:
