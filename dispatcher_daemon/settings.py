@@ -76,10 +76,13 @@ class QaoaSettings(Settings):
         "there, by COBYLA; ramp: only the ramp's two heights.",
     )
     delta_beta: float = Field(
-        default=0.4, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
+        default=0.41, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
     )
-    delta_gamma: float = Field(
-        default=0.8, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
+    delta_gamma: float | None = Field(
+        default=None,
+        gt=0,
+        allow_inf_nan=False,
+        description="Height of the phase's ramp, rad; None: 0.83 √p.",
     )
     iterations: int = Field(
         default=100, ge=1, le=100_000, description="Of training, each one state, at most."

@@ -31,6 +31,9 @@ from dispatcher_daemon.solvers.sampling import answer
 
 _S_PER_STATE = {"diagonal": 1e-8, "layer": 2e-8, "samples": 1e-8}
 """Two cores, generously. What takes longer than thought is caught by training's own clock."""
+_RAMP_RAD = 0.83
+"""Ramps trained for CVaR 0.1 on the published instances of 14 to 20 variables: medians of Δγ are
+0.83, 1.21 and 1.49 at p = 1, 2 and 3, and of Δβ 0.38, 0.41 and 0.44."""
 _POST_PROCESSING_SHARE = 0.25
 _TRAINING_SHARE = 0.6
 
@@ -104,7 +107,8 @@ class QaoaSolver:
 
     def _train(self, state: ExactState, deadline: float) -> None:
         options = self.settings
-        start: Schedule = linear_ramp(options.layers, options.delta_beta, options.delta_gamma)
+        delta_gamma = options.delta_gamma or _RAMP_RAD * options.layers**0.5
+        start: Schedule = linear_ramp(options.layers, options.delta_beta, delta_gamma)
         if options.angles == "transferred":
             state.evolve(start)
             return
@@ -140,7 +144,7 @@ class QaoaSolver:
         needed, free = memory_bytes(qubits), psutil.virtual_memory().available
         if needed > free:
             raise UnfitError(
-                f"{qubits} qubits need {needed / 2**30:.1f} GiB, {free / 2**30:.1f} GiB are free"
+                f"{qubits} qubits need {needed >> 20} MiB of memory, {free >> 20} MiB are free"
             )
         cost = _S_PER_STATE
         least_s = (cost["diagonal"] + self.settings.layers * cost["layer"] + cost["samples"]) * (

@@ -27,7 +27,7 @@ from dispatcher_daemon.solvers.sampling import answer, one_option_each
 Demo = Callable[..., ArcProblem]
 Routes = Callable[..., RouteProblem]
 
-NAMES: tuple[SolverName, ...] = ("exact", "tabu", "annealing", "insertion", "lc-qaoa")
+NAMES: tuple[SolverName, ...] = ("exact", "tabu", "annealing", "insertion", "lc-qaoa", "qaoa")
 
 
 def published(name: str) -> ArcProblem:
