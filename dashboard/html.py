@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from dashboard import markup, words
+from dashboard.device_line import where_it_ran
 from dashboard.markup import text
 from dashboard.views import (
     CycleView,
@@ -64,7 +65,10 @@ def about() -> str:
 
 def summary(view: DashboardView) -> str:
     """The headline, and the last cycle in three figures."""
-    tiles = unserved = ""
+    tiles = unserved = device = ""
+    if view.device is not None:
+        line, level = view.device
+        device = f'<div class="m">{markup.dot(level)} {text(line, 240)}</div>'
     if view.cycle is not None:
         cycle = view.cycle
         if cycle.unserved:
@@ -92,7 +96,7 @@ def summary(view: DashboardView) -> str:
     dispatcher = f"{markup.dot(view.dispatcher_level)} {text(view.dispatcher, 160)}"
     return (
         f'<div class="sl"><div class="head" style="color:{colour}">{text(view.headline)}</div>'
-        f'<div class="m">{dispatcher}</div>{unserved}{problems}'
+        f'<div class="m">{dispatcher}</div>{device}{unserved}{problems}'
         f'<div class="tiles">{tiles}</div></div>'
     )
 
@@ -168,6 +172,7 @@ def cycle(view: CycleView | None) -> str:
         ]
         for run in view.solvers[: markup.MAX_ROWS]
     ]
+    notes = [text(where_it_ran(run), 240) for run in view.solvers[: markup.MAX_ROWS]]
     header = [
         "Solvers",
         "Result",
@@ -181,7 +186,14 @@ def cycle(view: CycleView | None) -> str:
         f'<div class="sl"><h3>Last dispatch cycle: #{view.number}</h3><div>{facts}</div>'
         f"{_energy(view.energy)}</div>"
         + _unserved(view.unserved)
-        + markup.table(header, rows, len(view.solvers), "No solver ran.", "l")
+        + markup.table(
+            header,
+            rows,
+            len(view.solvers),
+            "No solver ran.",
+            "l",
+            notes=notes if any(notes) else (),
+        )
     )
 
 

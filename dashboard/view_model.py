@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dashboard import words
+from dashboard.device_line import device_line
 from dashboard.dispatcher_line import dispatcher_line
 from dashboard.live import Snapshot
 from dashboard.vehicles import FORGET_AFTER_S, vehicle_views
@@ -63,7 +64,17 @@ def build_view(
         cycle=_cycle(last, now_ns) if last else None,
         history=_history(snapshot.cycles),
         problems=(snapshot.history_problem,) if snapshot.history_problem else (),
+        device=_device(snapshot, now_ns, silent_after_s),
     )
+
+
+def _device(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level] | None:
+    health = snapshot.dispatcher
+    if health is None or health.hardware is None:
+        return None
+    if freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s) is not None:
+        return None
+    return device_line(health.hardware)
 
 
 def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:

@@ -141,3 +141,5 @@ class DashboardView:
     cycle: CycleView | None
     history: HistoryView
     problems: tuple[str, ...]
+    device: tuple[str, Level] | None = None
+    """How the dispatcher stands with its quantum device; None without one, or while silent."""

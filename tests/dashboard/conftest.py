@@ -183,6 +183,10 @@ class World:
                     qubits=25,
                     shots=4096,
                     wall_s=0.84,
+                    backend="aer",
+                    backend_kind="simulated",
+                    fallback="job c1 still queued after 8.0 s",
+                    two_qubit_depth=8,
                 ),
             ),
             gates=(
