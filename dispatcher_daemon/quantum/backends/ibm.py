@@ -9,7 +9,7 @@ from typing import Any
 
 from dispatcher_daemon.quantum.backends.base import Sampled, device_s, fit
 from dispatcher_daemon.quantum.backends.ibm_account import Access, find_access, open_client
-from dispatcher_daemon.quantum.backends.ibm_faults import ask
+from dispatcher_daemon.quantum.backends.ibm_faults import ask, without_secrets
 from dispatcher_daemon.quantum.jobs import JobState, JobView, ServiceFault
 from dispatcher_daemon.quantum.physical_chain import Placement, place_chain
 from dispatcher_daemon.quantum.targets import two_qubit_depth, two_qubit_gates
@@ -142,7 +142,10 @@ class IbmService:
         return two_qubit_depth(transpiled), two_qubit_gates(transpiled)
 
     def submit(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:
-        """See `JobService.submit`; the circuit is transpiled for the device."""
+        """See `JobService.submit`; the circuit is transpiled for the device.
+
+        Twirling rounds the shots up to a multiple of its random frames.
+        """
         return self.submit_transpiled(fit(circuit, self.target), shots, tags)
 
     def submit_transpiled(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:
@@ -220,8 +223,8 @@ class IbmService:
             counts = result[0].join_data().get_counts()
             return JobView("done", usage_s=usage_s, counts={k: int(n) for k, n in counts.items()})
         reason = job.error_message() if state == "failed" else None
-        line = " ".join(str(reason or state).split()).replace(self._token, "…")
-        return JobView(state, reason=line[:300], usage_s=usage_s)
+        line = without_secrets(str(reason or state), self._token)
+        return JobView(state, reason=line, usage_s=usage_s)
 
 
 @dataclass(frozen=True)

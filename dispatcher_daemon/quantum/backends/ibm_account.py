@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -62,6 +63,8 @@ def open_client(access: Access) -> Any:
     It has been given its token, so that the client's own file of accounts is not read.
     """
     _bound_calls()
+    # It warns of what it was told to do; what fails is raised.
+    logging.getLogger("qiskit_ibm_runtime").setLevel(logging.ERROR)
     from qiskit_ibm_runtime import QiskitRuntimeService
 
     address = access.address
@@ -103,6 +106,7 @@ def _bound_calls() -> None:
             super().__init__(*args, **kwargs)
             for scheme in ("http://", "https://"):
                 self.mount(scheme, HTTPAdapter(max_retries=0))
+            self.auth.tm.http_config = {"timeout": (CONNECT_S, READ_S)}
 
         def request(self, method: str, url: str, bare: bool = False, **kwargs: Any) -> Any:
             kwargs["timeout"] = (CONNECT_S, READ_S)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
@@ -42,21 +44,25 @@ def fault_of(error: BaseException, token: str) -> ServiceFault:
     an answer of the wrong shape.
     """
     from qiskit.exceptions import QiskitError
-    from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
 
-    line = " ".join(f"{error}".split()).replace(token, "…") if token else f"{error}"
-    line = f"IBM Quantum: {line[:LONGEST_LINE] or type(error).__name__}"
-    kind: FaultKind | None = None
-    for link in _chain(error):
-        status = _status(link)
-        if status is not None:
-            return ServiceFault(_kind_of_status(status), line, _retry_s(link))
-        kind = kind or _kind_of_failure(link)
-        if isinstance(link, IBMNotAuthorizedError):
-            kind = kind or "refused"
+    line = f"IBM Quantum: {without_secrets(str(error), token) or type(error).__name__}"
+    links = list(_chain(error))
+    status = next((s for s in map(_status, links) if s is not None), None)
+    if status is not None:
+        wait_s = next((w for w in map(_retry_s, links) if w is not None), None)
+        return ServiceFault(_kind_of_status(status), line, wait_s)
+    kind = next((k for k in map(_kind_of_failure, links) if k is not None), None)
     if kind is None:
         kind = "broken" if isinstance(error, QiskitError) else "garbage"
     return ServiceFault(kind, line)
+
+
+def without_secrets(text: str, token: str) -> str:
+    """One line of at most `LONGEST_LINE` characters, without the token or a bearer's."""
+    line = " ".join(text.split())
+    if token:
+        line = line.replace(token, "…")
+    return re.sub(r"(?i)\b(bearer|apikey)\s+[^\s'\"\\]+", r"\1 …", line)[:LONGEST_LINE]
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
@@ -84,10 +90,11 @@ def _kind_of_status(status: int) -> FaultKind:
 
 
 def _kind_of_failure(error: BaseException) -> FaultKind | None:
-    import json
-
     import requests
+    from qiskit_ibm_runtime.exceptions import IBMNotAuthorizedError
 
+    if isinstance(error, IBMNotAuthorizedError):
+        return "refused"
     if isinstance(error, (requests.Timeout, requests.ConnectionError, TimeoutError)):
         return "unreachable"
     if isinstance(error, json.JSONDecodeError):
