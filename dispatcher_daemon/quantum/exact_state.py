@@ -79,13 +79,11 @@ class ExactState(ABC):
             return self.mean()
         bins = self._binned()
 
-        def masses(p: npt.NDArray[np.float32], first: int) -> npt.NDArray[np.float64]:
-            return np.bincount(bins[first : first + len(p)], weights=p, minlength=_BINS)
-
         mass = np.zeros(_BINS)
         step = max(self._block, _BINS)
         for first in range(0, len(self.diagonal), step):
-            mass += masses(self.probabilities(first, min(first + step, len(bins))), first)
+            p = self.probabilities(first, min(first + step, len(bins)))
+            mass += np.bincount(bins[first : first + step], weights=p, minlength=_BINS)
         reached = np.cumsum(mass)
         wanted = alpha * reached[-1]
         number = int(np.searchsorted(reached, wanted))
@@ -99,13 +97,14 @@ class ExactState(ABC):
 
         parts = self._over_blocks(below)
         energy = np.concatenate([e for _, e, _ in parts]).astype(np.float64)
-        p = np.concatenate([q for _, _, q in parts]).astype(np.float64)
+        inside = np.concatenate([p for _, _, p in parts]).astype(np.float64)
         order = np.argsort(energy, kind="stable")
         left = wanted - (reached[number] - mass[number])
         # What each state can still add to the mass that is missing.
-        taken = np.clip(left - (np.cumsum(p[order]) - p[order]), 0.0, p[order])
+        inside = inside[order]
+        taken = np.clip(left - (np.cumsum(inside) - inside), 0.0, inside)
         total = sum(part for part, _, _ in parts) + float(taken @ energy[order])
-        return total / wanted
+        return float(total / wanted)
 
     def probability_of(self, states: States) -> npt.NDArray[np.float64]:
         """Probability of each of the given states, shape (states,); of few states."""

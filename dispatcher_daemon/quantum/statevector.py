@@ -88,8 +88,9 @@ class StateVector(ExactState):
 
     def _plus_block(self, number: int) -> Real:
         """Block of S|+⟩^n: amplitudes i^(number of ones) / 2^(n/2); shape (2, block)."""
-        turned = self._plus if number.bit_count() & 1 == 0 else self._plus[::-1] * _TURN
-        return -turned if number.bit_count() & 2 else turned
+        ones = number.bit_count()
+        turned: Real = self._plus[::-1] * _TURN if ones & 1 else self._plus
+        return -turned if ones & 2 else turned
 
     def _phase_and_low_mixer(self, beta: float, gamma: float, *, first: bool) -> None:
         matrices = [_rotation(beta, size) for size in _groups(self._low)]

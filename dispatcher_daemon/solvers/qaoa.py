@@ -107,8 +107,7 @@ class QaoaSolver:
 
     def _train(self, state: ExactState, deadline: float) -> None:
         options = self.settings
-        delta_gamma = options.delta_gamma or _RAMP_RAD * options.layers**0.5
-        start: Schedule = linear_ramp(options.layers, options.delta_beta, delta_gamma)
+        start = ramp_of(options)
         if options.angles == "transferred":
             state.evolve(start)
             return
@@ -155,6 +154,12 @@ class QaoaSolver:
                 f"{qubits} qubits at p = {self.settings.layers} take about {least_s:.1f} s "
                 f"untrained, too much of {deadline_s:g} s"
             )
+
+
+def ramp_of(settings: QaoaSettings) -> Schedule:
+    """The angles that training starts from, and that "transferred" takes as they are."""
+    delta_gamma = settings.delta_gamma or _RAMP_RAD * settings.layers**0.5
+    return linear_ramp(settings.layers, settings.delta_beta, delta_gamma)
 
 
 def _groups(model: QuboModel) -> list[tuple[int, ...]]:
