@@ -74,6 +74,14 @@ def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
     from dispatcher_daemon.settings import DispatcherSettings
 
     settings = load(path, DispatcherSettings)
+    service, _, device = settings.hardware.backend.partition(":")
+    if service == "fake":
+        from dispatcher_daemon.quantum.backends.aer import fake_target
+
+        try:
+            fake_target(device)
+        except InputError as error:
+            raise InputError(path, error.problem, error.mend, key="hardware.backend") from None
     return _check_fleet(Path(settings.fleet), settings.network)
 
 

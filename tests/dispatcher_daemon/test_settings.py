@@ -12,6 +12,7 @@ def test_defaults_run_the_demo() -> None:
     settings = DispatcherSettings()
     assert (settings.network, settings.fleet, settings.interval_s) == ("demo", "demo", 30.0)
     assert settings.solvers == ("exact", "lc-qaoa")
+    assert settings.hardware.backend == ""
 
 
 @pytest.mark.parametrize(
@@ -26,6 +27,17 @@ def test_defaults_run_the_demo() -> None:
         ({"sync_window_s": float("nan")}, "sync_window_s"),
         ({"sync_windows": 3}, "unknown key"),
         ({"lc_qaoa": {"shots": 0}}, "lc_qaoa.shots"),
+        ({"hardware": {"backend": "boston"}}, "hardware.backend"),
+        ({"hardware": {"backend": "ibm:"}}, "hardware.backend"),
+        ({"hardware": {"backend": "aer:FakeBoston"}}, "hardware.backend"),
+        ({"hardware": {"token": "secret"}}, "hardware.token: unknown key"),
+        ({"hardware": {"budget_s_per_day": 0}}, "hardware.budget_s_per_day"),
+        ({"hardware": {"poll_s": 90}}, "poll_s must not be above most_poll_s"),
+        ({"hardware": {"rest_s": 1e6}}, "rest_s must not be above most_rest_s"),
+        (
+            {"hardware": {"backend": "ibm:least-busy"}, "solvers": ["exact"]},
+            "add it to solvers",
+        ),
     ],
 )
 def test_bad_settings_are_named(data: dict[str, object], part: str) -> None:
