@@ -8,11 +8,12 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.accuracy.clips import CLIPS, make
+from benchmarks.accuracy.clips import CLIPS, SECONDS, make
 from benchmarks.accuracy.report import Row, features, misses, table
 from edge_daemon.camera import load_camera
 from edge_daemon.evaluation import Comparison, compare, load_truth, score
 from edge_daemon.offline import TrackSettings, track
+from simulation.scenarios.perception import fit_errors, write_errors
 from slipstream_cli.progress import Progress
 
 
@@ -22,6 +23,7 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=Path(".slipstream/accuracy"))
     parser.add_argument("--only", default="", help="clips whose name contains this")
     parser.add_argument("--json", type=Path, help="also write all figures into a file")
+    parser.add_argument("--errors", type=Path, help="write the error model that worlds use")
     options = parser.parse_args()
     chosen = [clip for clip in CLIPS if options.only in clip.name]
     if not chosen:
@@ -48,6 +50,10 @@ def main() -> int:
     if options.json:
         figures = {row.name: asdict(row.scores) for row in (*rows, *totals, total)}
         options.json.write_text(json.dumps(figures, indent=1) + "\n")
+    if options.errors:
+        windows = [window for _, _, comparison in compared for window in comparison.windows]
+        told = f"{len(chosen)} clips of {SECONDS} s; python -m benchmarks.accuracy --errors FILE"
+        write_errors(fit_errors(windows, told), options.errors)
     missed = misses(total.scores)
     for miss in missed:
         print(f"missed: {miss}")

@@ -18,7 +18,16 @@ def check_files(net: Path, others: tuple[Path, ...]) -> None:
     """
     if _root(net) != "net":
         raise InputError(net, "no SUMO net", "build one with netconvert")
-    for path in others:
+    check_vehicle_files(others)
+
+
+def check_vehicle_files(paths: tuple[Path, ...]) -> None:
+    """Check that files are XML and no nets.
+
+    Raises:
+        InputError: one is not.
+    """
+    for path in paths:
         if _root(path) == "net":
             raise InputError(path, "a SUMO net where vehicles belong", "give a route file")
 

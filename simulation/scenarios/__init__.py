@@ -1,0 +1,1 @@
+"""Worlds of a whole day: networks, background traffic, deliveries and RSUs, from seeds."""

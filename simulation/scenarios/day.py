@@ -1,0 +1,238 @@
+"""Runs the background traffic of a day in a process of its own and brings back its record."""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Final
+
+from edge_daemon.stability import StabilitySettings
+from simulation.scenarios.record import (
+    Day,
+    hours_of,
+    read_statistics,
+    read_traffic,
+    read_trips,
+)
+from simulation.scenarios.rsus import Rsu
+from simulation.sumo.files import check_files
+from slipstream.errors import InputError
+
+Progress = Callable[[float, float], None]
+"""Told the simulated time and the end, s."""
+
+_CHECK_S: Final = 600.0
+_STANDING_MPS: Final = 0.1
+_STUCK_SHARE: Final = 0.8
+_STUCK_CHECKS: Final = 3
+_STUCK_VEHICLES: Final = 50
+
+
+@dataclass(frozen=True)
+class DayOrder:
+    """What to simulate.
+
+    Attributes:
+        net: a SUMO net.
+        routes: its route file.
+        segments: of the network, in the order of the record's tables.
+        additional: further SUMO files, as another signal program.
+        rsus: whose windows are recorded.
+        begin_s: simulated time; vehicles due earlier are left out.
+        end_s: simulated time.
+        step_s: of the simulation; a window and a second must be multiples of it.
+        interval_s: of the traffic tables; divides an hour.
+        window_every_s: a window of the RSUs ends at each multiple; it is 10 s long.
+        seed: of SUMO. With the scenarios' own vehicles nothing is drawn from it.
+        rule: by which windows are stable in truth: the paper's, without hysteresis.
+    """
+
+    net: Path
+    routes: Path
+    segments: tuple[str, ...]
+    additional: tuple[Path, ...] = ()
+    rsus: tuple[Rsu, ...] = ()
+    begin_s: float = 0.0
+    end_s: float = 86400.0
+    step_s: float = 1.0
+    interval_s: float = 300.0
+    window_every_s: float = 60.0
+    seed: int = 1
+    rule: StabilitySettings = field(default_factory=lambda: StabilitySettings().bare())
+
+
+def sumo_options(order: DayOrder, additional: tuple[Path, ...] = ()) -> list[str]:
+    """SUMO's options for a day, the same for every arm: what its vehicles do hangs on them."""
+    files = (*order.additional, *additional)
+    return [
+        *("--net-file", str(order.net), "--route-files", str(order.routes)),
+        *(("--additional-files", ",".join(map(str, files))) if files else ()),
+        *("--begin", f"{order.begin_s:g}", "--end", f"{order.end_s:g}"),
+        *("--step-length", f"{order.step_s:g}", "--seed", str(order.seed)),
+        *("--xml-validation", "never", "--no-step-log", "true", "--no-warnings", "true"),
+        *("--duration-log.statistics", "true"),
+    ]
+
+
+def run_day(order: DayOrder, progress: Progress | None = None) -> Day:
+    """Simulate in another process: SUMO ends its process on some faults, and holds one simulation.
+
+    Raises:
+        InputError: a file is no SUMO file or none that fits the net, or SUMO dies of it.
+        ModuleNotFoundError: libsumo is not installed.
+    """
+    if find_spec("libsumo") is None:
+        raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
+    check_files(order.net, (order.routes, *order.additional))
+    context = get_context("spawn")
+    inbox, outbox = context.Pipe(duplex=False)
+    process = context.Process(target=_serve, args=(outbox, order), daemon=True)
+    process.start()
+    outbox.close()
+    try:
+        while True:
+            received = inbox.recv()
+            if isinstance(received, InputError):
+                raise received
+            if isinstance(received, Day):
+                return received
+            if progress is not None:
+                progress(float(received), order.end_s)
+    except EOFError:
+        process.join()
+        raise InputError(
+            f"{order.net.name}, {order.routes.name}",
+            f"SUMO crashes on them (exit status {process.exitcode})",
+            "look for edges without connections, or run sumo on them",
+        ) from None
+    finally:
+        inbox.close()
+        process.terminate()
+        process.join()
+        process.close()
+
+
+def _serve(outbox: Connection, order: DayOrder) -> None:
+    """Run in the other process: send times as they pass, then the day, or the fault."""
+    # An interrupt is the business of the process that asked.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        outbox.send(simulate(order, outbox.send))
+    except InputError as error:
+        outbox.send(error)
+    except (BrokenPipeError, ConnectionResetError):
+        return  # nobody wants the rest
+
+
+def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
+    """Simulate in this process.
+
+    Args:
+        tell: told the simulated time now and then.
+
+    Raises:
+        InputError: SUMO refuses a file.
+    """
+    from simulation.scenarios.observer import Observer
+    from simulation.sumo.session import Session
+
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        edges, trips, statistics = (folder / f"{n}.xml" for n in ("edges", "trips", "statistics"))
+        tables = folder / "tables.add.xml"
+        tables.write_text(
+            f'<additional><edgeData id="traffic" file="{edges}" period="{order.interval_s:g}" '
+            f'begin="{order.begin_s:g}" excludeEmpty="true" '
+            'writeAttributes="sampledSeconds speed waitingTime entered departed"/></additional>\n'
+        )
+        options = [
+            *sumo_options(order, (tables,)),
+            *("--tripinfo-output", str(trips), "--statistic-output", str(statistics)),
+        ]
+        observer = Observer(order.rsus, order.step_s, order.rule)
+        watch = _Watch(order, observer, tell)
+        with Session(options, (order.net, order.routes, *order.additional)) as session:
+            end_s = watch.run(session.advance)
+        ended = read_trips(trips)
+        traffic = read_traffic(edges, order.segments, order.begin_s, end_s, order.interval_s)
+        return Day(
+            order.begin_s,
+            end_s,
+            read_statistics(statistics, ended),
+            traffic,
+            hours_of(traffic, ended, end_s),
+            tuple(watch.observations),
+            watch.gridlock_s,
+            time.monotonic() - began,
+        )
+
+
+class _Watch:
+    """Drives the simulation from window to window and looks for a gridlock on the way."""
+
+    def __init__(self, order: DayOrder, observer: object, tell: Callable[[float], None]) -> None:
+        from simulation.scenarios.observer import Observation, Observer
+
+        assert isinstance(observer, Observer)
+        self._order = order
+        self._observer = observer
+        self._tell = tell
+        self._stuck = 0
+        self.observations: list[Observation] = []
+        self.gridlock_s: float | None = None
+
+    def run(self, advance: Callable[[float], None]) -> float:
+        """Go to the end, or to a gridlock; returns the simulated time there, s."""
+        order = self._order
+        window_s = min(10.0, order.window_every_s)
+        now, check_s = order.begin_s, order.begin_s + _CHECK_S
+        while now < order.end_s:
+            if order.rsus:
+                due = (now // order.window_every_s + 1) * order.window_every_s
+                if due <= order.end_s:
+                    self._window(advance, due, window_s)
+                else:
+                    due = order.end_s
+                    advance(due)
+            else:
+                due = min(check_s, order.end_s)
+                advance(due)
+            now = due
+            if now >= check_s:
+                check_s += _CHECK_S
+                self._tell(now)
+                if self._is_stuck(now):
+                    break
+        return now
+
+    def _window(self, advance: Callable[[float], None], due_s: float, window_s: float) -> None:
+        order, observer = self._order, self._observer
+        steps = round(window_s / order.step_s)
+        if due_s - window_s > order.begin_s:
+            advance(due_s - window_s)
+        observer.forget()
+        for step in range(steps, 0, -1):
+            at = due_s - (step - 1) * order.step_s
+            if at > order.begin_s:
+                advance(at)
+            observer.look()
+        self.observations.extend(observer.observe(due_s))
+
+    def _is_stuck(self, now: float) -> bool:
+        import libsumo
+
+        names = libsumo.vehicle.getIDList()
+        standing = sum(libsumo.vehicle.getSpeed(name) < _STANDING_MPS for name in names)
+        stuck = len(names) >= _STUCK_VEHICLES and standing >= _STUCK_SHARE * len(names)
+        self._stuck = self._stuck + 1 if stuck else 0
+        if self._stuck >= _STUCK_CHECKS:
+            self.gridlock_s = now
+        return self.gridlock_s is not None
