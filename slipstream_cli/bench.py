@@ -8,7 +8,13 @@ import sys
 from pathlib import Path
 from typing import Final
 
-_SHORT: Final = {"instances": 2, "shots": 512, "iterations": 30, "layers": (1, 2)}
+_SHORT: Final = {
+    "instances": 2,
+    "trained": 1,
+    "shots": 512,
+    "iterations": 30,
+    "layers": (1, 2),
+}
 _TABLES: Final = ("hardware", "sweep")
 
 
@@ -32,6 +38,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     quantum.add_argument("--shots", type=int, metavar="N", help="of each circuit (default: 4096)")
     quantum.add_argument("--seed", type=int, metavar="N", help="same seed, same shares")
     quantum.add_argument("--iterations", type=int, metavar="N", help="of training (default: 100)")
+    quantum.add_argument(
+        "--trained",
+        type=int,
+        metavar="N",
+        help="instances on which dense QAOA is trained, minutes each (default: 3)",
+    )
     quantum.add_argument(
         "--layers", type=int, nargs="+", metavar="P", help="of the sweep (default: 1 2 3 4 5)"
     )
@@ -60,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     from dispatcher_daemon.quantum_bench.run import run as measure
     from slipstream.config import check
 
-    names = ("instances", "shots", "seed", "iterations", "layers", "noise", "device")
+    names = ("instances", "shots", "seed", "iterations", "trained", "layers", "noise", "device")
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     settings = check((_SHORT if options.short else {}) | given, BenchSettings, "bench quantum")
     wanted = _TABLES if options.only is None else (options.only,)

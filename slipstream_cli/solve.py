@@ -14,6 +14,7 @@ from slipstream_cli.solve_quantum import (
     QUANTUM_SOLVERS,
     add_options,
     best_known_kwh,
+    check_fit,
     check_options,
     make_solvers,
     records,
@@ -117,6 +118,7 @@ def _solve(options: argparse.Namespace) -> int:
     instance = open_instance(options.instance)
     form = _form(options, instance)
     model = build_model(form.problem, options.gamma, encoding=options.encoding)
+    check_fit(options, names, form, model)
     if options.write is not None:
         _write(model, options.write)
     known = instance.optimum

@@ -68,6 +68,48 @@ def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
         raise InputError("solve", "no id of a job", "give the id as it was printed", key="--job")
 
 
+def check_fit(
+    options: argparse.Namespace, names: Sequence[str], form: Form, model: QuboModel
+) -> None:
+    """Refuse what no simulation or device can do, before anything takes time.
+
+    Raises:
+        InputError: a back end is unknown or has no credentials; too many qubits for a state
+            vector; a one-hot variant in arc form.
+    """
+    variant = options.variant or ""
+    if form.name == "arc" and (variant.startswith("one-hot") or variant == "xy"):
+        raise InputError(
+            "solve", "this variant needs route options", "add --form route", key="--variant"
+        )
+    if "qaoa" in names:
+        from dispatcher_daemon.quantum.diagonal import MOST_QUBITS
+
+        if options.backend not in (None, "aer"):
+            raise InputError(
+                "solve",
+                "qaoa is simulated exactly, its circuit fits no device's connections",
+                "take --solver lc-qaoa, or leave the back end out",
+                key="--backend",
+            )
+        if variant != "xy" and len(model.variables) > MOST_QUBITS:
+            raise InputError(
+                "solve",
+                f"{len(model.variables)} qubits do not fit a state vector of {MOST_QUBITS}",
+                "take --solver lc-qaoa or a smaller instance",
+                key="--solver",
+            )
+    if "lc-qaoa" in names and options.backend is not None:
+        from dispatcher_daemon.quantum.backends import open_backend
+        from dispatcher_daemon.quantum.backends.ibm_account import find_access
+
+        service, _, device = options.backend.partition(":")
+        if service == "ibm" and device:
+            find_access()  # a device that fails is no bad input, missing credentials are
+        else:
+            open_backend(options.backend)
+
+
 def settings_of(options: argparse.Namespace) -> DispatcherSettings:
     """Settings with what was given on the command line.
 
@@ -88,9 +130,15 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
         )
         if value is not None
     }
-    asked = set(options.solver or ()) & {"qaoa", "lc-qaoa"}
-    data: dict[str, Any] = {name.replace("-", "_"): given for name in asked}
-    return check({"gamma": options.gamma, **data}, DispatcherSettings, "solve")
+    asked = options.solver or ()
+    data: dict[str, Any] = {"gamma": options.gamma}
+    if "lc-qaoa" in asked:
+        data["lc_qaoa"] = given
+    if "qaoa" in asked:
+        # Its back end is its own state vector; who gives iterations wants them used.
+        trained = {"angles": "trained"} if "iterations" in given else {}
+        data["qaoa"] = {k: v for k, v in given.items() if k != "backend"} | trained
+    return check(data, DispatcherSettings, "solve")
 
 
 def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solver]:
@@ -112,7 +160,7 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
 
 
 def _iskay(options: argparse.Namespace) -> Solver:
-    from dispatcher_daemon.quantum.account import read_account
+    from dispatcher_daemon.quantum.backends.ibm_account import find_access
     from dispatcher_daemon.solvers.iskay import IskaySolver
 
     kind, _, device = (options.backend or "").partition(":")
@@ -121,7 +169,7 @@ def _iskay(options: argparse.Namespace) -> Solver:
             "solve", "iskay runs on a named IBM device", "give --backend ibm:NAME", key="--backend"
         )
     solver = IskaySolver(
-        read_account(), device, job=options.job, gamma=options.gamma, encoding=options.encoding
+        find_access(), device, job=options.job, gamma=options.gamma, encoding=options.encoding
     )
     changes = {"shots": options.shots, "iterations": options.iterations}
     return replace(solver, **{name: value for name, value in changes.items() if value is not None})

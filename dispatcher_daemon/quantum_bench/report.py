@@ -18,6 +18,7 @@ _CONTROLLED: Final = (
 _HEAD: Final = (
     "solver",
     "how",
+    "n",
     "2q depth",
     "paper",
     "wall, s",
@@ -94,6 +95,7 @@ def _cells(line: Line) -> list[str]:
     return [
         line.title,
         line.mark,
+        str(count) if count else "",
         _plain(figures.get("two_qubit_depth"), 0),
         "" if paper is None or paper.two_qubit_depth is None else str(paper.two_qubit_depth),
         _plain(figures.get("wall_s"), 2),
@@ -140,7 +142,14 @@ def _plain(spread: Spread | None, digits: int) -> str:
 
 
 def _percent(spread: Spread | None) -> str:
-    return "" if spread is None else f"{100 * spread.mean:.3g} ± {100 * spread.deviation:.2g}"
+    return (
+        "" if spread is None else f"{_short(100 * spread.mean)} ± {_short(100 * spread.deviation)}"
+    )
+
+
+def _short(percent: float) -> str:
+    """One decimal from 1 on, two significant digits below."""
+    return f"{percent:.1f}" if percent >= 1 or percent == 0 else f"{percent:.2g}"
 
 
 def _pair(line: Line, stage: str) -> str:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from dispatcher_daemon.quantum_bench import paper
+from dispatcher_daemon.quantum_bench import dense, paper
 from dispatcher_daemon.quantum_bench.case import Case
 from dispatcher_daemon.quantum_bench.paper import PaperRow
 from dispatcher_daemon.quantum_bench.store import Record
 from dispatcher_daemon.quantum_bench.summary import Mark
-from dispatcher_daemon.settings import DispatcherSettings, LcQaoaSettings, LcQaoaVariant
+from dispatcher_daemon.settings import (
+    DispatcherSettings,
+    LcQaoaSettings,
+    LcQaoaVariant,
+    QaoaSettings,
+)
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.registry import make_solver
 from slipstream.config import Settings
@@ -32,6 +37,12 @@ class BenchSettings(Settings):
     shots: int = Field(default=4096, ge=1, le=1_000_000)
     seed: int = Field(default=1, ge=0, lt=2**32)
     iterations: int = Field(default=100, ge=1, le=100_000, description="Of training.")
+    trained: int = Field(
+        default=3,
+        ge=1,
+        le=20,
+        description="Instances on which dense QAOA is trained: minutes each.",
+    )
     layers: tuple[Annotated[int, Field(ge=1, le=10)], ...] = Field(
         default=(1, 2, 3, 4, 5), min_length=1, description="Of the sweep."
     )
@@ -50,7 +61,8 @@ class Row:
         mark: how its figures come about.
         paper: the paper's figures.
         measure: solves one instance; None where it cannot be had.
-        reason: why not.
+        reason: why not, or what else there is to say.
+        most: instances that it is measured on, from the first.
     """
 
     key: str
@@ -59,6 +71,7 @@ class Row:
     paper: PaperRow | None
     measure: Callable[[Case], Record] | None
     reason: str | None = None
+    most: int = 20
 
 
 def hardware_rows(settings: BenchSettings) -> list[Row]:
@@ -67,6 +80,9 @@ def hardware_rows(settings: BenchSettings) -> list[Row]:
         Row("exact", "exact (HiGHS)", "classical", paper.EXACT, _exact(settings)),
         _iskay(settings),
     ]
+    rows += [qaoa(settings, p, "transferred") for p in (1, 2)]
+    rows += [qaoa(settings, p, "trained", settings.trained) for p in (1, 2)]
+    rows += [_dense_on_device(settings, p) for p in (1, 2)]
     for variant in VARIANT_TITLES:
         rows += [lc_qaoa(settings, variant, p, settings.noise) for p in (1, 2)]
     return rows
@@ -104,6 +120,50 @@ def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: st
     )
 
 
+def qaoa(
+    settings: BenchSettings, p: int, angles: Literal["transferred", "trained"], most: int = 20
+) -> Row:
+    """A row of dense QAOA, simulated exactly and sampled.
+
+    Args:
+        most: instances that it is measured on.
+    """
+    options = QaoaSettings(
+        layers=p, shots=settings.shots, iterations=settings.iterations, angles=angles
+    )
+    solver = make_solver("qaoa", DispatcherSettings(qaoa=options))
+
+    def measure(case: Case) -> Record:
+        # An evaluation takes a second, a hundred of them minutes.
+        return case.measure(solver, 10 * settings.deadline_s, settings.seed)
+
+    titles = {"transferred": "ramp of fixed heights", "trained": "the paper's training"}
+    return Row(
+        key=f"qaoa/{angles}/p{p}",
+        title=f"QAOA, {titles[angles]}, p = {p}",
+        mark="simulated",
+        paper=paper.QAOA_SIMULATED[p],
+        measure=measure,
+        most=most,
+    )
+
+
+def _dense_on_device(settings: BenchSettings, p: int) -> Row:
+    device = settings.noise.partition(":")[2]
+
+    def measure(case: Case) -> Record:
+        return dense.estimate(case, QaoaSettings(layers=p), dense.noisy_backend(device))
+
+    return Row(
+        key=f"qaoa/estimated/p{p}/{settings.noise}",
+        title=f"QAOA on the device, p = {p}",
+        mark="estimated",
+        paper=paper.QAOA_DEVICE[p],
+        measure=measure if device else None,
+        reason=dense.ESTIMATE if device else "not estimated: no device is named (--noise)",
+    )
+
+
 def mark_of(backend: str) -> Mark:
     """How a back end's figures come about."""
     if backend.startswith("ibm:"):
@@ -119,10 +179,10 @@ def _iskay(settings: BenchSettings) -> Row:
     solver: Any = None
     reason: str | None = "not run: it needs a device (--device), an account and the extra iskay"
     if settings.device is not None:
-        from dispatcher_daemon.quantum.account import read_account
+        from dispatcher_daemon.quantum.backends.ibm_account import find_access
         from dispatcher_daemon.solvers.iskay import IskaySolver
 
-        solver, reason = IskaySolver(read_account(), settings.device), None
+        solver, reason = IskaySolver(find_access(), settings.device), None
 
     def measure(case: Case) -> Record:
         return case.measure(solver, settings.deadline_s, settings.seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -73,11 +74,11 @@ def _measure(
     progress: Callable[[int, int, str], None],
 ) -> dict[str, list[Record]]:
     wanted = [row for row in rows if row.measure is not None]
-    done, total = 0, len(wanted) * len(names)
+    done, total = 0, sum(min(row.most, len(names)) for row in wanted)
     found: dict[str, list[Record]] = {row.key: [] for row in rows}
-    for name in names:
+    for number, name in enumerate(names):
         case = None
-        for row in wanted:
+        for row in (row for row in wanted if number < row.most):
             record = store.get(row.key, name)
             if record is None and row.measure is not None:
                 progress(done, total, f"{name}: {row.title}")
@@ -92,4 +93,5 @@ def _measure(
 def _line(row: Row, records: Sequence[Record]) -> Line:
     if not records:
         return Line(row.key, row.title, row.mark, row.paper, {}, None, None, None, (), row.reason)
-    return summarise(row.key, row.title, row.mark, row.paper, records)
+    line = summarise(row.key, row.title, row.mark, row.paper, records)
+    return replace(line, reason=row.reason)

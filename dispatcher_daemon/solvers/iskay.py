@@ -19,7 +19,7 @@ import numpy as np
 
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.quantum.account import Account
+from dispatcher_daemon.quantum.backends.ibm_account import Access
 from dispatcher_daemon.solvers.base import Execution, Outcome, Status
 from dispatcher_daemon.solvers.pool import error_line
 from dispatcher_daemon.solvers.sampling import Bits, answer
@@ -99,7 +99,7 @@ class IskaySolver:
     id, and a solver made with that ``job`` takes up its answer.
 
     Attributes:
-        account: credentials.
+        access: credentials.
         device: IBM's name of the device.
         shots: of each of its iterations.
         iterations: of the bias field.
@@ -109,14 +109,14 @@ class IskaySolver:
         catalog: opens the catalogue of functions; None: `qiskit_ibm_catalog`'s.
     """
 
-    account: Account
+    access: Access
     device: str
     shots: int = 10_000
     iterations: int = 10
     job: str | None = None
     gamma: float | None = None
     encoding: Encoding = "reduced"
-    catalog: Callable[[Account], Any] | None = None
+    catalog: Callable[[Access], Any] | None = None
     look_every_s: float = _LOOK_EVERY_S
     name: str = "iskay"
 
@@ -212,7 +212,7 @@ class _Run:
 
     def _job(self, terms: Mapping[str, float], seed: int) -> Any:
         solver = self.solver
-        catalog = (solver.catalog or _open_catalog)(solver.account)
+        catalog = (solver.catalog or _open_catalog)(solver.access)
         if solver.job is not None:
             return catalog.job(solver.job)
         function = catalog.load(FUNCTION)
@@ -250,10 +250,11 @@ class _Run:
         return value  # type: ignore[return-value]
 
     def _clean(self, line: str) -> str:
-        return self.solver.account.clean(" ".join(line.split())[:300])
+        return " ".join(line.split())[:300].replace(self.solver.access.token, "***")
 
 
-def _open_catalog(account: Account) -> Any:
+def _open_catalog(access: Access) -> Any:
     from qiskit_ibm_catalog import QiskitFunctionsCatalog
 
-    return QiskitFunctionsCatalog(token=account.token, instance=account.instance)
+    instance = None if access.instance == "auto" else access.instance
+    return QiskitFunctionsCatalog(token=access.token, instance=instance)

@@ -49,6 +49,17 @@ def test_circuit_stages_and_controls_are_in_the_json(capsys: Capture) -> None:
     }
 
 
+def test_dense_qaoa_is_simulated_exactly(capsys: Capture) -> None:
+    """QAOA answers with the same fields; there is no circuit whose depth could be told."""
+    asked = ("--solver", "qaoa", "--p", "1", "--shots", "200", "--iterations", "5")
+    assert main(["solve", "--instance", SMALL, *asked, "--json"]) == 0
+    (trial,) = json.loads(capsys.readouterr().out)["solvers"]
+    assert (trial["kind"], trial["p"], trial["shots"]) == ("simulated", 1, 200)
+    assert trial["two_qubit_depth"] is None
+    assert trial["p_optimal"] <= trial["p_feasible"]
+    assert "uniform bits" in trial["added"]
+
+
 def test_controls_can_be_left_out(capsys: Capture) -> None:
     """Without controls there is nothing to compare with, and nothing is compared."""
     trial = lc_qaoa(capsys, "--no-controls", "--variant", "ramp")
@@ -75,6 +86,13 @@ def test_people_read_stages_and_differences(capsys: Capture) -> None:
         (("--solver", "lc-qaoa", "--shots", "0"), "--shots"),
         (("--solver", "lc-qaoa", "--iterations", "-3"), "--iterations"),
         (("--solver", "lc-qaoa", "--variant", "magic"), "variant"),
+        (("--solver", "lc-qaoa", "--variant", "one-hot"), "--form route"),
+        (("--solver", "qaoa", "--variant", "xy"), "--form route"),
+        (("--solver", "lc-qaoa", "--backend", "nowhere"), "nowhere"),
+        (("--solver", "lc-qaoa", "--backend", "aer:FakeNowhere"), "FakeNowhere"),
+        (("--solver", "lc-qaoa", "--backend", "ibm:ibm_boston"), "QISKIT_IBM_TOKEN"),
+        (("--solver", "qaoa", "--backend", "aer:FakeBoston"), "lc-qaoa"),
+        (("--instance", "arc25-01-avenue", "--encoding", "full", "--solver", "qaoa"), "qubits"),
         (("--solver", "exact", "--p", "2"), "only quantum solvers"),
         (("--backend", "aer"), "only quantum solvers"),
         (("--solver", "lc-qaoa", "--job", "x"), "--solver iskay"),
