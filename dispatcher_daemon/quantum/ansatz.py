@@ -99,7 +99,9 @@ def linear_ramp(layers: int, delta_beta: float, delta_gamma: float) -> list[tupl
     ]
 
 
-def scheduled(ising: Ising, schedule: Sequence[tuple[float, float]]) -> ChainAnsatz:
+def scheduled(
+    ising: Ising, schedule: Sequence[tuple[float, float]], cuts: Sequence[int] = ()
+) -> ChainAnsatz:
     """e^{−iγ C_chain} and e^{+iβ ΣX} in turn: QAOA with the couplings of neighbours only.
 
     That sign of β goes with the ramp: |+⟩^n is the ground state of −ΣX, and C is to be minimised.
@@ -107,10 +109,13 @@ def scheduled(ising: Ising, schedule: Sequence[tuple[float, float]]) -> ChainAns
     Args:
         ising: in chain order, normalised.
         schedule: (β, γ) of each layer.
+        cuts: bonds (q, q + 1), by q, that get no gate.
     """
     beta, gamma = np.array(schedule, dtype=float).reshape(-1, 2).T
+    bonds = 2 * gamma[:, None] * np.diagonal(ising.coupling, 1)
+    bonds[:, list(cuts)] = 0.0
     return ChainAnsatz(
         fields=2 * gamma[:, None] * ising.h,
-        bonds=2 * gamma[:, None] * np.diagonal(ising.coupling, 1),
+        bonds=bonds,
         mixers=np.repeat(-2 * beta[:, None], len(ising.h), axis=1),
     )

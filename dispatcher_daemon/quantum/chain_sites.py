@@ -141,11 +141,6 @@ class ChainSites:
             return ChainAnsatz(**tables)
         return OneHotAnsatz(groups=self.like.groups, hot=self.like.hot, **tables)
 
-    def is_bond(self) -> npt.NDArray[np.bool_]:
-        """Which angles of the flat vector are of RZZ gates."""
-        size = sum(places.size for places in _places(self.like).values())
-        return np.isin(np.arange(size), self.bonds)
-
     def free(self) -> npt.NDArray[np.bool_]:
         """Which angles of the flat vector belong to a gate."""
         size = sum(places.size for places in _places(self.like).values())

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.quantum.ansatz import linear_ramp
 from dispatcher_daemon.quantum.chain_sites import Ansatz, ChainSites, Real
 from dispatcher_daemon.quantum.chain_state import (
     Bits,
@@ -127,6 +126,7 @@ def train_angles(
     iterations: int,
     deadline: float = float("inf"),
     entangled: bool = True,
+    cuts: Sequence[int] = (),
 ) -> Trained:
     """Every gate's own angle by L-BFGS with the exact gradient; the start that gets lowest wins.
 
@@ -139,11 +139,13 @@ def train_angles(
         iterations: most for each start.
         deadline: `time.perf_counter` at which the best so far is taken.
         entangled: False keeps all RZZ angles at 0: a product state, the control of this method.
+        cuts: bonds between sites, by the number of the first, that stay without a gate.
     """
     from scipy.optimize import minimize
 
     sites = ChainSites(starts[0])
-    free = sites.free() if entangled else sites.free() & ~sites.is_bond()
+    free = sites.free()
+    free[sites.bonds[list(cuts)] if entangled else sites.bonds] = False
     best, lowest, count = starts[0], np.inf, 0
     for start in starts:
         angles = np.where(free, sites.flat(start), 0.0)
@@ -174,8 +176,3 @@ def around(ansatz: Ansatz, spread: float, count: int, seed: int) -> list[Ansatz]
     return [
         sites.ansatz(flat + spread * free * rng.standard_normal(len(flat))) for _ in range(count)
     ]
-
-
-def ramp(layers: int, height: tuple[float, float] = (0.3, 0.6)) -> list[tuple[float, float]]:
-    """The linear ramp of LR-QAOA with (Δβ, Δγ)."""
-    return linear_ramp(layers, *height)

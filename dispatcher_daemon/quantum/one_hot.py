@@ -121,19 +121,23 @@ def uniform_start(groups: Sequence[int]) -> tuple[tuple[int, ...], npt.NDArray[n
     return tuple(hot), spread
 
 
-def one_hot_scheduled(ising: Ising, groups: Sequence[int], schedule: Schedule) -> OneHotAnsatz:
+def one_hot_scheduled(
+    ising: Ising, groups: Sequence[int], schedule: Schedule, cuts: Sequence[int] = ()
+) -> OneHotAnsatz:
     """The phases of fields and of the couplings between neighbouring groups, and XY mixers.
 
     Args:
         ising: in chain order, normalised, see `inside_groups`.
         groups: sizes, in chain order.
         schedule: (β, γ) of each layer; a mixer is e^{+iβ(XX+YY)/2}.
+        cuts: bonds (q, q + 1) between groups, by q, that get no gate.
     """
     beta, gamma = np.array(schedule, dtype=float).reshape(-1, 2).T
     hot, spread = uniform_start(groups)
     starts = np.cumsum(groups)[:-1]
     inside = np.ones(sum(groups) - 1)
     inside[starts - 1] = 0.0
+    kept = ~np.isin(starts - 1, cuts)
     fields = 2 * gamma[:, None] * ising.h
     # The start leaves a phase of (−i)^k at distance k from the hot qubit, which these take away.
     middles = np.repeat(hot, groups)
@@ -143,6 +147,6 @@ def one_hot_scheduled(ising: Ising, groups: Sequence[int], schedule: Schedule) -
         hot=hot,
         spread=spread,
         fields=fields,
-        bonds=2 * gamma[:, None] * ising.coupling[starts - 1, starts],
+        bonds=2 * gamma[:, None] * ising.coupling[starts - 1, starts] * kept,
         mixers=-2 * beta[:, None] * inside,
     )

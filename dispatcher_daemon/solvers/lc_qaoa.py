@@ -6,15 +6,15 @@ Preparing a circuit, sampling it and scoring its samples are apart, as a device 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
+from dispatcher_daemon.quantum.backends import Backend, open_backend
 from dispatcher_daemon.quantum.chain_order import heavy_path
 from dispatcher_daemon.quantum.chain_sites import Ansatz
 from dispatcher_daemon.quantum.chain_state import ChainState
@@ -30,9 +30,13 @@ from dispatcher_daemon.quantum.circuits import circuit_of
 from dispatcher_daemon.quantum.distribution import BitDistribution
 from dispatcher_daemon.quantum.ising import Ising, to_ising
 from dispatcher_daemon.quantum.one_hot import group_order, inside_groups, one_hot_scheduled
+from dispatcher_daemon.quantum.physical_chain import Placement
 from dispatcher_daemon.settings import LcQaoaSettings
 from dispatcher_daemon.solvers.base import Execution, Outcome
 from dispatcher_daemon.solvers.sampling import Bits, Counts, Drawn, solve_by_sampling
+
+Place = Callable[[int, Sequence[float]], Placement]
+"""`Backend.place`."""
 
 _CVAR_SHOTS = 1024
 
@@ -94,9 +98,18 @@ def prepare(
 
 
 def prepare_model(
-    model: QuboModel, settings: LcQaoaSettings, *, seed: int, deadline: float
+    model: QuboModel,
+    settings: LcQaoaSettings,
+    *,
+    seed: int,
+    deadline: float,
+    place: Place | None = None,
 ) -> Prepared:
-    """See `prepare`; for a model that is there already."""
+    """See `prepare`; for a model that is there already.
+
+    Args:
+        place: where a device lays chains; bonds that it cuts get no gate.
+    """
     began = time.perf_counter()
     full = to_ising(model.total, model.variables)
     groups: tuple[int, ...] = ()
@@ -106,11 +119,16 @@ def prepare_model(
         order = _order(full, settings, seed)
     ordered = full.permuted(order)
     ising = ordered.normalised()
+    cuts = () if place is None else _cuts(place, ising, groups)
+    starts = np.cumsum(groups)[:-1] - 1 if groups else np.arange(len(order) - 1)
+    bonds = np.flatnonzero(np.isin(starts, cuts)).tolist()
 
     def build(schedule: Schedule) -> Ansatz:
-        return one_hot_scheduled(ising, groups, schedule) if groups else scheduled(ising, schedule)
+        if groups:
+            return one_hot_scheduled(ising, groups, schedule, cuts)
+        return scheduled(ising, schedule, cuts)
 
-    ansatz, evaluations = _trained(build, ising, settings, seed, deadline)
+    ansatz, evaluations = _trained(build, ising, settings, seed, deadline, bonds)
     state = ChainState(ansatz)
     return Prepared(
         model=model,
@@ -125,7 +143,12 @@ def prepare_model(
 
 
 def _trained(
-    build: Any, ising: Ising, settings: LcQaoaSettings, seed: int, deadline: float
+    build: Callable[[Schedule], Ansatz],
+    ising: Ising,
+    settings: LcQaoaSettings,
+    seed: int,
+    deadline: float,
+    cuts: Sequence[int],
 ) -> tuple[Ansatz, int]:
     start = linear_ramp(settings.layers, settings.delta_beta, settings.delta_gamma)
     if settings.variant == "ramp":
@@ -144,8 +167,20 @@ def _trained(
             iterations=settings.iterations,
             deadline=deadline,
             entangled=settings.variant != "product",
+            cuts=cuts,
         )
     return found.ansatz, found.evaluations
+
+
+def _cuts(place: Place, ising: Ising, groups: tuple[int, ...]) -> tuple[int, ...]:
+    """Bonds (q, q + 1), by q, that a device cannot lay, at the lightest couplings it can find."""
+    weights = np.abs(np.diagonal(ising.coupling, 1))
+    if groups:
+        between = np.cumsum(groups)[:-1] - 1
+        allowed = np.full(len(weights), np.inf)
+        allowed[between] = weights[between]
+        weights = allowed
+    return place(len(ising.h), weights.tolist()).cuts
 
 
 def _order(ising: Ising, settings: LcQaoaSettings, seed: int) -> tuple[int, ...]:
@@ -185,18 +220,6 @@ def _end_of_training(deadline_s: float) -> float:
     return time.perf_counter() + _TRAINING_SHARE * deadline_s
 
 
-def sample_mps(circuit: Any, shots: int, seed: int) -> dict[str, int]:
-    """Counts by Qiskit bit string (qubit 0 comes last), from Aer's matrix product state."""
-    from qiskit_aer import AerSimulator
-
-    # Aer drops a seed of 0.
-    simulator = AerSimulator(
-        method="matrix_product_state", seed_simulator=seed % 2**31 + 1, max_parallel_threads=1
-    )
-    counts: dict[str, int] = simulator.run(circuit, shots=shots).result().get_counts()
-    return counts
-
-
 def counts_to_bits(
     counts: Mapping[str, int], order: list[int] | tuple[int, ...]
 ) -> tuple[Bits, Counts]:
@@ -228,11 +251,19 @@ class LcQaoaSolver:
     name: str = "lc-qaoa"
 
     def warm_up(self) -> None:
-        """Import Qiskit and Aer and run a circuit, as the first run loads their compiled parts."""
-        model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
-        sample_mps(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
+        """Import Qiskit and Aer and run a circuit, as the first run loads their compiled parts.
+
+        Raises:
+            InputError: there is no such backend, or no credentials for it.
+            ServiceFault: IBM Quantum does not do what it is asked.
+        """
         import dwave.samplers  # noqa: F401
         import scipy.optimize  # noqa: F401
+
+        backend = open_backend(self.settings.backend)
+        if backend.kind != "hardware":
+            model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
+            backend.sample(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
 
     def prepare(self, problem: Problem, deadline_s: float, seed: int) -> Prepared:
         """The circuit alone, trained in its share of the deadline; raises as `prepare` does."""
@@ -250,33 +281,33 @@ class LcQaoaSolver:
         deadline = _end_of_training(deadline_s)
 
         def draw(model: QuboModel) -> Drawn:
-            prepared = prepare_model(model, self.settings, seed=seed, deadline=deadline)
-            return self._draw(prepared, seed)
+            backend = open_backend(self.settings.backend)
+            place = None if backend.target is None else backend.place
+            prepared = prepare_model(
+                model, self.settings, seed=seed, deadline=deadline, place=place
+            )
+            return self._draw(prepared, backend, seed)
 
+        began = time.perf_counter()
         try:
             return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)
         except VariantError as error:
-            return Outcome(self.name, "failed", None, 0.0, reason=str(error))
+            wall_s = time.perf_counter() - began
+            return Outcome(self.name, "failed", None, wall_s, reason=str(error))
 
-    def _draw(self, prepared: Prepared, seed: int) -> Drawn:
-        began = time.perf_counter()
-        circuit = circuit_of(prepared.ansatz)
-        counts = sample_mps(circuit, self.settings.shots, seed)
-        sample_s = time.perf_counter() - began
-        gates = circuit.count_ops()
+    def _draw(self, prepared: Prepared, backend: Backend, seed: int) -> Drawn:
+        found = backend.sample(circuit_of(prepared.ansatz), self.settings.shots, seed)
         execution = Execution(
-            backend="aer",
-            kind="simulated",
+            backend=backend.name,
+            kind=backend.kind,
             variant=prepared.variant,
             layers=self.settings.layers,
-            two_qubit_depth=circuit.depth(
-                lambda instruction: instruction.operation.num_qubits == 2
-            ),
-            two_qubit_gates=gates.get("rzz", 0) + gates.get("xx_plus_yy", 0),
+            two_qubit_depth=found.two_qubit_depth,
+            two_qubit_gates=found.two_qubit_gates,
             train_s=prepared.train_s,
-            sample_s=sample_s,
+            sample_s=found.sample_s,
+            job=found.job,
         )
-        bits, shots = counts_to_bits(counts, prepared.order)
-        return Drawn(
-            bits, shots, len(prepared.order), execution, (("marginals", prepared.marginals),)
-        )
+        bits, counts = counts_to_bits(found.counts, prepared.order)
+        controls = (("marginals", prepared.marginals),)
+        return Drawn(bits, counts, len(prepared.order), execution, controls)

@@ -12,8 +12,9 @@ import pytest
 from dispatcher_daemon.guest.chain_maker import ChainMaker
 from dispatcher_daemon.guest.making import Unsuitable, meaning
 from dispatcher_daemon.problem import ArcProblem, RouteProblem
+from dispatcher_daemon.quantum.backends.aer import AerBackend
 from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, sample_mps
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 
 Demo = Callable[..., ArcProblem]
 
@@ -58,7 +59,7 @@ def test_a_circuit_and_its_samples_go_through_the_device(
     assert made.circuit.num_qubits == len(made.order)
     assert sorted(made.order) == list(range(len(made.order)))
     assert made.fingerprint == maker.make(problem, 5.0, 1).fingerprint
-    counts = sample_mps(pickle.loads(pickle.dumps(made.circuit)), 256, 3)
+    counts = AerBackend().sample(pickle.loads(pickle.dumps(made.circuit)), 256, 3).counts
     read = maker.read(problem, made.order, counts, 1)
     assert read.selected is not None
     assert read.samples is not None
@@ -77,7 +78,9 @@ def test_the_variable_order_is_kept(maker: ChainMaker, demo_arcs: Demo) -> None:
     """A single sample comes back as the selection that it stands for."""
     problem = demo_arcs()
     made = maker.make(problem, 5.0, 1)
-    exact = maker.read(problem, made.order, sample_mps(made.circuit, 512, 1), 1).selected
+    exact = maker.read(
+        problem, made.order, AerBackend().sample(made.circuit, 512, 1).counts, 1
+    ).selected
     assert exact is not None
     bits = np.zeros(len(made.order), dtype=int)
     bits[list(exact)] = 1

@@ -14,11 +14,12 @@ from dispatcher_daemon.decode import decode
 from dispatcher_daemon.formulations.arc import build_arc_model
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
+from dispatcher_daemon.quantum.backends.aer import AerBackend
 from dispatcher_daemon.quantum.chain_order import heavy_path, path_weight
 from dispatcher_daemon.quantum.circuits import circuit_of
 from dispatcher_daemon.quantum.ising import Ising, to_ising
 from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits, sample_mps
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits
 from dispatcher_daemon.solvers.sampling import descend
 
 Demo = Callable[..., ArcProblem]
@@ -67,7 +68,7 @@ def test_circuit_is_the_formula_and_bits_come_back_in_order() -> None:
     order = [2, 0, 3, 1]
     ising = to_ising(bqm, [f"v{i}" for i in range(4)]).permuted(order)
     angles = linear_ramp(2, 0.4, 0.7)
-    counts = sample_mps(circuit_of(scheduled(ising, angles)), 40_000, 3)
+    counts = AerBackend().sample(circuit_of(scheduled(ising, angles)), 40_000, 3).counts
     bits, shots = counts_to_bits(counts, order)
     expected = reference_probabilities(ising, angles)
     measured = np.zeros(16)
@@ -86,7 +87,8 @@ def test_ramp_lowers_the_energy_below_uniform_sampling() -> None:
     for q in range(n - 1):
         coupling[q, q + 1] = coupling[q + 1, q] = rng.normal()
     ising = Ising(rng.normal(size=n), coupling, 0.0).normalised()
-    counts = sample_mps(circuit_of(scheduled(ising, linear_ramp(4, 0.6, 1.0))), 4000, 1)
+    circuit = circuit_of(scheduled(ising, linear_ramp(4, 0.6, 1.0)))
+    counts = AerBackend().sample(circuit, 4000, 1).counts
     bits, shots = counts_to_bits(counts, list(range(n)))
     z = 1 - 2 * bits.astype(float)
     energy = z @ ising.h + np.einsum("si,ij,sj->s", z, ising.coupling, z) / 2
