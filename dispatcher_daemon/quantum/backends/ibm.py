@@ -86,7 +86,7 @@ def _find_device(client: Any, name: str, options: IbmOptions) -> Any:
         return client.backend(name, use_fractional_gates=fractional)
     except QiskitBackendNotFoundError:
         listed = [str(d["name"]) for d in client._get_api_client().list_backends()]
-        if name in listed:
+        if name == LEAST_BUSY or name in listed:
             raise
     raise InputError(
         "backend",
