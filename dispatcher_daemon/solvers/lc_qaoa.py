@@ -14,7 +14,7 @@ import numpy as np
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
-from dispatcher_daemon.quantum.backends import Backend, open_backend
+from dispatcher_daemon.quantum.backends.fallback import Opened, open_or_fall_back
 from dispatcher_daemon.quantum.chain_order import heavy_path
 from dispatcher_daemon.quantum.chain_sites import Ansatz
 from dispatcher_daemon.quantum.chain_state import ChainState
@@ -42,6 +42,9 @@ _CVAR_SHOTS = 1024
 
 _TRAINING_SHARE = 0.6
 """Of the time to answer; the rest is for sampling and post-processing."""
+
+_WAITING_SHARE = 0.9
+"""Of the time to answer, after which a device is waited for no longer."""
 
 
 class VariantError(ValueError):
@@ -255,12 +258,11 @@ class LcQaoaSolver:
 
         Raises:
             InputError: there is no such backend, or no credentials for it.
-            ServiceFault: IBM Quantum does not do what it is asked.
         """
         import dwave.samplers  # noqa: F401
         import scipy.optimize  # noqa: F401
 
-        backend = open_backend(self.settings.backend)
+        backend = open_or_fall_back(self.settings.backend).backend
         if backend.kind != "hardware":
             model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
             backend.sample(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
@@ -277,35 +279,40 @@ class LcQaoaSolver:
         )
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
-        """See `Solver.solve`; training ends in time to sample, which cannot be cut short."""
+        """See `Solver.solve`; training ends in time to sample, which cannot be cut short.
+
+        A device that is out of reach, fails or is late is replaced by Aer.
+        """
+        began = time.perf_counter()
         deadline = _end_of_training(deadline_s)
 
         def draw(model: QuboModel) -> Drawn:
-            backend = open_backend(self.settings.backend)
-            place = None if backend.target is None else backend.place
+            opened = open_or_fall_back(self.settings.backend)
+            place = None if opened.backend.target is None else opened.backend.place
             prepared = prepare_model(
                 model, self.settings, seed=seed, deadline=deadline, place=place
             )
-            return self._draw(prepared, backend, seed)
+            return self._draw(prepared, opened, seed, began + _WAITING_SHARE * deadline_s)
 
-        began = time.perf_counter()
         try:
             return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)
         except VariantError as error:
             wall_s = time.perf_counter() - began
             return Outcome(self.name, "failed", None, wall_s, reason=str(error))
 
-    def _draw(self, prepared: Prepared, backend: Backend, seed: int) -> Drawn:
-        found = backend.sample(circuit_of(prepared.ansatz), self.settings.shots, seed)
+    def _draw(self, prepared: Prepared, opened: Opened, seed: int, until: float) -> Drawn:
+        circuit, shots = circuit_of(prepared.ansatz), self.settings.shots
+        opened, found = opened.sample(circuit, shots, seed, until - time.perf_counter())
         execution = Execution(
-            backend=backend.name,
-            kind=backend.kind,
+            backend=opened.backend.name,
+            kind=opened.backend.kind,
             variant=prepared.variant,
             layers=self.settings.layers,
             two_qubit_depth=found.two_qubit_depth,
             two_qubit_gates=found.two_qubit_gates,
             train_s=prepared.train_s,
             sample_s=found.sample_s,
+            fallback=opened.fallback,
             job=found.job,
         )
         bits, counts = counts_to_bits(found.counts, prepared.order)
