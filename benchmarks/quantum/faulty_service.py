@@ -55,11 +55,10 @@ CALL: Final = ("ok", "unreachable", "401", "429", "500", "hangs", "dies")
 """What may happen to any other call."""
 
 EVERYTHING: Final[dict[str, dict[str, float]]] = {
-    "submit": dict.fromkeys(SUBMIT, 1.0)
-    | {"ok": 20.0, "hangs": 0.4, "hangs but taken": 0.4, "dies but taken": 0.4, "401": 0.3},
-    "job": dict.fromkeys(JOB, 1.0) | {"ok": 16.0, "late": 4.0},
+    "submit": dict.fromkeys(SUBMIT, 1.0) | {"ok": 24.0, "401": 0.5, "hangs": 0.5},
+    "job": dict.fromkeys(JOB, 1.0) | {"ok": 24.0, "late": 4.0, "no view": 0.3},
     "call": dict.fromkeys(CALL, 1.0)
-    | {"ok": 60.0, "hangs": 0.15, "dies": 0.15, "401": 0.1, "429": 0.3},
+    | {"ok": 100.0, "401": 0.2, "429": 0.5, "hangs": 0.7, "dies": 0.7},
 }
 """All of them, the good ones most often."""
 

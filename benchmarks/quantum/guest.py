@@ -34,38 +34,37 @@ from dispatcher_daemon.guest.desk import Desk
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.pool import GRACE_S, SolverPool
+from dispatcher_daemon.solvers.pool import GRACE_S, Solve, SolverPool
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from dispatcher_daemon.verify import verify_plans
 from slipstream.roads import load_network
 from storage import QuantumJob, open_database, open_reader
 
-DEADLINE_S: Final = 0.4
 OVERHEAD_S: Final = 0.5
 """What a cycle does beside solving: building, verifying, on a machine that others use too."""
 DAY_S: Final = 30.0
-"""The budget's day here, so that it passes many times over."""
+"""The budget's day here, so that many of them pass."""
 
 SETTINGS: Final = DispatcherSettings(
     solvers=("exact", "lc-qaoa"),
-    deadline_s=DEADLINE_S,
-    interval_s=2 * DEADLINE_S,
+    deadline_s=0.4,
+    interval_s=0.8,
     lc_qaoa=LcQaoaSettings(variant="ramp", shots=128),
     hardware=HardwareSettings(
         backend="ibm:faulty",
         shots=256,
-        budget_s_per_day=60.0,
+        budget_s_per_day=40.0,
         most_pending=3,
-        wait_s=DEADLINE_S,
+        wait_s=0.4,
         poll_s=0.05,
         most_poll_s=0.5,
         call_limit_s=0.5,
         give_up_after_s=5.0,
         lost_after_s=1.0,
-        faults=3,
-        rest_s=0.5,
-        most_rest_s=3.0,
+        faults=4,
+        rest_s=0.3,
+        most_rest_s=1.5,
     ),
 )
 
@@ -86,7 +85,9 @@ class Run:
         charged_s: device time that the service charged in all.
         most_in_a_day_s: the most of it in any window of the budget's length.
         budget_s: what was allowed.
-        leaks: threads, processes, descriptors at the end less those at the beginning.
+        limit_s: on the time of a cycle: its deadline, the pool's grace and what is around them.
+        growth: threads, processes, descriptors in the last cycle less those in the first ones.
+        leaks: the same after all is closed, less before all was opened.
         broken: promises that were not kept; empty if all is well.
     """
 
@@ -100,21 +101,23 @@ class Run:
     answers: dict[str, int] = field(default_factory=dict)
     charged_s: float = 0.0
     most_in_a_day_s: float = 0.0
-    budget_s: float = SETTINGS.hardware.budget_s_per_day
+    budget_s: float = 0.0
+    limit_s: float = 0.0
+    growth: dict[str, int] = field(default_factory=dict)
     leaks: dict[str, int] = field(default_factory=dict)
     broken: list[str] = field(default_factory=list)
 
     def report(self) -> dict[str, Any]:
         """All of it for JSON, times as percentiles."""
         figures = dict(vars(self))
-        del figures["walls_s"]
+        del figures["walls_s"], figures["limit_s"]
         walls = sorted(self.walls_s)
         if walls:
             figures["wall_s"] = {
                 "median": round(statistics.median(walls), 3),
                 "p99": round(walls[int(0.99 * (len(walls) - 1))], 3),
                 "max": round(walls[-1], 3),
-                "limit": DEADLINE_S + GRACE_S + OVERHEAD_S,
+                "limit": self.limit_s,
             }
         return figures
 
@@ -122,29 +125,41 @@ class Run:
 class Stage:
     """Everything around the cycles; desk and database can be torn down and opened again."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
+    def __init__(
+        self, folder: Path, seed: int, settings: DispatcherSettings, solve: Solve | None
+    ) -> None:
+        self.settings = settings
         self.url = f"sqlite:///{folder}/cycles.db"
-        self.books = Books(folder / "service.db", seed, EVERYTHING, (0.0, 0.5))
-        self.pool = SolverPool(configured_solvers(SETTINGS))
-        self.pool.warm_up()
+        self.books = Books(folder / "service.db", seed, EVERYTHING, (0.0, 0.25))
+        self._pool = None if solve is not None else SolverPool(configured_solvers(settings))
+        if self._pool is not None:
+            self._pool.warm_up()
+        self._solve = solve or self._pool
         network = load_network("demo")
         self.problem = RoutingProblem(network, load_fleet("demo", network))
         self._stack = ExitStack()
-        self.open()
+        self.open(warm=True)
 
-    def open(self) -> None:
-        """Database and desk."""
+    def open(self, *, warm: bool) -> None:
+        """Database and desk.
+
+        Args:
+            warm: whether to wait for the device's worker, so that the next cycles meet the device.
+        """
         self.database = self._stack.enter_context(open_database(self.url))
-        maker = AnsatzMaker(LcQaoaSolver(SETTINGS.lc_qaoa))
-        self.clerk = Clerk(
-            SETTINGS.hardware,
+        assert self._solve is not None
+        hardware = self.settings.hardware
+        clerk = Clerk(
+            hardware,
             "hardware",
             Opening(str(self.books.path)),
-            maker,
+            AnsatzMaker(LcQaoaSolver(self.settings.lc_qaoa)),
             self.database,
             day_s=DAY_S,
         )
-        self.desk = self._stack.enter_context(Desk(self.pool, self.clerk, SETTINGS.hardware.wait_s))
+        self.desk = self._stack.enter_context(Desk(self._solve, clerk, hardware.wait_s))
+        if warm:
+            clerk.warm.wait(60.0)
 
     def tear_down(self) -> None:
         """As a crash would: nothing is finished, nothing is told."""
@@ -153,7 +168,8 @@ class Stage:
     def close(self) -> None:
         """All of it."""
         self.tear_down()
-        self.pool.close()
+        if self._pool is not None:
+            self._pool.close()
 
 
 def run(
@@ -161,33 +177,49 @@ def run(
     seed: int,
     folder: Path,
     *,
+    settings: DispatcherSettings = SETTINGS,
+    solve: Solve | None = None,
     restart_every: int = 40,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Run:
-    """Run the cycles and judge them."""
-    result = Run()
+    """Run the cycles and judge them.
+
+    Args:
+        folder: for database and service.
+        solve: in place of a pool of the settings' solvers.
+        restart_every: cycles between two restarts, on average.
+        tell: takes a line now and then.
+    """
+    limit_s = settings.deadline_s + GRACE_S + OVERHEAD_S
+    result = Run(budget_s=settings.hardware.budget_s_per_day, limit_s=limit_s)
     rng = random.Random(seed)
     before = _resources()
-    stage = Stage(folder, seed)
+    stage = Stage(folder, seed, settings, solve)
+    early = before
     try:
         for number in range(1, cycles + 1):
             _cycle(stage, number, rng, result)
             if rng.random() * restart_every < 1:
                 stage.tear_down()
-                stage.open()
+                stage.open(warm=rng.random() < 0.5)
                 result.restarts += 1
+            if number == min(20, cycles):
+                early = _resources()
             if number % 50 == 0:
                 tell(f"{number} cycles, {dict(result.answered)}, broken: {result.broken[-3:]}")
         _settle(stage, result)
+        late = _resources()
     finally:
         stage.close()
-    _judge(stage, result)
+    _judge(stage.books, stage.url, result)
     after = _resources()
+    result.growth = {name: late[name] - early[name] for name in early}
     result.leaks = {name: after[name] - before[name] for name in before}
-    # The first database and the first pool leave some open for good: libraries, not cycles.
-    for name, most in (("threads", 1), ("processes", 1), ("descriptors", 6)):
-        if result.leaks[name] > most:
-            result.broken.append(f"{result.leaks[name]} {name} more than before")
+    # A worker may just be replaced, and the first pool leaves multiprocessing's resource tracker.
+    for name, most in (("threads", 2), ("processes", 1), ("descriptors", 6)):
+        for what, figures in (("in the run", result.growth), ("after it", result.leaks)):
+            if figures[name] > most:
+                result.broken.append(f"{figures[name]} more {name} {what}")
     return result
 
 
@@ -196,12 +228,12 @@ def _cycle(stage: Stage, number: int, rng: random.Random, result: Run) -> None:
     stage.desk.begin_cycle(number)
     began = time.monotonic()
     done = run_cycle(
-        stage.problem, snapshot, SETTINGS, stage.desk, snapshot.now_ns, number, seed=number
+        stage.problem, snapshot, stage.settings, stage.desk, snapshot.now_ns, number, seed=number
     )
     wall_s = time.monotonic() - began
     result.cycles += 1
     result.walls_s.append(wall_s)
-    if wall_s > DEADLINE_S + GRACE_S + OVERHEAD_S:
+    if wall_s > result.limit_s:
         result.broken.append(f"cycle {number} took {wall_s:.2f} s")
     if not done.plans:
         result.broken.append(f"cycle {number} made no plan: {done.report.reason}")
@@ -210,9 +242,9 @@ def _cycle(stage: Stage, number: int, rng: random.Random, result: Run) -> None:
         stage.problem.network,
         stage.problem.fleet,
         {name for name, traffic in snapshot.segments.items() if traffic.open},
-        SETTINGS.sync_window_s,
+        stage.settings.sync_window_s,
         unserved={},
-        reference_s=SETTINGS.deadline_s,
+        reference_s=stage.settings.deadline_s,
     )
     result.broken += [f"cycle {number}: {fault}" for fault in faults]
     stage.database.record_cycle(done.report, done.plans, snapshot.states)
@@ -242,7 +274,7 @@ def _traffic(problem: RoutingProblem, rng: random.Random) -> TrafficSnapshot:
 def _settle(stage: Stage, result: Run) -> None:
     """Without new faults all jobs must come to an end by themselves."""
     stage.books.expect({})
-    limits = SETTINGS.hardware
+    limits = stage.settings.hardware
     until = time.monotonic() + limits.give_up_after_s + limits.lost_after_s + 20.0
     while stage.desk.health().pending and time.monotonic() < until:
         time.sleep(0.1)
@@ -250,22 +282,22 @@ def _settle(stage: Stage, result: Run) -> None:
         result.broken.append(f"{stage.desk.health().pending} jobs never came to an end")
 
 
-def _judge(stage: Stage, result: Run) -> None:
+def _judge(books: Books, url: str, result: Run) -> None:
     """The ledger against the service's own books, and against the cycles."""
     now = time.time()
-    with open_reader(stage.url) as reader:
+    with open_reader(url) as reader:
         ledger = {job.tag: job for job in reader.jobs(limit=10**6)}
         reports = reader.cycles(limit=10**6)
-    taken = {job["tag"]: job for job in stage.books.jobs()}
-    result.events = dict(stage.books.happened())
+    taken = {job["tag"]: job for job in books.jobs()}
+    result.events = dict(books.happened())
     result.jobs = dict(Counter(job.state for job in ledger.values()))
     result.answers = dict(Counter(job.answer or "none" for job in ledger.values()))
-    charges = stage.books.charges(now)
+    charges = books.charges(now)
     result.charged_s = sum(usage for _, usage in charges)
-    result.most_in_a_day_s = stage.books.most_in_a_day(now, DAY_S)
+    result.most_in_a_day_s = books.most_in_a_day(now, DAY_S)
     if result.most_in_a_day_s > result.budget_s:
         result.broken.append(f"{result.most_in_a_day_s:.1f} s charged in one window of the budget")
-    if len(taken) < len(stage.books.jobs()):
+    if len(taken) < len(books.jobs()):
         result.broken.append("a job was submitted twice")
     for tag, theirs in taken.items():
         result.broken += _differences(ledger.get(tag), theirs, now)

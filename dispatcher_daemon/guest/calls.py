@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
-from dispatcher_daemon.guest.making import Maker
+from dispatcher_daemon.guest.making import Maker, Unsuitable
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.quantum.jobs import JobService, JobView, ServiceFault
 from dispatcher_daemon.solvers.base import Outcome
@@ -72,7 +72,7 @@ def warm_up(maker: Maker) -> None:
 def prepare(
     opener: Opener, maker: Maker, problem: Problem, deadline_s: float, seed: int, shots: int
 ) -> Prepared:
-    """Train a circuit and ask what it will cost."""
+    """Train a circuit and ask what it will cost; may raise Unsuitable, as if it does not fit."""
     made = maker.make(problem, deadline_s, seed)
 
     def ask(service: JobService) -> Prepared:
@@ -96,7 +96,7 @@ def prepare(
 
 
 def submit(opener: Opener, circuit: bytes, shots: int, tag: str) -> str:
-    """Submit; returns the job's id."""
+    """Submit; returns the job's id. May raise Unsuitable: then there is no job."""
     return _with(opener, lambda service: service.submit(pickle.loads(circuit), shots, [tag]))
 
 
@@ -123,12 +123,15 @@ def read(
 
 
 def _with(opener: Opener, do: Callable[[JobService], T]) -> T:
-    try:
-        if opener not in _open:
+    if opener not in _open:
+        try:
             _open[opener] = opener()
+        except InputError as error:
+            raise ServiceFault("refused", str(error)) from None
+    try:
         return do(_open[opener])
     except InputError as error:
-        raise ServiceFault("refused", str(error)) from None
+        raise Unsuitable(str(error)) from None
     except ServiceFault as fault:
         if fault.kind == "refused":
             _open.pop(opener, None)

@@ -210,9 +210,7 @@ class Caretaker:
             line = self._fault("not submitted", fault)
             if fault.kind in ("refused", "limited"):
                 # Said before anything was done: the only faults after which there is no job.
-                now_ns = self._clock_ns()
-                over = replace(job, state="failed", reason=line, usage_s=0.0, finished_ns=now_ns)
-                self._ledger.update(replace(over, updated_ns=now_ns))
+                self._never_was(job, line)
                 ticket.decline(line)
             else:
                 # It may be there all the same, to be found by its tag.
@@ -220,11 +218,20 @@ class Caretaker:
                 ticket.stage(line, timed=False)
             care.next_at = self._clock() + care.period_s
             return
+        except Unsuitable as error:
+            self._never_was(job, str(error))
+            ticket.decline(str(error))
+            return
         self._breaker.submitted()
         job = replace(job, job_id=job_id, state="queued", updated_ns=self._clock_ns())
         self._ledger.update(job)
         self._tell(job)
         care.next_at = self._clock() + care.period_s
+
+    def _never_was(self, job: QuantumJob, line: str) -> None:
+        now_ns = self._clock_ns()
+        over = replace(job, state="failed", reason=line, usage_s=0.0, finished_ns=now_ns)
+        self._ledger.update(replace(over, updated_ns=now_ns))
 
     def next_look(self) -> tuple[float, str] | None:
         """(when by the clock, tag) of the job to look at next; None if there is none."""

@@ -38,6 +38,10 @@ _STOPPING: Final = "the dispatcher is stopping"
 class Clerk:
     """Deals with one device.
 
+    Attributes:
+        maker: see there.
+        warm: set once the worker has imported what it needs, or has failed to.
+
     Args:
         settings: of the device.
         kind: of the device.
@@ -62,6 +66,7 @@ class Clerk:
         day_s: float = DAY_S,
     ) -> None:
         self.maker = maker
+        self.warm = threading.Event()
         self._settings = settings
         self._ledger = Ledger(store, kind, clock_ns, day_s)
         patience = Patience(settings.faults, settings.rest_s, settings.most_rest_s)
@@ -137,6 +142,7 @@ class Clerk:
     def _run(self) -> None:
         try:
             self._step("warming up", self._warm_up)
+            self.warm.set()
             while not self._stopping.is_set():
                 self._step("the ledger", self._caretaker.tidy)
                 self._wake.wait(self._idle_s())

@@ -376,6 +376,14 @@ def test_repeated_faults_open_the_breaker_and_one_job_closes_it(world: Any, done
     assert trial.close()[0] is not None
 
 
+def test_a_circuit_that_does_not_fit_the_device_is_nobodys_fault(world: Any) -> None:
+    """Told as it is; nothing is reserved, and the breaker stays closed."""
+    world.service.submits = [InputError("ibm:toy", "200 qubits do not fit", "take fewer")]
+    assert world.ask().close()[1] == "ibm:toy: 200 qubits do not fit; take fewer"
+    assert (world.job.state, world.ledger.used_s()) == ("failed", 0.0)
+    assert world.breaker.state == "closed"
+
+
 def test_a_problem_without_a_circuit_is_nobodys_fault(world: Any) -> None:
     """Nothing to choose: no job, no fault."""
     problem = toy_problem_without_arcs()
