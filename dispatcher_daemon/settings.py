@@ -75,14 +75,17 @@ class QaoaSettings(Settings):
         description="transferred: the linear ramp below as it is; trained: all 2p angles from "
         "there, by COBYLA; ramp: only the ramp's two heights.",
     )
-    delta_beta: float = Field(
-        default=0.41, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
+    delta_beta: float | None = Field(
+        default=None,
+        gt=0,
+        allow_inf_nan=False,
+        description="Height of the mixer's ramp, rad; None: as measured for p and mixer.",
     )
     delta_gamma: float | None = Field(
         default=None,
         gt=0,
         allow_inf_nan=False,
-        description="Height of the phase's ramp, rad; None: 0.83 √p.",
+        description="Height of the phase's ramp, rad; None: as measured for p and mixer.",
     )
     iterations: int = Field(
         default=100, ge=1, le=100_000, description="Of training, each one state, at most."

@@ -58,6 +58,21 @@ def one_hot_diagonal(ising: Ising, groups: Sequence[Sequence[int]]) -> Diagonal:
     return diagonal
 
 
+def standardised(diagonal: Diagonal) -> Diagonal:
+    """Less its mean and divided by its standard deviation, so that one set of angles fits all.
+
+    For one-hot states, which differ little: the largest coefficient, a penalty's, tells nothing of
+    their spread. Equal energies become 0.
+    """
+    energies = diagonal.astype(np.float64)
+    energies -= energies.mean()
+    spread = float(energies.std())
+    # Rounding leaves some spread where there is none.
+    if spread <= 1e-6 * float(np.abs(diagonal).max(initial=0.0)):
+        return np.zeros_like(diagonal)
+    return (energies / spread).astype(np.float32)
+
+
 def one_hot_bits(
     states: npt.NDArray[np.int64], groups: Sequence[Sequence[int]], width: int
 ) -> npt.NDArray[np.int8]:

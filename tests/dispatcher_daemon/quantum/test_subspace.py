@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from dispatcher_daemon.quantum.diagonal import one_hot_bits, one_hot_diagonal
+from dispatcher_daemon.quantum.diagonal import one_hot_bits, one_hot_diagonal, standardised
 from dispatcher_daemon.quantum.ising import Ising
 from dispatcher_daemon.quantum.subspace import OneHotState, Shape, mixer_pairs
 
@@ -41,6 +41,15 @@ def test_diagonal_has_the_energy_of_every_state() -> None:
     z = 1 - 2 * one_hot_bits(np.arange(24), GROUPS, 9).astype(float)
     expected = ising.offset + z @ ising.h + ((z @ ising.coupling) * z).sum(axis=1) / 2
     assert one_hot_diagonal(ising, GROUPS) == pytest.approx(expected, abs=1e-5)
+
+
+def test_standardised_energies_have_mean_0_and_spread_1() -> None:
+    """Whatever offset and unit they had; equal ones become 0."""
+    diagonal = one_hot_diagonal(random_ising(9), GROUPS)
+    found = standardised(1000 + 0.1 * diagonal)
+    assert (found.mean(), found.std()) == pytest.approx((0, 1), abs=1e-3)
+    assert found == pytest.approx(standardised(diagonal), abs=1e-2)
+    assert not standardised(np.full(5, 7.3, dtype=np.float32)).any()
 
 
 def test_diagonal_refuses_too_many_states() -> None:
