@@ -106,8 +106,12 @@ def write_settings(
     database: Path,
     dashboard_port: int,
     interval_s: float,
+    hardware: str = "",
 ) -> dict[str, tuple[str, Path]]:
     """Write one settings file a daemon.
+
+    Args:
+        hardware: a quantum device as a guest, see `HardwareSettings.backend`.
 
     Returns:
         For each process name the sub-command to run and its settings file.
@@ -143,6 +147,7 @@ def write_settings(
                 "database_url": url,
                 "interval_s": interval_s,
                 "deadline_s": min(10.0, interval_s / 2),
+                **({"hardware": _device(hardware)} if hardware else {}),
             }
         ),
     )
@@ -158,3 +163,9 @@ def write_settings(
         )
         files[name] = (command, path)
     return files
+
+
+def _device(backend: str) -> dict[str, object]:
+    """A fake device costs this machine's time only: few shots, and a budget for many jobs."""
+    of_fake = {"shots": 256, "budget_s_per_day": 3600.0} if backend.startswith("fake:") else {}
+    return {"backend": backend, **of_fake}

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from slipstream.bus import Bus, Router
-from slipstream.config import BusSettings
+from slipstream.config import BusSettings, check
 from slipstream.errors import InputError
 from slipstream_cli.demo import make_clips, write_settings
 from slipstream_cli.supervisor import Supervisor
@@ -36,6 +36,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--state", type=Path, default=Path(".slipstream"), help="folder for clips and database"
     )
     command.add_argument("--interval", type=float, default=30.0, help="seconds between cycles")
+    command.add_argument(
+        "--hardware",
+        default="",
+        metavar="BACKEND",
+        help="a quantum device as a guest: fake:FakeBoston, ibm:NAME or ibm:least-busy",
+    )
     command.add_argument("--seconds", type=float, help="stop after so long (default: run on)")
     command.add_argument("--json", action="store_true", help="print one JSON object at the end")
     command.set_defaults(run=run)
@@ -49,6 +55,10 @@ def run(options: argparse.Namespace) -> int:
         raise InputError("--interval", f"{options.interval:g} is out of range", "give 1 to 86400")
     if options.seconds is not None and not options.seconds > 0:
         raise InputError("--seconds", f"{options.seconds:g} is out of range", "give more than 0")
+    if options.hardware:
+        from dispatcher_daemon.settings import HardwareSettings
+
+        check({"backend": options.hardware}, HardwareSettings, "--hardware")
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
@@ -73,6 +83,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             database=options.state / "slipstream.db",
             dashboard_port=options.port,
             interval_s=options.interval,
+            hardware=options.hardware,
         )
         address = f"http://127.0.0.1:{options.port}"
         try:

@@ -277,7 +277,7 @@ def _spoilt(samples: dict[str, int], fate: str) -> dict[str, int] | None:
     if fate == "wrong width":
         return {string + "0": number for string, number in samples.items()}
     if fate == "wrong total":
-        return samples | {first: samples[first] + 1}
+        return {string: number for string, number in samples.items() if string != first}
     if fate == "not binary":
         return {string.replace("1", "2"): number for string, number in samples.items()}
     return samples

@@ -43,6 +43,14 @@ def test_a_job_is_stored_before_it_is_submitted_and_answered_in_its_cycle(
     assert world.caretaker.next_look() is None
 
 
+def test_more_samples_than_asked_for_are_taken(world: Any, done: Done) -> None:
+    """A device that takes samples in whole frames may give some more."""
+    ticket = world.ask()
+    world.service.looks = [done({"01": 9})]
+    world.wait(1.0)
+    assert ticket.close()[0] is not None
+
+
 def test_a_job_that_queues_is_named_as_the_reason(world: Any) -> None:
     """At the deadline the cycle learns which job still queues, and for how long."""
     ticket = world.ask()
@@ -174,6 +182,7 @@ def test_missing_credentials_are_told_before_anything_is_stored(world: Any) -> N
         ({"02": 8}, "no bit string of 2 qubits"),
         ({1: 8}, "no bit string of 2 qubits"),
         ({"01": 7}, "7 samples instead of 8"),
+        ({"01": 17}, "17 samples instead of 8"),
         ({"01": 9, "10": -1}, "-1 shots"),
         ({"01": 8.0}, "8.0 shots"),
         ({}, "0 samples instead of 8"),
