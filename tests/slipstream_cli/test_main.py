@@ -173,7 +173,14 @@ def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--port", "0"), ("--interval", "0"), ("--seconds", "-1"), ("--seconds", "nan")]
+    "arguments",
+    [
+        ("--port", "0"),
+        ("--interval", "0"),
+        ("--seconds", "-1"),
+        ("--seconds", "nan"),
+        ("--hardware", "boston"),
+    ],
 )
 def test_run_refuses_numbers_that_make_no_sense(arguments: tuple[str, str]) -> None:
     """The line names the option."""

@@ -1,0 +1,36 @@
+"""Settings of the built-in demo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dispatcher_daemon.settings import DispatcherSettings
+from slipstream.config import load
+from slipstream_cli.demo import ROADSIDES, write_settings
+
+
+@pytest.mark.parametrize(
+    ("hardware", "shots", "budget_s"),
+    [("", 4096, 60.0), ("fake:FakeBoston", 256, 3600.0), ("ibm:least-busy", 4096, 60.0)],
+)
+def test_a_device_is_a_guest_where_it_is_asked_for(
+    tmp_path: Path, hardware: str, shots: int, budget_s: float
+) -> None:
+    """Off by default; a fake device gets a trial's settings, a real one the careful defaults."""
+    clips = {roadside.rsu: tmp_path for roadside in ROADSIDES}
+    files = write_settings(
+        tmp_path,
+        clips,
+        bus_endpoint="tcp/127.0.0.1:1",
+        database=tmp_path / "x.db",
+        dashboard_port=8080,
+        interval_s=20.0,
+        hardware=hardware,
+    )
+    command, path = files["dispatcher"]
+    device = load(path, DispatcherSettings).hardware
+    assert command == "dispatcher"
+    assert (device.backend, device.shots, device.budget_s_per_day) == (hardware, shots, budget_s)
+    assert ("hardware" in path.read_text()) == bool(hardware)
