@@ -39,11 +39,11 @@ class LcQaoaSettings(Settings):
         default=0.6, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
     )
     iterations: int = Field(
-        default=100, ge=1, le=100_000, description="Of training, for each restart."
+        default=100, ge=1, le=100_000, description="Evaluations of training, for each restart."
     )
-    restarts: int = Field(default=8, ge=1, le=10_000, description="Of every gate its own angle.")
+    restarts: int = Field(default=16, ge=1, le=10_000, description="Of every gate its own angle.")
     spread: float = Field(
-        default=0.3,
+        default=0.5,
         ge=0,
         allow_inf_nan=False,
         description="Standard deviation of the restarts' angles around the ramp, rad.",

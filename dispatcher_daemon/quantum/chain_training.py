@@ -8,10 +8,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from dispatcher_daemon.quantum.batched_lbfgs import minimise
 from dispatcher_daemon.quantum.chain_sites import Ansatz, ChainSites, Real
 from dispatcher_daemon.quantum.chain_state import (
     Bits,
@@ -25,6 +25,9 @@ Schedule = Sequence[tuple[float, float]]
 """(β, γ) of each layer."""
 
 Objective = Callable[[Ansatz], float]
+
+_KEPT_NUMBERS = 4_000_000
+"""About as many complex numbers a reverse sweep may keep: starts beyond that wait their turn."""
 
 
 @dataclass(frozen=True)
@@ -136,37 +139,34 @@ def train_angles(
     Args:
         starts: ansätze of one shape, at least one.
         ising: in chain order.
-        iterations: most for each start.
+        iterations: most evaluations for each start.
         deadline: `time.perf_counter` at which the best so far is taken.
         entangled: False keeps all RZZ angles at 0: a product state, the control of this method.
         cuts: bonds between sites, by the number of the first, that stay without a gate.
     """
-    from scipy.optimize import minimize
-
     sites = ChainSites(starts[0])
     free = sites.free()
     free[sites.bonds[list(cuts)] if entangled else sites.bonds] = False
-    best, lowest, count = starts[0], np.inf, 0
-    for start in starts:
-        angles = np.where(free, sites.flat(start), 0.0)
+    angles = np.where(free, [sites.flat(start) for start in starts], 0.0)
 
-        def value(chosen: Real, angles: Real = angles) -> tuple[float, Real]:
-            nonlocal best, lowest, count
-            angles[free] = chosen
-            found, gradient = energies_and_gradients(sites, angles[None], ising)
-            count += 1
-            if found[0] < lowest:
-                best, lowest = sites.ansatz(angles.copy()), float(found[0])
-            if time.perf_counter() >= deadline:
-                raise _Enough
-            return float(found[0]), gradient[0, free]
+    def evaluate(chosen: Real) -> tuple[Real, Real]:
+        table = np.zeros((len(chosen), len(free)))
+        table[:, free] = chosen
+        found, gradients = energies_and_gradients(sites, table, ising)
+        return found, gradients[:, free]
 
-        options: dict[str, Any] = {"maxiter": iterations}
-        try:
-            minimize(value, angles[free], jac=True, method="L-BFGS-B", options=options)
-        except _Enough:
+    best, lowest, count = angles[0], np.inf, 0
+    size = max(1, _KEPT_NUMBERS // (len(ising.h) ** 2 << 2 * sites.layers))
+    for first in range(0, len(angles), size):
+        if count and time.perf_counter() >= deadline:
             break
-    return Trained(best, lowest, count)
+        found = minimise(evaluate, angles[first : first + size, free], iterations, deadline)
+        count += found.evaluations
+        winner = int(found.values.argmin())
+        if found.values[winner] < lowest:
+            best, lowest = np.zeros(len(free)), float(found.values[winner])
+            best[free] = found.points[winner]
+    return Trained(sites.ansatz(best), lowest, count)
 
 
 def around(ansatz: Ansatz, spread: float, count: int, seed: int) -> list[Ansatz]:

@@ -1,0 +1,214 @@
+"""Variants of LC-QAOA on the published 25-variable instances and on route options, without noise.
+
+Probabilities are exact: those of the circuit's state, no shots drawn, nothing repaired.
+`python -m benchmarks.quantum.variants [--short]`
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from dispatcher_daemon.decode import valid_selections, violations
+from dispatcher_daemon.forms import arc_form, route_form
+from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.instances import instance_names, open_instance
+from dispatcher_daemon.problem import Problem, RouteProblem
+from dispatcher_daemon.quantum.ansatz import ChainAnsatz
+from dispatcher_daemon.quantum.chain_order import path_weight
+from dispatcher_daemon.quantum.chain_state import ChainState
+from dispatcher_daemon.quantum.distribution import BitDistribution
+from dispatcher_daemon.quantum.ising import to_ising
+from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
+from dispatcher_daemon.solvers.lc_qaoa import Prepared, prepare_model
+from slipstream.errors import InputError
+
+ERRORS = (0.0013, 0.005)
+"""FakeBoston's medians: of a CZ, of a readout."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem with all its valid selections.
+
+    Attributes:
+        valid: bits of the choices, shape (selections, choices).
+        best: which of them have the least objective.
+    """
+
+    name: str
+    model: QuboModel
+    valid: npt.NDArray[np.int8]
+    best: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Probabilities of valid and of optimal selections, and what the training took."""
+
+    feasible: float
+    optimal: float
+    rounded: float
+    independent: float
+    train_s: float
+    weight: float
+
+
+def arc_cases(count: int) -> list[Case]:
+    """The named instances of 25 variables."""
+    names = [name for name in instance_names() if name.startswith("arc25-")][:count]
+    return [_case(name, arc_form(open_instance(name)).problem) for name in names]
+
+
+def route_cases(files: Sequence[Path]) -> list[Case]:
+    """Route options of instance files, five of each vehicle."""
+    return [_case(path.stem, route_form(open_instance(path), 5, 1).problem) for path in files]
+
+
+def _case(name: str, problem: Problem) -> Case:
+    if isinstance(problem, RouteProblem):
+        chosen = product(*(group for group in problem.options_of.values() if group))
+        sets = [s for s in chosen if not violations(problem, s)]
+        valid = np.zeros((len(sets), problem.choices), dtype=np.int8)
+        for row, members in enumerate(sets):
+            valid[row, list(members)] = 1
+    else:
+        states = np.flatnonzero(valid_selections(problem))
+        valid = ((states[:, None] >> np.arange(problem.choices)) & 1).astype(np.int8)
+    values = np.array([problem.objective_kwh(np.flatnonzero(row).tolist()) for row in valid])
+    return Case(name, build_model(problem), valid, values <= values.min() + 1e-9)
+
+
+def score(case: Case, prepared: Prepared) -> Score:
+    """What one circuit reaches, and what its one-qubit distributions alone do."""
+    bits = np.full((len(case.valid), len(prepared.order)), -1, dtype=np.int8)
+    place = np.argsort(prepared.order)[: case.model.problem.choices]
+    bits[:, place] = case.valid
+    shares = ChainState(prepared.ansatz).probabilities(bits)
+    alone = _independent(case, prepared.marginals)
+    ising = to_ising(case.model.total, case.model.variables)
+    return Score(
+        feasible=float(shares.sum()),
+        optimal=float(shares[case.best].sum()),
+        rounded=float(_rounded(case, prepared.marginals)),
+        independent=float(alone[case.best].sum()),
+        train_s=prepared.train_s,
+        weight=path_weight(ising.coupling, list(prepared.order)) / np.abs(ising.coupling).sum() * 2,
+    )
+
+
+def _independent(case: Case, marginals: BitDistribution) -> npt.NDArray[np.float64]:
+    """Probability of each valid selection if bits (or groups) were independent."""
+    ones = np.array(marginals.probabilities)[: case.valid.shape[1]]
+    if marginals.groups:
+        return np.where(case.valid == 1, ones, 1.0).prod(axis=1)
+    return np.where(case.valid == 1, ones, 1 - ones).prod(axis=1)
+
+
+def _rounded(case: Case, marginals: BitDistribution) -> bool:
+    """Whether the likeliest bits (or members of groups) are an optimal selection."""
+    ones = np.array(marginals.probabilities)
+    bits = (ones > 0.5).astype(np.int8)
+    for group in marginals.groups:
+        bits[list(group)] = 0
+        bits[group[int(ones[list(group)].argmax())]] = 1
+    return bool((case.valid[case.best] == bits[: case.valid.shape[1]]).all(axis=1).any())
+
+
+def survival(prepared: Prepared) -> float:
+    """Estimated share of shots without any error on FakeBoston: two CZ for each RZZ or XY gate."""
+    tables = [prepared.ansatz.bonds]
+    if not isinstance(prepared.ansatz, ChainAnsatz):
+        tables += [prepared.ansatz.mixers, prepared.ansatz.spread]
+    gates = sum(int(np.count_nonzero(table)) for table in tables)
+    gate, readout = ERRORS
+    return (1 - gate) ** (2 * gates) * (1 - readout) ** len(prepared.order)
+
+
+ROWS: list[tuple[str, LcQaoaVariant, dict[str, object]]] = [
+    ("untrained ramp", "ramp", {}),
+    ("the paper's: 2p angles, COBYLA, mean", "trained", {}),
+    ("the same, random order", "trained", {"order": "random"}),
+    ("2p angles, COBYLA, CVaR 0.1", "trained", {"cvar_share": 0.1}),
+    ("multi-angle, 1 start", "multi-angle", {"restarts": 1}),
+    ("multi-angle, 8 starts", "multi-angle", {"restarts": 8}),
+    ("multi-angle, 16 starts", "multi-angle", {"restarts": 16}),
+    ("multi-angle, 16 starts, random order", "multi-angle", {"restarts": 16, "order": "random"}),
+    ("no RZZ (product), 1 start", "product", {"restarts": 1}),
+    ("no RZZ (product), 8 starts", "product", {"restarts": 8}),
+    ("no RZZ (product), 16 starts", "product", {"restarts": 16}),
+]
+
+ROUTE_ROWS: list[tuple[str, LcQaoaVariant, dict[str, object]]] = [
+    ("X mixer, 2p angles", "trained", {}),
+    ("X mixer, multi-angle, 16 starts", "multi-angle", {"restarts": 16}),
+    ("one-hot, 2p angles", "one-hot", {}),
+    ("one-hot, multi-angle, 1 start", "one-hot-multi-angle", {"restarts": 1}),
+    ("one-hot, multi-angle, 8 starts", "one-hot-multi-angle", {"restarts": 8}),
+]
+
+
+def table(
+    title: str,
+    cases: Sequence[Case],
+    rows: Sequence[tuple[str, LcQaoaVariant, dict[str, object]]],
+    say: Callable[[str], None],
+) -> None:
+    """One line for each variant, the mean over the cases."""
+    uniform = np.mean([len(c.valid) / 2.0 ** c.valid.shape[1] for c in cases])
+    say(f"\n{title}: {len(cases)} instances, uniform bits are valid in {uniform:.2g}\n")
+    say(
+        "| variant, p = 2 | P_feas | P_opt | P_opt, median | optimum likeliest | P_opt, "
+        "independent bits | chain weight | error-free (est.) | training, s of CPU |"
+    )
+    say("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
+    for name, variant, options in rows:
+        settings = LcQaoaSettings.model_validate({"variant": variant, **options})
+        scores, kept, spent = [], [], []
+        for case in cases:
+            began = time.process_time()
+            prepared = prepare_model(case.model, settings, seed=1, deadline=math.inf)
+            spent.append(time.process_time() - began)
+            scores.append(score(case, prepared))
+            kept.append(survival(prepared))
+        optimal = [s.optimal for s in scores]
+        say(
+            f"| {name} | {np.mean([s.feasible for s in scores]):.3g} | {np.mean(optimal):.3g} | "
+            f"{np.median(optimal):.3g} | {sum(s.rounded for s in scores):g}/{len(cases)} | "
+            f"{np.mean([s.independent for s in scores]):.3g} | "
+            f"{np.mean([s.weight for s in scores]):.3f} | {np.mean(kept):.2f} | "
+            f"{np.mean(spent):.2f} |"
+        )
+
+
+def main() -> int:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--short", action="store_true", help="five instances")
+    parser.add_argument("--routes", type=Path, nargs="*", default=[], help="instance files")
+    parser.add_argument("--only-routes", action="store_true")
+    options = parser.parse_args()
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+
+    if not options.only_routes:
+        table("Arc form", arc_cases(5 if options.short else 20), ROWS, say)
+    if options.routes:
+        table("Route form", route_cases(options.routes), ROUTE_ROWS, say)
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        raise SystemExit(main())
+    except InputError as error:
+        raise SystemExit(str(error)) from None
