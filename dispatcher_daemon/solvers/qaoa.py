@@ -30,8 +30,9 @@ from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.base import Execution, Outcome
 from dispatcher_daemon.solvers.sampling import answer
 
-_S_PER_STATE = {"diagonal": 1e-8, "layer": 2e-8, "samples": 1e-8}
-"""Two cores, generously. What takes longer than thought is caught by training's own clock."""
+_S_PER_STATE = {"x": (2e-8, 2e-8), "xy": (2e-6, 1e-6)}
+"""Energy and sampling of a state, and a layer, s: two cores, generously. A machine that is busy
+takes longer; then training's own clock ends it, or the worker's."""
 _POST_PROCESSING_SHARE = 0.25
 _TRAINING_SHARE = 0.6
 
@@ -128,7 +129,8 @@ class QaoaSolver:
         qubits = len(model.variables)
         if not qubits:
             raise UnfitError("the problem has nothing to choose")
-        if self.settings.variant == "xy":
+        options = self.settings
+        if options.variant == "xy":
             count = one_hot_states(_groups(model))
             if count == 0:
                 raise UnfitError("a vehicle has no option")
@@ -136,22 +138,21 @@ class QaoaSolver:
                 raise UnfitError(
                     f"{count} combinations of options, the most is {MOST_ONE_HOT_STATES}"
                 )
-            return
-        if qubits > MOST_QUBITS:
-            raise UnfitError(f"{qubits} qubits, the most for a state vector is {MOST_QUBITS}")
-        needed, free = memory_bytes(qubits), psutil.virtual_memory().available
-        if needed > free:
-            raise UnfitError(
-                f"{qubits} qubits need {needed >> 20} MiB of memory, {free >> 20} MiB are free"
-            )
-        cost = _S_PER_STATE
-        least_s = (cost["diagonal"] + self.settings.layers * cost["layer"] + cost["samples"]) * (
-            1 << qubits
-        )
+        else:
+            if qubits > MOST_QUBITS:
+                raise UnfitError(f"{qubits} qubits, the most for a state vector is {MOST_QUBITS}")
+            count = 1 << qubits
+            needed, free = memory_bytes(qubits), psutil.virtual_memory().available
+            if needed > free:
+                raise UnfitError(
+                    f"{qubits} qubits need {needed >> 20} MiB of memory, {free >> 20} MiB are free"
+                )
+        once_s, layer_s = _S_PER_STATE[options.variant]
+        least_s = count * (once_s + options.layers * layer_s)
         if least_s > (1 - _POST_PROCESSING_SHARE) * deadline_s:
             raise UnfitError(
-                f"{qubits} qubits at p = {self.settings.layers} take about {least_s:.1f} s "
-                f"untrained, too much of {deadline_s:g} s"
+                f"{qubits} qubits at p = {options.layers} take about {least_s:.1f} s untrained, "
+                f"too much of {deadline_s:g} s"
             )
 
 

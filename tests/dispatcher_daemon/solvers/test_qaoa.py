@@ -84,6 +84,7 @@ def test_xy_mixer_needs_options() -> None:
     [
         ("x", (4,) * 7, 10.0, "28 qubits, the most for a state vector is 27"),
         ("x", (5,) * 5, 0.5, "25 qubits at p = 2 take about"),
+        ("xy", (4,) * 10, 2.0, "40 qubits at p = 2 take about"),
         ("xy", (5,) * 9, 10.0, "1953125 combinations of options"),
         ("xy", (), 10.0, "nothing to choose"),
     ],
