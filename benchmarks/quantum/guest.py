@@ -44,7 +44,7 @@ from storage import QuantumJob, open_database, open_reader
 
 OVERHEAD_S: Final = 1.0
 """What a cycle does beside solving: building, verifying, on a machine that others use too."""
-DESK_S: Final = 0.1
+DESK_S: Final = 0.25
 """What the desk may take beside what is waited for: the pool, and the deadline."""
 DAY_S: Final = 30.0
 """The budget's day here, so that many of them pass."""
