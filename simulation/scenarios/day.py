@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from edge_daemon.stability import StabilitySettings
 from simulation.scenarios.record import (
@@ -24,6 +24,9 @@ from simulation.scenarios.record import (
 from simulation.scenarios.rsus import Rsu
 from simulation.sumo.files import check_files
 from slipstream.errors import InputError
+
+if TYPE_CHECKING:
+    from simulation.scenarios.observer import Observation, Observer
 
 Progress = Callable[[float, float], None]
 """Told the simulated time and the end, s."""
@@ -63,7 +66,7 @@ class DayOrder:
     end_s: float = 86400.0
     step_s: float = 1.0
     interval_s: float = 300.0
-    window_every_s: float = 60.0
+    window_every_s: float = 300.0
     seed: int = 1
     rule: StabilitySettings = field(default_factory=lambda: StabilitySettings().bare())
 
@@ -77,7 +80,7 @@ def sumo_options(order: DayOrder, additional: tuple[Path, ...] = ()) -> list[str
         *("--begin", f"{order.begin_s:g}", "--end", f"{order.end_s:g}"),
         *("--step-length", f"{order.step_s:g}", "--seed", str(order.seed)),
         *("--xml-validation", "never", "--no-step-log", "true", "--no-warnings", "true"),
-        *("--duration-log.statistics", "true"),
+        *("--duration-log.disable", "true"),
     ]
 
 
@@ -140,7 +143,6 @@ def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
     Raises:
         InputError: SUMO refuses a file.
     """
-    from simulation.scenarios.observer import Observer
     from simulation.sumo.session import Session
 
     began = time.monotonic()
@@ -157,8 +159,7 @@ def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
             *sumo_options(order, (tables,)),
             *("--tripinfo-output", str(trips), "--statistic-output", str(statistics)),
         ]
-        observer = Observer(order.rsus, order.step_s, order.rule)
-        watch = _Watch(order, observer, tell)
+        watch = _Watch(order, tell)
         with Session(options, (order.net, order.routes, *order.additional)) as session:
             end_s = watch.run(session.advance)
         ended = read_trips(trips)
@@ -178,16 +179,18 @@ def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
 class _Watch:
     """Drives the simulation from window to window and looks for a gridlock on the way."""
 
-    def __init__(self, order: DayOrder, observer: object, tell: Callable[[float], None]) -> None:
-        from simulation.scenarios.observer import Observation, Observer
-
-        assert isinstance(observer, Observer)
+    def __init__(self, order: DayOrder, tell: Callable[[float], None]) -> None:
         self._order = order
-        self._observer = observer
         self._tell = tell
         self._stuck = 0
+        self._observer: Observer | None = None
         self.observations: list[Observation] = []
         self.gridlock_s: float | None = None
+        if order.rsus:
+            # Imported here: the edge's parts cost a second, which a day without RSUs need not pay.
+            from simulation.scenarios.observer import Observer
+
+            self._observer = Observer(order.rsus, order.step_s, order.rule)
 
     def run(self, advance: Callable[[float], None]) -> float:
         """Go to the end, or to a gridlock; returns the simulated time there, s."""
@@ -195,10 +198,10 @@ class _Watch:
         window_s = min(10.0, order.window_every_s)
         now, check_s = order.begin_s, order.begin_s + _CHECK_S
         while now < order.end_s:
-            if order.rsus:
+            if self._observer is not None:
                 due = (now // order.window_every_s + 1) * order.window_every_s
                 if due <= order.end_s:
-                    self._window(advance, due, window_s)
+                    self._window(self._observer, advance, due, window_s)
                 else:
                     due = order.end_s
                     advance(due)
@@ -213,8 +216,10 @@ class _Watch:
                     break
         return now
 
-    def _window(self, advance: Callable[[float], None], due_s: float, window_s: float) -> None:
-        order, observer = self._order, self._observer
+    def _window(
+        self, observer: Observer, advance: Callable[[float], None], due_s: float, window_s: float
+    ) -> None:
+        order = self._order
         steps = round(window_s / order.step_s)
         if due_s - window_s > order.begin_s:
             advance(due_s - window_s)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from simulation.scenarios.vehicle_types import TYPES
 from slipstream.config import Settings
 from slipstream.errors import InputError
 from slipstream.messages import Identifier
@@ -195,6 +196,10 @@ def _check(settings: DemandSettings, network: RoadNetwork, source: str | Path) -
             raise InputError(source, "no hour has a departure", "mend hours", key=flow.name)
     if not settings.types or sum(settings.types.values()) <= 0:
         raise InputError(source, "no vehicle type", "give shares", key="types")
+    strange = next((name for name in settings.types if name not in TYPES), None)
+    if strange is not None:
+        known = ", ".join(TYPES)
+        raise InputError(source, f"no vehicle type {strange!r}", f"use {known}", key="types")
 
 
 def check_zone(key: str, zone: Zone, network: RoadNetwork, source: str | Path) -> None:

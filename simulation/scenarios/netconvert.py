@@ -37,9 +37,9 @@ _OSM_OPTIONS: Final = (
 
 
 def find_netconvert() -> Path | None:
-    """Where netconvert is: beside this Python, under SUMO_HOME, or on the path; None if nowhere."""
+    """Where netconvert is: under SUMO_HOME, beside this Python, or on the path; None if nowhere."""
     home = os.environ.get("SUMO_HOME")
-    places = [Path(sys.executable).parent, *([Path(home) / "bin"] if home else [])]
+    places = [*([Path(home) / "bin"] if home else []), Path(sys.executable).parent]
     beside = shutil.which("netconvert", path=os.pathsep.join(map(str, places)))
     found = beside or shutil.which("netconvert")
     return None if found is None else Path(found)

@@ -130,6 +130,11 @@ def _fit(windows: Sequence[tuple[SegmentState, TrueWindow]]) -> RegimeErrors:
             if estimate.standard_error is not None:
                 said[row, column] = estimate.standard_error / scale
     whole = errors[np.isfinite(errors).all(axis=1)]
+    off = whole - whole.mean(axis=0)
+    size = np.sqrt(np.square(off).sum(axis=0))
+    # A feature whose error never changes goes with no other's.
+    unit = off / np.where(size > 0, size, 1.0)
+    correlation = np.where(np.eye(len(FEATURES)) == 1, 1.0, unit.T @ unit)
     return RegimeErrors(
         windows=len(windows),
         features={
@@ -140,7 +145,7 @@ def _fit(windows: Sequence[tuple[SegmentState, TrueWindow]]) -> RegimeErrors:
             )
             for i, name in enumerate(FEATURES)
         },
-        correlation=tuple(tuple(row) for row in np.corrcoef(whole.T).tolist()),
+        correlation=tuple(tuple(row) for row in correlation.tolist()),
     )
 
 

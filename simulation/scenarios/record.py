@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from xml.etree import ElementTree
 
 import numpy as np
 
 from simulation.scenarios.demand import Array, Indices
-from simulation.scenarios.observer import Observation
+
+if TYPE_CHECKING:
+    from simulation.scenarios.observer import Observation
 
 HOUR_S: Final = 3600.0
 

@@ -11,10 +11,10 @@ from simulation.scenarios.day import DayOrder
 from simulation.scenarios.demand import DemandSettings, Flow, Trips, Zone, draw_trips, gateways
 from simulation.scenarios.fleet import FleetSettings
 from simulation.scenarios.network import scenario_network
+from simulation.scenarios.route_file import write_routes
 from simulation.scenarios.routes import Routes, find_routes
 from simulation.scenarios.rsus import Rsu, load_rsus, place_rsus
 from simulation.scenarios.signals import write_fixed_time
-from simulation.scenarios.vehicle_types import write_routes
 from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork

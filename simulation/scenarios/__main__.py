@@ -1,0 +1,162 @@
+"""Builds scenarios' nets and simulates their background: ``python -m simulation.scenarios``."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from simulation.scenarios.corridor import CorridorSettings, corridor_plan
+from simulation.scenarios.day import run_day
+from simulation.scenarios.gates import Gates, clock
+from simulation.scenarios.netconvert import build_net, convert_osm
+from simulation.scenarios.network import scenario_network
+from simulation.scenarios.record import Day
+from simulation.scenarios.scenario import load_scenario, order_day, prepare
+from simulation.scenarios.signals import write_fixed_time
+from simulation.scenarios.troy import troy_plan
+from slipstream.config import load
+from slipstream.errors import InputError
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; 2 on bad input, with one line."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.run(options))
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        print(f"error: {error.name}: not installed; pip install 'slipstream[sim]'", file=sys.stderr)
+        return 2
+
+
+def build(options: argparse.Namespace) -> int:
+    """Build a net from its sources, with its fixed-time signals beside it."""
+    net = options.out / f"{options.world}.net.xml.gz"
+    if options.world == "osm":
+        if options.extract is None:
+            raise InputError("build osm", "no extract", "give --extract FILE", key="--extract")
+        convert_osm(options.extract, net)
+    elif options.world == "corridor":
+        shape = (
+            CorridorSettings() if options.shape is None else load(options.shape, CorridorSettings)
+        )
+        build_net(corridor_plan(shape), net)
+    else:
+        build_net(troy_plan(options.sources), net)
+    network = scenario_network(net)
+    signals = write_fixed_time(net, options.out / f"{options.world}-fixed.add.xml")
+    km = sum(segment.length_m for segment in network.segments.values()) / 1000
+    print(f"{net}: {len(network.segments)} segments, {km:.0f} km, {signals} signals")
+    return 0
+
+
+def day(options: argparse.Namespace) -> int:
+    """Simulate a day's background, write its figures, and refuse it if it is not fit."""
+    if not 0 <= options.begin < options.end <= 24:
+        problem = f"from {options.begin:g} to {options.end:g} is no part of a day"
+        raise InputError("day", problem, "give hours from 0 to 24", key="--begin")
+    if options.seed < 0:
+        raise InputError("day", f"{options.seed} is no seed", "give 0 or more", key="--seed")
+    scenario = load_scenario(
+        options.scenario,
+        net=options.net,
+        demand=options.demand,
+        rsus=options.rsus,
+        fleet=options.fleet,
+    )
+    background = prepare(scenario, options.seed, options.out)
+    order = order_day(
+        scenario,
+        background,
+        options.out,
+        signals=options.signals,
+        begin_s=options.begin * 3600.0,
+        end_s=options.end * 3600.0,
+    )
+
+    def show(now_s: float, _: float) -> None:
+        if sys.stderr.isatty():
+            print(f"\r{scenario.name} {clock(now_s)}", end="", file=sys.stderr, flush=True)
+
+    simulated = run_day(order, show)
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
+    faults = Gates().faults(simulated)
+    _write(options.out, scenario.name, options.seed, simulated, faults)
+    found = simulated.statistics
+    if options.json:
+        print((options.out / f"{scenario.name}-{options.seed}.json").read_text(), end="")
+    else:
+        for first, hour in enumerate(simulated.hours, start=int(simulated.begin_s // 3600)):
+            print(
+                f"{first:02}:00 {hour.speed_mps * 3.6:5.1f} km/h {hour.running:6.0f} vehicles "
+                f"{hour.stops_per_km:5.2f} stops/km {hour.waiting_share:5.0%} standing"
+            )
+        print(
+            f"{found.inserted} of {len(background.trips)} trips, {simulated.wall_s:.0f} s; "
+            f"{'fit' if not faults else 'refused'}"
+        )
+    Gates().check(simulated, f"{scenario.name}, seed {options.seed}")
+    return 0
+
+
+def _write(folder: Path, name: str, seed: int, day: Day, faults: tuple[str, ...]) -> None:
+    """Figures as JSON, hours as CSV."""
+    figures = {
+        "scenario": name,
+        "seed": seed,
+        "begin_s": day.begin_s,
+        "end_s": day.end_s,
+        **asdict(day.statistics),
+        "gridlock_s": day.gridlock_s,
+        "faults": faults,
+        "wall_s": round(day.wall_s, 1),
+    }
+    (folder / f"{name}-{seed}.json").write_text(json.dumps(figures, indent=1) + "\n")
+    with (folder / f"{name}-{seed}-hours.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = [asdict(hour) for hour in day.hours]
+        writer = csv.DictWriter(file, ["hour", *rows[0]], lineterminator="\n")
+        writer.writeheader()
+        for first, row in enumerate(rows, start=int(day.begin_s // 3600)):
+            rounded = {k: "" if math.isnan(v) else round(v, 4) for k, v in row.items()}
+            writer.writerow({"hour": first, **rounded})
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m simulation.scenarios", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    make = commands.add_parser("build", help="build a net from its sources (needs netconvert)")
+    make.add_argument("world", choices=("troy", "corridor", "osm"))
+    make.add_argument("--out", type=Path, required=True, help="folder to write into")
+    make.add_argument("--sources", type=Path, help="troy: folder with junctions.csv and roads.csv")
+    make.add_argument("--shape", type=Path, help="corridor: its parameters (TOML)")
+    make.add_argument("--extract", type=Path, help="osm: an OpenStreetMap extract")
+    make.set_defaults(run=build)
+    simulate = commands.add_parser("day", help="simulate a day's background and judge it")
+    simulate.add_argument("scenario", help="troy, corridor, or a name of your own with --net")
+    simulate.add_argument("--seed", type=int, default=1)
+    simulate.add_argument("--out", type=Path, required=True, help="folder to write into")
+    for part, what in (
+        ("net", "SUMO net"),
+        ("demand", "demand (TOML)"),
+        ("rsus", "RSUs (TOML)"),
+        ("fleet", "fleet (TOML)"),
+    ):
+        simulate.add_argument(f"--{part}", type=Path, help=f"{what} instead of the scenario's")
+    simulate.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
+    simulate.add_argument("--begin", type=float, default=0.0, help="hour of the day")
+    simulate.add_argument("--end", type=float, default=24.0, help="hour of the day")
+    simulate.add_argument("--json", action="store_true")
+    simulate.set_defaults(run=day)
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,48 @@
+"""SUMO's route file of a day."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+from simulation.scenarios.demand import Trips, gateways
+from simulation.scenarios.routes import Routes
+from simulation.scenarios.vehicle_types import TYPES
+from slipstream.roads import RoadNetwork
+
+
+def write_routes(path: Path, trips: Trips, routes: Routes, network: RoadNetwork) -> None:
+    """Write SUMO's route file of a day; byte for byte the same for the same arguments.
+
+    Vehicles are named ``b0``, ``b1`` ... in the order of departure. They start and end in the
+    middle of a block, at gateways at the segment's beginning and end.
+    """
+    lines = "".join(f"{line}\n" for line in _lines(trips, routes, network))
+    path.write_text(f"<routes>\n{lines}</routes>\n", encoding="utf-8")
+
+
+def _lines(trips: Trips, routes: Routes, network: RoadNetwork) -> Iterable[str]:
+    for name in trips.types:
+        yield "    " + TYPES[name].xml()
+    for number, way in enumerate(routes.ways):
+        edges = " ".join(routes.segments[i] for i in way)
+        yield f'    <route id="r{number}" edges={quoteattr(edges)}/>'
+    ends = gateways(network)
+    lengths = {name: segment.length_m for name, segment in network.segments.items()}
+    for i in range(len(trips)):
+        way = routes.ways[routes.of_trip[i]]
+        start, end = trips.place[i] * (
+            lengths[routes.segments[way[0]]],
+            lengths[routes.segments[way[-1]]],
+        )
+        if len(way) == 1 and end <= start + 1:
+            start, end = min(start, end), max(start, end)
+        at = "base" if trips.junctions[trips.origin[i]] in ends else f"{start:.1f}"
+        to = "max" if trips.junctions[trips.destination[i]] in ends else f"{end:.1f}"
+        yield (
+            f'    <vehicle id="b{i}" type="{trips.types[trips.kind[i]]}" '
+            f'route="r{routes.of_trip[i]}" depart="{trips.depart_s[i]:.1f}" departLane="best" '
+            f'departPos="{at}" departSpeed="max" arrivalPos="{to}" '
+            f'speedFactor="{trips.speed_factor[i]:.3f}"/>'
+        )
