@@ -7,18 +7,18 @@ Probabilities are exact: those of the circuit's state, no shots drawn, nothing r
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.quantum.blocks import city_part
 from dispatcher_daemon.decode import valid_selections, violations
-from dispatcher_daemon.forms import arc_form, route_form
+from dispatcher_daemon.forms import arc_form
 from dispatcher_daemon.formulations.model import QuboModel, build_model
 from dispatcher_daemon.instances import instance_names, open_instance
 from dispatcher_daemon.problem import Problem, RouteProblem
@@ -29,10 +29,12 @@ from dispatcher_daemon.quantum.distribution import BitDistribution
 from dispatcher_daemon.quantum.ising import to_ising
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.lc_qaoa import Prepared, prepare_model
-from slipstream.errors import InputError
 
 ERRORS = (0.0013, 0.005)
 """FakeBoston's medians: of a CZ, of a readout."""
+
+_CITY = (20, 80, 150)
+"""Vehicles, stops, segments."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +70,16 @@ def arc_cases(count: int) -> list[Case]:
     return [_case(name, arc_form(open_instance(name)).problem) for name in names]
 
 
-def route_cases(files: Sequence[Path]) -> list[Case]:
-    """Route options of instance files, five of each vehicle."""
-    return [_case(path.stem, route_form(open_instance(path), 5, 1).problem) for path in files]
+def route_cases(count: int) -> list[Case]:
+    """Blocks of 25 route options with savings among them, of generated cities."""
+    problems = ((seed, city_part(seed, _CITY, 25).problem) for seed in itertools.count(1))
+    tied = ((seed, problem) for seed, problem in problems if problem.savings)
+    return [_case(f"city {seed}", problem) for seed, problem in itertools.islice(tied, count)]
 
 
 def _case(name: str, problem: Problem) -> Case:
     if isinstance(problem, RouteProblem):
-        chosen = product(*(group for group in problem.options_of.values() if group))
+        chosen = itertools.product(*(group for group in problem.options_of.values() if group))
         sets = [s for s in chosen if not violations(problem, s)]
         valid = np.zeros((len(sets), problem.choices), dtype=np.int8)
         for row, members in enumerate(sets):
@@ -108,9 +112,8 @@ def score(case: Case, prepared: Prepared) -> Score:
 def _independent(case: Case, marginals: BitDistribution) -> npt.NDArray[np.float64]:
     """Probability of each valid selection if bits (or groups) were independent."""
     ones = np.array(marginals.probabilities)[: case.valid.shape[1]]
-    if marginals.groups:
-        return np.where(case.valid == 1, ones, 1.0).prod(axis=1)
-    return np.where(case.valid == 1, ones, 1 - ones).prod(axis=1)
+    zeros = np.ones_like(ones) if marginals.groups else 1 - ones
+    return np.asarray(np.where(case.valid == 1, ones, zeros).prod(axis=1))
 
 
 def _rounded(case: Case, marginals: BitDistribution) -> bool:
@@ -193,22 +196,18 @@ def main() -> int:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--short", action="store_true", help="five instances")
-    parser.add_argument("--routes", type=Path, nargs="*", default=[], help="instance files")
-    parser.add_argument("--only-routes", action="store_true")
+    parser.add_argument("--form", choices=("arc", "route"), help="only this form")
     options = parser.parse_args()
 
     def say(line: str) -> None:
         print(line, flush=True)
 
-    if not options.only_routes:
+    if options.form != "route":
         table("Arc form", arc_cases(5 if options.short else 20), ROWS, say)
-    if options.routes:
-        table("Route form", route_cases(options.routes), ROUTE_ROWS, say)
+    if options.form != "arc":
+        table("Route form", route_cases(2 if options.short else 8), ROUTE_ROWS, say)
     return 0
 
 
 if __name__ == "__main__":
-    try:
-        raise SystemExit(main())
-    except InputError as error:
-        raise SystemExit(str(error)) from None
+    raise SystemExit(main())

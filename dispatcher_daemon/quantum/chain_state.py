@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.quantum.chain_sites import Ansatz, ChainSites, Complex, Real
+from dispatcher_daemon.quantum.chain_sites import Ansatz, ChainSites, Complex, Index, Real
 from dispatcher_daemon.quantum.ising import Ising
 
 Bits = npt.NDArray[np.int8]
@@ -34,39 +34,40 @@ def energies_and_gradients(sites: ChainSites, angles: Real, ising: Ising) -> tup
     """`energies`, and their derivatives by each angle, shapes (batch,) and (batch, angles).
 
     The forward sweep carries, over each cut, C (the energy so far), L (the norm), and L_i (Z_i
-    inserted) for all qubits i behind it, as the couplings to qubits ahead need them. The reverse
+    inserted) for the qubits i behind it that are coupled to qubits ahead. The reverse
     sweep carries what each of them will be multiplied by, in the same order.
     """
     tensors = sites.tensors(angles)
     values, stacks = _sweep(sites, tensors, ising, keep=True)
     batch, bond = angles.shape[0], 1 << sites.layers
-    ones = np.ones((batch, bond, bond), dtype=complex)
-    n = len(ising.h)
-    duals = np.zeros((batch, 2 + n, bond, bond), dtype=complex)
-    duals[:, 0] = ones
+    duals = np.zeros((batch, 2, bond, bond), dtype=complex)
+    duals[:, 0] = 1.0
     by_tensor: list[Complex] = []
-    end = n
-    for tensor, spins, stack in zip(
-        reversed(tensors), reversed(sites.spins), reversed(stacks), strict=True
+    for tensor, spins, cut, stack in zip(
+        reversed(tensors),
+        reversed(sites.spins),
+        reversed(_cuts(sites, ising)),
+        reversed(stacks),
+        strict=True,
     ):
-        qubits, states = spins.shape
-        first = end - qubits
+        states = spins.shape[1]
         # b, a', x by row: the dual's bra side contracted with the conjugate tensor.
         bra = tensor.conj().transpose(0, 3, 1, 2).reshape(batch, bond, -1)
         half = duals.reshape(batch, -1, bond) @ bra
-        half = half.reshape(batch, 2 + end, bond, bond, states)
-        norm = half[:, 0]
-        own = np.einsum("mx,rmbax->rbax", spins, half[:, 2 + first :])
-        main = half[:, : 2 + first]
-        main[:, 1] += _site_energies(ising, first, spins) * norm + own
-        ahead = ising.coupling[:first, first:end] @ spins
+        half = half.reshape(batch, -1, bond, bond, states)
+        norm, ends = half[:, 0], 2 + len(cut.kept)
+        main = np.zeros((batch, 2 + len(cut.behind), *half.shape[2:]), dtype=complex)
+        main[:, :2] = half[:, :2]
+        main[:, 2 + cut.kept] = half[:, 2:ends]
+        main[:, 1] += _site_energies(ising, cut.first, spins) * norm
+        main[:, 1] += np.einsum("mx,rmbax->rbax", spins[cut.new], half[:, ends:])
+        ahead = ising.coupling[cut.behind, cut.first : cut.first + len(spins)] @ spins
         main[:, 2:] += ahead[None, :, None, None, :] * norm[:, None]
         turned = main.transpose(0, 1, 3, 4, 2).reshape(batch, -1, states * bond)
         gamma = stack.transpose(0, 2, 1, 3).reshape(batch, bond, -1) @ turned
         by_tensor.append(gamma.reshape(tensor.shape))
         duals = turned @ tensor.reshape(batch, bond, -1).swapaxes(-1, -2)
-        duals = duals.reshape(batch, 2 + first, bond, bond).swapaxes(-1, -2)
-        end = first
+        duals = duals.reshape(batch, -1, bond, bond).swapaxes(-1, -2)
     by_tensor.reverse()
     return values, sites.gradient(angles, by_tensor)
 
@@ -74,26 +75,57 @@ def energies_and_gradients(sites: ChainSites, angles: Real, ising: Ising) -> tup
 def _sweep(
     sites: ChainSites, tensors: Sequence[Complex], ising: Ising, *, keep: bool
 ) -> tuple[Real, list[Complex]]:
-    """Energies, and before each site the stack C, L, L_0, L_1, ... if they are to be kept."""
+    """Energies, and before each site the stack C, L, L_i, ... if they are to be kept."""
     batch, bond = len(tensors[0]), 1 << sites.layers
     stack = np.zeros((batch, 2, bond, bond), dtype=complex)
     stack[:, 1, 0, 0] = 1.0
     stacks = []
-    first = 0
-    for tensor, spins in zip(tensors, sites.spins, strict=True):
+    for tensor, spins, cut in zip(tensors, sites.spins, _cuts(sites, ising), strict=True):
         if keep:
             stacks.append(stack)
-        end = first + len(spins)
         norm = stack[:, 1:2]
-        behind = stack[:, 2:].reshape(batch, first, bond * bond)
-        open_ends = (ising.coupling[first:end, :first] @ behind).reshape(batch, -1, bond, bond)
-        inserted = np.concatenate([norm, open_ends, np.repeat(norm, len(spins), axis=1)], axis=1)
-        weights = np.concatenate([_site_energies(ising, first, spins)[None], spins, spins])
-        added = _forward(inserted, tensor, weights)
-        stack = np.concatenate([_forward(stack, tensor), added[:, 1 + len(spins) :]], axis=1)
-        stack[:, 0] += added[:, : 1 + len(spins)].sum(axis=1)
-        first = end
+        behind = stack[:, 2:].reshape(batch, -1, bond * bond)
+        couplings = ising.coupling[cut.first : cut.first + len(spins), cut.behind]
+        open_ends = (couplings @ behind).reshape(batch, -1, bond, bond)
+        inserted = np.concatenate([norm, open_ends, np.repeat(norm, len(cut.new), axis=1)], axis=1)
+        own = _site_energies(ising, cut.first, spins)[None]
+        added = _forward(inserted, tensor, np.concatenate([own, spins, spins[cut.new]]))
+        going = np.concatenate([[0, 1], 2 + cut.kept])
+        count = 1 + len(spins)
+        stack = np.concatenate([_forward(stack[:, going], tensor), added[:, count:]], axis=1)
+        stack[:, 0] += added[:, :count].sum(axis=1)
     return ising.offset + stack[:, 0].sum(axis=(-1, -2)).real, stacks
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """Which Z of the qubits before a site it takes over, and which it hands on.
+
+    Attributes:
+        first: first qubit of the site.
+        behind: qubits before it with a coupling to it or beyond it.
+        kept: positions in ``behind`` of those with a coupling beyond it.
+        new: its own qubits, counted from ``first``, with a coupling beyond it.
+    """
+
+    first: int
+    behind: Index
+    kept: Index
+    new: Index
+
+
+def _cuts(sites: ChainSites, ising: Ising) -> list[_Cut]:
+    n = len(ising.h)
+    # The farthest qubit that each one is coupled to; −1 without any.
+    last = np.where(ising.coupling != 0, np.arange(n), -1).max(axis=1)
+    behind, first, found = np.zeros(0, dtype=np.int64), 0, []
+    for spins in sites.spins:
+        end = first + len(spins)
+        kept = np.flatnonzero(last[behind] >= end)
+        new = np.flatnonzero(last[first:end] >= end)
+        found.append(_Cut(first, behind, kept, new))
+        behind, first = np.concatenate([behind[kept], first + new]), end
+    return found
 
 
 def _site_energies(ising: Ising, first: int, spins: Real) -> Real:
