@@ -7,7 +7,6 @@ shot with an error needs a state vector of its own.
 from __future__ import annotations
 
 import time
-from functools import lru_cache
 from typing import Any, Final
 
 from dispatcher_daemon.quantum.backends.aer import NoisyBackend
@@ -82,9 +81,3 @@ def estimate(case: Case, options: QaoaSettings, backend: NoisyBackend) -> Record
         "two_qubit_gates": two_qubit_gates(circuit),
         "optimal_cost": case.optimum_kwh,
     }
-
-
-@lru_cache(maxsize=2)
-def noisy_backend(device: str) -> NoisyBackend:
-    """The back end of a fake device, its noise derived once."""
-    return NoisyBackend(device)

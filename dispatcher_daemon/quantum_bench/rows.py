@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
+from dispatcher_daemon.quantum.backends.aer import noisy_backend
 from dispatcher_daemon.quantum_bench import dense, paper
 from dispatcher_daemon.quantum_bench.case import Case
 from dispatcher_daemon.quantum_bench.paper import PaperRow
@@ -25,8 +26,8 @@ from slipstream.config import Settings
 
 VARIANT_TITLES: Final[dict[LcQaoaVariant, str]] = {
     "trained": "the paper's method",
-    "multi-angle": "multi-angle",
-    "product": "multi-angle without entangling gates",
+    "multi-angle": "an angle for each gate",
+    "product": "the same without entangling gates",
 }
 
 
@@ -83,16 +84,16 @@ def hardware_rows(settings: BenchSettings) -> list[Row]:
     rows += [qaoa(settings, p, "transferred") for p in (1, 2)]
     rows += [qaoa(settings, p, "trained", settings.trained) for p in (1, 2)]
     rows += [_dense_on_device(settings, p) for p in (1, 2)]
-    for variant in VARIANT_TITLES:
-        rows += [lc_qaoa(settings, variant, p, settings.noise) for p in (1, 2)]
-    return rows
+    rows += [lc_qaoa(settings, "trained", p, settings.noise) for p in (1, 2)]
+    rows += [lc_qaoa(settings, "multi-angle", p, settings.noise) for p in (1, 2)]
+    return [*rows, lc_qaoa(settings, "product", 2, settings.noise)]
 
 
 def sweep_rows(settings: BenchSettings) -> list[Row]:
-    """Rows of the paper's p-sweep."""
+    """Rows of the paper's p-sweep, with noise and without."""
     return [
-        lc_qaoa(settings, variant, p, settings.noise)
-        for variant in ("trained", "multi-angle")
+        lc_qaoa(settings, "trained", p, backend)
+        for backend in (settings.noise, "aer")
         for p in settings.layers
     ]
 
@@ -152,7 +153,7 @@ def _dense_on_device(settings: BenchSettings, p: int) -> Row:
     device = settings.noise.partition(":")[2]
 
     def measure(case: Case) -> Record:
-        return dense.estimate(case, QaoaSettings(layers=p), dense.noisy_backend(device))
+        return dense.estimate(case, QaoaSettings(layers=p), noisy_backend(device))
 
     return Row(
         key=f"qaoa/estimated/p{p}/{settings.noise}",

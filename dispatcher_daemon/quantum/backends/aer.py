@@ -132,6 +132,12 @@ class NoisyBackend:
 
 
 @lru_cache(maxsize=4)
+def noisy_backend(device: str, fractional: bool = False) -> NoisyBackend:
+    """The backend of a fake device, which keeps what it derives of the device's noise."""
+    return NoisyBackend(device, fractional)
+
+
+@lru_cache(maxsize=4)
 def fake_target(device: str) -> Any:
     """Target of a snapshot in `qiskit_ibm_runtime.fake_provider`, named after its class.
 
