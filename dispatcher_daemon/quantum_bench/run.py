@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from dispatcher_daemon.quantum_bench.case import named_cases, open_case
+from dispatcher_daemon.quantum_bench.case import Case, named_cases, open_case
 from dispatcher_daemon.quantum_bench.report import Table
 from dispatcher_daemon.quantum_bench.rows import BenchSettings, Row, hardware_rows, sweep_rows
 from dispatcher_daemon.quantum_bench.store import Record, Store
@@ -74,19 +74,25 @@ def _measure(
     progress: Callable[[int, int, str], None],
 ) -> dict[str, list[Record]]:
     wanted = [row for row in rows if row.measure is not None]
-    done, total = 0, sum(min(row.most, len(names)) for row in wanted)
+    # Instance by instance, so that an interrupted run has whole instances; slow rows come last.
+    pairs = [
+        (row, number, name)
+        for slow in (False, True)
+        for number, name in enumerate(names)
+        for row in wanted
+        if number < row.most and slow == (row.most < len(names))
+    ]
     found: dict[str, list[Record]] = {row.key: [] for row in rows}
-    for number, name in enumerate(names):
-        case = None
-        for row in (row for row in wanted if number < row.most):
-            record = store.get(row.key, name)
-            if record is None and row.measure is not None:
-                progress(done, total, f"{name}: {row.title}")
-                case = case or open_case(name)
-                record = store.put(row.key, name, row.measure(case))
-            done += 1
-            found[row.key].append(record or {})
-    progress(done, total, "")
+    cases: dict[int, Case] = {}
+    for done, (row, number, name) in enumerate(pairs):
+        record = store.get(row.key, name)
+        if record is None and row.measure is not None:
+            progress(done, len(pairs), f"{name}: {row.title}")
+            if number not in cases:
+                cases = {number: open_case(name)}
+            record = store.put(row.key, name, row.measure(cases[number]))
+        found[row.key].append(record or {})
+    progress(len(pairs), len(pairs), "")
     return found
 
 
