@@ -17,7 +17,13 @@ GUEST_SOLVER: Final[SolverName] = "lc-qaoa"
 
 
 LcQaoaVariant = Literal[
-    "ramp", "trained", "multi-angle", "product", "one-hot", "one-hot-multi-angle"
+    "ramp",
+    "trained",
+    "multi-angle",
+    "product",
+    "one-hot",
+    "one-hot-multi-angle",
+    "one-hot-product",
 ]
 
 
@@ -28,7 +34,8 @@ class LcQaoaSettings(Settings):
         default="trained",
         description="ramp: untrained; trained: the paper's, 2p angles by COBYLA; multi-angle: each "
         "gate its own angle; product: the same without entangling gates, its control; one-hot, "
-        "one-hot-multi-angle: one option of each vehicle by construction (route form only).",
+        "one-hot-multi-angle, one-hot-product: the last three with one option of each vehicle by "
+        "construction (route form only).",
     )
     layers: int = Field(default=2, ge=1, le=10, description="Depth p; the cost grows with 4^p.")
     shots: int = Field(default=4096, ge=1, le=1_000_000)

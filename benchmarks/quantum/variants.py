@@ -136,7 +136,10 @@ def survival(prepared: Prepared) -> float:
     return (1 - gate) ** (2 * gates) * (1 - readout) ** len(prepared.order)
 
 
-ROWS: list[tuple[str, LcQaoaVariant, dict[str, object]]] = [
+Row = tuple[str, LcQaoaVariant, dict[str, object]]
+"""Title, variant, and settings beside the defaults."""
+
+ROWS: list[Row] = [
     ("untrained ramp", "ramp", {}),
     ("the paper's: 2p angles, COBYLA, mean", "trained", {}),
     ("the same, random order", "trained", {"order": "random"}),
@@ -144,25 +147,29 @@ ROWS: list[tuple[str, LcQaoaVariant, dict[str, object]]] = [
     ("multi-angle, 1 start", "multi-angle", {"restarts": 1}),
     ("multi-angle, 8 starts", "multi-angle", {"restarts": 8}),
     ("multi-angle, 16 starts", "multi-angle", {"restarts": 16}),
+    ("multi-angle, 32 starts", "multi-angle", {"restarts": 32}),
     ("multi-angle, 16 starts, random order", "multi-angle", {"restarts": 16, "order": "random"}),
     ("no RZZ (product), 1 start", "product", {"restarts": 1}),
     ("no RZZ (product), 8 starts", "product", {"restarts": 8}),
     ("no RZZ (product), 16 starts", "product", {"restarts": 16}),
+    ("no RZZ (product), 32 starts", "product", {"restarts": 32}),
 ]
 
-ROUTE_ROWS: list[tuple[str, LcQaoaVariant, dict[str, object]]] = [
+ROUTE_ROWS: list[Row] = [
     ("X mixer, 2p angles", "trained", {}),
     ("X mixer, multi-angle, 16 starts", "multi-angle", {"restarts": 16}),
     ("one-hot, 2p angles", "one-hot", {}),
     ("one-hot, multi-angle, 1 start", "one-hot-multi-angle", {"restarts": 1}),
     ("one-hot, multi-angle, 8 starts", "one-hot-multi-angle", {"restarts": 8}),
+    ("one-hot, no RZZ (product), 1 start", "one-hot-product", {"restarts": 1}),
+    ("one-hot, no RZZ (product), 8 starts", "one-hot-product", {"restarts": 8}),
 ]
 
 
 def table(
     title: str,
     cases: Sequence[Case],
-    rows: Sequence[tuple[str, LcQaoaVariant, dict[str, object]]],
+    rows: Sequence[Row],
     say: Callable[[str], None],
 ) -> None:
     """One line for each variant, the mean over the cases."""
@@ -197,15 +204,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--short", action="store_true", help="five instances")
     parser.add_argument("--form", choices=("arc", "route"), help="only this form")
+    parser.add_argument("--rows", default="", help="only rows whose titles contain this")
     options = parser.parse_args()
+
+    def chosen(rows: list[Row]) -> list[Row]:
+        return [row for row in rows if options.rows in row[0]]
 
     def say(line: str) -> None:
         print(line, flush=True)
 
     if options.form != "route":
-        table("Arc form", arc_cases(5 if options.short else 20), ROWS, say)
+        table("Arc form", arc_cases(5 if options.short else 20), chosen(ROWS), say)
     if options.form != "arc":
-        table("Route form", route_cases(2 if options.short else 8), ROUTE_ROWS, say)
+        table("Route form", route_cases(2 if options.short else 8), chosen(ROUTE_ROWS), say)
     return 0
 
 

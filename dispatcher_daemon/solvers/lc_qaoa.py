@@ -169,7 +169,7 @@ def _trained(
             ising,
             iterations=settings.iterations,
             deadline=deadline,
-            entangled=settings.variant != "product",
+            entangled=not settings.variant.endswith("product"),
             cuts=cuts,
         )
     return found.ansatz, found.evaluations
