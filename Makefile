@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy bench-routing
+.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing
 
 setup: $(VENV)/.ready
 
@@ -47,6 +47,11 @@ bench-perception: setup
 # Speeds, accelerations, flags and identities against the truth of clips that training never saw.
 bench-accuracy: setup
 	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
+
+# What vehicles that nobody saw do to the features: estimated anew on clips that judge nothing; the
+# table goes into edge_daemon/hidden.py.
+allowances: setup
+	$(BIN)/python -m benchmarks.accuracy.allowances
 
 # The routing core: named instances, a city, fleet sizes, rivals; about an hour on an idle
 # machine. `SHORT=1` takes small cities and minutes, and leaves the plots in docs as they are.

@@ -17,6 +17,7 @@ import numpy as np
 from edge_daemon.camera import Array, WatchedSegment
 from edge_daemon.camera.pose import CameraPose
 from edge_daemon.course import Course, learn_course
+from edge_daemon.hidden import Places, allow_for_hidden
 from edge_daemon.motion import Fits, Motion, estimate_components
 from edge_daemon.paths import Followed, Key, Path, find_paths, follow
 from edge_daemon.tracking import Sightings
@@ -60,9 +61,18 @@ class VehicleMotion:
 
 @dataclass(frozen=True)
 class WindowFeatures:
-    """The features of one window and the motions that they rest on."""
+    """The features of one window and what they rest on.
+
+    Attributes:
+        features: of all vehicles, as far as can be told.
+        seen: features of the vehicles that were seen.
+        hidden_share: share of the segment that vehicles hid; None where that is not known.
+        vehicles: motions of the seen vehicles.
+    """
 
     features: KinematicFeatures
+    seen: KinematicFeatures
+    hidden_share: float | None
     vehicles: tuple[VehicleMotion, ...]
 
 
@@ -77,10 +87,12 @@ class SegmentKinematics:
 
         Args:
             segment: the watched segment.
-            pose: of the camera; without one, vehicles' middles are guessed from their lengths.
+            pose: of the camera; without one, vehicles' middles are guessed from their lengths, and
+                nothing is known of what vehicles hide.
         """
         self._segment = segment
         self._pose = pose
+        self._places = None if pose is None else Places(segment, pose)
         self._paths: dict[Key, Path | None] = {}
 
     def features(
@@ -104,7 +116,7 @@ class SegmentKinematics:
             return None
         fits = Fits([path.positions for path in paths])
         motion = fits.smooth(estimate_components(fits))
-        ends = course.arc(np.array([segment.begin_m, segment.begin_m + segment.length_m]))
+        ends = course.arc(np.array([segment.begin_m, segment.end_m]))
         weights = _weights(motion, paths, ends, begin_s)
         vehicles = tuple(
             VehicleMotion(path.track, motion.of(i, n), weights[i, :n], path.lane, path.length_m)
@@ -113,8 +125,11 @@ class SegmentKinematics:
         )
         if not vehicles:
             return None
-        features = _features(motion, weights, vehicles, observed_s * segment.length_m)
-        return WindowFeatures(features, vehicles)
+        seen = _features(motion, weights, vehicles, observed_s * segment.length_m)
+        if self._places is None:
+            return WindowFeatures(seen, seen, None, vehicles)
+        share = self._places.hidden_share(sightings, begin_s)
+        return WindowFeatures(allow_for_hidden(seen, share), seen, share, vehicles)
 
     def _find_paths(self, followed: Followed, course: Course) -> list[Path]:
         """Paths of the vehicles on this segment; those that have gone on keep the one they had."""

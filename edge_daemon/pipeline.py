@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
 from edge_daemon.frame import Frame
-from edge_daemon.kinematics import SegmentKinematics, VehicleMotion
+from edge_daemon.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
 from edge_daemon.measurement import to_road_points
 from edge_daemon.memory import Memory
 from edge_daemon.stability import Flag, StabilitySettings, classify
@@ -54,7 +54,7 @@ class Pipeline:
         self._kinematics = {
             segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
         }
-        self._vehicles: dict[str, tuple[VehicleMotion, ...]] = {}
+        self._windows: dict[str, WindowFeatures | None] = {}
 
     @property
     def tracks(self) -> tuple[Track, ...]:
@@ -64,7 +64,12 @@ class Pipeline:
     @property
     def vehicles(self) -> dict[str, tuple[VehicleMotion, ...]]:
         """By segment, the smoothed motions that the latest states rest on."""
-        return self._vehicles
+        return {name: window.vehicles if window else () for name, window in self._windows.items()}
+
+    @property
+    def windows(self) -> dict[str, WindowFeatures | None]:
+        """By segment, what the latest states rest on; None where nothing could be measured."""
+        return self._windows
 
     def process(self, frame: Frame) -> Sightings:
         """Detect in one frame and take it in: what `take` does after the detector.
@@ -150,8 +155,8 @@ class Pipeline:
             else None
         )
         features = measured.features if measured else None
-        self._vehicles[segment.id] = measured.vehicles if measured else ()
-        vehicles = len(self._vehicles[segment.id])
+        self._windows[segment.id] = measured
+        vehicles = len(measured.vehicles) if measured else 0
         flag = (
             classify(
                 features,

@@ -25,6 +25,8 @@ class Clip:
     seed: int
     rsu: str = ""
     begin_s: int = 120
+    seconds: int = SECONDS
+    fps: float = FPS
 
     @property
     def name(self) -> str:
@@ -34,7 +36,11 @@ class Clip:
     @property
     def arguments(self) -> list[str]:
         """Arguments of `slipstream clip`."""
-        options: dict[str, object] = {"--seconds": SECONDS, "--fps": FPS, "--seed": self.seed}
+        options: dict[str, object] = {
+            "--seconds": self.seconds,
+            "--fps": self.fps,
+            "--seed": self.seed,
+        }
         if self.world == "sumo":
             options |= {
                 "--routes": self.traffic,
@@ -73,6 +79,23 @@ CLIPS: Final = (
     Clip("sumo", "rough", 201, "approach", 180),
     Clip("sumo", "rough", 203, "departure"),
     Clip("sumo", "rough", 204, "crossing", 240),
+)
+
+# What is learned from truth (`make allowances`) is learned on these: other seeds and cameras than
+# those of the clips that judge.
+LEARNED_FROM: Final = (
+    Clip("streetdrive", "stable", 1),
+    Clip("streetdrive", "turbulent", 2),
+    Clip("streetdrive", "mixed", 4, seconds=20, fps=45.6),
+    Clip("streetdrive", "turbulent", 2000, seconds=20),
+    Clip("streetdrive", "turbulent", 2001, seconds=20),
+    Clip("streetdrive", "mixed", 2004, seconds=20),
+    Clip("streetdrive", "turbulent", 2006, seconds=20),
+    Clip("streetdrive", "paper", 2008, seconds=20),
+    Clip("streetdrive", "stable", 2009, seconds=20),
+    Clip("sumo", "rough", 401, "approach", 150, seconds=20),
+    Clip("sumo", "rough", 402, "crossing", 170, seconds=20),
+    Clip("sumo", "rough", 404, "departure", 200, seconds=20),
 )
 
 

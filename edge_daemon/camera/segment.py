@@ -60,9 +60,14 @@ class WatchedSegment:
         """Position of the outline's upstream end, as `along` counts."""
         return float(self.along(self.polygon_m).min())
 
+    @property
+    def end_m(self) -> float:
+        """Position of its downstream end."""
+        return self.begin_m + self.length_m
+
     def lane(self, points_m: Array) -> npt.NDArray[np.int_]:
         """Lane index of points (n, 2), counted from the right edge of the outline."""
-        offset = points_m @ self.left - self._right_edge_m
+        offset = points_m @ self.left - self.right_edge_m
         lanes = np.clip(np.floor(offset / self.lane_width_m), 0, self.lanes - 1)
         return np.asarray(lanes, dtype=np.int_)
 
@@ -72,5 +77,6 @@ class WatchedSegment:
         return np.array([-self.direction[1], self.direction[0]])
 
     @cached_property
-    def _right_edge_m(self) -> float:
+    def right_edge_m(self) -> float:
+        """Position of the outline's right edge across the direction of travel, m."""
         return float((self.polygon_m @ self.left).min())
