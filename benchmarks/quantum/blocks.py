@@ -5,7 +5,7 @@ All of them are parts of one undivided route-form problem, so that objectives co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import networkx as nx
@@ -155,8 +155,3 @@ def ratio(start_kwh: float, best_kwh: float, found_kwh: float) -> float | None:
     """
     gain = start_kwh - best_kwh
     return (start_kwh - found_kwh) / gain if gain > _BETTER_KWH else None
-
-
-def sizes(wanted: Sequence[int]) -> list[int]:
-    """Ascending, each once."""
-    return sorted(set(wanted))

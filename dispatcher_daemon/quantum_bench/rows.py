@@ -162,6 +162,7 @@ def _dense_on_device(settings: BenchSettings, p: int) -> Row:
         paper=paper.QAOA_DEVICE[p],
         measure=measure if device else None,
         reason=dense.ESTIMATE if device else "not estimated: no device is named (--noise)",
+        most=settings.estimated,
     )
 
 
