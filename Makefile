@@ -58,6 +58,11 @@ allowances: setup
 bench-routing: setup
 	$(BIN)/python -m benchmarks.routing $(if $(SHORT),--short,--plots docs)
 
+# The quantum solvers: depth, simulation, training, variants, the paper's tables, large blocks, a
+# device that fails; about an hour on an idle machine, of which `SHORT=1` takes minutes.
+bench-quantum: setup
+	$(BIN)/python -m benchmarks.quantum $(if $(SHORT),--short)
+
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv
 	$(TRAIN)/bin/python -m simulation.training --out .slipstream/training
