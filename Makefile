@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing
+.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum
 
 setup: $(VENV)/.ready
 

@@ -44,6 +44,12 @@ class BenchSettings(Settings):
         le=20,
         description="Instances on which dense QAOA is trained: minutes each.",
     )
+    estimated: int = Field(
+        default=5,
+        ge=1,
+        le=20,
+        description="Instances on which dense QAOA on a device is estimated.",
+    )
     layers: tuple[Annotated[int, Field(ge=1, le=10)], ...] = Field(
         default=(1, 2, 3, 4, 5), min_length=1, description="Of the sweep."
     )
