@@ -31,6 +31,7 @@ from storage import LedgerState
 log = logging.getLogger(__name__)
 
 _IDLE_S: Final = 10.0
+_AFTER_FAULT_S: Final = 0.2
 _WARM_UP_S: Final = 120.0
 _STOPPING: Final = "the dispatcher is stopping"
 
@@ -144,16 +145,19 @@ class Clerk:
             self._step("warming up", self._warm_up)
             self.warm.set()
             while not self._stopping.is_set():
-                self._step("the ledger", self._caretaker.tidy)
-                self._wake.wait(self._idle_s())
-                self._wake.clear()
-                while self._new and not self._stopping.is_set():
-                    ticket = self._new.popleft()
-                    self._step("a problem", partial(self._caretaker.serve, ticket))
-                if self._idle_s() <= 0 and (due := self._caretaker.next_look()) is not None:
-                    self._step("a job", partial(self._caretaker.look_after, due[1]))
+                self._step("the device", self._round)
         except WorkerClosed:
             return
+
+    def _round(self) -> None:
+        """Wait for something to do, and do it: problems of cycles first, one look after them."""
+        self._step("the ledger", self._caretaker.tidy)
+        self._wake.wait(self._idle_s())
+        self._wake.clear()
+        while self._new and not self._stopping.is_set():
+            self._step("a problem", partial(self._caretaker.serve, self._new.popleft()))
+        if self._idle_s() <= 0 and (due := self._caretaker.next_look()) is not None:
+            self._step("a job", partial(self._caretaker.look_after, due[1]))
 
     def _idle_s(self) -> float:
         due = self._caretaker.next_look()
@@ -171,3 +175,4 @@ class Clerk:
         except Exception as error:
             if self._limiter.allow(what):
                 log.exception("quantum device: looking after %s failed: %s", what, error)
+            self._stopping.wait(_AFTER_FAULT_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor, TimeoutError
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import pebble
 
@@ -15,6 +15,9 @@ from dispatcher_daemon.solvers.pool import error_line
 from dispatcher_daemon.solvers.processes import Processes
 
 T = TypeVar("T")
+
+_START_S: Final = 60.0
+"""Time for a process to start, which the limit of a call does not cover."""
 
 
 class WorkerClosed(Exception):
@@ -43,9 +46,13 @@ class GuestWorker:
                 raise WorkerClosed
             future = self._processes.schedule(function, args, timeout_s=limit_s)
         try:
-            result: T = future.result()
+            result: T = future.result(timeout=limit_s + _START_S)
             return result
         except TimeoutError:
+            if not future.done():
+                # The pool itself is stuck; the next call gets another.
+                with self._lock:
+                    self._processes.stop()
             raise ServiceFault("unreachable", f"no answer within {limit_s:g} s") from None
         except CancelledError:
             raise WorkerClosed from None

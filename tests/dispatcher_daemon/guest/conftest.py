@@ -150,7 +150,7 @@ class World:
     def __init__(self, settings: HardwareSettings = SETTINGS) -> None:
         self.now_s = 1000.0
         self.settings = settings
-        self.service, self.store = ToyService(), ToyStore()
+        self.service, self.store, self.maker = ToyService(), ToyStore(), ToyMaker()
         self.cycle = 0
         self.restart()
 
@@ -164,7 +164,7 @@ class World:
             limits,
             "hardware",
             self.service,
-            ToyMaker(),
+            self.maker,
             self.ledger,
             self.breaker,
             self.call,
@@ -185,19 +185,17 @@ class World:
         except Exception as error:
             raise ServiceFault("broken", str(error)) from None
 
-    def ask(self, *stops: str) -> Ticket:
-        """A new cycle asks about a problem with these stops."""
+    def ticket(self, *stops: str) -> Ticket:
+        """A new cycle's question about a problem with these stops, not asked yet."""
         self.cycle += 1
-        self.caretaker.begin_cycle()
         problem = toy_problem(*stops or ("a", "b"))
-        ticket = Ticket(
-            problem,
-            meaning(problem, "toy"),
-            1,
-            self.cycle,
-            self.now_s + 10.0,
-            lambda: self.now_s,
-        )
+        ends = self.now_s + 10.0
+        return Ticket(problem, meaning(problem, "toy"), 1, self.cycle, ends, lambda: self.now_s)
+
+    def ask(self, *stops: str) -> Ticket:
+        """A new cycle asks."""
+        ticket = self.ticket(*stops)
+        self.caretaker.begin_cycle()
         self.caretaker.serve(ticket)
         return ticket
 

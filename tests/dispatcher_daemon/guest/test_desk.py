@@ -183,14 +183,18 @@ def test_refusals_are_told_at_once(demo_arcs: Demo) -> None:
 def test_blocks_of_a_cycle_share_its_patience(demo_arcs: Demo) -> None:
     """Waiting for the device ends at the deadline of a call, and is limited over all of them."""
     desk = Desk(aer, cast(Clerk, Stub(lambda t: t.stage("job j still queued"))), 0.5)
-    for cycle, deadline_s, limits in ((1, 0.2, (0.2, 0.2, 0.1, 0.0)), (2, 9.0, (0.5, 0.0))):
+    for cycle, deadline_s, first_s, calls in ((1, 0.2, 0.2, 9), (2, 9.0, 0.5, 3)):
         desk.begin_cycle(cycle)
-        for expected_s in limits:
+        waits = []
+        for _ in range(calls):
             began = time.monotonic()
             (outcome,) = desk([Job("lc-qaoa", demo_arcs(), 1)], deadline_s)
-            assert expected_s - 0.01 <= time.monotonic() - began < expected_s + 0.15
+            waits.append(time.monotonic() - began)
             assert outcome.execution is not None
             assert "job j still queued after" in (outcome.execution.fallback or "")
+        assert waits[0] >= first_s - 0.01
+        # On a busy machine each wait may end late, which the next ones make up for.
+        assert 0.49 <= sum(waits) < 1.5
 
 
 def test_the_devices_answer_goes_before_the_simulators(demo_arcs: Demo) -> None:
