@@ -69,7 +69,7 @@ def test_tables_show_the_papers_figures_and_the_mark() -> None:
     empty = Line("i", "Iskay", "hardware", None, {}, None, None, None, (), "no account")
     text = as_markdown([Table("hardware", "Hardware", (full, empty))], ["a note"])
     (row,) = [line for line in text.splitlines() if line.startswith("| LC-QAOA") and "56" in line]
-    for said in ("noise-model", "30 ± 14", "38.6", "31.34", "1 of 2"):
+    for said in ("noise-model", "30.0 ± 14.1", "38.6", "31.34", "1 of 2"):
         assert said in row
     assert "10.00: +20.00" in text
     assert "- Iskay: no account" in text
