@@ -20,19 +20,20 @@ from typing import Final
 
 from benchmarks.aims import machine
 from benchmarks.quantum.blocks import CityPart, city_part, ratio, sweep
-from dispatcher_daemon.formulations.model import build_model
+from dispatcher_daemon.formulations.model import QuboModel, build_model
 from dispatcher_daemon.problem import RouteProblem
+from dispatcher_daemon.quantum.distribution import BitDistribution, uniform_choices
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.base import Execution, Outcome, Samples, Solver
 from dispatcher_daemon.solvers.controls import (
     STAGES,
-    UNIFORM_OPTIONS,
     distributions,
     run_controls,
     tally_of,
 )
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
+from slipstream.errors import InputError
 
 CITY: Final = (120, 600, 1200)
 """Vehicles, stops, segments."""
@@ -96,13 +97,15 @@ class Plan:
     """What is measured.
 
     Attributes:
-        variants: of LC-QAOA.
+        variants: of LC-QAOA as one circuit.
+        swept: variant for the blocks of 25.
         sweeps: whether 25-qubit blocks are swept with LC-QAOA; exact sweeps always are.
     """
 
     seed: int = 1
     city: tuple[int, int, int] = CITY
-    variants: tuple[LcQaoaVariant, ...] = ("one-hot", "one-hot-multi-angle")
+    variants: tuple[LcQaoaVariant, ...] = ("one-hot", "one-hot-multi-angle", "multi-angle")
+    swept: LcQaoaVariant = "one-hot-multi-angle"
     layers: int = 2
     shots: int = 1000
     iterations: int = 100
@@ -135,10 +138,13 @@ def measure(plan: Plan, variables: int) -> Block:
     best_kwh = problem.objective_kwh(optimum.selected)
     scale = (start_kwh, best_kwh)
     found = [_swept(plan, part, scale, None)]
+    groups = [group for group in problem.options_of.values() if group]
+    uniform = uniform_choices(problem.choices, groups)
+    found.append(_control(plan, build_model(problem), scale, "uniform options", uniform))
     for variant in plan.variants:
         found += _one_circuit(plan, problem, scale, variant)
     if plan.sweeps:
-        found.append(_swept(plan, part, scale, plan.variants[-1]))
+        found.append(_swept(plan, part, scale, plan.swept))
     return Block(
         variables,
         len(problem.vehicles),
@@ -152,10 +158,15 @@ def _one_circuit(
     plan: Plan, problem: RouteProblem, scale: tuple[float, float], variant: LcQaoaVariant
 ) -> Iterator[Found]:
     """The circuit, and uniformly drawn options in its place."""
-    outcome = plan.solver(variant).solve(problem, _SOLVE_S, plan.seed)
+    try:
+        outcome = plan.solver(variant).solve(problem, _SOLVE_S, plan.seed)
+    except InputError as error:  # groups that no packing lays on the device
+        yield _nothing(f"one LC-QAOA, {variant}: {error.problem}")
+        return
     execution, samples = outcome.execution, outcome.samples
     if execution is None or samples is None:
-        raise RuntimeError(f"{variant}: {outcome.reason}")
+        yield _nothing(f"one LC-QAOA, {variant}: {outcome.reason}")
+        return
     yield Found(
         name=f"one LC-QAOA, {variant}",
         qubits=samples.qubits,
@@ -168,15 +179,28 @@ def _one_circuit(
         ratios=_ratios(samples, scale),
         mean_ratio=_mean_ratio(samples, scale),
     )
-    if variant != plan.variants[0]:
-        return
     model = build_model(problem)
+    of = distributions(model, outcome)
+    yield _control(plan, model, scale, f"its marginals, {variant}", of["marginals"])
+
+
+def _nothing(name: str) -> Found:
+    return Found(name, None, None, 0, 0.0, 0.0, 0.0, None, (None, None, None), None)
+
+
+def _control(
+    plan: Plan,
+    model: QuboModel,
+    scale: tuple[float, float],
+    name: str,
+    distribution: BitDistribution,
+) -> Found:
+    """Samples without a circuit, through the same stages."""
     began = time.perf_counter()
-    of = {UNIFORM_OPTIONS: distributions(model, outcome)[UNIFORM_OPTIONS]}
-    uniform = run_controls(model, of, plan.shots, plan.seed)[UNIFORM_OPTIONS]
+    uniform = run_controls(model, {name: distribution}, plan.shots, plan.seed)[name]
     wall_s = time.perf_counter() - began
-    yield Found(
-        name="control: uniform options",
+    return Found(
+        name=f"control: {name}",
         qubits=None,
         depth=None,
         circuits=0,
@@ -259,7 +283,7 @@ def report(blocks: Sequence[Block], plan: Plan) -> str:
                 str(way.circuits or ""),
                 number(way.train_s) if way.depth is not None else "",
                 number(way.sample_s) if way.depth is not None else "",
-                number(way.wall_s),
+                number(way.wall_s) if way.wall_s else "",
                 "" if way.p_feasible is None else f"{100 * way.p_feasible:.1f}",
                 number(way.mean_ratio, 3),
                 *(c if isinstance(c, str) else number(c, 3) for c in shown),

@@ -113,11 +113,12 @@ def test_one_circuit_stands_beside_sweeps_and_controls(monkeypatch: pytest.Monke
     )
     block = large.measure(plan, 12)
     assert (block.variables, block.vehicles, block.proven) == (12, 4, True)
-    exact, circuit, uniform = block.found
+    exact, uniform, circuit, marginals = block.found
     assert exact.ratios[0] is not None
-    assert circuit.p_feasible == uniform.p_feasible == 1.0  # one option each by construction
+    # One option each by construction.
+    assert circuit.p_feasible == uniform.p_feasible == marginals.p_feasible == 1.0
     assert circuit.qubits == 12
-    for way in (circuit, uniform):
+    for way in (circuit, uniform, marginals):
         assert all(value is not None and value <= 1 + 1e-9 for value in way.ratios)
         assert way.mean_ratio is not None
         assert way.ratios[0] is not None
