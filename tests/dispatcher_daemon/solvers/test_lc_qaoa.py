@@ -1,8 +1,11 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import pickle
+from collections.abc import Callable, Sequence
 from functools import reduce
 from itertools import permutations, product
+from typing import get_args
 
 import dimod
 import numpy as np
@@ -12,14 +15,17 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.decode import decode
 from dispatcher_daemon.formulations.arc import build_arc_model
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.formulations.model import build_model
+from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem
 from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.quantum.backends.aer import AerBackend
 from dispatcher_daemon.quantum.chain_order import heavy_path, path_weight
+from dispatcher_daemon.quantum.chain_state import ChainState
 from dispatcher_daemon.quantum.circuits import circuit_of
 from dispatcher_daemon.quantum.ising import Ising, to_ising
-from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits
+from dispatcher_daemon.quantum.physical_chain import Placement
+from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits, prepare, prepare_model
 from dispatcher_daemon.solvers.sampling import descend
 
 Demo = Callable[..., ArcProblem]
@@ -181,3 +187,88 @@ def test_same_seed_same_answer(demo_arcs: Demo) -> None:
     for seed in (0, 11):
         one, two = (solver.solve(problem, 10.0, seed) for _ in range(2))
         assert (one.selected, one.samples) == (two.selected, two.samples)
+
+
+def small_routes() -> RouteProblem:
+    """Three vehicles with three options each; the cheapest ones do not meet."""
+    options = tuple(
+        RouteOption(f"v{k}", (f"s{k}",), cost)
+        for k in range(3)
+        for cost in (1.0, 1.05 + 0.01 * k, 1.2)
+    )
+    return RouteProblem(
+        ("v0", "v1", "v2"), ("s0", "s1", "s2"), options, {(1, 4): 0.2, (4, 7): 0.2, (2, 8): 0.1}
+    )
+
+
+VARIANTS: tuple[LcQaoaVariant, ...] = get_args(LcQaoaVariant)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_prepared_circuit_means_what_it_says(variant: LcQaoaVariant) -> None:
+    """Its samples, by variable, have the stated mean energy and marginals, also after pickling."""
+    options = LcQaoaSettings(variant=variant, iterations=20, restarts=2, cvar_share=0.5)
+    made = prepare(small_routes(), options, 3, math.inf)
+    prepared = pickle.loads(pickle.dumps(made))
+    by_qubit = ChainState(prepared.ansatz).sample(4000, 1)
+    bits = np.empty_like(by_qubit)
+    bits[:, list(prepared.order)] = by_qubit
+    energies = prepared.model.total.energies((bits, list(prepared.model.variables)))
+    error = energies.std() / 4000**0.5
+    assert prepared.energy == pytest.approx(energies.mean(), abs=5 * error + 1e-3)
+    assert np.array(prepared.marginals.probabilities) == pytest.approx(bits.mean(axis=0), abs=0.05)
+    assert (prepared.variant, prepared.evaluations > 0) == (variant, variant != "ramp")
+    one_each = bits.reshape(-1, 3, 3).sum(axis=2) == 1
+    if variant.startswith("one-hot"):
+        assert one_each.all()
+    elif variant in ("ramp", "trained"):
+        assert not one_each.all()
+
+
+def test_one_hot_solves_routes_and_refuses_arcs(demo_arcs: Demo) -> None:
+    """Every raw sample of route options is valid; arcs have no groups, which is said."""
+    solver = LcQaoaSolver(LcQaoaSettings(variant="one-hot-multi-angle", restarts=4, shots=256))
+    outcome = solver.solve(small_routes(), 60.0, 1)
+    assert outcome.selected == {1, 4, 7}
+    assert outcome.samples is not None
+    assert outcome.samples.share(outcome.samples.raw) == 1.0
+    assert outcome.execution is not None
+    assert (outcome.execution.variant, outcome.execution.layers) == ("one-hot-multi-angle", 2)
+    refused = solver.solve(demo_arcs(), 60.0, 1)
+    assert (refused.status, refused.selected) == ("failed", None)
+    assert "route form" in str(refused.reason)
+
+
+def test_training_that_has_no_time_left_still_prepares_a_circuit(demo_arcs: Demo) -> None:
+    """Each start is looked at once, then the best is taken."""
+    options = LcQaoaSettings(variant="multi-angle", restarts=2, iterations=100_000)
+    assert prepare(demo_arcs(), options, 1, deadline=0.0).evaluations == 2
+    assert prepare(demo_arcs(), LcQaoaSettings(), 1, deadline=0.0).evaluations == 1
+
+
+def test_a_device_that_cuts_the_chain_gets_no_gate_there() -> None:
+    """The placement is asked once, with the couplings along the chain; its cuts have angle 0."""
+    asked: list[tuple[int, int]] = []
+
+    def place(n: int, weights: Sequence[float]) -> Placement:
+        asked.append((n, len(weights)))
+        return Placement(tuple(range(n)), (4,), 1.0)
+
+    for variant in ("trained", "multi-angle"):
+        options = LcQaoaSettings(variant=variant, iterations=5, restarts=1)
+        prepared = prepare_model(
+            build_model(small_routes()), options, seed=1, deadline=math.inf, place=place
+        )
+        assert np.all(prepared.ansatz.bonds[:, 4] == 0)
+        assert np.any(prepared.ansatz.bonds[:, 3] != 0)
+    assert asked == [(9, 8), (9, 8)]
+
+
+def test_random_order_depends_on_the_seed_alone(demo_arcs: Demo) -> None:
+    """It is another order than the heavy one, and another for another seed."""
+    options = LcQaoaSettings(variant="ramp", order="random")
+    orders = [prepare(demo_arcs(), options, seed, math.inf).order for seed in (1, 1, 2)]
+    assert orders[0] == orders[1] != orders[2]
+    heavy = prepare(demo_arcs(), LcQaoaSettings(variant="ramp"), 1, math.inf).order
+    assert sorted(heavy) == sorted(orders[0])
+    assert heavy != orders[0]
