@@ -26,7 +26,7 @@ READOUT_LIMIT = 0.3
 GATE_LIMIT = 0.1
 """A gate with an error from here on is not used: a cut costs a coupling, such a gate two qubits."""
 BEAM = 500
-"""Paths kept by the beam search; on heavy-hex devices that found the optimum up to 75 qubits."""
+"""Paths kept by the beam search; on FakeBoston, at 25 to 75 qubits, within 0.3 % of the optimum."""
 BEAM_QUBITS = 75
 """Chains up to here are searched by beam, longer ones by integer programming."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 from dispatcher_daemon.quantum.backends.base import Sampled, fit, is_chain
@@ -90,16 +90,10 @@ class NoisyBackend:
         """As `open_backend` takes it."""
         return f"aer:{self.device}{FRACTIONAL if self.fractional else ''}"
 
-    @cached_property
+    @property
     def target(self) -> Any:
         """See `Backend.target`."""
-        snapshot = fake_target(self.device)
-        return with_fractional_gates(snapshot) if self.fractional else snapshot
-
-    @cached_property
-    def noise(self) -> DeviceNoise:
-        """The device's noise."""
-        return DeviceNoise(self.target)
+        return _model(self.device, self.fractional)[0]
 
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
         """See `Backend.place`."""
@@ -115,10 +109,11 @@ class NoisyBackend:
                 f"{circuit.num_qubits} qubits that are no chain take too long with noise",
                 f"take at most {NOISY_STATE_VECTOR_QUBITS} qubits, a chain, or the backend aer",
             )
-        transpiled = fit(circuit, self.target)
+        target, noise = _model(self.device, self.fractional)
+        transpiled = fit(circuit, target)
         counts = sample_noisy(
             transpiled,
-            self.noise,
+            noise,
             shots,
             seed,
             method="matrix_product_state" if chain else "statevector",
@@ -156,3 +151,12 @@ def fake_target(device: str) -> Any:
     target = maker().target
     target.description = device
     return target
+
+
+@lru_cache(maxsize=4)
+def _model(device: str, fractional: bool) -> tuple[Any, DeviceNoise]:
+    """Target and noise, which learns a gate's noise once."""
+    target = fake_target(device)
+    if fractional:
+        target = with_fractional_gates(target)
+    return target, DeviceNoise(target)
