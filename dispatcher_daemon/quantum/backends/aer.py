@@ -95,6 +95,11 @@ class NoisyBackend:
         """See `Backend.target`."""
         return _model(self.device, self.fractional)[0]
 
+    @property
+    def noise(self) -> DeviceNoise:
+        """The device's noise."""
+        return _model(self.device, self.fractional)[1]
+
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
         """See `Backend.place`."""
         return place_chain(self.target, n, bond_weights=bond_weights)
@@ -109,11 +114,10 @@ class NoisyBackend:
                 f"{circuit.num_qubits} qubits that are no chain take too long with noise",
                 f"take at most {NOISY_STATE_VECTOR_QUBITS} qubits, a chain, or the backend aer",
             )
-        target, noise = _model(self.device, self.fractional)
-        transpiled = fit(circuit, target)
+        transpiled = fit(circuit, self.target)
         counts = sample_noisy(
             transpiled,
-            noise,
+            self.noise,
             shots,
             seed,
             method="matrix_product_state" if chain else "statevector",
