@@ -90,6 +90,9 @@ def hardware_rows(settings: BenchSettings) -> list[Row]:
     rows += [qaoa(settings, p, "transferred") for p in (1, 2)]
     rows += [qaoa(settings, p, "trained", settings.trained) for p in (1, 2)]
     rows += [_dense_on_device(settings, p) for p in (1, 2)]
+    if settings.device is not None:
+        device = f"ibm:{settings.device}"
+        rows += [lc_qaoa(settings, "trained", p, device) for p in (1, 2)]
     rows += [lc_qaoa(settings, "trained", p, settings.noise) for p in (1, 2)]
     rows += [lc_qaoa(settings, "multi-angle", p, settings.noise) for p in (1, 2)]
     return [*rows, lc_qaoa(settings, "product", 2, settings.noise)]
@@ -191,6 +194,7 @@ def _iskay(settings: BenchSettings) -> Row:
         from dispatcher_daemon.solvers.iskay import IskaySolver
 
         solver, reason = IskaySolver(find_access(), settings.device), None
+        solver.warm_up()
 
     def measure(case: Case) -> Record:
         return case.measure(solver, settings.deadline_s, settings.seed)

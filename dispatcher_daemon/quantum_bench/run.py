@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from dispatcher_daemon.quantum.backends import open_backend
 from dispatcher_daemon.quantum_bench.case import Case, named_cases, open_case
 from dispatcher_daemon.quantum_bench.report import Table
 from dispatcher_daemon.quantum_bench.rows import BenchSettings, Row, hardware_rows, sweep_rows
@@ -45,8 +46,10 @@ def run(
         progress: told how many results there are, of how many, and what comes next.
 
     Raises:
-        InputError: credentials are missing, or the folder is not writable.
+        InputError: a back end is unknown, credentials are missing, the folder is not writable.
+        ModuleNotFoundError: a device is named and the extra ``iskay`` is not installed.
     """
+    open_backend(settings.noise)
     rows_of: dict[str, list[Row]] = {}
     if HARDWARE in tables:
         rows_of[HARDWARE] = hardware_rows(settings)
@@ -100,4 +103,9 @@ def _line(row: Row, records: Sequence[Record]) -> Line:
     if not records:
         return Line(row.key, row.title, row.mark, row.paper, {}, None, None, None, (), row.reason)
     line = summarise(row.key, row.title, row.mark, row.paper, records)
+    elsewhere = [r for r in records if r.get("fallback") is not None]
+    if elsewhere:
+        # Not what was asked for must not pass for it.
+        mark = f"{elsewhere[0]['kind']}, {len(elsewhere)} of {len(records)}"
+        return replace(line, mark=mark, reason=str(elsewhere[0]["fallback"]))
     return replace(line, reason=row.reason)

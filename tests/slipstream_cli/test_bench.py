@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from dispatcher_daemon.quantum.backends import fallback, open_backend
+from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.quantum_bench import run as bench_run
 from slipstream_cli.main import main
 
@@ -50,6 +52,23 @@ def test_a_tiny_sweep_is_measured_stored_and_not_measured_again(
     assert bench(capsys, tmp_path) == document
 
 
+def test_a_device_that_was_replaced_is_not_called_hardware(
+    capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows of a device that is out of reach are marked by where their samples came from."""
+    monkeypatch.setattr(fallback, "open_backend", refusing)
+    (row, _) = bench(capsys, tmp_path, "--noise", "aer:FakeBoston")["tables"]["sweep"]
+    assert row["mark"] == "simulated, 1 of 1"
+    assert row["reason"] == "aer:FakeBoston: no answer"
+
+
+def refusing(text: str) -> Any:
+    """Nothing but Aer is within reach."""
+    if text != "aer":
+        raise ServiceFault("unreachable", "no answer")
+    return open_backend(text)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -58,6 +77,8 @@ def test_a_tiny_sweep_is_measured_stored_and_not_measured_again(
         (("--layers", "0"), "layers"),
         (("--layers", "99"), "layers"),
         (("--seed", "-1"), "seed"),
+        (("--noise", "nowhere"), "nowhere"),
+        (("--noise", "aer:FakeNowhere"), "FakeNowhere"),
     ],
 )
 def test_bad_input_is_one_line(
