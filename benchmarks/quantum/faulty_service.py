@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from dispatcher_daemon.guest.chain_maker import ChainMaker
 from dispatcher_daemon.quantum.jobs import JobView, ServiceFault
 
 Weights = Mapping[str, float]
@@ -135,18 +134,6 @@ class Books:
             (sum(u for t, u in charges if begin <= t < begin + day_s) for begin, _ in charges),
             default=0.0,
         )
-
-
-@dataclass(frozen=True)
-class AnsatzMaker(ChainMaker):
-    """Circuits as tables of angles: the stand-in needs no more, and a new worker no Qiskit."""
-
-    def warm_up(self) -> None:
-        """Nothing beyond what unpickling this imports."""
-
-    def circuit(self, ansatz: Any) -> Any:
-        """As it is."""
-        return ansatz
 
 
 @dataclass(frozen=True)

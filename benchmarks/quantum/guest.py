@@ -26,7 +26,8 @@ from typing import Any, Final
 
 import psutil
 
-from benchmarks.quantum.faulty_service import EVERYTHING, AnsatzMaker, Books, Opening
+from benchmarks.quantum.ansatz_maker import AnsatzMaker
+from benchmarks.quantum.faulty_service import EVERYTHING, Books, Opening
 from dispatcher_daemon.dispatch import run_cycle
 from dispatcher_daemon.fleet import load_fleet
 from dispatcher_daemon.guest.clerk import Clerk

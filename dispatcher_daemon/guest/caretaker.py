@@ -7,23 +7,22 @@ leave it; they are written down, counted, and told to whoever waits.
 from __future__ import annotations
 
 import logging
-import secrets
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Final, Protocol, TypeVar
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.guest import budget, calls
 from dispatcher_daemon.guest.breaker import Breaker
 from dispatcher_daemon.guest.calls import Opener, Prepared
+from dispatcher_daemon.guest.care import Care, execution_of, intent
 from dispatcher_daemon.guest.follow import News, after_look, after_loss, one_line
 from dispatcher_daemon.guest.ledger import DeviceKind, Ledger
 from dispatcher_daemon.guest.making import Maker, Unsuitable
 from dispatcher_daemon.guest.ticket import Ticket
 from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.settings import HardwareSettings
-from dispatcher_daemon.solvers.base import Execution
 from slipstream.service import LogLimiter
 from storage import QuantumJob, StorageError
 
@@ -40,27 +39,6 @@ class Call(Protocol):
     def __call__(self, function: Callable[..., T], args: Sequence[Any], limit_s: float) -> T:
         """May raise ServiceFault, or WorkerClosed when all is to end."""
         ...
-
-
-@dataclass
-class Care:
-    """What is known of a job beside the ledger.
-
-    Attributes:
-        next_at: of the next look at it, by the monotonic clock.
-        period_s: from that one to the look after it.
-        unknown_since: first of the looks in a row at which the service did not know it.
-        cancelled: its cancellation was asked for.
-        samples: of a job that is done, until they are read.
-        tickets: problems that wait for it.
-    """
-
-    next_at: float
-    period_s: float
-    unknown_since: float | None = None
-    cancelled: bool = False
-    samples: Mapping[str, int] | None = None
-    tickets: list[Ticket] = field(default_factory=list)
 
 
 class Caretaker:
@@ -167,30 +145,7 @@ class Caretaker:
         return prepared
 
     def _submit(self, ticket: Ticket, prepared: Prepared) -> None:
-        now_ns = self._clock_ns()
-        job = QuantumJob(
-            tag=f"slipstream-{ticket.cycle}-{secrets.token_hex(8)}",
-            job_id=None,
-            backend=prepared.backend,
-            kind=self._kind,
-            cycle=ticket.cycle,
-            submitted_ns=now_ns,
-            updated_ns=now_ns,
-            finished_ns=None,
-            state="intent",
-            reason=None,
-            estimate_s=prepared.estimate_s,
-            usage_s=None,
-            shots=self._settings.shots,
-            circuit=prepared.fingerprint,
-            variables=ticket.meaning,
-            chain_order=prepared.order,
-            variant=prepared.variant,
-            layers=prepared.layers,
-            two_qubit_depth=prepared.two_qubit_depth,
-            two_qubit_gates=prepared.two_qubit_gates,
-            train_s=prepared.train_s,
-        )
+        job = intent(ticket, prepared, self._kind, self._settings.shots, self._clock_ns())
         try:
             self._ledger.begin(job)
         except StorageError as error:
@@ -331,7 +286,7 @@ class Caretaker:
             except ServiceFault as fault:
                 # Our own doing, not the service's.
                 line = f"the samples of job {job.job_id} could not be read: {fault}"
-            if line is None and not ticket.offer(replace(outcome, execution=_execution(job))):
+            if line is None and not ticket.offer(replace(outcome, execution=execution_of(job))):
                 continue
             if line is not None:
                 ticket.decline(line)
@@ -383,18 +338,3 @@ class Caretaker:
             held = self._limiter.held(kind)
             more = f" ({held} more of this kind)" if held else ""
             log.warning("quantum device: %s%s", line, more)
-
-
-def _execution(job: QuantumJob) -> Execution:
-    """Where and how the circuit of a job ran."""
-    return Execution(
-        backend=job.backend,
-        kind=job.kind,
-        variant=job.variant,
-        layers=job.layers,
-        two_qubit_depth=job.two_qubit_depth,
-        two_qubit_gates=job.two_qubit_gates,
-        train_s=job.train_s,
-        sample_s=((job.finished_ns or job.submitted_ns) - job.submitted_ns) / _NS,
-        job=job.job_id,
-    )

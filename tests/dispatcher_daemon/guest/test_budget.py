@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.guest import budget
@@ -43,6 +43,7 @@ def test_a_job_that_fits_exactly_may_be_submitted() -> None:
     assert budget.refusal(0.0, 10.1, 10.0) is not None
 
 
+@settings(max_examples=40)
 @given(
     st.lists(
         st.tuples(st.floats(0, 3), st.floats(0, 5), st.floats(0, 1), st.booleans()), max_size=60

@@ -11,16 +11,17 @@ from typing import Any, cast
 import psutil
 import pytest
 
-from benchmarks.quantum.faulty_service import AnsatzMaker, Books, Opening
+from benchmarks.quantum.faulty_service import Books, Opening
 from dispatcher_daemon.guest.clerk import Clerk
 from dispatcher_daemon.guest.desk import Desk
 from dispatcher_daemon.guest.ticket import Ticket
 from dispatcher_daemon.problem import ArcProblem
-from dispatcher_daemon.settings import HardwareSettings, LcQaoaSettings
+from dispatcher_daemon.settings import HardwareSettings
 from dispatcher_daemon.solvers.base import Execution, Outcome
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.pool import Job, Solve
 from storage import Database, open_database
+
+from .light_maker import LightMaker
 
 Demo = Callable[..., ArcProblem]
 
@@ -72,8 +73,7 @@ def open_desk(database: Database, books: Books) -> Iterator[Callable[..., Desk]]
         while desks:
             desks.pop().close()
         settings = SETTINGS.model_copy(update=changes)
-        maker = AnsatzMaker(LcQaoaSolver(LcQaoaSettings(variant="ramp")))
-        clerk = Clerk(settings, "hardware", Opening(str(books.path)), maker, database)
+        clerk = Clerk(settings, "hardware", Opening(str(books.path)), LightMaker(), database)
         desk = Desk(solve, clerk, settings.wait_s).__enter__()
         desks.append(desk)
         return desk
@@ -153,7 +153,7 @@ def test_a_hanging_look_holds_no_cycle_up_and_a_restart_picks_the_job_up(
 class Stub:
     """A clerk that deals with a problem at once, without a thread or a worker."""
 
-    maker = AnsatzMaker(LcQaoaSolver())
+    maker = LightMaker()
 
     def __init__(self, deal: Callable[[Ticket], object]) -> None:
         self._deal = deal
