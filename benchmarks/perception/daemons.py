@@ -16,8 +16,8 @@ from typing import Literal
 import psutil
 import tomli_w
 
+from benchmarks.perception.slope import MemoryUse, memory_use
 from benchmarks.soak.observer import Observer
-from benchmarks.soak.trend import Trend, memory_trend
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import RsuHealth
@@ -38,7 +38,7 @@ class DaemonRun:
         fps: frames a second.
         latency_ms_p95: median over the seconds of what it told; from the decoded picture on.
         cpu_cores: processor time over time.
-        memory: its resident memory, MB.
+        memory: its resident memory.
     """
 
     rsu: str
@@ -48,7 +48,7 @@ class DaemonRun:
     fps: float
     latency_ms_p95: float | None
     cpu_cores: float
-    memory: Trend
+    memory: MemoryUse
 
 
 @dataclass
@@ -191,5 +191,5 @@ def _judged(
         latency_ms_p95=p95[len(p95) // 2] if p95 else None,
         cpu_cores=(daemon.cpu_s[-1] - daemon.cpu_s[0])
         / max(daemon.times_s[-1] - daemon.times_s[0], 1e-3),
-        memory=memory_trend(daemon.times_s, daemon.rss_mb),
+        memory=memory_use(daemon.times_s, daemon.rss_mb),
     )

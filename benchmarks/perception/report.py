@@ -91,15 +91,15 @@ def checks(results: Results) -> list[Check]:
                 memory.largest <= MOST_RSS_MB,
             )
         )
-        low, high = memory.low_per_h or 0.0, memory.high_per_h or 0.0
-        found.append(
-            Check(
-                f"its slope over {results.fast.seconds / 60:.0f} min, MB/h (95 %)",
-                f"{memory.slope_per_h:+.1f} ({low:+.1f} to {high:+.1f})",
-                "holds 0",
-                low <= 0,
+        if (slope := memory.slope) is not None:
+            found.append(
+                Check(
+                    f"its slope over {results.fast.seconds / 60:.0f} min, MB/h (95 %)",
+                    f"{slope.per_h:+.1f} ({slope.low_per_h:+.1f} to {slope.high_per_h:+.1f})",
+                    "holds 0",
+                    not slope.is_growth,
+                )
             )
-        )
     return found
 
 

@@ -14,8 +14,8 @@ from benchmarks.perception.__main__ import main
 from benchmarks.perception.daemons import DaemonRun
 from benchmarks.perception.ours import measure
 from benchmarks.perception.report import LIVE, ROAD, SAME_EXPORT, TORCH, Results, checks
+from benchmarks.perception.slope import MemoryUse, Slope
 from benchmarks.perception.speed import Speed, measured, speed_of, written
-from benchmarks.soak.trend import Trend
 from edge_daemon.detection import DetectorSettings
 from simulation.streetdrive import ClipSettings, render_clip
 
@@ -25,9 +25,9 @@ def speed(ms: float, latency_p95: float | None = None) -> Speed:
     return Speed(300, ms, 1.2 * ms, latency_p95, latency_p95, 2 * ms, 9.0, 250.0)
 
 
-def memory(largest: float, slope: float, half_width: float) -> Trend:
+def memory(largest: float, slope: float, half_width: float) -> MemoryUse:
     """Memory with a slope and its interval."""
-    return Trend(300, 301, 300, largest, slope, slope - half_width, slope + half_width, False)
+    return MemoryUse(300, largest, Slope(slope, slope - half_width, slope + half_width))
 
 
 def daemon(
