@@ -27,7 +27,7 @@ class QuantumJob:
     Attributes:
         tag: unique; the service keeps it with the job.
         job_id: the service's; None until it is known.
-        backend: name of the device.
+        backend: name of the service and of the device.
         kind: "hardware", or "noise-model" where a simulator stands in for the device.
         cycle: that it was made for.
         submitted_ns: UTC at which it was stored, just before it was submitted.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from dispatcher_daemon.guest.calls import Prepared
 from dispatcher_daemon.guest.ledger import DeviceKind
 from dispatcher_daemon.guest.ticket import Ticket
+from dispatcher_daemon.settings import HardwareSettings
 from dispatcher_daemon.solvers.base import Execution
 from storage import QuantumJob
 
@@ -37,13 +38,14 @@ class Care:
 
 
 def intent(
-    ticket: Ticket, prepared: Prepared, kind: DeviceKind, shots: int, now_ns: int
+    ticket: Ticket, prepared: Prepared, kind: DeviceKind, settings: HardwareSettings, now_ns: int
 ) -> QuantumJob:
     """What is stored of a job before it is submitted, under a tag that no other job has."""
     return QuantumJob(
         tag=f"slipstream-{ticket.cycle}-{secrets.token_hex(8)}",
         job_id=None,
-        backend=prepared.backend,
+        # Of the least busy device the name is only known now.
+        backend=f"{settings.backend.partition(':')[0]}:{prepared.backend}",
         kind=kind,
         cycle=ticket.cycle,
         submitted_ns=now_ns,
@@ -53,7 +55,7 @@ def intent(
         reason=None,
         estimate_s=prepared.estimate_s,
         usage_s=None,
-        shots=shots,
+        shots=settings.shots,
         circuit=prepared.fingerprint,
         variables=ticket.meaning,
         chain_order=prepared.order,

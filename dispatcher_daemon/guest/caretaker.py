@@ -145,7 +145,7 @@ class Caretaker:
         return prepared
 
     def _submit(self, ticket: Ticket, prepared: Prepared) -> None:
-        job = intent(ticket, prepared, self._kind, self._settings.shots, self._clock_ns())
+        job = intent(ticket, prepared, self._kind, self._settings, self._clock_ns())
         try:
             self._ledger.begin(job)
         except StorageError as error:

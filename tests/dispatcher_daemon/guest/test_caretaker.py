@@ -35,7 +35,7 @@ def test_a_job_is_stored_before_it_is_submitted_and_answered_in_its_cycle(
     assert outcome.selected == frozenset({0})
     ran = outcome.execution
     assert ran is not None
-    assert (ran.kind, ran.backend, ran.job, ran.fallback) == ("hardware", "toy", "job-1", None)
+    assert (ran.kind, ran.backend, ran.job, ran.fallback) == ("hardware", "ibm:toy", "job-1", None)
     assert (ran.variant, ran.layers, ran.train_s, ran.sample_s) == ("ramp", 2, 0.25, 2.0)
     job = world.job
     assert (job.state, job.usage_s, job.answer, job.answer_cycle) == ("done", 1.5, "used", 1)
