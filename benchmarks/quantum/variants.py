@@ -171,8 +171,9 @@ def table(
     cases: Sequence[Case],
     rows: Sequence[Row],
     say: Callable[[str], None],
+    seeds: int = 1,
 ) -> None:
-    """One line for each variant, the mean over the cases."""
+    """One line for each variant, the mean over the cases and over so many seeds of each."""
     uniform = np.mean([len(c.valid) / 2.0 ** c.valid.shape[1] for c in cases])
     say(f"\n{title}: {len(cases)} instances, uniform bits are valid in {uniform:.2g}\n")
     say(
@@ -183,7 +184,7 @@ def table(
     for name, variant, options in rows:
         settings = LcQaoaSettings.model_validate({"variant": variant, **options})
         scores, kept, spent = [], [], []
-        for seed, case in enumerate(cases, start=1):
+        for seed, case in enumerate([*cases] * seeds, start=1):
             began = time.process_time()
             # Seeds of their own, as the instances are alike: one start would be lucky for all.
             prepared = prepare_model(case.model, settings, seed=seed, deadline=math.inf)
@@ -193,7 +194,7 @@ def table(
         optimal = [s.optimal for s in scores]
         say(
             f"| {name} | {np.mean([s.feasible for s in scores]):.3g} | {np.mean(optimal):.3g} | "
-            f"{np.median(optimal):.3g} | {sum(s.rounded for s in scores):g}/{len(cases)} | "
+            f"{np.median(optimal):.3g} | {sum(s.rounded for s in scores):g}/{len(scores)} | "
             f"{np.mean([s.independent for s in scores]):.3g} | "
             f"{np.mean([s.weight for s in scores]):.3f} | {np.mean(kept):.2f} | "
             f"{np.mean(spent):.2f} |"
@@ -206,6 +207,7 @@ def main() -> int:
     parser.add_argument("--short", action="store_true", help="five instances")
     parser.add_argument("--form", choices=("arc", "route"), help="only this form")
     parser.add_argument("--rows", nargs="*", help="only rows whose titles begin with one of these")
+    parser.add_argument("--seeds", type=int, default=1, help="of training, for each instance")
     options = parser.parse_args()
 
     def chosen(rows: list[Row]) -> list[Row]:
@@ -216,9 +218,15 @@ def main() -> int:
         print(line, flush=True)
 
     if options.form != "route":
-        table("Arc form", arc_cases(5 if options.short else 20), chosen(ROWS), say)
+        table("Arc form", arc_cases(5 if options.short else 20), chosen(ROWS), say, options.seeds)
     if options.form != "arc":
-        table("Route form", route_cases(2 if options.short else 8), chosen(ROUTE_ROWS), say)
+        table(
+            "Route form",
+            route_cases(2 if options.short else 8),
+            chosen(ROUTE_ROWS),
+            say,
+            options.seeds,
+        )
     return 0
 
 
