@@ -16,7 +16,7 @@ from simulation.scenarios.gates import Gates, clock
 from simulation.scenarios.netconvert import build_net, convert_osm
 from simulation.scenarios.network import scenario_network
 from simulation.scenarios.record import Day
-from simulation.scenarios.scenario import load_scenario, order_day, prepare
+from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
 from simulation.scenarios.signals import write_fixed_time
 from simulation.scenarios.troy import troy_plan
 from slipstream.config import load
@@ -71,7 +71,11 @@ def day(options: argparse.Namespace) -> int:
         rsus=options.rsus,
         fleet=options.fleet,
     )
-    background = prepare(scenario, options.seed, options.out)
+    if options.routes is None:
+        background = prepare(scenario, options.seed, options.out)
+    else:
+        background = own_background(scenario, options.routes)
+        options.out.mkdir(parents=True, exist_ok=True)
     order = order_day(
         scenario,
         background,
@@ -100,7 +104,7 @@ def day(options: argparse.Namespace) -> int:
                 f"{hour.stops_per_km:5.2f} stops/km {hour.waiting_share:5.0%} standing"
             )
         print(
-            f"{found.inserted} of {len(background.trips)} trips, {simulated.wall_s:.0f} s; "
+            f"{found.inserted} of {found.loaded} trips, {simulated.wall_s:.0f} s; "
             f"{'fit' if not faults else 'refused'}"
         )
     Gates().check(simulated, f"{scenario.name}, seed {options.seed}")
@@ -150,6 +154,7 @@ def _parser() -> argparse.ArgumentParser:
         ("fleet", "fleet (TOML)"),
     ):
         simulate.add_argument(f"--{part}", type=Path, help=f"{what} instead of the scenario's")
+    simulate.add_argument("--routes", type=Path, help="SUMO route file instead of the demand")
     simulate.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
     simulate.add_argument("--begin", type=float, default=0.0, help="hour of the day")
     simulate.add_argument("--end", type=float, default=24.0, help="hour of the day")

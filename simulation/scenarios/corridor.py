@@ -97,7 +97,7 @@ def mainline(settings: CorridorSettings) -> tuple[str, ...]:
 
 
 def corridor_rsus(
-    settings: CorridorSettings, network: RoadNetwork, view_m: float = 200.0
+    settings: CorridorSettings, network: RoadNetwork, view_m: float = 300.0
 ) -> tuple[Rsu, ...]:
     """RSUs along the whole motorway: one at each interchange and direction, for its three segments,
     and one between interchanges; each watches the middle of its segments.

@@ -23,8 +23,8 @@ def write_routes(path: Path, trips: Trips, routes: Routes, network: RoadNetwork)
 
 
 def _lines(trips: Trips, routes: Routes, network: RoadNetwork) -> Iterable[str]:
-    for name in trips.types:
-        yield "    " + TYPES[name].xml()
+    for kind in TYPES.values():
+        yield "    " + kind.xml()
     for number, way in enumerate(routes.ways):
         edges = " ".join(routes.segments[i] for i in way)
         yield f'    <route id="r{number}" edges={quoteattr(edges)}/>'

@@ -71,7 +71,8 @@ def place_rsus(
     passages: Mapping[str, int],
     count: int = 12,
     *,
-    view_m: float = 150.0,
+    least_m: float = 150.0,
+    most_m: float = 300.0,
     setback_m: float = 60.0,
     apart_m: float = 600.0,
 ) -> tuple[Rsu, ...]:
@@ -79,7 +80,8 @@ def place_rsus(
 
     Args:
         passages: vehicles a day over each segment.
-        view_m: length of the stretch that a camera watches.
+        least_m: shortest stretch worth watching.
+        most_m: longest that a unit can watch, with two cameras back to back.
         setback_m: between the stretch and the junction: what lies nearer is a queue most of the
             time, whatever the traffic does.
         apart_m: least distance of the junctions that RSUs stand at.
@@ -93,10 +95,11 @@ def place_rsus(
         segment = network.segments[name]
         place = network.junctions[segment.end]
         near = any(hypot(place[0] - x, place[1] - y) < apart_m for x, y in taken)
-        if len(chosen) == count or segment.length_m < view_m + setback_m or near:
+        if len(chosen) == count or segment.length_m < least_m + setback_m or near:
             continue
         end_m = round(segment.length_m - setback_m, 1)
-        stretch = Stretch(segment=name, from_m=round(end_m - view_m, 1), to_m=end_m)
+        begin_m = max(0.0, round(end_m - most_m, 1))
+        stretch = Stretch(segment=name, from_m=begin_m, to_m=end_m)
         chosen.append(Rsu(id=f"rsu-{len(chosen) + 1:02}", watch=(stretch,)))
         taken.append(place)
     return tuple(chosen)

@@ -10,14 +10,14 @@ from typing import Final, Literal
 from simulation.scenarios.day import DayOrder
 from simulation.scenarios.demand import DemandSettings, Flow, Trips, Zone, draw_trips, gateways
 from simulation.scenarios.fleet import FleetSettings
-from simulation.scenarios.network import scenario_network
+from simulation.scenarios.network import check_routes, scenario_network
 from simulation.scenarios.route_file import write_routes
 from simulation.scenarios.routes import Routes, find_routes
 from simulation.scenarios.rsus import Rsu, load_rsus, place_rsus
 from simulation.scenarios.signals import write_fixed_time
 from slipstream.config import load
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork
+from slipstream.roads import RoadNetwork, load_network
 
 BUILT_IN: Final = ("troy", "corridor")
 
@@ -56,16 +56,16 @@ class Background:
     """One day's background traffic, ready to be simulated.
 
     Attributes:
-        trips: drawn from the seed.
-        routes: theirs.
         file: SUMO's route file.
         rsus: the scenario's, or those that were placed by this traffic.
+        trips: drawn from the seed; None where the file is the user's.
+        routes: theirs.
     """
 
-    trips: Trips
-    routes: Routes
     file: Path
     rsus: tuple[Rsu, ...]
+    trips: Trips | None = None
+    routes: Routes | None = None
 
 
 def load_scenario(
@@ -123,7 +123,17 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
     rsus = scenario.rsus
     if rsus is None:
         rsus = place_rsus(scenario.network, routes.passages())
-    return Background(trips, routes, file, rsus)
+    return Background(file, rsus, trips, routes)
+
+
+def own_background(scenario: Scenario, routes: Path) -> Background:
+    """The user's own route file as the background; RSUs stand only where the scenario has them.
+
+    Raises:
+        InputError: the file is no route file, or one of another net.
+    """
+    check_routes(routes, load_network(scenario.net).segments)
+    return Background(routes, scenario.rsus or ())
 
 
 def order_day(

@@ -15,7 +15,7 @@ from simulation.scenarios.gates import Gates
 from simulation.scenarios.observer import Passer, window_of
 from simulation.scenarios.record import TripInfo, hours_of
 from simulation.scenarios.rsus import Stretch, load_rsus, place_rsus
-from simulation.scenarios.scenario import Scenario, load_scenario, order_day
+from simulation.scenarios.scenario import Scenario, load_scenario, order_day, own_background
 from slipstream.errors import InputError
 from tests.simulation.scenarios.conftest import BEGIN_S, END_S, Morning
 
@@ -25,6 +25,7 @@ RULE = StabilitySettings().bare()
 def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     """All trips due in the ten minutes come onto the roads, and the tables agree."""
     day, trips = morning.day, morning.background.trips
+    assert trips is not None
     due = ((trips.depart_s >= BEGIN_S) & (trips.depart_s < END_S)).sum()
     assert 0 <= due - day.statistics.inserted <= 2
     assert day.traffic.present_s.shape == (2, len(morning.scenario.network.segments))
@@ -140,11 +141,13 @@ def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
 
 
 def test_route_file_of_another_net_is_one_line(troy: Scenario, tmp_path: Path) -> None:
-    """What SUMO refuses becomes an error that names the file."""
+    """It is found before SUMO starts; what SUMO itself refuses is an error that names the file."""
     routes = tmp_path / "other.rou.xml"
     routes.write_text(
         '<routes><vehicle id="v" depart="0"><route edges="nowhere"/></vehicle></routes>'
     )
+    with pytest.raises(InputError, match="a route over 'nowhere', which the net has not"):
+        own_background(troy, routes)
     order = DayOrder(troy.net, routes, tuple(troy.network.segments), end_s=60.0)
     with pytest.raises(InputError, match=r"other\.rou\.xml: SUMO refuses it: .*'nowhere'"):
         run_day(order)
@@ -165,8 +168,12 @@ def test_rsus_off_the_net_are_refused(troy: Scenario, tmp_path: Path) -> None:
         load_rsus(path, troy.network)
 
 
-def test_rsus_are_placed_on_busy_approaches_apart_from_each_other(troy: Scenario) -> None:
-    """The busiest segment that is long enough comes first; the next one stands elsewhere."""
+def test_rsus_are_placed_on_busy_approaches_apart_from_each_other(
+    troy: Scenario, morning: Morning
+) -> None:
+    """The busiest segment that is long enough comes first, the next one stands elsewhere; and so
+    Troy's were placed.
+    """
     passages = {
         "4th_adams-4th_liberty": 9,
         "3rd_liberty-3rd_adams": 8,
@@ -177,10 +184,15 @@ def test_rsus_are_placed_on_busy_approaches_apart_from_each_other(troy: Scenario
         "4th_adams-4th_liberty",
         "hoosick_lord-hoosick_lake",
     ]
+    routes = morning.background.routes
+    assert routes is not None
+    assert place_rsus(troy.network, routes.passages()) == troy.rsus
     stretch = rsus[0].watch[0]
     length = troy.network.segments[stretch.segment].length_m
     assert stretch.to_m == pytest.approx(length - 60.0, abs=0.1)
-    assert stretch.to_m - stretch.from_m == pytest.approx(150.0, abs=0.1)
+    assert stretch.from_m == 0.0
+    other = rsus[1].watch[0]
+    assert other.to_m - other.from_m == pytest.approx(300.0, abs=0.1)
 
 
 def test_the_command_writes_figures_and_tells_bad_input_in_one_line(
