@@ -67,17 +67,18 @@ class Score:
 def arc_cases(count: int) -> list[Case]:
     """The named instances of 25 variables."""
     names = [name for name in instance_names() if name.startswith("arc25-")][:count]
-    return [_case(name, arc_form(open_instance(name)).problem) for name in names]
+    return [case_of(name, arc_form(open_instance(name)).problem) for name in names]
 
 
 def route_cases(count: int) -> list[Case]:
     """Blocks of 25 route options with savings among them, of generated cities."""
     problems = ((seed, city_part(seed, _CITY, 25).problem) for seed in itertools.count(1))
     tied = ((seed, problem) for seed, problem in problems if problem.savings)
-    return [_case(f"city {seed}", problem) for seed, problem in itertools.islice(tied, count)]
+    return [case_of(f"city {seed}", problem) for seed, problem in itertools.islice(tied, count)]
 
 
-def _case(name: str, problem: Problem) -> Case:
+def case_of(name: str, problem: Problem) -> Case:
+    """A problem, its QUBO with the computed γ, and its valid selections by enumeration."""
     if isinstance(problem, RouteProblem):
         chosen = itertools.product(*(group for group in problem.options_of.values() if group))
         sets = [s for s in chosen if not violations(problem, s)]
