@@ -26,11 +26,13 @@ class Case:
     """An instance in arc form with its proven optimum.
 
     Attributes:
+        number: its place among the published instances; 0 for others.
         optimum_kwh: of H_cost − H_platoon.
         uniform: share of all selections of arcs that are valid, and that are optimal: what fair
             coins would sample raw, without any sampling error.
     """
 
+    number: int
     instance: Instance
     form: ArcForm
     model: QuboModel
@@ -104,4 +106,5 @@ def open_case(name: str) -> Case:
         for s in valid.nonzero()[0].tolist()
     )
     uniform = (float(valid.mean()), optimal / len(valid))
-    return Case(instance, form, build_model(problem), known.objective_kwh, uniform)
+    number = (*instance_names(), name).index(name) % len(instance_names())
+    return Case(number, instance, form, build_model(problem), known.objective_kwh, uniform)
