@@ -117,12 +117,9 @@ def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: st
         backend=backend,
     )
     solver = make_solver("lc-qaoa", DispatcherSettings(lc_qaoa=options))
-    draws_starts = variant != "trained"
 
     def measure(case: Case) -> Record:
-        # The instances are so alike that one draw of starts would be lucky for all or for none.
-        seed = settings.seed + (case.number if draws_starts else 0)
-        return case.measure(solver, settings.deadline_s, seed)
+        return case.measure(solver, settings.deadline_s, _seed(settings, case))
 
     return Row(
         key=f"lc-qaoa/{variant}/p{p}/{backend}",
@@ -148,7 +145,7 @@ def qaoa(
 
     def measure(case: Case) -> Record:
         # An evaluation takes a second, a hundred of them minutes.
-        return case.measure(solver, 10 * settings.deadline_s, settings.seed)
+        return case.measure(solver, 10 * settings.deadline_s, _seed(settings, case))
 
     titles = {"transferred": "ramp of fixed heights", "trained": "the paper's training"}
     return Row(
@@ -176,6 +173,11 @@ def _dense_on_device(settings: BenchSettings, p: int) -> Row:
         reason=dense.ESTIMATE if device else "not estimated: no device is named (--noise)",
         most=settings.estimated,
     )
+
+
+def _seed(settings: BenchSettings, case: Case) -> int:
+    """A seed for each instance: they are so alike that one draw would be lucky for all or none."""
+    return settings.seed + case.number
 
 
 def mark_of(backend: str) -> Mark:
