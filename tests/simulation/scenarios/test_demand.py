@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from simulation.scenarios.demand import DemandSettings, Flow, Zone, draw_trips, 
 from simulation.scenarios.network import check_routes
 from simulation.scenarios.routes import find_routes
 from simulation.scenarios.scenario import Scenario, any_demand, prepare
+from simulation.scenarios.vehicle_types import TYPES
 from slipstream.errors import InputError
 
 FLAT = (1.0,) * 24
@@ -102,14 +104,22 @@ def test_full_roads_send_some_trips_another_way(troy: Scenario) -> None:
 
 
 def test_same_seed_same_route_file_byte_for_byte(corridor: Scenario, tmp_path: Path) -> None:
-    """Trips, routes and speed factors are drawn from the seed and nothing else."""
+    """Trips, routes and speed factors come from the seed; nothing is left for SUMO to draw."""
     few = replace(corridor, demand=_small(corridor))
     files = [
         prepare(few, seed, tmp_path / str(i)).file.read_bytes() for i, seed in enumerate((4, 4, 5))
     ]
     assert files[0] == files[1]
     assert files[0] != files[2]
-    check_routes(tmp_path / "0" / "corridor-4.rou.xml", corridor.network.segments)
+    path = tmp_path / "0" / "corridor-4.rou.xml"
+    check_routes(path, corridor.network.segments)
+    root = ElementTree.parse(path).getroot()
+    assert {kind.get("id") for kind in root.iter("vType")} == set(TYPES)
+    assert {(kind.get("speedDev"), kind.get("carFollowModel")) for kind in root.iter("vType")} == {
+        ("0", "IDM")
+    }
+    factors = [float(vehicle.get("speedFactor", "nan")) for vehicle in root.iter("vehicle")]
+    assert np.std(factors) == pytest.approx(0.05, abs=0.01)
 
 
 def test_unknown_places_and_zones_are_told(troy: Scenario) -> None:
