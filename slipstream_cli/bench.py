@@ -42,7 +42,13 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--trained",
         type=int,
         metavar="N",
-        help="instances on which dense QAOA is trained, minutes each (default: 3)",
+        help="instances on which dense QAOA is trained, minutes each (default: 1)",
+    )
+    quantum.add_argument(
+        "--estimated",
+        type=int,
+        metavar="N",
+        help="instances on which dense QAOA on the noisy device is estimated (default: 2)",
     )
     quantum.add_argument(
         "--layers", type=int, nargs="+", metavar="P", help="of the sweep (default: 1 2 3 4 5)"
@@ -72,7 +78,17 @@ def run(options: argparse.Namespace) -> int:
     from dispatcher_daemon.quantum_bench.run import run as measure
     from slipstream.config import check
 
-    names = ("instances", "shots", "seed", "iterations", "trained", "layers", "noise", "device")
+    names = (
+        "instances",
+        "shots",
+        "seed",
+        "iterations",
+        "trained",
+        "estimated",
+        "layers",
+        "noise",
+        "device",
+    )
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     settings = check((_SHORT if options.short else {}) | given, BenchSettings, "bench quantum")
     wanted = _TABLES if options.only is None else (options.only,)

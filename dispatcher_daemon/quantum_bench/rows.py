@@ -39,14 +39,14 @@ class BenchSettings(Settings):
     seed: int = Field(default=1, ge=0, lt=2**32)
     iterations: int = Field(default=100, ge=1, le=100_000, description="Of training.")
     trained: int = Field(
-        default=3,
-        ge=1,
+        default=1,
+        ge=0,
         le=20,
         description="Instances on which dense QAOA is trained: minutes each.",
     )
     estimated: int = Field(
-        default=5,
-        ge=1,
+        default=2,
+        ge=0,
         le=20,
         description="Instances on which dense QAOA on a device is estimated.",
     )
@@ -153,7 +153,8 @@ def qaoa(
         title=f"QAOA, {titles[angles]}, p = {p}",
         mark="simulated",
         paper=paper.QAOA_SIMULATED[p],
-        measure=measure,
+        measure=measure if most else None,
+        reason=None if most else "not measured: it takes minutes an instance (--trained N)",
         most=most,
     )
 
@@ -169,7 +170,7 @@ def _dense_on_device(settings: BenchSettings, p: int) -> Row:
         title=f"QAOA on the device, p = {p}",
         mark="estimated",
         paper=paper.QAOA_DEVICE[p],
-        measure=measure if device else None,
+        measure=measure if device and settings.estimated else None,
         reason=dense.ESTIMATE if device else "not estimated: no device is named (--noise)",
         most=settings.estimated,
     )
