@@ -12,6 +12,7 @@ from pathlib import Path
 
 from simulation.scenarios.corridor import CorridorSettings, corridor_plan
 from simulation.scenarios.day import run_day
+from simulation.scenarios.fleet import draw_deliveries
 from simulation.scenarios.gates import Gates, clock
 from simulation.scenarios.netconvert import build_net, convert_osm
 from simulation.scenarios.network import scenario_network
@@ -32,7 +33,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except ModuleNotFoundError as error:
-        print(f"error: {error.name}: not installed; pip install 'slipstream[sim]'", file=sys.stderr)
+        extra = "sim" if error.name == "libsumo" else "sim,dispatcher"
+        line = f"error: {error.name}: not installed; pip install 'slipstream[{extra}]'"
+        print(line, file=sys.stderr)
         return 2
 
 
@@ -111,6 +114,24 @@ def day(options: argparse.Namespace) -> int:
     return 0
 
 
+def fleet(options: argparse.Namespace) -> int:
+    """Tell how large a day's deliveries are."""
+    from simulation.scenarios.sizing import fleet_size
+
+    scenario = load_scenario(options.scenario, net=options.net, fleet=options.fleet)
+    if options.seed < 0:
+        raise InputError("fleet", f"{options.seed} is no seed", "give 0 or more", key="--seed")
+    deliveries = draw_deliveries(scenario.fleet, scenario.network, options.seed)
+    size = fleet_size(deliveries, scenario.network)
+    print(
+        f"{size.served} of {size.orders} orders in {size.rounds} rounds: "
+        f"{size.distance_km:.0f} km, {size.time_h:.1f} h; "
+        f"{len(size.departures)} cycles send somebody, "
+        f"{sum(count > 1 for count in size.departures)} more than one"
+    )
+    return 0
+
+
 def _write(folder: Path, name: str, seed: int, day: Day, faults: tuple[str, ...]) -> None:
     """Figures as JSON, hours as CSV."""
     figures = {
@@ -160,6 +181,12 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument("--end", type=float, default=24.0, help="hour of the day")
     simulate.add_argument("--json", action="store_true")
     simulate.set_defaults(run=day)
+    count = commands.add_parser("fleet", help="how large a day's deliveries are")
+    count.add_argument("scenario", help="troy, corridor, or a name of your own with --net")
+    count.add_argument("--seed", type=int, default=1)
+    count.add_argument("--net", type=Path, help="SUMO net instead of the scenario's")
+    count.add_argument("--fleet", type=Path, help="fleet (TOML) instead of the scenario's")
+    count.set_defaults(run=fleet)
     return parser
 
 

@@ -12,6 +12,7 @@ from simulation.scenarios.fleet import draw_deliveries, fleet_at
 from simulation.scenarios.observer import Observation
 from simulation.scenarios.perception import FEATURES, Reporter, fit_errors, measured_errors
 from simulation.scenarios.scenario import Scenario
+from simulation.scenarios.sizing import fleet_size
 from slipstream.errors import InputError
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
 
@@ -56,6 +57,23 @@ def test_a_cycles_fleet_holds_what_is_open_then(troy: Scenario) -> None:
     assert first.depot != second.depot
     assert fleet_at(day, now, {}, ()) is None
     assert fleet_at(day, 0.0, {"van-01": 0.0}, {order.id for order in day.orders}) is None
+
+
+def test_size_of_a_small_day_is_that_of_its_rounds(troy: Scenario) -> None:
+    """Three orders released together: all served, over at least the way to the farthest."""
+    settings = troy.fleet.model_copy(update={"orders": 3, "wave_share": 1.0, "wave_s": 86400.0})
+    day = draw_deliveries(settings, troy.network, 1)
+    size = fleet_size(day, troy.network)
+    assert (size.orders, size.served) == (3, 3)
+    assert sum(size.departures) == size.rounds <= 3
+    where = troy.network.junctions
+    depots = [np.array(where[depot.node]) for depot in day.settings.depots]
+    farthest = max(
+        min(float(np.hypot(*(np.array(where[o.node]) - depot))) for depot in depots)
+        for o in day.orders
+    )
+    assert size.distance_km >= 2 * farthest / 1000 * 0.98
+    assert size.time_h * 3600 > sum(order.service_s for order in day.orders)
 
 
 def test_fleets_that_do_not_fit_are_told(troy: Scenario) -> None:
