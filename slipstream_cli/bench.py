@@ -58,6 +58,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     quantum.add_argument("--device", metavar="NAME", help="run hardware rows on this IBM device")
     quantum.add_argument("--only", choices=_TABLES, help="one of the tables")
+    quantum.add_argument(
+        "--stored", action="store_true", help="measure nothing, show what is stored so far"
+    )
     quantum.add_argument("--short", action="store_true", help="two instances, few shots")
     quantum.add_argument(
         "--out",
@@ -92,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     settings = check((_SHORT if options.short else {}) | given, BenchSettings, "bench quantum")
     wanted = _TABLES if options.only is None else (options.only,)
-    tables = measure(settings, wanted, options.out, _tell)
+    tables = measure(settings, wanted, options.out, _tell, stored=options.stored)
     document = as_json(tables, NOTES, settings=settings.model_dump(mode="json"))
     text = as_markdown(tables, NOTES)
     (options.out / "report.json").write_text(json.dumps(document) + "\n", encoding="utf-8")

@@ -38,10 +38,13 @@ def run(
     tables: Sequence[str],
     out: Path | None,
     progress: Callable[[int, int, str], None],
+    *,
+    stored: bool = False,
 ) -> list[Table]:
     """The tables asked for (`HARDWARE`, `SWEEP`), with what is stored taken over.
 
     Args:
+        stored: nothing is measured, rows have as many instances as are stored.
         out: folder for the results as they come; None: none is written.
         progress: told how many results there are, of how many, and what comes next.
 
@@ -59,7 +62,13 @@ def run(
     path = None if out is None else out / "results.jsonl"
     store = Store(path, {"version": _VERSION, **stamp})
     rows = {row.key: row for of_table in rows_of.values() for row in of_table}
-    measured = _measure(list(rows.values()), named_cases(settings.instances), store, progress)
+    names = named_cases(settings.instances)
+    if stored:
+        measured = {
+            key: [r for name in names if (r := store.get(key, name)) is not None] for key in rows
+        }
+    else:
+        measured = _measure(list(rows.values()), names, store, progress)
     titles = {
         HARDWARE: f"The paper's hardware table, {settings.instances} instances of 25 variables",
         SWEEP: f"LC-QAOA by depth, {settings.instances} instances of 25 variables",

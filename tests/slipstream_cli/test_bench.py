@@ -50,6 +50,9 @@ def test_a_tiny_sweep_is_measured_stored_and_not_measured_again(
 
     monkeypatch.setattr(bench_run, "open_case", refuse)
     assert bench(capsys, tmp_path) == document
+    assert bench(capsys, tmp_path, "--stored") == document
+    nothing = bench(capsys, tmp_path, "--stored", "--seed", "9")["tables"]["sweep"]
+    assert all(row["figures"] == {} for row in nothing)
 
 
 def test_a_device_that_was_replaced_is_not_called_hardware(
