@@ -64,7 +64,12 @@ class LcQaoaSettings(Settings):
     order: Literal["heavy", "random"] = Field(
         default="heavy", description="Of the chain: along heavy couplings, or drawn."
     )
-    backend: str = Field(default="aer", min_length=1, description="Where circuits are sampled.")
+    backend: str = Field(
+        default="aer",
+        pattern=r"^aer(|:Fake[A-Za-z0-9]+(|\+fractional))$",
+        description="Simulator: aer, or aer:FakeBoston with that device's noise. A device is a "
+        "guest, see hardware: there a budget holds.",
+    )
 
 
 class QaoaSettings(Settings):

@@ -123,7 +123,6 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
         field: value
         for field, value in (
             ("layers", options.p),
-            ("backend", options.backend),
             ("shots", options.shots),
             ("variant", options.variant),
             ("iterations", options.iterations),
@@ -135,9 +134,9 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
     if "lc-qaoa" in asked:
         data["lc_qaoa"] = given
     if "qaoa" in asked:
-        # Its back end is its own state vector; who gives iterations wants them used.
+        # Who gives iterations wants them used.
         trained = {"angles": "trained"} if "iterations" in given else {}
-        data["qaoa"] = {k: v for k, v in given.items() if k != "backend"} | trained
+        data["qaoa"] = given | trained
     return check(data, DispatcherSettings, "solve")
 
 
@@ -155,7 +154,8 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
         if name == "iskay":
             solvers.append(_iskay(options))
         else:
-            solvers.append(make_solver(name, settings, options.encoding))  # type: ignore[arg-type]
+            made = make_solver(name, settings, options.encoding, options.backend)  # type: ignore[arg-type]
+            solvers.append(made)
     return solvers
 
 

@@ -114,9 +114,8 @@ def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: st
         layers=p,
         shots=settings.shots,
         iterations=settings.iterations,
-        backend=backend,
     )
-    solver = make_solver("lc-qaoa", DispatcherSettings(lc_qaoa=options))
+    solver = make_solver("lc-qaoa", DispatcherSettings(lc_qaoa=options), backend=backend)
 
     def measure(case: Case) -> Record:
         return case.measure(solver, settings.deadline_s, _seed(settings, case))

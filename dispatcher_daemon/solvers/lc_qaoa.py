@@ -246,11 +246,13 @@ class LcQaoaSolver:
         settings: of circuit, training and sampling.
         gamma: penalty weight of the QUBO, kWh; None: computed.
         encoding: of the arc form's subtour terms.
+        backend: instead of the settings' simulator; may be a device, whose use nobody limits here.
     """
 
     settings: LcQaoaSettings = field(default_factory=LcQaoaSettings)
     gamma: float | None = None
     encoding: Encoding = "reduced"
+    backend: str | None = None
     name: str = "lc-qaoa"
 
     def warm_up(self) -> None:
@@ -262,7 +264,7 @@ class LcQaoaSolver:
         import dwave.samplers  # noqa: F401
         import scipy.optimize  # noqa: F401
 
-        backend = open_or_fall_back(self.settings.backend).backend
+        backend = self._opened().backend
         if backend.kind != "hardware":
             model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
             backend.sample(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
@@ -287,7 +289,7 @@ class LcQaoaSolver:
         deadline = _end_of_training(deadline_s)
 
         def draw(model: QuboModel) -> Drawn:
-            opened = open_or_fall_back(self.settings.backend)
+            opened = self._opened()
             place = None if opened.backend.target is None else opened.backend.place
             prepared = prepare_model(
                 model, self.settings, seed=seed, deadline=deadline, place=place
@@ -299,6 +301,9 @@ class LcQaoaSolver:
         except VariantError as error:
             wall_s = time.perf_counter() - began
             return Outcome(self.name, "failed", None, wall_s, reason=str(error))
+
+    def _opened(self) -> Opened:
+        return open_or_fall_back(self.backend or self.settings.backend)
 
     def _draw(self, prepared: Prepared, opened: Opened, seed: int, until: float) -> Drawn:
         circuit, shots = circuit_of(prepared.ansatz), self.settings.shots

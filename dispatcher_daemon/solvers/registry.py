@@ -19,21 +19,25 @@ BASELINE_SOLVER: SolverName = "exact"
 
 
 def make_solver(
-    name: SolverName, settings: DispatcherSettings, encoding: Encoding = "reduced"
+    name: SolverName,
+    settings: DispatcherSettings,
+    encoding: Encoding = "reduced",
+    backend: str | None = None,
 ) -> Solver:
     """The solver of that name, as configured.
 
     Args:
         encoding: of the arc form's subtour terms, for solvers of QUBOs.
+        backend: for LC-QAOA instead of the settings' simulator; a device too.
     """
-    gamma = settings.gamma
+    gamma, lc_qaoa = settings.gamma, settings.lc_qaoa
     makers: dict[SolverName, Callable[[], Solver]] = {
         "exact": ExactSolver,
         "cplex": CplexSolver,
         "tabu": lambda: TabuSolver(gamma=gamma, encoding=encoding),
         "annealing": lambda: AnnealingSolver(gamma=gamma, encoding=encoding),
         "insertion": InsertionSolver,
-        "lc-qaoa": lambda: LcQaoaSolver(settings.lc_qaoa, gamma=gamma, encoding=encoding),
+        "lc-qaoa": lambda: LcQaoaSolver(lc_qaoa, gamma, encoding, backend),
         "qaoa": lambda: QaoaSolver(settings.qaoa, gamma=gamma, encoding=encoding),
     }
     return makers[name]()

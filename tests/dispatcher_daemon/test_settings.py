@@ -27,6 +27,7 @@ def test_defaults_run_the_demo() -> None:
         ({"sync_window_s": float("nan")}, "sync_window_s"),
         ({"sync_windows": 3}, "unknown key"),
         ({"lc_qaoa": {"shots": 0}}, "lc_qaoa.shots"),
+        ({"lc_qaoa": {"backend": "ibm:least-busy"}}, "lc_qaoa.backend"),
         ({"hardware": {"backend": "boston"}}, "hardware.backend"),
         ({"hardware": {"backend": "ibm:"}}, "hardware.backend"),
         ({"hardware": {"backend": "aer:FakeBoston"}}, "hardware.backend"),

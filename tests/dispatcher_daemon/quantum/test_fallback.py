@@ -75,7 +75,7 @@ def test_a_device_out_of_reach_is_replaced_when_it_is_opened(
         open_or_fall_back("nowhere")
     # The solver's outcome tells where its samples come from, and why.
     options = tuple(RouteOption("v", (), cost) for cost in (1.0, 2.0, 3.0))
-    solver = LcQaoaSolver(LcQaoaSettings(backend="ibm:boston", variant="ramp", shots=20))
+    solver = LcQaoaSolver(LcQaoaSettings(variant="ramp", shots=20), backend="ibm:boston")
     execution = solver.solve(RouteProblem(("v",), (), options), 20.0, 1).execution
     assert execution is not None
     assert (execution.backend, execution.kind) == ("aer", "simulated")
