@@ -13,7 +13,7 @@ from dispatcher_daemon.itineraries import Planner
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.routes import Route, timetable
 from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.pool import Job, Solve
+from dispatcher_daemon.solvers.pool import Job, Solve, solving_s
 from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
 from dispatcher_daemon.sweeping import Choice, simple_choices
 from slipstream.messages import SolverReport
@@ -41,7 +41,7 @@ class ArcCycle:
             Job(BASELINE_SOLVER, model.without_platooning(), seed),
             *(Job(name, model, seed) for name in settings.solvers),
         ]
-        baseline_outcome, *outcomes = solve(jobs, settings.deadline_s)
+        baseline_outcome, *outcomes = solve(jobs, solving_s(settings.deadline_s))
         baseline, baseline_arcs = _baseline(model, baseline_outcome)
         alone: Candidate | str = "no plan found"
         fallback: Candidate | str = "no plan found"

@@ -261,7 +261,16 @@ class Dispatcher:
             self._pruned_at = time.monotonic()
 
     def publish_health(self, next_cycle_ns: int | None) -> None:
-        """Publish a DispatcherHealth."""
+        """Publish a DispatcherHealth; a fault in it is logged, as vehicles need plans all the
+        same.
+        """
+        try:
+            self._publish_health(next_cycle_ns)
+        except Exception as error:
+            if self._limiter.allow("health"):
+                log.exception("the health could not be told: %s", error)
+
+    def _publish_health(self, next_cycle_ns: int | None) -> None:
         self._health_outlet.put(
             DispatcherHealth(
                 time_ns=time.time_ns(),

@@ -132,11 +132,11 @@ class HardwareSettings(Settings):
     most_pending: int = Field(default=2, ge=1, le=100, description="Jobs at the service at once.")
     jobs_per_cycle: int = Field(default=1, ge=1, le=100, description="Most that one cycle submits.")
     wait_s: float = Field(
-        default=10.0,
+        default=3.0,
         ge=0,
         allow_inf_nan=False,
         description="How long a cycle waits for the device when all other solvers are done, over "
-        "all its blocks and never beyond its deadline.",
+        "all its blocks and never into the last fifth of its deadline.",
     )
     poll_s: float = Field(
         default=1.0, gt=0, allow_inf_nan=False, description="First look at a job; then ever rarer."

@@ -34,7 +34,7 @@ class Patience:
 
 
 class Breaker:
-    """The state of one device's breaker; used by one thread.
+    """The state of one device's breaker; changed by one thread, `state` and `refusal` are for any.
 
     Args:
         patience: its limits.
@@ -53,15 +53,17 @@ class Breaker:
     @property
     def state(self) -> BreakerState:
         """Closed, open, or half-open: one job may be, or is being, tried."""
-        if self._open_until is None:
+        until = self._open_until
+        if until is None:
             return "closed"
-        return "open" if self._clock() < self._open_until else "half-open"
+        return "open" if self._clock() < until else "half-open"
 
     def refusal(self) -> str | None:
         """Why nothing may be submitted now; None if something may."""
-        if self._open_until is None:
+        open_until = self._open_until
+        if open_until is None:
             return None
-        left_s = self._open_until - self._clock()
+        left_s = open_until - self._clock()
         if left_s > 0:
             until = datetime.fromtimestamp(datetime.now(UTC).timestamp() + left_s, UTC)
             return f"breaker open until {until:%H:%M:%S} UTC: {self._why}"
@@ -70,6 +72,10 @@ class Breaker:
     def submitting(self) -> None:
         """A job is about to be submitted; on trial, if the breaker is half-open."""
         self._trying = self._open_until is not None
+
+    def withdrawn(self) -> None:
+        """The job never reached the service: another one may be tried."""
+        self._trying = False
 
     def submitted(self) -> None:
         """The service took a job: after a rest it is on probation until a good answer."""
@@ -86,7 +92,8 @@ class Breaker:
         """The service did not do what it was asked.
 
         Args:
-            kind: refused credentials rest for longest; "limited" for as long as the service says.
+            kind: refused credentials rest for longest; "limited" for as long as the service says,
+                and no less than the first rest.
             why: in one line.
             retry_s: that time.
         """
@@ -96,7 +103,7 @@ class Breaker:
             self._open(self._patience.most_rest_s)
         elif kind == "limited":
             believed = retry_s if retry_s is not None and 0 <= retry_s <= _LONGEST_RETRY_S else None
-            self._open(self._rest_s() if believed is None else believed)
+            self._open(self._rest_s() if believed is None else max(believed, self._patience.rest_s))
         elif self._trying or self._faults >= self._patience.faults:
             self._open(self._rest_s())
 

@@ -23,6 +23,7 @@ from dispatcher_daemon.guest.making import Maker, Unsuitable
 from dispatcher_daemon.guest.ticket import Ticket
 from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.settings import HardwareSettings
+from dispatcher_daemon.solvers.pool import error_line
 from slipstream.service import LogLimiter
 from storage import QuantumJob, StorageError
 
@@ -52,7 +53,7 @@ class Caretaker:
         ledger: of its jobs.
         breaker: of its faults.
         call: runs a call in the worker.
-        clock_ns: UTC.
+        clock_ns: UTC, at an even pace (`SteadyClock`).
         clock: seconds, monotonic.
     """
 
@@ -65,7 +66,7 @@ class Caretaker:
         ledger: Ledger,
         breaker: Breaker,
         call: Call,
-        clock_ns: Callable[[], int] = time.time_ns,
+        clock_ns: Callable[[], int],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._settings, self._kind = settings, kind
@@ -148,8 +149,9 @@ class Caretaker:
         job = intent(ticket, prepared, self._kind, self._settings, self._clock_ns())
         try:
             self._ledger.begin(job)
-        except StorageError as error:
-            ticket.decline(f"no job, as it could not be stored: {error}")
+        except Exception as error:
+            line = str(error) if isinstance(error, StorageError) else error_line(error)
+            ticket.decline(f"no job, as it could not be stored: {line}")
             return
         self._left_in_cycle -= 1
         self._breaker.submitting()
@@ -174,9 +176,13 @@ class Caretaker:
             care.next_at = self._clock() + care.period_s
             return
         except Unsuitable as error:
+            self._breaker.withdrawn()
             self._never_was(job, str(error))
             ticket.decline(str(error))
             return
+        except BaseException:
+            self._breaker.withdrawn()
+            raise
         self._breaker.submitted()
         job = replace(job, job_id=job_id, state="queued", updated_ns=self._clock_ns())
         self._ledger.update(job)

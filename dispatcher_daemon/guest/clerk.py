@@ -21,9 +21,11 @@ from dispatcher_daemon.guest.calls import Opener
 from dispatcher_daemon.guest.caretaker import Caretaker
 from dispatcher_daemon.guest.ledger import DeviceKind, JobStore, Ledger
 from dispatcher_daemon.guest.making import Maker
+from dispatcher_daemon.guest.steady_clock import SteadyClock
 from dispatcher_daemon.guest.ticket import Ticket
 from dispatcher_daemon.guest.worker import GuestWorker, WorkerClosed
 from dispatcher_daemon.settings import HardwareSettings
+from dispatcher_daemon.solvers.pool import error_line
 from slipstream.messages import HardwareHealth
 from slipstream.service import LogLimiter
 from storage import LedgerState
@@ -49,7 +51,7 @@ class Clerk:
         opener: opens the service, in the worker process.
         maker: makes circuits and reads samples, there too.
         store: of the ledger.
-        clock_ns: UTC.
+        clock_ns: UTC, at an even pace; None: a `SteadyClock`.
         day_s: the budget's day.
 
     Raises:
@@ -63,12 +65,13 @@ class Clerk:
         opener: Opener,
         maker: Maker,
         store: JobStore,
-        clock_ns: Callable[[], int] = time.time_ns,
+        clock_ns: Callable[[], int] | None = None,
         day_s: float = DAY_S,
     ) -> None:
         self.maker = maker
         self.warm = threading.Event()
         self._settings = settings
+        clock_ns = clock_ns or SteadyClock()
         self._ledger = Ledger(store, kind, clock_ns, day_s)
         patience = Patience(settings.faults, settings.rest_s, settings.most_rest_s)
         self._breaker = Breaker(patience, time.monotonic)
@@ -155,9 +158,18 @@ class Clerk:
         self._wake.wait(self._idle_s())
         self._wake.clear()
         while self._new and not self._stopping.is_set():
-            self._step("a problem", partial(self._caretaker.serve, self._new.popleft()))
+            self._step("a problem", partial(self._serve, self._new.popleft()))
         if self._idle_s() <= 0 and (due := self._caretaker.next_look()) is not None:
             self._step("a job", partial(self._caretaker.look_after, due[1]))
+
+    def _serve(self, ticket: Ticket) -> None:
+        try:
+            self._caretaker.serve(ticket)
+        except WorkerClosed:
+            raise
+        except Exception as error:
+            ticket.decline(f"the device could not be asked: {error_line(error)}")
+            raise
 
     def _idle_s(self) -> float:
         due = self._caretaker.next_look()

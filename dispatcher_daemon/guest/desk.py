@@ -2,12 +2,13 @@
 
 The pool answers all jobs as ever, the device's own solver on a simulator; beside it the device is
 asked. When the cycle goes on, the device's answer is taken if it is there, else the simulator's,
-with the reason. Whatever the device does, the cycle ends when the pool's answers are there and
-the deadline, at the latest, is over.
+with the reason. Whatever the device does, the cycle goes on when the pool's answers are there and
+the wait, which leaves a reserve for what comes after the solvers, is over.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +18,7 @@ from dispatcher_daemon.guest.clerk import Clerk
 from dispatcher_daemon.guest.making import meaning
 from dispatcher_daemon.guest.ticket import Ticket
 from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.pool import Job, Solve
+from dispatcher_daemon.solvers.pool import RESERVE, Job, Solve
 from slipstream.messages import HardwareHealth
 
 
@@ -28,24 +29,30 @@ class Desk:
         solve: the solver pool; must not be closed before the desk.
         clerk: deals with the service; started and stopped with the desk.
         wait_s: how long a cycle waits for the device when the pool is done, over all its calls.
+        cycle_s: deadline of a cycle, from its beginning; waiting ends `RESERVE` of it before.
     """
 
-    def __init__(self, solve: Solve, clerk: Clerk, wait_s: float) -> None:
+    def __init__(
+        self, solve: Solve, clerk: Clerk, wait_s: float, cycle_s: float = math.inf
+    ) -> None:
         self._solve = solve
         self._clerk = clerk
         self._wait_s = wait_s
         self._patience_s = wait_s
+        self._cycle_s = cycle_s
+        self._waits_until = math.inf
         self._cycle = 0
 
     def begin_cycle(self, number: int) -> None:
-        """Say which cycle the next calls belong to."""
+        """Say which cycle, which begins now, the next calls belong to."""
+        self._waits_until = time.monotonic() + (1 - RESERVE) * self._cycle_s
         self._cycle, self._patience_s = number, self._wait_s
         self._clerk.begin_cycle()
 
     def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
         """See `Solve`."""
         began = time.monotonic()
-        ends = began + deadline_s
+        ends = min(began + deadline_s, self._waits_until)
         maker = self._clerk.maker
         tickets = {
             position: Ticket(

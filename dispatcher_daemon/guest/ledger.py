@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 
 from dispatcher_daemon.guest.budget import DAY_S, counts, used_s
+from slipstream.service import LogLimiter
 from storage import QuantumJob, StorageError
 
 log = logging.getLogger(__name__)
@@ -37,7 +38,7 @@ class Ledger:
     Args:
         store: database; what it holds from before is taken over.
         kind: of the device; the jobs of another kind are none of this ledger's.
-        clock_ns: UTC.
+        clock_ns: UTC, at an even pace (`SteadyClock`).
         day_s: the budget's day.
 
     Raises:
@@ -56,6 +57,7 @@ class Ledger:
         self._day_s = day_s
         self._lock = threading.Lock()
         self._unstored: set[str] = set()
+        self._limiter = LogLimiter()
         since_ns = max(0, clock_ns() - int(day_s * 1e9))
         self._jobs = {job.tag: job for job in store.jobs_since(since_ns) if job.kind == kind}
 
@@ -98,9 +100,13 @@ class Ledger:
         for tag in tuple(self._unstored):
             try:
                 self._store.save_job(self[tag])
-            except StorageError as error:
-                log.warning("news of quantum job %s could not be stored yet: %s", tag, error)
-                return
+            except Exception as error:
+                if self._limiter.allow("unstored"):
+                    log.warning("news of quantum job %s could not be stored yet: %s", tag, error)
+                if isinstance(error, StorageError):
+                    return
+                # This one is refused, not all of them.
+                continue
             self._unstored.discard(tag)
 
     def forget(self) -> set[str]:

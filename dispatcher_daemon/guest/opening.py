@@ -54,4 +54,4 @@ def open_desk(settings: DispatcherSettings, solve: Solve, store: JobStore) -> De
     assert isinstance(solver, LcQaoaSolver)
     opening, kind = Opening(hardware.backend), kind_of(hardware.backend)
     clerk = Clerk(hardware, kind, opening, ChainMaker(solver), store)
-    return Desk(solve, clerk, hardware.wait_s)
+    return Desk(solve, clerk, hardware.wait_s, settings.deadline_s)

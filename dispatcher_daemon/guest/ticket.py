@@ -18,7 +18,7 @@ class Ticket:
         meaning: fingerprint of what its variables stand for.
         seed: of everything random in it.
         cycle: number of the cycle.
-        ends: when the cycle goes on, by the clock.
+        ends: when the cycle goes on at the latest, by the clock.
     """
 
     def __init__(

@@ -27,6 +27,9 @@ log = logging.getLogger(__name__)
 _LOOK_EVERY_S = 0.2
 GRACE_S = 0.5
 """How long after its deadline an answer is still waited for."""
+RESERVE = 0.2
+"""Share of a cycle's deadline, at its end, that is not for solving: plans are decoded, verified,
+stored and sent in it."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,13 @@ class Solve(Protocol):
     def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
         """Never raises for a solver's fault; an Outcome without an answer stands for it."""
         ...
+
+
+def solving_s(deadline_s: float) -> float:
+    """Deadline of solvers whose cycle has this one: they, and the wait for those that hang, end
+    before the cycle's reserve, unless that left them less than half.
+    """
+    return max(0.5 * deadline_s, (1 - RESERVE) * deadline_s - GRACE_S)
 
 
 def _warm_up(solver: Solver) -> int:

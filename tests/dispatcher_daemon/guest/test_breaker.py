@@ -90,7 +90,9 @@ def test_a_job_that_is_taken_is_on_probation(breaker: Breaker, clock: Clock) -> 
     ("kind", "retry_s", "rest_s"),
     [
         ("refused", None, 60.0),
-        ("limited", 5.0, 5.0),
+        ("limited", 0.0, 10.0),
+        ("limited", 5.0, 10.0),
+        ("limited", 30.0, 30.0),
         ("limited", 7200.0, 7200.0),
         ("limited", None, 10.0),
         ("limited", float("inf"), 10.0),
@@ -101,7 +103,9 @@ def test_a_job_that_is_taken_is_on_probation(breaker: Breaker, clock: Clock) -> 
 def test_some_faults_open_it_at_once(
     breaker: Breaker, clock: Clock, kind: str, retry_s: float | None, rest_s: float
 ) -> None:
-    """Refused credentials rest for longest, 429 as long as it says, if that can be believed."""
+    """Refused credentials rest for longest, 429 as long as it says, if that can be believed, and
+    at least as long as after other faults.
+    """
     breaker.fault(kind, "no", retry_s)  # type: ignore[arg-type]
     clock.now += rest_s - 0.5
     assert breaker.state == "open"
@@ -118,3 +122,23 @@ def test_faults_of_older_jobs_prolong_nothing(breaker: Breaker, clock: Clock) ->
         breaker.fault("broken", "500")
     clock.now += 1.0
     assert breaker.state == "half-open"
+
+
+def test_its_state_can_be_read_while_it_changes(clock: Clock) -> None:
+    """Another thread that asks gets an answer, whatever the device's thread does meanwhile."""
+    breaker = Breaker(Patience(1, 10.0, 60.0), lambda: clock())
+    breaker.fault("broken", "500")
+    clock.now += 11.0
+
+    class Answering:
+        """A clock during whose reading a good answer comes in."""
+
+        def __call__(self) -> float:
+            breaker.answered()
+            return clock.now
+
+    breaker._clock = Answering()
+    assert breaker.state == "half-open"
+    breaker._open_until = clock.now + 5.0
+    assert (breaker.refusal() or "").startswith("breaker open until")
+    assert breaker.state == "closed"

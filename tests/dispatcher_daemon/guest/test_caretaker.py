@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from dispatcher_daemon.guest import calls
+from dispatcher_daemon.guest.steady_clock import SteadyClock
 from dispatcher_daemon.quantum.jobs import JobView, ServiceFault
 from slipstream.errors import InputError
 
@@ -145,7 +147,7 @@ def test_a_job_that_the_service_forgets_is_given_up(world: Any) -> None:
     ("fault", "line"),
     [
         (ServiceFault("refused", "401: credentials refused"), "401: credentials refused"),
-        (ServiceFault("limited", "429: too many", retry_s=30.0), "429: too many"),
+        (ServiceFault("limited", "429: too many", retry_s=90.0), "429: too many"),
     ],
 )
 def test_what_is_refused_costs_nothing_and_rests(
@@ -160,7 +162,7 @@ def test_what_is_refused_costs_nothing_and_rests(
     _, reason = world.ask().close()
     assert reason.startswith("breaker open until")
     assert line in reason
-    world.wait(3601.0 if fault.kind == "refused" else 31.0)
+    world.wait(3601.0 if fault.kind == "refused" else 91.0)
     world.ask()
     assert world.service.made == 1
 
@@ -354,6 +356,43 @@ def test_nothing_is_submitted_that_could_not_be_stored(world: Any) -> None:
     assert world.service.made == 1
 
 
+def test_a_job_that_the_database_refuses_is_declined_at_once(world: Any) -> None:
+    """A fault of another kind than a full disk holds no cycle up either."""
+
+    def refuse(job: object) -> None:
+        raise ValueError("UNIQUE constraint failed")
+
+    world.store.save_job = refuse
+    ticket = world.ask()
+    assert not ticket.open
+    assert ticket.close()[1].endswith("could not be stored: ValueError: UNIQUE constraint failed")
+    assert world.service.made == 0
+
+
+def test_a_database_that_is_down_is_told_of_once(
+    world: Any, done: Done, caplog: pytest.LogCaptureFixture
+) -> None:
+    """One line a minute, not one each round; a job that is refused holds up no other."""
+    world.ask("a")
+    world.ask("b")
+    world.store.broken = True
+    world.service.looks = [done(), done()]
+    for _ in range(9):
+        world.wait(1.0)
+    assert sum("could not be stored yet" in line for line in caplog.messages) == 1
+    world.store.broken = False
+    save, refused = world.store.save_job, min(world.store.rows)
+
+    def save_other(job: Any) -> None:
+        if job.tag == refused:
+            raise ValueError("refused")
+        save(job)
+
+    world.store.save_job = save_other
+    world.wait(1.0)
+    assert sorted(job.state for job in world.store.rows.values()) == ["done", "queued"]
+
+
 def test_news_that_could_not_be_stored_are_stored_later(world: Any, done: Done) -> None:
     """They count at once, and reach the database when it takes them."""
     world.ask()
@@ -391,6 +430,59 @@ def test_a_circuit_that_does_not_fit_the_device_is_nobodys_fault(world: Any) -> 
     assert world.ask().close()[1] == "ibm:toy: 200 qubits do not fit; take fewer"
     assert (world.job.state, world.ledger.used_s()) == ("failed", 0.0)
     assert world.breaker.state == "closed"
+
+
+def rest(world: Any) -> None:
+    """Open the breaker, and wait until one job may be tried."""
+    for _ in range(3):
+        world.breaker.fault("broken", "500")
+    world.wait(60.0)
+    assert world.breaker.state == "half-open"
+
+
+def test_a_circuit_that_does_not_fit_is_no_trial(world: Any) -> None:
+    """Half-open, nothing is learnt of the service from it, so that the next job is tried."""
+    rest(world)
+    world.service.submits = [InputError("ibm:toy", "200 qubits do not fit", "take fewer")]
+    assert "do not fit" in world.ask("a").close()[1]
+    assert world.breaker.refusal() is None
+    world.ask("b")
+    assert (world.service.made, world.breaker.state) == (1, "closed")
+
+
+def test_a_fault_of_our_own_is_no_trial(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is raised while a job is on trial, the breaker does not wait for ever."""
+    rest(world)
+    call = world.call
+
+    def broken(function: Any, args: Any, limit_s: float) -> Any:
+        if function is calls.submit:
+            raise KeyError("ours")
+        return call(function, args, limit_s)
+
+    monkeypatch.setattr(world.caretaker, "_call", broken)
+    with pytest.raises(KeyError):
+        world.ask("a")
+    assert world.breaker.refusal() is None
+
+
+def test_a_clock_that_is_set_ages_no_job_and_frees_no_budget(world: Any, done: Done) -> None:
+    """A day forwards by the wall clock: what is out stays out, what is used stays used."""
+    wall_ns = [10**18]
+    now_ns = SteadyClock(lambda: wall_ns[0], lambda: int(world.now_s * 1e9))
+    world.now_ns = now_ns
+    world.restart()
+    world.ask("a")
+    world.service.looks = [done(usage_s=3.0)]
+    world.wait(1.0)
+    world.ask("b")
+    wall_ns[0] += int(25 * 3600e9)
+    world.wait(30.0)
+    assert world.ledger.used_s() == 7.0
+    assert world.service.cancelled == []
+    assert len(world.ledger.pending()) == 1
+    world.now_s += 86_400.0
+    assert world.ledger.used_s() == 4.0
 
 
 def test_a_problem_without_a_circuit_is_nobodys_fault(world: Any) -> None:

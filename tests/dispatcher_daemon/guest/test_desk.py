@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,14 +13,18 @@ import psutil
 import pytest
 
 from benchmarks.quantum.faulty_service import Books, Opening
+from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.guest.caretaker import Caretaker
 from dispatcher_daemon.guest.clerk import Clerk
 from dispatcher_daemon.guest.desk import Desk
 from dispatcher_daemon.guest.ticket import Ticket
-from dispatcher_daemon.problem import ArcProblem
-from dispatcher_daemon.settings import HardwareSettings
+from dispatcher_daemon.problem import ArcProblem, RoutingProblem
+from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
 from dispatcher_daemon.solvers.base import Execution, Outcome
-from dispatcher_daemon.solvers.pool import Job, Solve
-from storage import Database, open_database
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.pool import Job, Solve, solve_here
+from dispatcher_daemon.traffic import take_snapshot
+from storage import Database, QuantumJob, open_database
 
 from .light_maker import LightMaker
 
@@ -92,6 +97,15 @@ def ask(desk: Desk, problem: ArcProblem, deadline_s: float, cycle: int) -> Outco
     return chain
 
 
+def the_read_job(database: Database) -> QuantumJob:
+    """The only job; that it was read is stored just after the cycle has its answer."""
+    until = time.monotonic() + 5.0
+    while (job := database.jobs_since(0)[0]).answer is None and time.monotonic() < until:
+        time.sleep(0.01)
+    assert len(database.jobs_since(0)) == 1
+    return job
+
+
 def test_hung_in_submit_and_found_by_its_tag(
     open_desk: Callable[..., Desk], books: Books, database: Database, demo_arcs: Demo
 ) -> None:
@@ -103,7 +117,7 @@ def test_hung_in_submit_and_found_by_its_tag(
     outcome = ask(desk, demo_arcs(avenue_east=1), 60.0, 1)
     assert outcome.execution is not None
     assert (outcome.execution.kind, outcome.execution.fallback) == ("hardware", None)
-    (job,) = database.jobs_since(0)
+    job = the_read_job(database)
     (theirs,) = books.jobs()
     assert (job.state, job.answer, job.job_id, job.tag) == (
         "done",
@@ -145,7 +159,7 @@ def test_a_hanging_look_holds_no_cycle_up_and_a_restart_picks_the_job_up(
     outcome = ask(desk, demo_arcs(avenue_east=1, avenue_west=1), 60.0, 2)
     assert outcome.execution is not None
     assert outcome.execution.kind == "hardware"
-    (job,) = database.jobs_since(0)
+    job = the_read_job(database)
     assert (job.cycle, job.answer_cycle) == (1, 2)
     assert waited_s < 30.0
 
@@ -195,6 +209,52 @@ def test_blocks_of_a_cycle_share_its_patience(demo_arcs: Demo) -> None:
         assert waits[0] >= first_s - 0.01
         # On a busy machine each wait may end late, which the next ones make up for.
         assert 0.49 <= sum(waits) < 1.5
+
+
+def test_a_device_that_never_answers_makes_no_cycle_late(demo: RoutingProblem) -> None:
+    """With the settings as they are, a long queue costs some seconds of the deadline, no more."""
+    settings = DispatcherSettings(
+        solvers=("exact", "lc-qaoa"), hardware=HardwareSettings(backend="ibm:least-busy")
+    )
+    stub = cast(Clerk, Stub(lambda t: t.stage("job j still queued")))
+    desk = Desk(solve_exactly, stub, settings.hardware.wait_s, settings.deadline_s)
+    traffic = take_snapshot(demo.network, (), 10**18, stale_after_s=60.0)
+    began = time.monotonic()
+    desk.begin_cycle(1)
+    done = run_cycle(demo, traffic, settings, desk, 10**18, 1, seed=1)
+    took_s = time.monotonic() - began
+    assert done.plans
+    assert settings.hardware.wait_s <= took_s < 0.8 * settings.deadline_s
+
+
+def test_waiting_leaves_a_reserve_of_the_cycles_deadline(demo_arcs: Demo) -> None:
+    """What a cycle has done before its solvers, and what they took, comes off the wait."""
+    desk = Desk(aer, cast(Clerk, Stub(lambda t: t.stage("job j still queued"))), 60.0, 1.0)
+    began = time.monotonic()
+    desk.begin_cycle(1)
+    time.sleep(0.3)
+    desk([Job("lc-qaoa", demo_arcs(), 1)], 1.0)
+    assert 0.75 < time.monotonic() - began < 1.0
+
+
+def solve_exactly(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    """All by the exact solver."""
+    exact = solve_here([ExactSolver()])([replace(job, solver="exact") for job in jobs], deadline_s)
+    return [replace(o, solver=job.solver) for job, o in zip(jobs, exact, strict=True)]
+
+
+def test_a_problem_that_breaks_the_desk_is_declined(
+    open_desk: Callable[..., Desk], demo_arcs: Demo, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fault of our own is told at once; the cycle does not wait for what will not come."""
+
+    def broken(*_: object) -> None:
+        raise KeyError("ours")
+
+    monkeypatch.setattr(Caretaker, "serve", broken)
+    outcome = ask(open_desk(wait_s=30.0), demo_arcs(), 60.0, 1)
+    assert outcome.execution is not None
+    assert outcome.execution.fallback == "the device could not be asked: KeyError: 'ours'"
 
 
 def test_the_devices_answer_goes_before_the_simulators(demo_arcs: Demo) -> None:

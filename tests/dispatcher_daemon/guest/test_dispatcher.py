@@ -108,6 +108,29 @@ def test_the_dispatcher_solves_through_the_desk(demo: RoutingProblem) -> None:
     assert plain_log.messages[0].hardware is None
 
 
+def test_a_fault_in_the_health_ends_no_dispatcher(
+    demo: RoutingProblem, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is logged, once a minute; the next one is published again."""
+    log, guest = Log(), Guest()
+    dispatcher = Dispatcher(
+        DispatcherSettings(), demo, log, log, solve_here([]), guest=cast(Desk, guest)
+    )
+    health = guest.health
+
+    def broken() -> HardwareHealth:
+        raise TypeError("'<' not supported")
+
+    guest.health = broken  # type: ignore[method-assign]
+    for _ in range(3):
+        dispatcher.publish_health(None)
+    assert log.messages == []
+    assert len(caplog.records) == 1
+    guest.health = health  # type: ignore[method-assign]
+    dispatcher.publish_health(None)
+    assert len(log.messages) == 1
+
+
 def test_a_report_tells_of_a_fallback() -> None:
     """The simulator's answer goes with the reason why it is not the device's."""
     outcome = Outcome("lc-qaoa", "feasible", frozenset({0}), 0.1, execution=AER)
