@@ -6,6 +6,7 @@ The service's side is a file, so that its jobs and its books go on when whoever 
 from __future__ import annotations
 
 import json
+import math
 import os
 import random
 import sqlite3
@@ -136,18 +137,26 @@ class Books:
         )
 
 
+def pid_file(path: Path) -> Path:
+    """Where the process that opened the service of these books last says its number."""
+    return path.with_suffix(".pid")
+
+
 @dataclass(frozen=True)
 class Opening:
     """Opens the service, in whatever process.
 
     Attributes:
         path: of its `Books`.
+        stale_s: see `Opener`.
     """
 
     path: str
+    stale_s: float = math.inf
 
     def __call__(self) -> FaultyService:
-        """Never fails."""
+        """Never fails; says which process it is in."""
+        pid_file(Path(self.path)).write_text(str(os.getpid()), encoding="utf-8")
         return FaultyService(Path(self.path))
 
 
@@ -192,7 +201,7 @@ class FaultyService:
         _suffer(event, rng)
         return "" if event == "no id but taken" else job_id
 
-    def look(self, job_id: str) -> JobView:
+    def look(self, job_id: str, *, samples: bool = True) -> JobView:
         """State of a job."""
         self._call()
         with _writing(self._path) as connection:
@@ -211,8 +220,10 @@ class FaultyService:
             return JobView("failed", "qubit 7 is\nout of order", usage_s=job["usage"])
         unknown = fate == "usage unknown" and now < job["ready"] + 1.0
         usage_s = None if unknown else job["usage"]
-        samples = _samples(job["width"], job["shots"], random.Random(f"{seed} {job_id}"))
-        return JobView("done", usage_s=usage_s, counts=_spoilt(samples, fate))
+        if not samples:
+            return JobView("done", usage_s=usage_s)
+        drawn = _samples(job["width"], job["shots"], random.Random(f"{seed} {job_id}"))
+        return JobView("done", usage_s=usage_s, counts=_spoilt(drawn, fate))
 
     def cancel(self, job_id: str) -> None:
         """Take a job out of the queue, if it still is in it."""

@@ -1,11 +1,13 @@
 """What the device's own worker process does: every call of the service, training, reading samples.
 
-The service is opened in that process, once, and again after its credentials were refused.
+The service is opened in that process, once, again after its credentials were refused, and before
+a job where what was chosen when it was opened is out of date.
 """
 
 from __future__ import annotations
 
 import pickle
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
@@ -13,6 +15,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 from dispatcher_daemon.guest.making import Maker, Unsuitable
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.quantum.jobs import JobService, JobView, ServiceFault
+from dispatcher_daemon.quantum.physical_chain import Placement
 from dispatcher_daemon.solvers.base import Outcome
 from slipstream.errors import InputError
 
@@ -21,6 +24,11 @@ T = TypeVar("T")
 
 class Opener(Protocol):
     """Opens the service; picklable and hashable."""
+
+    @property
+    def stale_s(self) -> float:
+        """So old, an opened service is opened again before a job."""
+        ...
 
     def __call__(self) -> JobService:
         """May raise InputError, as for missing credentials, or `ServiceFault`."""
@@ -33,6 +41,15 @@ class Compiler(Protocol):
 
     def two_qubit(self, circuit: object) -> tuple[int, int]:
         """Layers of two-qubit gates of the circuit as it will run, and their number."""
+        ...
+
+
+@runtime_checkable
+class Placer(Protocol):
+    """A service that tells where a chain lies on its device."""
+
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+        """See `Backend.place`."""
         ...
 
 
@@ -61,7 +78,8 @@ class Prepared:
     train_s: float
 
 
-_open: dict[Opener, JobService] = {}
+_open: dict[Opener, tuple[JobService, float]] = {}
+"""Opened services, and when by the monotonic clock."""
 
 
 def warm_up(maker: Maker) -> None:
@@ -73,9 +91,10 @@ def prepare(
     opener: Opener, maker: Maker, problem: Problem, deadline_s: float, seed: int, shots: int
 ) -> Prepared:
     """Train a circuit and ask what it will cost; may raise Unsuitable, as if it does not fit."""
-    made = maker.make(problem, deadline_s, seed)
 
     def ask(service: JobService) -> Prepared:
+        place = service.place if isinstance(service, Placer) else None
+        made = maker.make(problem, deadline_s, seed, place)
         depth, gates = None, None
         if isinstance(service, Compiler):
             depth, gates = service.two_qubit(made.circuit)
@@ -92,7 +111,7 @@ def prepare(
             made.train_s,
         )
 
-    return _with(opener, ask)
+    return _with(opener, ask, fresh=True)
 
 
 def submit(opener: Opener, circuit: bytes, shots: int, tag: str) -> str:
@@ -100,9 +119,9 @@ def submit(opener: Opener, circuit: bytes, shots: int, tag: str) -> str:
     return _with(opener, lambda service: service.submit(pickle.loads(circuit), shots, [tag]))
 
 
-def look(opener: Opener, job_id: str) -> JobView:
+def look(opener: Opener, job_id: str, samples: bool) -> JobView:
     """State of a job."""
-    return _with(opener, lambda service: service.look(job_id))
+    return _with(opener, lambda service: service.look(job_id, samples=samples))
 
 
 def cancel(opener: Opener, job_id: str) -> None:
@@ -122,14 +141,15 @@ def read(
     return maker.read(problem, order, samples, seed)
 
 
-def _with(opener: Opener, do: Callable[[JobService], T]) -> T:
-    if opener not in _open:
+def _with(opener: Opener, do: Callable[[JobService], T], *, fresh: bool = False) -> T:
+    now = time.monotonic()
+    if opener not in _open or (fresh and now - _open[opener][1] > opener.stale_s):
         try:
-            _open[opener] = opener()
+            _open[opener] = opener(), now
         except InputError as error:
             raise ServiceFault("refused", str(error)) from None
     try:
-        return do(_open[opener])
+        return do(_open[opener][0])
     except InputError as error:
         raise Unsuitable(str(error)) from None
     except ServiceFault as fault:

@@ -31,6 +31,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _SLOWER: Final = 1.5
+_CHARGE_POLL_S: Final = 3600.0
 _NS: Final = 1e9
 
 
@@ -213,8 +214,11 @@ class Caretaker:
     def look_after(self, tag: str) -> None:
         """One look at a job, and what follows from it."""
         care, job, limits = self._care[tag], self._ledger[tag], self._settings
+        samples = job.open or (self._is_unread(job) and care.samples is None)
         care.next_at = self._clock() + care.period_s
-        care.period_s = min(_SLOWER * care.period_s, limits.most_poll_s)
+        # Only the charge is not known yet: nobody waits for that.
+        slowest_s = limits.most_poll_s if samples else max(limits.most_poll_s, _CHARGE_POLL_S)
+        care.period_s = min(_SLOWER * care.period_s, slowest_s)
         age_s = (self._clock_ns() - job.submitted_ns) / _NS
         try:
             if job.job_id is None:
@@ -223,10 +227,14 @@ class Caretaker:
             if job.open and age_s > limits.give_up_after_s and not care.cancelled:
                 self._call(calls.cancel, (self._opener, job.job_id), limits.call_limit_s)
                 care.cancelled = True
-                job = replace(job, reason=f"cancelled: no answer within {age_s:.0f} s")
-            view = self._call(calls.look, (self._opener, job.job_id), limits.call_limit_s)
+                line = f"no answer within {age_s:.0f} s"
+                job = replace(job, reason=f"cancelled: {line}")
+                # A device with a queue that long serves no cycle.
+                self._count("unreachable", f"job {job.job_id}: {line}")
+            args = (self._opener, job.job_id, samples)
+            view = self._call(calls.look, args, limits.call_limit_s)
             lost = self._is_lost(care, getattr(view, "state", None) == "lost")
-            news = after_look(job, view, self._clock_ns(), lost)
+            news = after_look(job, view, self._clock_ns(), lost, samples=samples)
         except ServiceFault as fault:
             line = self._fault("no news of a job", fault)
             if not (job.open and age_s > limits.give_up_after_s + limits.lost_after_s):
@@ -270,7 +278,7 @@ class Caretaker:
                 self._breaker.answered()
             care.samples = news.samples
             self._hand_out(job)
-        elif was_open:
+        elif was_open or (job.answer is not None and care.samples is None):
             for ticket in care.tickets:
                 ticket.decline(f"job {job.job_id or job.tag} {job.state}: {job.reason}")
             care.tickets.clear()

@@ -15,7 +15,7 @@ from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.quantum.ansatz import ChainAnsatz
 from dispatcher_daemon.quantum.circuits import circuit_of
 from dispatcher_daemon.solvers.base import Outcome
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, VariantError, counts_to_bits
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, Place, VariantError, counts_to_bits
 from dispatcher_daemon.solvers.sampling import Drawn, solve_by_sampling
 
 
@@ -50,12 +50,14 @@ class ChainMaker:
         """The measured circuit of an ansatz."""
         return circuit_of(ansatz)
 
-    def make(self, problem: Problem, deadline_s: float, seed: int) -> Made:
+    def make(
+        self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
+    ) -> Made:
         """See `Maker.make`."""
         if not problem.choices:
             raise Unsuitable("the problem has nothing to choose")
         try:
-            prepared = self.solver.prepare(problem, deadline_s, seed)
+            prepared = self.solver.prepare(problem, deadline_s, seed, place)
         except VariantError as error:
             raise Unsuitable(str(error)) from None
         tables = [np.asarray(table).tolist() for table in vars(prepared.ansatz).values()]

@@ -29,13 +29,16 @@ class News:
     fault: tuple[FaultKind, str] | None = None
 
 
-def after_look(job: QuantumJob, view: object, now_ns: int, lost: bool) -> News:
+def after_look(
+    job: QuantumJob, view: object, now_ns: int, lost: bool, *, samples: bool = True
+) -> News:
     """What a look at a job has shown.
 
     Args:
         view: what the service answered, whatever it is.
         now_ns: UTC.
         lost: the service has not known it for so long that it is given up.
+        samples: whether they were asked for.
 
     Raises:
         ServiceFault: of kind "garbage": not even a state; it will be looked at again.
@@ -51,23 +54,35 @@ def after_look(job: QuantumJob, view: object, now_ns: int, lost: bool) -> News:
     if usage_s is None:
         usage_s = job.usage_s
     if not job.open:
-        samples = view.counts if job.state == "done" and view.state == "done" else None
-        return News(replace(job, usage_s=usage_s), samples)
+        job = replace(job, usage_s=usage_s)
+        if not samples or job.state != "done" or view.state != "done":
+            return News(job)
+        try:
+            return News(job, _checked(view, job))
+        except ServiceFault as fault:
+            line = f"garbage: {fault}"
+            unfit = replace(job, answer="unfit", reason=line, updated_ns=now_ns)
+            return News(unfit, fault=("garbage", line))
     job = replace(job, usage_s=usage_s, updated_ns=now_ns, finished_ns=now_ns)
     if view.state == "done":
         try:
-            if view.counts is None:
-                raise ServiceFault("garbage", "done, but without samples")
-            check_samples(view.counts, len(job.chain_order), job.shots)
+            counts = _checked(view, job)
         except ServiceFault as fault:
             line = f"garbage: {fault}"
             return News(replace(job, state="failed", reason=line), fault=("garbage", line))
-        return News(replace(job, state="done", reason=None), view.counts)
+        return News(replace(job, state="done", reason=None), counts)
     reason = one_line(view.reason) or job.reason
     if view.state == "cancelled":
         return News(replace(job, state="cancelled", reason=reason or "cancelled at the service"))
     line = reason or "failed at the service"
     return News(replace(job, state="failed", reason=line), fault=("broken", f"job failed: {line}"))
+
+
+def _checked(view: JobView, job: QuantumJob) -> Mapping[str, int]:
+    if view.counts is None:
+        raise ServiceFault("garbage", "done, but without samples")
+    check_samples(view.counts, len(job.chain_order), job.shots)
+    return view.counts
 
 
 def after_loss(job: QuantumJob, now_ns: int) -> News:

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from dispatcher_daemon.problem import ArcProblem, Problem
 from dispatcher_daemon.quantum.jobs import ServiceFault
 from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.lc_qaoa import Place
 
 
 class Unsuitable(Exception):
@@ -54,11 +55,14 @@ class Maker(Protocol):
         """Import what it needs."""
         ...
 
-    def make(self, problem: Problem, deadline_s: float, seed: int) -> Made:
+    def make(
+        self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
+    ) -> Made:
         """Train without a device.
 
         Args:
             deadline_s: of the cycle; a circuit that is trained later serves later cycles.
+            place: where a chain lies on the device; None: not known, so that nothing is cut.
 
         Raises:
             Unsuitable: there is no circuit for it.
@@ -78,7 +82,10 @@ def fingerprint(*parts: object) -> str:
 
 
 def meaning(problem: Problem, dialect: str) -> str:
-    """Fingerprint of what the variables of a problem stand for; costs and rewards may differ."""
+    """Fingerprint of what the variables of a problem stand for; costs and rewards may differ.
+
+    Of a route option vehicle and stops are known, not its way or departure.
+    """
     if isinstance(problem, ArcProblem):
         arcs = tuple((arc.vehicle, arc.start, arc.end) for arc in problem.arcs)
         return fingerprint("arc", dialect, problem.depot, problem.customers, problem.vehicles, arcs)

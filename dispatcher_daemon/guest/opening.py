@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from dispatcher_daemon.guest.chain_maker import ChainMaker
@@ -24,6 +25,13 @@ class Opening:
     """
 
     backend: str
+
+    @property
+    def stale_s(self) -> float:
+        """The least busy device is chosen anew; a name stays what it is."""
+        from dispatcher_daemon.quantum.backends.ibm import CALIBRATION_S, LEAST_BUSY
+
+        return CALIBRATION_S if self.backend == f"ibm:{LEAST_BUSY}" else math.inf
 
     def __call__(self) -> JobService:
         """See `Opener`."""

@@ -63,8 +63,8 @@ class JobService(Protocol):
         """Queue a measured circuit for this device; returns the job's id."""
         ...
 
-    def look(self, job_id: str) -> JobView:
-        """State of a job, with its counts once it is done."""
+    def look(self, job_id: str, *, samples: bool = True) -> JobView:
+        """State of a job; with its counts once it is done, if ``samples`` are wanted."""
         ...
 
     def cancel(self, job_id: str) -> None:

@@ -84,6 +84,7 @@ def prepare(
     *,
     gamma: float | None = None,
     encoding: Encoding = "reduced",
+    place: Place | None = None,
 ) -> Prepared:
     """The circuit for a problem, trained as configured.
 
@@ -91,13 +92,13 @@ def prepare(
         seed: of restarts, of a random order, and of CVaR's samples.
         deadline: `time.perf_counter` at which training takes the best so far.
         gamma, encoding: of the QUBO, see `build_model`.
+        place: where a device lays chains; bonds that it cuts get no gate.
 
     Raises:
         VariantError: a one-hot variant of a problem without route options.
     """
-    return prepare_model(
-        build_model(problem, gamma, encoding=encoding), settings, seed=seed, deadline=deadline
-    )
+    model = build_model(problem, gamma, encoding=encoding)
+    return prepare_model(model, settings, seed=seed, deadline=deadline, place=place)
 
 
 def prepare_model(
@@ -269,7 +270,9 @@ class LcQaoaSolver:
             model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
             backend.sample(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
 
-    def prepare(self, problem: Problem, deadline_s: float, seed: int) -> Prepared:
+    def prepare(
+        self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
+    ) -> Prepared:
         """The circuit alone, trained in its share of the deadline; raises as `prepare` does."""
         return prepare(
             problem,
@@ -278,6 +281,7 @@ class LcQaoaSolver:
             _end_of_training(deadline_s),
             gamma=self.gamma,
             encoding=self.encoding,
+            place=place,
         )
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:

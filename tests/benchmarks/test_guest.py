@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.quantum import guest
 from benchmarks.quantum.faulty_service import Books, Opening
+from benchmarks.quantum.guest_cycles import SETTINGS, run
+from benchmarks.quantum.guest_judge import Run, judge
 from dispatcher_daemon.solvers.base import Execution, Outcome
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import Job, solve_here
@@ -15,11 +18,12 @@ from storage import open_database
 
 SEED = 5
 EXACT = solve_here([ExactSolver()])
-SHORT = guest.SETTINGS.model_copy(
+SHORT = SETTINGS.model_copy(
     update={
-        "deadline_s": 0.25,
-        "hardware": guest.SETTINGS.hardware.model_copy(
-            update={"wait_s": 0.25, "give_up_after_s": 1.0, "lost_after_s": 0.3}
+        "deadline_s": 2.5,
+        "interval_s": 3.0,
+        "hardware": SETTINGS.hardware.model_copy(
+            update={"wait_s": 0.15, "give_up_after_s": 1.0, "lost_after_s": 0.3}
         ),
     }
 )
@@ -41,27 +45,48 @@ def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
     """On time, verified, within the budget, nothing leaked, ledger and books agree; also the
     device must have had its part: jobs were submitted, and the desk was torn down in between.
     """
-    run = guest.run(20, SEED, tmp_path, settings=SHORT, solve=solve, restart_every=10)
-    assert run.broken == []
-    assert run.cycles == 20
-    assert run.restarts >= 1
-    assert sum(number for event, number in run.events.items() if event.startswith("submit")) >= 2
-    assert sum(run.answered.values()) == 20
+    ran = run(20, SEED, tmp_path, settings=SHORT, solve=solve, restart_every=10)
+    assert ran.broken == []
+    assert ran.cycles == 20
+    assert ran.restarts >= 1
+    assert sum(number for event, number in ran.events.items() if event.startswith("submit")) >= 2
+    assert sum(ran.answered.values()) == 20
+    assert max(ran.walls_s) <= ran.limit_s == SHORT.deadline_s
+
+
+def test_a_late_cycle_is_a_broken_promise(tmp_path: Path) -> None:
+    """Its plan may be good: it has to be stored before the deadline, not some time after it."""
+
+    def late(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+        time.sleep(0.3)
+        return solve(jobs, deadline_s)
+
+    settings = SHORT.model_copy(update={"deadline_s": 0.25})
+    ran = run(1, SEED, tmp_path, settings=settings, solve=late, judged=False)
+    assert any(line.startswith("cycle 1 took") for line in ran.broken)
+
+
+def test_a_process_that_was_killed_leaves_whole_notes(tmp_path: Path) -> None:
+    """A line cut short is no cycle; what is whole counts, and the next process goes on."""
+    notes = tmp_path / "stretch-0.jsonl"
+    assert list(guest.read_notes(notes)) == []
+    notes.write_text('{"cycle": 1}\n{"cycle": 2}\n{"cyc', encoding="utf-8")
+    assert [note["cycle"] for note in guest.read_notes(notes)] == [1, 2]
 
 
 def test_the_judge_sees_what_is_wrong(tmp_path: Path) -> None:
     """Jobs that are in no ledger, or were submitted twice, and an overdrawn budget are noticed."""
-    run = guest.Run(budget_s=1.0)
+    ran = Run(budget_s=1.0)
     books = Books(tmp_path / "service.db")
     service = Opening(str(books.path))()
     for _ in range(2):
         service.submit(_Width(), 8, ["stray"])
     url = f"sqlite:///{tmp_path}/cycles.db"
     open_database(url).close()
-    guest._judge(books, url, run)
-    assert any("in no ledger" in line for line in run.broken)
-    assert any("submitted twice" in line for line in run.broken)
-    assert any("charged in one window" in line for line in run.broken)
+    judge(books, url, ran)
+    assert any("in no ledger" in line for line in ran.broken)
+    assert any("submitted twice" in line for line in ran.broken)
+    assert any("charged in one window" in line for line in ran.broken)
 
 
 class _Width:

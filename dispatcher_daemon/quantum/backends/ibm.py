@@ -136,6 +136,10 @@ class IbmService:
         """See `JobService.estimate_s`; the service is told to end the job when it takes longer."""
         return device_s(shots)
 
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+        """See `Backend.place`."""
+        return place_chain(self.target, n, bond_weights=bond_weights)
+
     def two_qubit(self, circuit: Any) -> tuple[int, int]:
         """Layers of two-qubit gates of a circuit as it will run, and their number."""
         transpiled = fit(circuit, self.target)
@@ -162,9 +166,9 @@ class IbmService:
 
         return ask(self._token, run)
 
-    def look(self, job_id: str) -> JobView:
+    def look(self, job_id: str, *, samples: bool = True) -> JobView:
         """See `JobService.look`."""
-        return ask(self._token, lambda: self._view(job_id))
+        return ask(self._token, lambda: self._view(job_id, samples=samples))
 
     def cancel(self, job_id: str) -> None:
         """See `JobService.cancel`."""
@@ -201,7 +205,7 @@ class IbmService:
             "environment": {"job_tags": list(tags)},
         }
 
-    def _view(self, job_id: str) -> JobView:
+    def _view(self, job_id: str, *, samples: bool) -> JobView:
         from qiskit_ibm_runtime.exceptions import RuntimeJobNotFound
 
         try:
@@ -217,6 +221,8 @@ class IbmService:
         usage = job.metrics().get("usage", {})
         used = usage.get("qpu_charge_time_seconds")
         usage_s = None if usage.get("status") == "pending" or used is None else float(used)
+        if state == "done" and not samples:
+            return JobView("done", usage_s=usage_s)
         if state == "done":
             # The job is over, so nothing is waited for.
             result = job.result(timeout=1.0)
@@ -254,14 +260,24 @@ class IbmBackend:
 
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
         """See `Backend.place`."""
-        return place_chain(self.target, n, bond_weights=bond_weights)
+        return self.service.place(n, bond_weights)
 
     def sample(self, circuit: Any, shots: int, seed: int) -> Sampled:
         """See `Backend.sample`; the line of a fault names the job."""
         began = time.perf_counter()
         transpiled = fit(circuit, self.target)
         job_id = self.service.submit_transpiled(transpiled, shots, ["slipstream"])
-        view = self._wait(job_id, began + self.wait_s)
+        late: ServiceFault | None = None
+        try:
+            view = self._wait(job_id, began + self.wait_s)
+        except ServiceFault as fault:
+            late = fault
+        except BaseException:
+            # Ctrl-C: nobody waits for it any more, so it shall not cost anything.
+            self._cancelled(job_id)
+            raise
+        if late is not None:
+            raise ServiceFault(late.kind, f"{late}{self._cancelled(job_id)}")
         if view.state != "done" or view.counts is None:
             raise ServiceFault("broken", f"job {job_id} {view.state}: {view.reason or 'no reason'}")
         return Sampled(
@@ -273,22 +289,29 @@ class IbmBackend:
         )
 
     def _wait(self, job_id: str, until: float) -> JobView:
-        """The job once it is over; passing faults are outwaited."""
-        line = f"job {job_id} was not done after {self.wait_s:g} s and is cancelled"
+        """The job once it is over; passing faults are outwaited, others name the job."""
+        line = f"job {job_id} was not done after {self.wait_s:g} s"
         while True:
             try:
                 view = self.service.look(job_id)
                 if view.state not in ("queued", "running"):
                     return view
             except ServiceFault as fault:
-                if fault.kind == "refused":
-                    raise
                 line = f"job {job_id} not seen any more: {fault}"
+                if fault.kind == "refused":
+                    raise ServiceFault("refused", line) from None
             if time.perf_counter() + self.poll_s > until:
                 break
             time.sleep(self.poll_s)
-        self.service.cancel(job_id)
         raise ServiceFault("unreachable", line)
+
+    def _cancelled(self, job_id: str) -> str:
+        """Cancel a job; what is to be said of it."""
+        try:
+            self.service.cancel(job_id)
+        except ServiceFault as fault:
+            return f"; it could not be cancelled: {fault}"
+        return "; it is cancelled"
 
 
 def open_ibm_backend(name: str) -> IbmBackend:

@@ -16,7 +16,11 @@ from typing import Any
 from dispatcher_daemon.quantum.backends.aer import NoisyBackend
 from dispatcher_daemon.quantum.backends.base import Sampled, device_s, fit
 from dispatcher_daemon.quantum.jobs import JobView
+from dispatcher_daemon.quantum.physical_chain import Placement, place_chain
 from dispatcher_daemon.quantum.targets import two_qubit_depth, two_qubit_gates
+
+KEPT = 100
+"""Jobs that are over and still known, with their samples."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +33,8 @@ class _Job:
 class LocalService:
     """A `JobService` whose jobs run one after another in a thread of this process.
 
-    Jobs are known as long as this object is; after that they are lost. Each is charged what
-    `estimate_s` says.
+    The last `KEPT` jobs are known, and those that are not over, as long as this object is; others
+    are lost. Each is charged what `estimate_s` says.
 
     Args:
         device: class name in `qiskit_ibm_runtime.fake_provider`.
@@ -57,6 +61,10 @@ class LocalService:
         """See `JobService.estimate_s`; the same rule as for a device."""
         return device_s(shots)
 
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+        """See `Backend.place`."""
+        return place_chain(self._target, n, bond_weights=bond_weights)
+
     def two_qubit(self, circuit: Any) -> tuple[int, int]:
         """Layers of two-qubit gates of a circuit as it will run, and their number."""
         transpiled = fit(circuit, self._target)
@@ -70,9 +78,12 @@ class LocalService:
             job_id = f"local-{secrets.token_hex(6)}"
             future = self._runner.submit(self._backend.sample, circuit, shots, seed)
             self._jobs[job_id] = _Job(tuple(tags), future, device_s(shots))
+            over = [known for known, job in self._jobs.items() if job.future.done()]
+            for known in over[: max(0, len(over) - KEPT)]:
+                del self._jobs[known]
         return job_id
 
-    def look(self, job_id: str) -> JobView:
+    def look(self, job_id: str, *, samples: bool = True) -> JobView:
         """See `JobService.look`."""
         job = self._jobs.get(job_id)
         if job is None:
@@ -87,7 +98,7 @@ class LocalService:
             return JobView("cancelled", reason="cancelled on request", usage_s=0.0)
         except Exception as error:
             return JobView("failed", reason=str(error), usage_s=0.0)
-        return JobView("done", usage_s=job.charge_s, counts=sampled.counts)
+        return JobView("done", usage_s=job.charge_s, counts=sampled.counts if samples else None)
 
     def cancel(self, job_id: str) -> None:
         """See `JobService.cancel`; a job that is running is finished."""
@@ -97,7 +108,8 @@ class LocalService:
 
     def find(self, tag: str) -> list[str]:
         """See `JobService.find`."""
-        return [job_id for job_id, job in reversed(self._jobs.items()) if tag in job.tags]
+        with self._lock:
+            return [job_id for job_id, job in reversed(self._jobs.items()) if tag in job.tags]
 
     def close(self) -> None:
         """Cancel what waits and end the thread once the running job is over."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,6 +18,7 @@ from dispatcher_daemon.problem import ArcProblem, CandidateArc, Problem
 from dispatcher_daemon.quantum.jobs import JobView, ServiceFault
 from dispatcher_daemon.settings import HardwareSettings
 from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.lc_qaoa import Place
 from storage import QuantumJob, StorageError
 
 SHOTS = 8
@@ -52,7 +54,9 @@ class ToyMaker:
     def warm_up(self) -> None:
         """Nothing to import."""
 
-    def make(self, problem: Problem, deadline_s: float, seed: int) -> Made:
+    def make(
+        self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
+    ) -> Made:
         """No training."""
         if not problem.choices:
             raise Unsuitable("nothing to choose")
@@ -80,9 +84,13 @@ class ToyService:
     jobs: dict[str, str] = field(default_factory=dict)
     made: int = 0
     cancelled: list[str] = field(default_factory=list)
+    stale_s: float = math.inf
+    opened: int = 0
+    asked: list[bool] = field(default_factory=list)
 
     def __call__(self) -> ToyService:
         """Open it."""
+        self.opened += 1
         _next(self.opens, None)
         return self
 
@@ -103,8 +111,9 @@ class ToyService:
             raise told
         return job_id if told == "taken" else told
 
-    def look(self, job_id: str) -> Any:
-        """Queued, unless told otherwise."""
+    def look(self, job_id: str, *, samples: bool = True) -> Any:
+        """Queued, unless told otherwise; whether samples were asked for is written down."""
+        self.asked.append(samples)
         return _next(self.looks, JobView("queued"))
 
     def cancel(self, job_id: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from dispatcher_daemon.guest.making import Made
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.lc_qaoa import Place
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,9 @@ class LightMaker:
     def warm_up(self) -> None:
         """Nothing to import."""
 
-    def make(self, problem: Problem, deadline_s: float, seed: int) -> Made:
+    def make(
+        self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
+    ) -> Made:
         """No training."""
         n = problem.choices
         return Made(Width(n), tuple(range(n)), "f" * 16, "ramp", 2, 0.0)

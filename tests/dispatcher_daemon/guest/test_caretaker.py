@@ -322,6 +322,79 @@ def test_an_answer_unread_at_a_restart_is_fetched_again(world: Any, done: Done) 
     assert (world.service.made, world.job.answer_cycle) == (1, 2)
 
 
+@pytest.mark.parametrize("counts", [{"011": 8}, {"01": 1}, {"01": 9, "10": -1}, None])
+def test_samples_fetched_again_are_checked_again(world: Any, done: Done, counts: Any) -> None:
+    """What was good before a restart need not be after it; garbage is unfit, and told at once."""
+    world.ask("a").close()
+    world.service.looks = [done()]
+    world.wait(1.0)
+    world.restart()
+    ticket = world.ask("a")
+    world.service.looks = [done(counts)]
+    world.wait(0.0)
+    assert (world.job.state, world.job.answer) == ("done", "unfit")
+    outcome, reason = ticket.close()
+    assert outcome is None
+    assert "garbage" in reason
+    assert world.breaker._faults == 1
+    assert world.caretaker.next_look() is None
+
+
+def test_a_charge_that_never_comes_is_asked_for_rarely(world: Any, done: Done) -> None:
+    """Some dozen looks in a day, none of which fetches the samples again."""
+    ticket = world.ask()
+    world.service.looks = [done(usage_s=None)] * 999
+    world.wait(1.0)
+    assert ticket.close()[0] is not None
+    assert world.service.asked == [True]
+    world.wait(80_000.0)
+    assert not any(world.service.asked[1:])
+    assert 20 < len(world.service.asked) < 60
+
+
+def test_samples_that_nobody_has_read_are_fetched_once(world: Any, done: Done) -> None:
+    """They are kept until a cycle reads them, while its charge is still asked for."""
+    world.ask("a").close()
+    world.service.looks = [done(usage_s=None), JobView("done"), JobView("done", usage_s=1.0)]
+    world.wait(30.0)
+    assert world.service.asked == [True, False, False]
+    assert world.ask("a").close()[0] is not None
+    assert world.ledger.used_s() == 1.0
+
+
+def test_a_service_that_chose_its_device_is_opened_again(
+    world: Any, done: Done, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before a job, once it is old; not for a look, and no other service ever."""
+    now = [0.0]
+    monkeypatch.setattr(calls.time, "monotonic", lambda: now[0])
+    for stale_s, opened in ((3600.0, 2), (float("inf"), 1)):
+        world.service = type(world.service)(stale_s=stale_s)
+        world.store.rows.clear()
+        world.restart()
+        world.ask("a")
+        now[0] += 3700.0
+        world.service.looks = [done()]
+        world.wait(2.0)
+        assert world.service.opened == 1
+        world.ask("b")
+        world.ask("c")
+        assert world.service.opened == opened
+
+
+def test_a_queue_without_an_end_is_a_fault(world: Any) -> None:
+    """A device that answers nothing within the limit opens the breaker like one that breaks."""
+    for number in range(3):
+        world.ask(f"stop-{number}")
+        world.service.looks = []
+        world.wait(101.0)
+        world.service.looks = [JobView("cancelled", usage_s=0.0)]
+        world.wait(20.0)
+    assert world.service.cancelled == ["job-1", "job-2", "job-3"]
+    assert world.breaker.state == "open"
+    assert "no answer within" in (world.breaker.refusal() or "")
+
+
 def test_jobs_of_another_kind_of_device_are_left_alone(world: Any) -> None:
     """A trial on a simulator neither looks after a device's jobs nor pays for them."""
     world.ask()

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from qiskit import QuantumCircuit
 
+from dispatcher_daemon.guest import calls
 from dispatcher_daemon.guest.chain_maker import ChainMaker
 from dispatcher_daemon.guest.making import Unsuitable, meaning
 from dispatcher_daemon.problem import ArcProblem, RouteProblem
 from dispatcher_daemon.quantum.backends.aer import AerBackend
+from dispatcher_daemon.quantum.physical_chain import Placement
 from dispatcher_daemon.settings import LcQaoaSettings
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 
@@ -107,3 +112,33 @@ def test_problems_without_a_circuit_say_so(demo_arcs: Demo) -> None:
     one_hot = ChainMaker(LcQaoaSolver(LcQaoaSettings(variant="one-hot")))
     with pytest.raises(Unsuitable, match="route"):
         one_hot.make(demo_arcs(), 5.0, 1)
+
+
+def test_a_chain_is_cut_where_the_device_has_no_edge(maker: ChainMaker, demo_arcs: Demo) -> None:
+    """A device that cannot lay the whole chain gets a circuit without gates at its cuts."""
+
+    def place(n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+        return Placement(tuple(range(n)), (2,), 1.0)
+
+    def gated(circuit: QuantumCircuit) -> set[int]:
+        pairs = [i.qubits for i in circuit.data if len(i.qubits) == 2]
+        return {min(circuit.find_bit(q).index for q in pair) for pair in pairs}
+
+    problem = demo_arcs(avenue_east=1)
+    service = SimpleNamespace(name="cut", place=place, estimate_s=lambda circuit, shots: 1.0)
+    prepared = calls.prepare(_Opens(service), maker, problem, 5.0, 1, 64)
+    whole = gated(maker.make(problem, 5.0, 1).circuit)
+    assert 2 in whole
+    assert gated(pickle.loads(prepared.circuit)) == whole - {2}
+
+
+class _Opens:
+    """Opens a service that is there."""
+
+    stale_s = 0.0
+
+    def __init__(self, service: Any) -> None:
+        self._service = service
+
+    def __call__(self) -> Any:
+        return self._service

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.quantum.ansatz import ChainAnsatz, linear_ramp
-from dispatcher_daemon.quantum.backends import open_backend, open_service
+from dispatcher_daemon.quantum.backends import local, open_backend, open_service
+from dispatcher_daemon.quantum.backends.base import Sampled
 from dispatcher_daemon.quantum.backends.local import LocalService
 from dispatcher_daemon.quantum.circuits import circuit_of, dense_qaoa_circuit
 from dispatcher_daemon.quantum.ising import Ising
@@ -110,6 +111,24 @@ def test_a_fake_device_is_a_job_service() -> None:
     assert service.look(second).state in ("cancelled", "done")
     assert service.look("local-99").state == "lost"
     assert service.two_qubit(circuit_of(random_chain(4, 2, 1))) == (8, 12)
+    service.close()
+
+
+def test_a_fake_device_does_not_keep_all_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last ones that are over are known, older ones are lost; those that wait stay."""
+    monkeypatch.setattr(local, "KEPT", 2)
+    service = LocalService("FakeBoston")
+    sampled = Sampled({"0": 1}, 0, 0, 0.0)
+    monkeypatch.setattr(service._backend.__class__, "sample", lambda *_: sampled)
+    jobs = []
+    for _ in range(6):
+        jobs.append(service.submit(None, 1, ["many"]))
+        while service.look(jobs[-1]).state in ("queued", "running"):
+            time.sleep(0.005)
+    assert service.look(jobs[0]).state == "lost"
+    assert [service.look(job).state for job in jobs[-3:]] == ["done"] * 3
+    assert len(service._jobs) == 3
+    assert service.look(jobs[-1], samples=False).counts is None
     service.close()
 
 

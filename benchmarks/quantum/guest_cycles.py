@@ -1,0 +1,302 @@
+"""Dispatch cycles beside a faulty device, in this process."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, Final
+
+import psutil
+
+from benchmarks.quantum.ansatz_maker import AnsatzMaker
+from benchmarks.quantum.faulty_service import EVERYTHING, Books, Opening, pid_file
+from benchmarks.quantum.guest_judge import DAY_S, Run, judge
+from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.guest.clerk import Clerk
+from dispatcher_daemon.guest.desk import Desk
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
+from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers.pool import RESERVE, Job, Solve, SolverPool
+from dispatcher_daemon.solvers.registry import configured_solvers
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.verify import verify_plans
+from slipstream.roads import load_network
+from storage import open_database
+
+KILL_WORKER_EVERY: Final = 25
+"""Cycles between two kills of the device's worker, on average."""
+
+SETTINGS: Final = DispatcherSettings(
+    solvers=("exact", "lc-qaoa"),
+    deadline_s=1.5,
+    interval_s=2.0,
+    lc_qaoa=LcQaoaSettings(variant="ramp", shots=128),
+    hardware=HardwareSettings(
+        backend="ibm:faulty",
+        shots=256,
+        budget_s_per_day=40.0,
+        most_pending=3,
+        wait_s=0.7,
+        poll_s=0.05,
+        most_poll_s=0.5,
+        call_limit_s=0.5,
+        give_up_after_s=5.0,
+        lost_after_s=1.0,
+        faults=4,
+        rest_s=0.3,
+        most_rest_s=1.5,
+    ),
+)
+
+
+class Timed:
+    """A `Solve` that knows how long its last call took, and whether a solver was too late in it.
+
+    Args:
+        solve: what is timed.
+    """
+
+    def __init__(self, solve: Solve) -> None:
+        self._solve = solve
+        self.wall_s = 0.0
+        self.late = False
+
+    def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+        """See `Solve`."""
+        began = time.monotonic()
+        outcomes = self._solve(jobs, deadline_s)
+        self.wall_s = time.monotonic() - began
+        self.late = any(outcome.status == "timeout" for outcome in outcomes)
+        return outcomes
+
+
+class Stage:
+    """Everything around the cycles; desk and database can be torn down and opened again."""
+
+    def __init__(
+        self, folder: Path, seed: int, settings: DispatcherSettings, solve: Solve | None
+    ) -> None:
+        self.settings = settings
+        self.url = f"sqlite:///{folder}/cycles.db"
+        self.books = Books(folder / "service.db", seed, EVERYTHING, (0.0, 0.25))
+        self._pool = None
+        if solve is None:
+            solve = self._pool = SolverPool(configured_solvers(settings))
+            self._pool.warm_up()
+        self.inner = Timed(solve)
+        network = load_network("demo")
+        self.problem = RoutingProblem(network, load_fleet("demo", network))
+        self._stack = ExitStack()
+        self.open(warm=True)
+
+    def open(self, *, warm: bool) -> None:
+        """Database and desk.
+
+        Args:
+            warm: whether to wait for the device's worker, so that the next cycles meet the device.
+        """
+        self.database = self._stack.enter_context(open_database(self.url))
+        hardware = self.settings.hardware
+        clerk = Clerk(
+            hardware,
+            "hardware",
+            Opening(str(self.books.path)),
+            AnsatzMaker(LcQaoaSolver(self.settings.lc_qaoa)),
+            self.database,
+            day_s=DAY_S,
+        )
+        desk = Desk(self.inner, clerk, hardware.wait_s, self.settings.deadline_s)
+        self.desk = self._stack.enter_context(desk)
+        if warm:
+            clerk.warm.wait(60.0)
+
+    def rest(self) -> None:
+        """Between cycles: a killed solver's successor gets time to start, as it has in service.
+
+        A cycle here is shorter than importing Aer takes, and would kill each successor in turn.
+        """
+        if self.inner.late and self._pool is not None:
+            self._pool.warm_up(30.0)
+
+    def tear_down(self) -> None:
+        """As a crash would: nothing is finished, nothing is told."""
+        self._stack.close()
+
+    def close(self) -> None:
+        """All of it."""
+        self.tear_down()
+        if self._pool is not None:
+            self._pool.close()
+
+
+def run(
+    cycles: int,
+    seed: int,
+    folder: Path,
+    *,
+    settings: DispatcherSettings = SETTINGS,
+    solve: Solve | None = None,
+    restart_every: int = 40,
+    write: Callable[[Mapping[str, Any]], object] = lambda _: None,
+    judged: bool = True,
+) -> Run:
+    """Run cycles to the end, in this process.
+
+    Args:
+        folder: for database and service; what they hold from before goes on.
+        solve: in place of a pool of the settings' solvers.
+        restart_every: cycles between two restarts, on average.
+        write: takes what is to be told of each cycle, when it is over.
+        judged: whether to hold the ledger against the service's books in the end.
+    """
+    result = empty_run(settings)
+    before = _resources()
+    stage = Stage(folder, seed, settings, solve)
+    early = before
+    first = stage.database.next_cycle_number()
+    rng = random.Random(f"{seed} {first}")
+    try:
+        for number in range(first, first + cycles):
+            entry = _cycle(stage, number, rng)
+            if restarts := rng.random() * restart_every < 1:
+                stage.tear_down()
+                stage.open(warm=rng.random() < 0.5)
+            entry["restarted"] = int(restarts)
+            result.add(entry)
+            write(entry)
+            if result.cycles == min(20, cycles):
+                early = _resources()
+        _settle(stage, result)
+        late = _resources()
+    finally:
+        stage.close()
+    if judged:
+        judge(stage.books, stage.url, result)
+    after = _resources()
+    result.growth = {name: late[name] - early[name] for name in early}
+    result.leaks = {name: after[name] - before[name] for name in before}
+    # A worker may just be replaced, and the first pool leaves multiprocessing's resource tracker.
+    for name, most in (("threads", 2), ("processes", 1), ("descriptors", 6)):
+        for what, figures in (("in the run", result.growth), ("after it", result.leaks)):
+            if figures[name] > most:
+                result.broken.append(f"{figures[name]} more {name} {what}")
+    return result
+
+
+def empty_run(settings: DispatcherSettings) -> Run:
+    """Of no cycles yet."""
+    return Run(budget_s=settings.hardware.budget_s_per_day, limit_s=settings.deadline_s)
+
+
+def _kill_worker(path: Path) -> None:
+    """Kill the device's worker, if it is still there."""
+    with suppress(OSError, ValueError, psutil.Error):
+        worker = psutil.Process(int(pid_file(path).read_text(encoding="utf-8")))
+        if worker.ppid() == os.getpid() and "spawn_main" in " ".join(worker.cmdline()):
+            worker.send_signal(signal.SIGKILL)
+
+
+def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
+    """Run a cycle; what is to be told of it."""
+    broken = []
+    snapshot = _traffic(stage.problem, rng)
+    kills, after_s = rng.random() * KILL_WORKER_EVERY < 1, rng.uniform(0.0, 0.5)
+    killer = threading.Timer(after_s, _kill_worker, (stage.books.path,))
+    if kills:
+        killer.start()
+    outer = Timed(stage.desk)
+    began = time.monotonic()
+    stage.desk.begin_cycle(number)
+    done = run_cycle(
+        stage.problem, snapshot, stage.settings, outer, snapshot.now_ns, number, seed=number
+    )
+    stage.database.record_cycle(done.report, done.plans, snapshot.states)
+    wall_s = time.monotonic() - began
+    settings, pool_s = stage.settings, stage.inner.wall_s
+    may_wait_s = min(pool_s + settings.hardware.wait_s, (1 - RESERVE) * settings.deadline_s)
+    beyond_s = outer.wall_s - max(pool_s, may_wait_s)
+    if wall_s > settings.deadline_s:
+        broken.append(
+            f"cycle {number} took {wall_s:.2f} s, {outer.wall_s:.2f} s of it to solve, "
+            f"the pool {pool_s:.2f} s"
+        )
+    if not done.plans:
+        broken.append(f"cycle {number} made no plan: {done.report.reason}")
+    faults = verify_plans(
+        done.plans,
+        stage.problem.network,
+        stage.problem.fleet,
+        {name for name, traffic in snapshot.segments.items() if traffic.open},
+        settings.sync_window_s,
+        unserved={},
+        reference_s=settings.deadline_s,
+    )
+    broken += [f"cycle {number}: {fault}" for fault in faults]
+    if kills:
+        killer.join()
+    stage.rest()
+    (chain,) = (run for run in done.report.solvers if run.solver == "lc-qaoa")
+    fallback = None
+    if chain.backend_kind != "hardware":
+        why = chain.fallback or chain.reason or ""
+        if not why:
+            broken.append(f"cycle {number} does not say why the device has not answered")
+        fallback = _kind_of(why)
+    return {
+        "cycle": number,
+        "answered": chain.backend_kind or f"none: {chain.status}",
+        "fallback": fallback,
+        "wall_s": wall_s,
+        "beyond_s": max(0.0, beyond_s),
+        "worker_killed": int(kills),
+        "broken": broken,
+    }
+
+
+def _traffic(problem: RoutingProblem, rng: random.Random) -> TrafficSnapshot:
+    """Gates open and close, speeds go up and down: now and then other arcs are candidates."""
+    seen = {}
+    for name in ("avenue_east", "avenue_west"):
+        limit = problem.network.segments[name].speed_limit_mps
+        calm = rng.random() < 0.7
+        speed = limit * (rng.choice((0.9, 1.0)) if calm else rng.choice((0.3, 0.5)))
+        seen[name] = SegmentTraffic(name, speed, y_e=int(calm), open=calm, reason=None, age_s=1.0)
+    segments = {
+        s: SegmentTraffic(s, r.speed_limit_mps) for s, r in problem.network.segments.items()
+    }
+    return TrafficSnapshot(time.time_ns(), segments | seen, ())
+
+
+def _settle(stage: Stage, result: Run) -> None:
+    """Without new faults all jobs must come to an end by themselves."""
+    stage.books.expect({})
+    limits = stage.settings.hardware
+    until = time.monotonic() + limits.give_up_after_s + limits.lost_after_s + 20.0
+    while stage.desk.health().pending and time.monotonic() < until:
+        time.sleep(0.1)
+    if stage.desk.health().pending:
+        result.broken.append(f"{stage.desk.health().pending} jobs never came to an end")
+
+
+def _kind_of(why: str) -> str:
+    """A reason without its figures and names."""
+    words = ("#" if any(c.isdigit() for c in word) else word for word in why.split())
+    return " ".join(words)[:90]
+
+
+def _resources() -> dict[str, int]:
+    process = psutil.Process()
+    return {
+        "threads": threading.active_count(),
+        "processes": len(process.children(recursive=True)),
+        "descriptors": process.num_fds(),
+    }
