@@ -14,6 +14,7 @@ from dispatcher_daemon.candidates import Candidate
 from dispatcher_daemon.daemon import Dispatcher
 from dispatcher_daemon.guest.desk import Desk
 from dispatcher_daemon.guest.opening import Opening, kind_of, open_desk
+from dispatcher_daemon.guest.steady_clock import SteadyClock
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.route_cycle import _report
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
@@ -166,6 +167,8 @@ def test_there_is_no_desk_without_a_device(tmp_path: Path) -> None:
         desk = open_desk(DispatcherSettings(hardware=hardware), solve_here([]), database)
         assert desk is not None
         assert desk.health().line is None
+        assert isinstance(desk._clerk._ledger._clock_ns, SteadyClock)
+        assert desk._cycle_s == DispatcherSettings().deadline_s
         desk.close()
 
 
@@ -174,3 +177,5 @@ def test_kinds_and_services() -> None:
     assert (kind_of("ibm:boston"), kind_of("fake:FakeBoston")) == ("hardware", "noise-model")
     with pytest.raises(InputError, match="no job service"):
         Opening("aer")()
+    assert Opening("ibm:least-busy").stale_s == 3600.0
+    assert Opening("ibm:boston").stale_s == Opening("fake:FakeBoston").stale_s == float("inf")

@@ -201,6 +201,50 @@ def test_a_back_end_waits_and_gives_up(stand_in: IbmStandIn, service: IbmService
     assert list(stand_in.jobs.values())[-1].status == "Cancelled"
 
 
+def test_a_job_that_cannot_be_cancelled_is_still_named(
+    stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The line of the fault has the job's id, so that it can be cancelled by hand."""
+
+    def refuse(job_id: str) -> None:
+        raise ServiceFault("broken", "IBM Quantum: 500")
+
+    stand_in.runs = False
+    monkeypatch.setattr(service, "cancel", refuse)
+    patient = IbmBackend(service, wait_s=0.1, poll_s=0.02)
+    line = str(fault(lambda: patient.sample(CIRCUIT, 64, 1)))
+    assert f"job {list(stand_in.jobs)[-1]} was not done" in line
+    assert line.endswith("could not be cancelled: IBM Quantum: 500")
+
+
+def test_whoever_stops_waiting_cancels_the_job(
+    stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while a job queues takes it out of the queue."""
+
+    def interrupt(job_id: str) -> None:
+        raise KeyboardInterrupt
+
+    stand_in.runs = False
+    monkeypatch.setattr(service, "look", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        IbmBackend(service).sample(CIRCUIT, 64, 1)
+    assert list(stand_in.jobs.values())[-1].status == "Cancelled"
+
+
+def test_a_charge_is_asked_for_without_the_samples(
+    stand_in: IbmStandIn, service: IbmService
+) -> None:
+    """Done and what it was charged; the result is not fetched."""
+    job = service.submit(CIRCUIT, 64, [])
+    assert service.look(job).counts is not None
+    asked = len(stand_in.seen)
+    view = service.look(job, samples=False)
+    assert (view.state, view.counts) == ("done", None)
+    assert view.usage_s is not None
+    assert not any("result" in line for line in stand_in.seen[asked:])
+
+
 def test_options_can_be_left_out(stand_in: IbmStandIn, service: IbmService) -> None:
     """Without twirling and decoupling a job has exactly its shots."""
     plain = IbmService(
