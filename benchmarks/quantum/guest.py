@@ -86,6 +86,7 @@ def _stretch(
     else:
         if process.poll() is None:
             process.kill()
+            process.wait()
             return [f"no cycle came to its end in {START_S:g} s"]
         # Status 1: a promise is broken, which its notes tell.
         wrong = kill or process.returncode not in (0, 1)

@@ -197,12 +197,13 @@ def empty_run(settings: DispatcherSettings) -> Run:
     return Run(budget_s=settings.hardware.budget_s_per_day, limit_s=settings.deadline_s)
 
 
-def _kill_worker(path: Path) -> None:
-    """Kill the device's worker, if it is still there."""
+def _kill_worker(path: Path, killed: list[int]) -> None:
+    """Kill the device's worker, and write down which, if it is still there."""
     with suppress(OSError, ValueError, psutil.Error):
         worker = psutil.Process(int(pid_file(path).read_text(encoding="utf-8")))
         if worker.ppid() == os.getpid() and "spawn_main" in " ".join(worker.cmdline()):
             worker.send_signal(signal.SIGKILL)
+            killed.append(worker.pid)
 
 
 def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
@@ -210,7 +211,8 @@ def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
     broken = []
     snapshot = _traffic(stage.problem, rng)
     kills, after_s = rng.random() * KILL_WORKER_EVERY < 1, rng.uniform(0.0, 0.5)
-    killer = threading.Timer(after_s, _kill_worker, (stage.books.path,))
+    killed: list[int] = []
+    killer = threading.Timer(after_s, _kill_worker, (stage.books.path, killed))
     if kills:
         killer.start()
     outer = Timed(stage.desk)
@@ -257,7 +259,7 @@ def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
         "fallback": fallback,
         "wall_s": wall_s,
         "beyond_s": max(0.0, beyond_s),
-        "worker_killed": int(kills),
+        "worker_killed": len(killed),
         "broken": broken,
     }
 
