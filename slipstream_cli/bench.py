@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
+
+from slipstream.errors import InputError
 
 _SHORT: Final = {
     "instances": 2,
@@ -16,6 +19,7 @@ _SHORT: Final = {
     "layers": (1, 2),
 }
 _TABLES: Final = ("hardware", "sweep")
+_EXIT_INTERRUPTED: Final = 130
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -95,13 +99,34 @@ def run(options: argparse.Namespace) -> int:
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     settings = check((_SHORT if options.short else {}) | given, BenchSettings, "bench quantum")
     wanted = _TABLES if options.only is None else (options.only,)
-    tables = measure(settings, wanted, options.out, _tell, stored=options.stored)
+    try:
+        tables = measure(settings, wanted, options.out, _tell, stored=options.stored)
+    except KeyboardInterrupt:
+        _tell_end(options)
+        return _EXIT_INTERRUPTED
     document = as_json(tables, NOTES, settings=settings.model_dump(mode="json"))
     text = as_markdown(tables, NOTES)
-    (options.out / "report.json").write_text(json.dumps(document) + "\n", encoding="utf-8")
-    (options.out / "report.md").write_text(text + "\n", encoding="utf-8")
+    _write(options.out, {"report.json": json.dumps(document), "report.md": text})
     print(json.dumps(document) if options.json else text)
     return 0
+
+
+def _write(folder: Path, texts: Mapping[str, str]) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (folder / name).write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            folder, error.strerror or "not writable", "give another folder", key="--out"
+        ) from None
+
+
+def _tell_end(options: argparse.Namespace) -> None:
+    """Where an interrupted run stands, in one line that begins at the left."""
+    start = "\r\x1b[K" if sys.stderr.isatty() else ""
+    said = "interrupted; the same command goes on from what is stored in"
+    print(f"{start}slipstream: {said} {options.out}", file=sys.stderr)
 
 
 def _tell(done: int, total: int, what: str) -> None:

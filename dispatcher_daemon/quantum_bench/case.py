@@ -13,7 +13,7 @@ from dispatcher_daemon.instances import instance_names, open_instance
 from dispatcher_daemon.quantum_bench.store import Record
 from dispatcher_daemon.solvers.base import Outcome, Samples, Solver
 from dispatcher_daemon.solvers.controls import UNIFORM_BITS, distributions, run_controls
-from dispatcher_daemon.solvers.quantum_record import quantum_record
+from dispatcher_daemon.solvers.quantum_record import DIGITS, quantum_record
 from dispatcher_daemon.trial import appraise
 from slipstream.errors import InputError
 
@@ -46,9 +46,9 @@ class Case:
         return self.instance.name
 
     def measure(self, solver: Solver, deadline_s: float, seed: int) -> Record:
-        """Solve, check, and compare with controls; fields as in `quantum_record` and `solve`."""
+        """Solve, check, and compare with controls; fields as in `quantum_record`, and the seed."""
         outcome = solver.solve(self.form.problem, deadline_s, seed)
-        return self.judge(outcome, seed)
+        return {"seed": seed, **self.judge(outcome, seed)}
 
     def judge(self, outcome: Outcome, seed: int) -> Record:
         """What an outcome is worth."""
@@ -59,8 +59,10 @@ class Case:
             "reason": outcome.reason,
             "wall_s": outcome.wall_s,
             "repaired": outcome.repaired,
-            "best_cost": trial.objective_kwh,
-            "optimal_cost": self.optimum_kwh,
+            "best_cost": None
+            if trial.objective_kwh is None
+            else round(trial.objective_kwh, DIGITS),
+            "optimal_cost": round(self.optimum_kwh, DIGITS),
             "energy_kwh": None if trial.energy is None else trial.energy.total_kwh,
         }
         if outcome.execution is None:

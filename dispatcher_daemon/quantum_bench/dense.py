@@ -27,10 +27,10 @@ from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.qaoa import ramp_of
 
 ESTIMATE: Final = (
-    "an upper estimate, as 25 qubits with all couplings cannot be sampled with noise: s · P_ideal "
-    "+ (1 − s) · P_uniform, with s the exact share of error-free shots under the noise model of "
-    "gates and readout (idle time is not in it), of the better of a routed circuit and a swap "
-    "network"
+    "an estimate (global depolarising), as 25 qubits with all couplings cannot be sampled with "
+    "noise: s · P_ideal + (1 − s) · P_uniform, with s the exact share of error-free shots under "
+    "the noise model of gates and readout (idle time is not in it), of the better of a routed "
+    "circuit and a swap network. It tends to be low, as a shot with a late error still scores"
 )
 
 
@@ -53,7 +53,7 @@ def error_free_share(circuit: Any, noise: DeviceNoise) -> float:
 
 
 def estimate(case: Case, options: QaoaSettings, backend: NoisyBackend) -> Record:
-    """Upper estimate of dense QAOA's shares under noise, by `ESTIMATE`.
+    """Estimate of dense QAOA's shares under noise, by `ESTIMATE`: no bound from either side.
 
     Args:
         options: p and the ramp of the angles.

@@ -29,8 +29,13 @@ NOTES: Final = (
     "without it",
 )
 
+NOT_RUN: Final = "not run"
+"""Mark of a row without a result."""
+
 _VERSION: Final = 1
-"""Of what is stored; a higher one measures anew."""
+"""Of what is stored; a higher one measures all anew. Raise it when a change to the code would give
+another result with the same settings and seed: circuits, training, noise, stages, controls, seeds,
+or the named instances."""
 
 
 def run(
@@ -49,7 +54,9 @@ def run(
         progress: told how many results there are, of how many, and what comes next.
 
     Raises:
-        InputError: a back end is unknown, credentials are missing, the folder is not writable.
+        InputError: a back end is unknown, credentials are missing, the folder is not writable, its
+            results are damaged, or another run is at them.
+        OSError: the disk is full.
         ModuleNotFoundError: a device is named and the extra ``iskay`` is not installed.
     """
     open_backend(settings.noise)
@@ -60,15 +67,16 @@ def run(
         rows_of[SWEEP] = sweep_rows(settings)
     stamp = settings.model_dump(mode="json", include={"shots", "seed", "iterations"})
     path = None if out is None else out / "results.jsonl"
-    store = Store(path, {"version": _VERSION, **stamp})
     rows = {row.key: row for of_table in rows_of.values() for row in of_table}
     names = named_cases(settings.instances)
-    if stored:
-        measured = {
-            key: [r for name in names if (r := store.get(key, name)) is not None] for key in rows
-        }
-    else:
-        measured = _measure(list(rows.values()), names, store, progress)
+    with Store(path, {"version": _VERSION, **stamp}, read_only=stored) as store:
+        if stored:
+            measured = {
+                key: [r for name in names if (r := store.get(key, name)) is not None]
+                for key in rows
+            }
+        else:
+            measured = _measure(list(rows.values()), names, store, progress)
     titles = {
         HARDWARE: f"The paper's hardware table, {settings.instances} instances of 25 variables",
         SWEEP: f"LC-QAOA by depth, {settings.instances} instances of 25 variables",
@@ -110,7 +118,7 @@ def _measure(
 
 def _line(row: Row, records: Sequence[Record]) -> Line:
     if not records:
-        return Line(row.key, row.title, row.mark, row.paper, {}, None, None, None, (), row.reason)
+        return Line(row.key, row.title, NOT_RUN, row.paper, {}, None, None, None, (), row.reason)
     line = summarise(row.key, row.title, row.mark, row.paper, records)
     elsewhere = [r for r in records if r.get("fallback") is not None]
     if elsewhere:

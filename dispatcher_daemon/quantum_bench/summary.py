@@ -12,7 +12,7 @@ from dispatcher_daemon.quantum_bench.store import Record
 from dispatcher_daemon.solvers.base import BackendKind
 
 Mark = BackendKind | str
-"""How a row's figures came about: a `BackendKind`, "classical" or "estimated"."""
+"""How a row's figures came about: a `BackendKind`, "classical", "estimated" or "not run"."""
 
 FIGURES: Final = (
     "wall_s",
@@ -140,24 +140,30 @@ def summarise(
 
 
 def _added(records: Sequence[Record]) -> Iterable[Added]:
-    first = records[0].get("added") or {}
-    for control, shares in first.items():
-        for figure in shares:
-            found = [r["added"][control][figure] for r in records if control in r.get("added", {})]
-            over = _spread_of(lambda d: d["value"], found)
-            of_control = _spread_of(
-                lambda r, c=control, f=figure: r["controls"][c][f],  # type: ignore[misc]
-                [r for r in records if control in r.get("controls", {})],
-            )
-            shot = math.sqrt(math.fsum(d["standard_error"] ** 2 for d in found)) / len(found)
-            yield Added(
-                control=control,
-                figure=figure,
-                control_mean=of_control.mean,
-                value=over.mean,
-                shot_error=shot,
-                spread_error=over.deviation / math.sqrt(over.count),
-            )
+    pairs = [
+        (control, figure)
+        for record in records
+        for control, shares in (record.get("added") or {}).items()
+        for figure in shares
+    ]
+    for control, figure in dict.fromkeys(pairs):
+        # A record whose circuit gave no samples has nothing to compare.
+        having = [r for r in records if figure in (r.get("added") or {}).get(control, {})]
+        found = [r["added"][control][figure] for r in having]
+        over = _spread_of(lambda d: d["value"], found)
+        of_control = _spread_of(
+            lambda r, c=control, f=figure: r["controls"][c][f],  # type: ignore[misc]
+            having,
+        )
+        shot = math.sqrt(math.fsum(d["standard_error"] ** 2 for d in found)) / len(found)
+        yield Added(
+            control=control,
+            figure=figure,
+            control_mean=of_control.mean,
+            value=over.mean,
+            shot_error=shot,
+            spread_error=over.deviation / math.sqrt(over.count),
+        )
 
 
 def _spread_of(get: Callable[[Any], float], records: Sequence[Any]) -> Spread:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Final
 
 from dispatcher_daemon.solvers.base import Execution, Outcome, Samples
 from dispatcher_daemon.solvers.controls import STAGES, Stage, difference, shares
+
+DIGITS: Final = 9
+"""Of costs in kWh, as samples are tallied by cost rounded so."""
 
 
 def quantum_record(
@@ -20,8 +23,8 @@ def quantum_record(
 
     Shares carry the stage's name unless they are of raw samples: ``p_feasible``,
     ``p_optimal_descended``. ``best_cost`` is the best objective of any stage, ``optimal_cost`` the
-    exact or best known one, both re-evaluated and in kWh. ``added`` holds, for each control, every
-    share less the control's, with its standard error.
+    exact or best known one, both re-evaluated, in kWh and rounded alike. ``added`` holds, for each
+    control, every share less the control's, with its standard error.
     """
     record = {
         "variant": execution.variant,
@@ -34,7 +37,7 @@ def quantum_record(
         "two_qubit_gates": execution.two_qubit_gates,
         "train_s": execution.train_s,
         "sample_s": execution.sample_s,
-        "optimal_cost": optimum_kwh,
+        "optimal_cost": None if optimum_kwh is None else round(optimum_kwh, DIGITS),
     }
     samples = outcome.samples
     if samples is None:

@@ -52,7 +52,42 @@ def test_a_tiny_sweep_is_measured_stored_and_not_measured_again(
     assert bench(capsys, tmp_path) == document
     assert bench(capsys, tmp_path, "--stored") == document
     nothing = bench(capsys, tmp_path, "--stored", "--seed", "9")["tables"]["sweep"]
-    assert all(row["figures"] == {} for row in nothing)
+    assert all((row["figures"], row["mark"]) == ({}, "not run") for row in nothing)
+
+
+def test_ctrl_c_says_how_to_go_on(
+    capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line, exit status 130, and the folder is free for the next run."""
+
+    def interrupt(name: str) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(bench_run, "open_case", interrupt)
+        assert main(["bench", "quantum", *TINY, "--out", str(tmp_path)]) == 130
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert "the same command goes on" in captured.err
+    assert str(tmp_path) in captured.err
+    bench(capsys, tmp_path, "--stored")
+
+
+@pytest.mark.parametrize(
+    ("name", "lines", "said"),
+    [("results.jsonl", "7\n7\n", "line 1"), ("report.json/x", "", "--out")],
+)
+def test_damaged_and_unwritable_results_are_one_line(
+    capsys: Capture, tmp_path: Path, name: str, lines: str, said: str
+) -> None:
+    """Neither is passed over, neither is a traceback."""
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text(lines)
+    assert main(["bench", "quantum", *TINY, "--out", str(tmp_path), "--stored"]) == 2
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err.count("\n")) == ("", 1)
+    assert said in captured.err
 
 
 def test_a_device_that_was_replaced_is_not_called_hardware(

@@ -86,7 +86,8 @@ def test_simulated_rows_are_measured_with_their_controls(case: Case) -> None:
             "p_feasible": case.uniform[0],
             "p_optimal": case.uniform[1],
         }
-        assert record["optimal_cost"] == case.optimum_kwh
+        assert record["optimal_cost"] == round(case.optimum_kwh, 9)
+        assert record["seed"] == SETTINGS.seed + case.number
 
 
 def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:

@@ -62,6 +62,14 @@ def test_a_line_holds_means_hits_and_what_is_added() -> None:
     assert added.spread_error == pytest.approx(0.1 / math.sqrt(3))
 
 
+def test_a_record_without_samples_does_not_hide_the_controls_of_others() -> None:
+    """Differences are over the records that have them, wherever those stand."""
+    empty = record(0.0, 0.0, None) | {"p_feasible": None, "controls": {}, "added": {}}
+    line = summarise("k", "t", "simulated", None, [empty, record(0.4, 0.1, -2.0)])
+    (added,) = line.added
+    assert (added.value, added.control_mean) == (pytest.approx(0.3), pytest.approx(0.1))
+
+
 def test_tables_show_the_papers_figures_and_the_mark() -> None:
     """Ours beside the paper's, how they came about, and why a row is empty."""
     records = [record(0.4, 0.1, -2.0), record(0.2, 0.1, -1.0)]
