@@ -16,9 +16,16 @@ KINDS: Final[dict[str, str]] = {
 
 
 def device_line(health: HardwareHealth) -> tuple[str, Level]:
-    """Jobs, budget and breaker in a line, and its level."""
+    """Jobs, budget and breaker in a line, and its level; a noise model is called one.
+
+    A breaker is told only where it is not closed.
+    """
+    service, _, model = health.backend.partition(":")
+    device = f"Quantum device {health.backend}"
+    if service == "fake" and model:
+        device = f"Noise model of {model}, no device"
     parts = [
-        f"Quantum device {health.backend}: {words.plural(health.pending, 'job')} pending",
+        f"{device}: {words.plural(health.pending, 'job')} pending",
         f"{health.used_s:.1f} of {health.budget_s:g} s used in the last day",
     ]
     if health.breaker != "closed":

@@ -31,6 +31,12 @@ EVIL = "<script>alert(1)</script>"
             "breaker open · no new jobs: breaker open until 10:00:00 UTC: 401",
             "warn",
         ),
+        (
+            {"backend": "fake:FakeBoston"},
+            "Noise model of FakeBoston, no device: 1 job pending · "
+            "12.5 of 60 s used in the last day",
+            "ok",
+        ),
     ],
 )
 def test_jobs_budget_and_breaker(changes: dict[str, object], line: str, level: str) -> None:
