@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
+from slipstream_cli.solve_missed import missed_rewards
 from slipstream_cli.solve_quantum import (
     QUANTUM_SOLVERS,
     add_options,
@@ -174,14 +175,12 @@ def _run_solvers(
     for solver in solvers:
         job = Job(solver.name, form.problem, options.seed)
         (outcome,) = solve([job], options.deadline)
-        report.trials.append(
-            appraise(form, instance.snapshot, instance.sync_window_s, outcome, routes)
-        )
+        trial = appraise(form, instance.snapshot, instance.sync_window_s, outcome, routes)
+        report.trials.append(trial)
+        report.missed[solver.name] = missed_rewards(form, trial, instance.sync_window_s)
     if any(trial.outcome.execution is not None for trial in report.trials):
-        optimum = best_known_kwh(form, report.trials, options.deadline, options.seed)
-        report.quantum = records(
-            model, report.trials, optimum, options.seed, with_controls=not options.no_controls
-        )
+        best = best_known_kwh(form, report.trials, options.deadline, options.seed)
+        report.quantum = records(model, report.trials, best, options)
 
 
 def _write(model: QuboModel, path: Path) -> None:

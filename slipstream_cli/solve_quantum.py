@@ -21,6 +21,14 @@ QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
 _MOST_LAYERS: Final = 10
 _MOST_SHOTS: Final = 1_000_000
 _MOST_ITERATIONS: Final = 100_000
+VARIANTS: Final = {
+    "lc-qaoa": (
+        *("ramp", "trained", "multi-angle", "product"),
+        *("one-hot", "one-hot-multi-angle", "one-hot-product"),
+    ),
+    "qaoa": ("x", "xy"),
+}
+"""Of the settings, which are not loaded for the sake of a help text."""
 _OPTIONS: Final = ("p", "backend", "shots", "variant", "iterations", "job")
 
 
@@ -31,13 +39,19 @@ def add_options(command: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--backend",
         metavar="NAME",
-        help="aer, aer:FakeBoston (or another fake device: with its noise), ibm:NAME, "
-        "ibm:least-busy (default: aer)",
+        help="aer, aer:FakeBoston (or another fake device: with its noise; with RZZ and RX gates "
+        "added: aer:FakeBoston+fractional), ibm:NAME, ibm:least-busy (default: aer)",
     )
     group.add_argument(
         "--shots", type=_whole(1, _MOST_SHOTS), metavar="N", help="samples (default: 4096)"
     )
-    group.add_argument("--variant", metavar="NAME", help="of the algorithm")
+    group.add_argument(
+        "--variant",
+        metavar="NAME",
+        help="of the algorithm: "
+        + "; ".join(f"{solver}: {', '.join(of)}" for solver, of in VARIANTS.items())
+        + " (default: trained; x)",
+    )
     group.add_argument(
         "--iterations", type=_whole(1, _MOST_ITERATIONS), metavar="N", help="of training, at most"
     )
@@ -62,6 +76,15 @@ def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
                     f"add --solver {'|'.join(QUANTUM_SOLVERS)}",
                     key=f"--{option}",
                 )
+    for solver in names if options.variant is not None else ():
+        if solver in VARIANTS and options.variant not in VARIANTS[solver]:
+            raise InputError(
+                "solve",
+                f"{solver} has no variant {options.variant!r}, it has "
+                f"{', '.join(VARIANTS[solver])}",
+                "give one of them" if len(set(names)) == 1 else "solve with one solver at a time",
+                key="--variant",
+            )
     if options.job is not None and "iskay" not in names:
         raise InputError("solve", "only iskay takes up a job", "add --solver iskay", key="--job")
     if options.job is not None and not re.fullmatch(r"[\w-]{1,100}", options.job):
@@ -74,8 +97,8 @@ def check_fit(
     """Refuse what no simulation or device can do, before anything takes time.
 
     Raises:
-        InputError: a back end is unknown or has no credentials; too many qubits for a state
-            vector; a one-hot variant in arc form.
+        InputError: a back end is unknown or has no credentials; too many qubits for it or for a
+            state vector; a one-hot variant in arc form.
     """
     variant = options.variant or ""
     if form.name == "arc" and (variant.startswith("one-hot") or variant == "xy"):
@@ -100,14 +123,31 @@ def check_fit(
                 key="--solver",
             )
     if "lc-qaoa" in names and options.backend is not None:
-        from dispatcher_daemon.quantum.backends import open_backend
-        from dispatcher_daemon.quantum.backends.ibm_account import find_access
+        _check_backend(options.backend, len(model.variables))
 
-        service, _, device = options.backend.partition(":")
-        if service == "ibm" and device:
-            find_access()  # a device that fails is no bad input, missing credentials are
-        else:
-            open_backend(options.backend)
+
+def _check_backend(text: str, qubits: int) -> None:
+    from dispatcher_daemon.quantum.backends import open_backend
+    from dispatcher_daemon.quantum.backends.aer import FRACTIONAL
+    from dispatcher_daemon.quantum.backends.ibm_account import find_access
+
+    service, _, device = text.partition(":")
+    if service == "ibm" and device:
+        find_access()  # a device that fails is no bad input, missing credentials are
+        return
+    _, plus, ending = device.partition("+")
+    if plus and plus + ending != FRACTIONAL:
+        raise InputError(
+            "solve",
+            f"a fake device cannot have {plus + ending!r}",
+            f"leave it out, or add {FRACTIONAL} for RZZ and RX gates",
+            key="--backend",
+        )
+    try:
+        open_backend(text).place(qubits)
+    except InputError as error:
+        problem = error.problem if device in error.problem else f"{text}: {error.problem}"
+        raise InputError("solve", problem, error.mend, key="--backend") from None
 
 
 def settings_of(options: argparse.Namespace) -> DispatcherSettings:
@@ -178,61 +218,94 @@ def _iskay(options: argparse.Namespace) -> Solver:
 def records(
     model: QuboModel,
     trials: Sequence[Trial],
-    optimum_kwh: float | None,
-    seed: int,
-    *,
-    with_controls: bool,
+    best: tuple[float | None, bool],
+    options: argparse.Namespace,
 ) -> dict[str, dict[str, Any]]:
     """What ran and what it is worth, by solver, of those with a circuit; see `quantum_record`.
 
+    Beside its fields: ``optimum_proven``, ``seed``, ``iterations`` (of training, as asked; None
+    where nothing is trained), ``deadline_s``.
+
     Args:
-        optimum_kwh: exact or best known objective of the model.
+        best: exact or best known objective of the model, and whether it is proven.
     """
     from dispatcher_daemon.solvers.controls import distributions, run_controls
     from dispatcher_daemon.solvers.quantum_record import quantum_record
 
+    optimum_kwh, proven = best
+    iterations = _iterations(options)
     found = {}
     for outcome in (trial.outcome for trial in trials):
         if outcome.execution is None:
             continue
         controls = {}
-        if outcome.samples is not None and with_controls:
+        if outcome.samples is not None and not options.no_controls:
             of = distributions(model, outcome)
-            controls = run_controls(model, of, outcome.samples.shots, seed)
-        found[outcome.solver] = quantum_record(outcome, outcome.execution, controls, optimum_kwh)
+            controls = run_controls(model, of, outcome.samples.shots, options.seed)
+        record = quantum_record(outcome, outcome.execution, controls, optimum_kwh)
+        found[outcome.solver] = record | {
+            "optimum_proven": proven,
+            "seed": options.seed,
+            "iterations": iterations.get(outcome.solver),
+            "deadline_s": options.deadline,
+        }
+    return found
+
+
+def _iterations(options: argparse.Namespace) -> dict[str, int]:
+    """Of each solver that trains, the most iterations."""
+    settings = settings_of(options)
+    found = {} if options.iterations is None else {"iskay": options.iterations}
+    if settings.lc_qaoa.variant != "ramp":
+        found["lc-qaoa"] = settings.lc_qaoa.iterations
+    if settings.qaoa.angles == "trained":
+        found["qaoa"] = settings.qaoa.iterations
     return found
 
 
 def best_known_kwh(
     form: Form, trials: Sequence[Trial], deadline_s: float, seed: int
-) -> float | None:
-    """The proven optimum of what the solvers minimised, or the best answer; None without one."""
+) -> tuple[float | None, bool]:
+    """The optimum of what the solvers minimised, and that it is proven; or the best answer, and
+    that it is not. None without an answer.
+    """
     from dispatcher_daemon.solvers.exact import ExactSolver
 
-    proven = [t.model_kwh for t in trials if t.outcome.status == "optimal"]
+    known = [t.model_kwh for t in trials]
+    proven = any(t.outcome.status == "optimal" for t in trials)
     if not proven:
         outcome = ExactSolver().solve(form.problem, deadline_s, seed)
+        proven = outcome.status == "optimal"
         if outcome.selected is not None:
-            proven = [form.problem.objective_kwh(outcome.selected)]
-    known = [t.model_kwh for t in trials]
-    return min((kwh for kwh in (*proven, *known) if kwh is not None), default=None)
+            known.append(form.problem.objective_kwh(outcome.selected))
+    return min((kwh for kwh in known if kwh is not None), default=None), proven
 
 
-def lines_of(record: Mapping[str, Any]) -> Iterator[str]:
-    """A record in lines for people."""
+def lines_of(record: Mapping[str, Any], wall_s: float) -> Iterator[str]:
+    """A record in lines for people.
+
+    Args:
+        wall_s: of the whole solve.
+    """
     layers = f", p = {record['p']}" if record["p"] else ""
     qubits = "" if record["qubits"] is None else f", {record['qubits']} qubits"
     yield (
         f"  circuit: {record['variant']}{layers}{qubits} on {record['backend']} ({record['kind']})"
         f"{_gates(record)}; trained {record['train_s']:.2f} s, sampled {record['sample_s']:.2f} s"
     )
+    if wall_s > record["deadline_s"]:
+        yield (
+            f"  late: {wall_s:.2f} s, the deadline was {record['deadline_s']:g} s; what samples "
+            "cannot be cut short, training ends in its share"
+        )
     if record["fallback"] is not None:
         yield f"  fallback: {record['fallback']}"
     if record["job"] is not None:
         yield f"  job: {record['job']}"
     if record["p_feasible"] is None:
         return
-    yield f"  {record['shots']} samples, % feasible / % optimal"
+    best = "optimal" if record["optimum_proven"] else "best known (not proven optimal)"
+    yield f"  {record['shots']} samples, % feasible / % {best}"
     yield _columns("", ("raw", "descended", "repaired"))
     yield _columns("the circuit", _shares(record))
     for name, control in record["controls"].items():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from slipstream_cli.solve_missed import Missed
 from slipstream_cli.solve_quantum import lines_of
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ class Report:
         rivals_kwh: objectives of simpler plans, by what made them.
         baseline: what made the plan without platooning; None if there is none.
         quantum: by solver, of those that ran a circuit; see `quantum_record`.
+        missed: by solver, rewards counted for platoons that do not come about; None: there are
+            none.
     """
 
     instance: str
@@ -49,6 +52,7 @@ class Report:
     baseline: str | None = None
     trials: list[Trial] = field(default_factory=list)
     quantum: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+    missed: dict[str, Missed | None] = field(default_factory=dict)
 
 
 def as_json(report: Report) -> dict[str, Any]:
@@ -70,7 +74,8 @@ def as_json(report: Report) -> dict[str, Any]:
         "rivals_kwh": dict(report.rivals_kwh),
         "baseline": report.baseline,
         "solvers": [
-            _trial_as_json(trial) | report.quantum.get(trial.outcome.solver, {})
+            _trial_as_json(trial, report.missed.get(trial.outcome.solver))
+            | report.quantum.get(trial.outcome.solver, {})
             for trial in report.trials
         ],
         "rewards": None
@@ -79,7 +84,7 @@ def as_json(report: Report) -> dict[str, Any]:
     }
 
 
-def _trial_as_json(trial: Trial) -> dict[str, Any]:
+def _trial_as_json(trial: Trial, missed: Missed | None) -> dict[str, Any]:
     outcome, samples = trial.outcome, trial.outcome.samples
     return {
         "solver": outcome.solver,
@@ -104,6 +109,7 @@ def _trial_as_json(trial: Trial) -> dict[str, Any]:
         "energy_kwh": None if trial.energy is None else trial.energy.total_kwh,
         "saving": None if trial.saving is None else trial.saving._asdict(),
         "platooned_m": trial.platooned_m,
+        "missed_rewards_kwh": 0.0 if missed is None else missed.kwh,
         "routes": {route.vehicle: _route_as_json(route) for route in trial.routes},
     }
 
@@ -162,7 +168,11 @@ def _lines(report: Report) -> Iterator[str]:
         yield f"written: {report.written}"
     for trial in report.trials:
         yield ""
-        yield from _trial_lines(trial, report.baseline, report.quantum.get(trial.outcome.solver))
+        solver = trial.outcome.solver
+        yield from _trial_lines(trial, report.baseline, report.quantum.get(solver))
+        missed = report.missed.get(solver)
+        if missed is not None:
+            yield f"  {missed.line()}"
     if report.rewards is not None:
         earned = sum(pair.saving_kwh > 0 for pair, _ in report.rewards)
         yield ""
@@ -189,7 +199,7 @@ def _trial_lines(
     for fault in trial.faults:
         yield f"  {fault}"
     if quantum is not None:
-        yield from lines_of(quantum)
+        yield from lines_of(quantum, outcome.wall_s)
     elif samples is not None:
         yield (
             f"  samples: {samples.shots}, feasible {100 * samples.share(samples.raw):.2f} % raw, "

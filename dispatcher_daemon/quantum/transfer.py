@@ -1,4 +1,7 @@
-"""Angles of one instance on others: what they are worth there, beside angles of their own."""
+"""Angles of one instance on others: what they are worth there, beside angles of their own.
+
+A tool for whoever chooses fixed angles (`QaoaSettings`); no solver and no table calls it.
+"""
 
 from __future__ import annotations
 

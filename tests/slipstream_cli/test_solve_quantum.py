@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import importlib.util
 import json
-from typing import Any
+from dataclasses import replace
+from typing import Any, get_args
 
 import pytest
 
+from dispatcher_daemon.forms import arc_form
+from dispatcher_daemon.instances import open_instance
+from dispatcher_daemon.settings import LcQaoaSettings, QaoaSettings
+from dispatcher_daemon.solvers.base import Status
+from dispatcher_daemon.solvers.exact import ExactSolver
 from slipstream_cli.main import main
+from slipstream_cli.solve_quantum import VARIANTS, best_known_kwh
 
 Capture = pytest.CaptureFixture[str]
 
@@ -34,7 +41,8 @@ def test_circuit_stages_and_controls_are_in_the_json(capsys: Capture) -> None:
     for stage in ("", "_descended", "_repaired"):
         assert 0 <= trial[f"p_optimal{stage}"] <= trial[f"p_feasible{stage}"] <= 1
     assert trial["p_feasible"] <= trial["p_feasible_descended"]
-    assert trial["best_cost"] >= trial["optimal_cost"] - 1e-9
+    assert trial["best_cost"] >= trial["optimal_cost"]  # rounded alike
+    assert (trial["seed"], trial["iterations"], trial["optimum_proven"]) == (1, 20, True)
     assert trial["energy_kwh"] == trial["energy"]["total_kwh"]
     assert trial["train_s"] > 0
     assert trial["sample_s"] > 0
@@ -85,7 +93,10 @@ def test_people_read_stages_and_differences(capsys: Capture) -> None:
         (("--solver", "lc-qaoa", "--p", "two"), "--p"),
         (("--solver", "lc-qaoa", "--shots", "0"), "--shots"),
         (("--solver", "lc-qaoa", "--iterations", "-3"), "--iterations"),
-        (("--solver", "lc-qaoa", "--variant", "magic"), "variant"),
+        (("--solver", "lc-qaoa", "--variant", "magic"), "--variant: lc-qaoa has no"),
+        (("--solver", "lc-qaoa", "qaoa", "--variant", "trained"), "qaoa has no variant 'trained'"),
+        (("--solver", "lc-qaoa", "--backend", "aer:FakeManilaV2"), "FakeManilaV2"),
+        (("--solver", "lc-qaoa", "--backend", "aer:FakeBoston+foo"), "+fractional"),
         (("--solver", "lc-qaoa", "--variant", "one-hot"), "--form route"),
         (("--solver", "qaoa", "--variant", "xy"), "--form route"),
         (("--solver", "lc-qaoa", "--backend", "nowhere"), "nowhere"),
@@ -119,6 +130,38 @@ def test_bad_input_is_one_line(
     assert captured.err.startswith("slipstream: ")
     assert captured.err.count("\n") == 1
     assert said in captured.err
+
+
+def test_variants_are_those_of_the_settings() -> None:
+    """The help text lists what the settings take, no more and no less."""
+    of_lc_qaoa = get_args(LcQaoaSettings.model_fields["variant"].annotation)
+    of_qaoa = get_args(QaoaSettings.model_fields["variant"].annotation)
+    assert {"lc-qaoa": of_lc_qaoa, "qaoa": of_qaoa} == VARIANTS
+
+
+@pytest.mark.parametrize(("status", "proven"), [("optimal", True), ("feasible", False)])
+def test_an_optimum_is_called_one_only_where_it_is_proven(
+    monkeypatch: pytest.MonkeyPatch, status: Status, proven: bool
+) -> None:
+    """The best answer of a search that ran out of time is the best known one."""
+    form = arc_form(open_instance(SMALL))
+    outcome = replace(ExactSolver().solve(form.problem, 10.0, 1), status=status)
+    monkeypatch.setattr(ExactSolver, "solve", lambda *_: outcome)
+    best, is_proven = best_known_kwh(form, [], 10.0, 1)
+    assert best is not None
+    assert is_proven is proven
+
+
+def test_rewards_that_no_platoon_earns_are_told(capsys: Capture) -> None:
+    """The arc form's rewards that the timetable does not bear out stand beside the saving."""
+    asked = ["solve", "--instance", "arc25-01-avenue"]
+    assert main([*asked, "--json"]) == 0
+    (trial,) = json.loads(capsys.readouterr().out)["solvers"]
+    assert trial["platooned_m"] == 0
+    assert trial["missed_rewards_kwh"] == pytest.approx(0.01694, abs=1e-5)
+    assert main(asked) == 0
+    out = capsys.readouterr().out
+    assert "rewards of 0.01694 kWh are counted, no platoon comes about: e-w: who enters" in out
 
 
 @pytest.mark.skipif(
