@@ -29,6 +29,9 @@ Objective = Callable[[Ansatz], float]
 _KEPT_NUMBERS = 4_000_000
 """About as many complex numbers a reverse sweep may keep: starts beyond that wait their turn."""
 
+_CALL_SHARE = 0.25
+"""Of the time that is left, what one call may take."""
+
 
 @dataclass(frozen=True)
 class Trained:
@@ -157,6 +160,15 @@ def train_angles(
 
     best, lowest, count = angles[0], np.inf, 0
     size = max(1, _KEPT_NUMBERS // (len(ising.h) ** 2 << 2 * sites.layers))
+    if deadline < float("inf"):
+        # One call evaluates a whole batch and cannot be cut short: where one start alone takes
+        # long, fewer go together.
+        began = time.perf_counter()
+        values, _ = evaluate(angles[:1, free])
+        now = time.perf_counter()
+        if now >= deadline:
+            return Trained(sites.ansatz(best), float(values[0]), 1)
+        size = max(1, min(size, int(_CALL_SHARE * (deadline - now) / (now - began))))
     for first in range(0, len(angles), size):
         if count and time.perf_counter() >= deadline:
             break
