@@ -2,12 +2,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from qiskit import QuantumCircuit
 
+from dispatcher_daemon.decode import valid_selections
 from dispatcher_daemon.instance import write_instance
 from dispatcher_daemon.instances import open_instance
 from dispatcher_daemon.quantum.backends.aer import noisy_backend
+from dispatcher_daemon.quantum.chain_order import heavy_path
+from dispatcher_daemon.quantum.circuits import dense_qaoa_circuit
+from dispatcher_daemon.quantum.ising import to_ising
 from dispatcher_daemon.quantum_bench import dense
 from dispatcher_daemon.quantum_bench.case import Case, named_cases, open_case
 from dispatcher_daemon.quantum_bench.rows import (
@@ -20,6 +25,7 @@ from dispatcher_daemon.quantum_bench.rows import (
 )
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.lc_qaoa import counts_to_bits
 from slipstream.errors import InputError
 
 SETTINGS = BenchSettings(shots=200, iterations=5)
@@ -98,6 +104,20 @@ def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
     low, high = sorted((ideal.uniform_feasible, ideal.p_feasible))
     assert low < record["p_feasible"] < high
     assert record["two_qubit_gates"] > 0
+
+
+def test_the_estimate_is_near_what_a_noisy_simulation_of_a_small_circuit_gives(case: Case) -> None:
+    """Six qubits at p = 3 can be sampled with noise: the estimate is within a factor of 1.5."""
+    options, backend = QaoaSettings(layers=3), noisy_backend("FakeBoston")
+    estimated = dense.estimate(case, options, backend)
+    ising = to_ising(case.model.total, case.model.variables)
+    order = heavy_path(ising.coupling)
+    circuit = dense_qaoa_circuit(ising.permuted(order).normalised(), dense.ramp_of(options))
+    bits, counts = counts_to_bits(backend.sample(circuit, 2000, 1).counts, order)
+    valid = valid_selections(case.form.problem)
+    numbers = bits[:, : case.form.problem.choices] @ (1 << np.arange(case.form.problem.choices))
+    sampled = counts[valid[numbers]].sum() / counts.sum()
+    assert 1 / 1.5 < estimated["p_feasible"] / sampled < 1.5
 
 
 def test_error_free_shots_are_those_without_any_error() -> None:
