@@ -146,10 +146,10 @@ def test_models_are_written(capsys: Capture, tmp_path: Path) -> None:
 
 
 def test_no_plan_is_exit_status_1(capsys: Capture) -> None:
-    """With a γ that makes breaking rules pay, tabu search finds no valid plan; that is said."""
-    arguments = ("--instance", FLIP, "--solver", "tabu", "--gamma", "1e-9")
+    """A search without the time for its first read gives no plan; that is said."""
+    arguments = ("--instance", FLIP, "--solver", "tabu", "--deadline", "1e-9")
     (tabu,) = solve(capsys, *arguments, status=1)["solvers"]
-    assert (tabu["status"], tabu["feasible"], tabu["objective_kwh"]) == ("failed", False, None)
+    assert (tabu["status"], tabu["feasible"], tabu["objective_kwh"]) == ("timeout", False, None)
     assert tabu["reason"]
 
 

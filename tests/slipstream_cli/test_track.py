@@ -9,6 +9,7 @@ import cv2
 import pytest
 
 from slipstream.messages import SegmentState
+from slipstream.service import rss_mb
 from slipstream_cli.main import main
 
 
@@ -29,6 +30,7 @@ def test_a_clip_is_followed_scored_and_drawn(
     """Every frame goes through; states, figures beside the truth, and the picture for people."""
     folder = street_clips["stable"]
     states, film = tmp_path / "states.jsonl", tmp_path / "drawn.mp4"
+    others_mb = rss_mb()  # what the tests before left in this process
     status = main(
         arguments(
             folder, "--truth", folder / "truth.csv", "--out", states, "--annotated", film, "--json"
@@ -39,7 +41,7 @@ def test_a_clip_is_followed_scored_and_drawn(
     assert summary["frames"] == 14 * 15
     assert summary["states"] == 14
     assert 0 < summary["ms_per_frame"]["median"] <= summary["ms_per_frame"]["p95"]
-    assert 50 < summary["rss_mb"] < 1500
+    assert 50 < summary["rss_mb"] < others_mb + 700
     assert summary["speed_mae_kmh"] < 1.0
     assert summary["idf1"] > 0.95
     assert 0.5 < summary["hota"] <= 1.0
