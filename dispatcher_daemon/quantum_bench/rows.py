@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from dispatcher_daemon.quantum.backends.aer import noisy_backend
+from dispatcher_daemon.quantum.backends.aer import NoisyBackend
 from dispatcher_daemon.quantum_bench import dense, paper
 from dispatcher_daemon.quantum_bench.case import Case
 from dispatcher_daemon.quantum_bench.paper import PaperRow
@@ -162,7 +162,7 @@ def _dense_on_device(settings: BenchSettings, p: int) -> Row:
     device = settings.noise.partition(":")[2]
 
     def measure(case: Case) -> Record:
-        return dense.estimate(case, QaoaSettings(layers=p), noisy_backend(device))
+        return dense.estimate(case, QaoaSettings(layers=p), NoisyBackend(device))
 
     return Row(
         key=f"qaoa/estimated/p{p}/{settings.noise}",

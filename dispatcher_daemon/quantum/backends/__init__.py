@@ -26,11 +26,11 @@ def open_backend(text: str) -> Backend:
 
         return AerBackend()
     if service == "aer" and name:
-        from dispatcher_daemon.quantum.backends.aer import FRACTIONAL, fake_target, noisy_backend
+        from dispatcher_daemon.quantum.backends.aer import FRACTIONAL, NoisyBackend, fake_target
 
         device = name.removesuffix(FRACTIONAL)
         fake_target(device)
-        return noisy_backend(device, name.endswith(FRACTIONAL))
+        return NoisyBackend(device, name.endswith(FRACTIONAL))
     if service == "ibm" and name:
         from dispatcher_daemon.quantum.backends.ibm import open_ibm_backend
 

@@ -64,12 +64,7 @@ class AerBackend:
         result = simulator.run(noiseless(circuit) if chain else circuit, shots=shots).result()
         if not result.success:
             raise RuntimeError(f"Aer: {result.status}")
-        return Sampled(
-            counts=dict(result.get_counts()),
-            two_qubit_depth=two_qubit_depth(circuit),
-            two_qubit_gates=two_qubit_gates(circuit),
-            sample_s=time.perf_counter() - began,
-        )
+        return _sampled(dict(result.get_counts()), circuit, began)
 
 
 @dataclass(frozen=True)
@@ -122,18 +117,17 @@ class NoisyBackend:
             seed,
             method="matrix_product_state" if chain else "statevector",
         )
-        return Sampled(
-            counts=counts,
-            two_qubit_depth=two_qubit_depth(transpiled),
-            two_qubit_gates=two_qubit_gates(transpiled),
-            sample_s=time.perf_counter() - began,
-        )
+        return _sampled(counts, transpiled, began)
 
 
-@lru_cache(maxsize=4)
-def noisy_backend(device: str, fractional: bool = False) -> NoisyBackend:
-    """The backend of a fake device, which keeps what it derives of the device's noise."""
-    return NoisyBackend(device, fractional)
+def _sampled(counts: dict[str, int], circuit: Any, began: float) -> Sampled:
+    """Counts of a circuit as it ran, since ``began`` by `time.perf_counter`."""
+    return Sampled(
+        counts=counts,
+        two_qubit_depth=two_qubit_depth(circuit),
+        two_qubit_gates=two_qubit_gates(circuit),
+        sample_s=time.perf_counter() - began,
+    )
 
 
 @lru_cache(maxsize=4)

@@ -9,7 +9,7 @@ from qiskit import QuantumCircuit
 from dispatcher_daemon.decode import valid_selections
 from dispatcher_daemon.instance import write_instance
 from dispatcher_daemon.instances import open_instance
-from dispatcher_daemon.quantum.backends.aer import noisy_backend
+from dispatcher_daemon.quantum.backends.aer import NoisyBackend
 from dispatcher_daemon.quantum.chain_order import heavy_path
 from dispatcher_daemon.quantum.circuits import dense_qaoa_circuit
 from dispatcher_daemon.quantum.ising import to_ising
@@ -98,7 +98,7 @@ def test_simulated_rows_are_measured_with_their_controls(case: Case) -> None:
 
 def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
     """The estimate lies between uniform bits and the circuit without noise."""
-    record = dense.estimate(case, QaoaSettings(layers=1), noisy_backend("FakeBoston"))
+    record = dense.estimate(case, QaoaSettings(layers=1), NoisyBackend("FakeBoston"))
     ideal = dense.dense_qaoa_figures(case.model, dense.ramp_of(QaoaSettings(layers=1)))
     assert 0.5 < record["error_free"] < 1
     low, high = sorted((ideal.uniform_feasible, ideal.p_feasible))
@@ -108,7 +108,7 @@ def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
 
 def test_the_estimate_is_near_what_a_noisy_simulation_of_a_small_circuit_gives(case: Case) -> None:
     """Six qubits at p = 3 can be sampled with noise: the estimate is within a factor of 1.5."""
-    options, backend = QaoaSettings(layers=3), noisy_backend("FakeBoston")
+    options, backend = QaoaSettings(layers=3), NoisyBackend("FakeBoston")
     estimated = dense.estimate(case, options, backend)
     ising = to_ising(case.model.total, case.model.variables)
     order = heavy_path(ising.coupling)
@@ -122,7 +122,7 @@ def test_the_estimate_is_near_what_a_noisy_simulation_of_a_small_circuit_gives(c
 
 def test_error_free_shots_are_those_without_any_error() -> None:
     """A circuit's share is the product over its gates and readouts."""
-    backend = noisy_backend("FakeBoston")
+    backend = NoisyBackend("FakeBoston")
 
     def share(flips: int) -> float:
         circuit = QuantumCircuit(156, 1)
