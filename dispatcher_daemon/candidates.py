@@ -80,6 +80,7 @@ class Cycle:
             issued_ns=self.now_ns,
             valid_s=2 * settings.interval_s,
             gap_m=settings.gap_m,
+            advice=settings.advice,
         )
         faults = verify_plans(
             plans,

@@ -9,7 +9,7 @@ from dispatcher_daemon.platoons import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routes import Route
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.messages import PlannedSegment, PlannedStop, VehiclePlan
+from slipstream.messages import DrivingAdvice, PlannedSegment, PlannedStop, VehiclePlan
 
 
 def vehicle_plans(
@@ -23,6 +23,7 @@ def vehicle_plans(
     issued_ns: int,
     valid_s: float,
     gap_m: float,
+    advice: DrivingAdvice,
 ) -> tuple[VehiclePlan, ...]:
     """One plan a route; its stops begin and end with the depot, leg n joins stops n and n + 1.
 
@@ -30,6 +31,7 @@ def vehicle_plans(
         issued_ns: UTC that the routes' times count from.
         valid_s: how long the plan may be followed without a newer one.
         gap_m: gap advised to followers, m.
+        advice: given to every vehicle.
     """
 
     def utc_ns(seconds: float) -> int:
@@ -72,6 +74,7 @@ def vehicle_plans(
             segments=segments(route),
             distance_m=sum(leg.drive.length_m for leg in route.legs),
             energy_kwh=energy.driven.total_kwh,
+            advice=advice,
         )
         for route, energy in zip(routes, energies, strict=True)
     )

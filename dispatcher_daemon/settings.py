@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
+from slipstream.messages import DrivingAdvice
 
 SolverName = Literal["exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa", "qaoa"]
 
@@ -284,6 +285,10 @@ class DispatcherSettings(Settings):
     )
     gap_m: float = Field(
         default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers."
+    )
+    advice: DrivingAdvice = Field(
+        default=DrivingAdvice(),
+        description="What plans tell vehicles to do at signals, turns and stops.",
     )
     form: Literal["auto", "arc", "route"] = Field(
         default="auto",

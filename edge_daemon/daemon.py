@@ -16,7 +16,7 @@ from edge_daemon import metrics
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
-from edge_daemon.heap import GIVE_BACK_EVERY_S, give_back_freed
+from edge_daemon.heap import GIVE_BACK_EVERY_S, give_back_freed, keep_shape
 from edge_daemon.pauses import Pauses
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
@@ -47,6 +47,7 @@ def run_edge(settings: EdgeSettings) -> None:
     Raises:
         InputError: the camera file, the model, the clip or the bus settings are unusable.
     """
+    keep_shape()
     configure_logging(f"edge {settings.rsu}", settings.service.log_level)
     camera = load_camera(settings.camera)
     reference = read_reference(camera)

@@ -174,6 +174,21 @@ class PlannedStop(Message):
     departure_ns: TimeNs
 
 
+class DrivingAdvice(Message):
+    """How to drive a plan's legs, beside where and when: each part a lever of its own."""
+
+    eco_approach: bool = Field(
+        default=False, description="Time the approach to signals by what their RSU broadcasts."
+    )
+    coasting_budget: Annotated[float, Field(ge=0, le=0.5)] = Field(
+        default=0.0,
+        description="Share of a leg's planned time that coasting to turns and stops may add.",
+    )
+    signal_priority: bool = Field(
+        default=False, description="Ask signals for green where the city allows it."
+    )
+
+
 class VehiclePlan(Message):
     """The advice that one vehicle gets from one dispatch cycle."""
 
@@ -186,6 +201,7 @@ class VehiclePlan(Message):
     segments: tuple[PlannedSegment, ...]
     distance_m: NonNegative
     energy_kwh: NonNegative
+    advice: DrivingAdvice = DrivingAdvice()
 
 
 class SolverReport(Message):

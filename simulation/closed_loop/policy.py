@@ -1,0 +1,55 @@
+"""What an arm of the evaluation lets its dispatcher and its vehicles do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+Lever = Literal["routes", "departures", "platoons", "eco_approach", "coasting", "priority"]
+
+LEVERS: Final[tuple[Lever, ...]] = (
+    "routes",
+    "departures",
+    "platoons",
+    "eco_approach",
+    "coasting",
+    "priority",
+)
+"""routes: costs of movements with their stops, instead of the paper's costs of segments;
+departures: the second that a vehicle leaves at; platoons: who drives behind whom, and the gap;
+eco_approach: speed towards signals by their broadcast timing; coasting: rolling out before turns
+and stops, within a time budget; priority: asking signals for green."""
+
+WITHOUT_PRIORITY: Final = frozenset(LEVERS) - {"priority"}
+
+Gating = Literal["rsu", "open", "random"]
+"""Which segments platoons may form on: those that RSUs report as stable; all that are watched;
+watched ones drawn as often as RSUs report stable ones."""
+
+
+@dataclass(frozen=True)
+class Policy:
+    """An arm.
+
+    Attributes:
+        name: in tables and files.
+        levers: what the dispatcher controls.
+        search: what routes are shortest in.
+        gating: where platoons may form.
+        noise: the paper's, on the six features: each times 1 + noise · N(0, 1).
+        pace: the fleet's desired speed over the limit, in every arm 1 but in those that the
+            baseline is slowed or hurried in to compare at equal travel time.
+        coasting_budget: share of a leg's planned time that coasting may add to it.
+    """
+
+    name: str
+    levers: frozenset[Lever] = frozenset()
+    search: Literal["time", "energy"] = "energy"
+    gating: Gating = "rsu"
+    noise: float = 0.0
+    pace: float = 1.0
+    coasting_budget: float = 0.06
+
+    def __post_init__(self) -> None:
+        if self.noise < 0 or self.pace <= 0 or self.coasting_budget < 0:
+            raise ValueError("noise and coasting_budget must be >= 0 and pace > 0")

@@ -1,0 +1,144 @@
+"""What an arm of the closed loop leaves behind: plain data, the same for the same seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slipstream.energy import Energy
+
+
+@dataclass(frozen=True)
+class DrivenLeg:
+    """One leg of a round as it was driven, from rest at one place to rest at the next.
+
+    Attributes:
+        vehicle: of the fleet.
+        round: number of its round in the day, from 0.
+        leg: number of the leg in the round, from 0.
+        due_s: when it should have left, s since midnight.
+        departed_s: when it came onto the road.
+        arrived_s: when it stood at the next place.
+        free_s: what the leg takes at the limit on an empty road, as the dispatcher plans it.
+        distance_m: driven.
+        driven: energy with the drag reductions that it had.
+        alone: energy of the same speeds without any.
+        led_m: distance at the front of a platoon.
+        followed_m: distance behind somebody in a platoon.
+        stops: times that it came to a stand on the road, its arrival apart.
+        waited_s: time below 0.1 m/s on the road.
+        turbulent_s: time in a platoon on a segment whose traffic was turbulent in truth.
+    """
+
+    vehicle: str
+    round: int
+    leg: int
+    due_s: float
+    departed_s: float
+    arrived_s: float
+    free_s: float
+    distance_m: float
+    driven: Energy
+    alone: Energy
+    led_m: float
+    followed_m: float
+    stops: int
+    waited_s: float
+    turbulent_s: float
+
+    @property
+    def travel_s(self) -> float:
+        """From the planned departure to the arrival: waiting to get onto the road counts."""
+        return self.arrived_s - self.due_s
+
+
+@dataclass(frozen=True)
+class Service:
+    """One order: when it was due and when its service began; None: never in this day."""
+
+    order: str
+    latest_s: float
+    begun_s: float | None
+
+
+@dataclass(frozen=True)
+class CycleRecord:
+    """One dispatch cycle.
+
+    Attributes:
+        time_s: since midnight.
+        status: of its report.
+        vehicles: sent.
+        planned_kwh: energy of its plans, as the dispatcher expects it.
+        planned_platooned_m: distance in platoons, as planned.
+        open: watched segments whose gate was open.
+        judged: watched segments whose y_e was known.
+        watched: segments that an RSU watches.
+        open_turbulent: open gates of segments whose traffic was turbulent in truth.
+    """
+
+    time_s: float
+    status: str
+    vehicles: int
+    planned_kwh: float
+    planned_platooned_m: float
+    open: int
+    judged: int
+    watched: int
+    open_turbulent: int
+
+
+@dataclass(frozen=True)
+class Others:
+    """The background's trips that ended: what the fleet's driving did to everybody else.
+
+    Attributes:
+        arrived: trips.
+        duration_s: mean, departure delay included.
+        time_loss_s: mean, against driving as fast as they like.
+        stops: mean number of times that they came to a stand.
+    """
+
+    arrived: int
+    duration_s: float
+    time_loss_s: float
+    stops: float
+
+
+@dataclass(frozen=True)
+class ArmResult:
+    """One arm of one seed.
+
+    Attributes:
+        scenario: its name.
+        seed: of the day.
+        policy: name of the arm.
+        begin_s: simulated, s since midnight.
+        end_s: simulated.
+        legs: in the order of arrival.
+        services: one an order that was released.
+        cycles: those that had something to plan.
+        others: the background.
+        disengagements: platoons that had to part because the traffic around them was turbulent in
+            truth.
+        teleports: SUMO's counts of the whole run, collisions and emergency stops likewise.
+        collisions: at least one vehicle ran into another.
+        emergency_stops: brakings above the vehicle's emergency deceleration.
+        gridlock_s: when most vehicles had stood for long; None: never.
+        unfinished: vehicles of the fleet still on the road at the end.
+    """
+
+    scenario: str
+    seed: int
+    policy: str
+    begin_s: float
+    end_s: float
+    legs: tuple[DrivenLeg, ...]
+    services: tuple[Service, ...]
+    cycles: tuple[CycleRecord, ...]
+    others: Others
+    disengagements: int
+    teleports: int
+    collisions: int
+    emergency_stops: int
+    gridlock_s: float | None
+    unfinished: int

@@ -1,0 +1,85 @@
+"""A vehicle of the fleet on one leg: what it was told, and where it is in the running simulation.
+
+Each leg is a SUMO vehicle of its own, from rest at one place to rest at the next, as the dispatcher
+plans it: customers lie beside the road, so that serving them blocks nobody.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from slipstream.messages import DrivingAdvice, PlannedSegment
+
+PREFIX: Final = "cav/"
+"""SUMO ids of the fleet's vehicles begin with it; no id of the background does."""
+
+
+@dataclass(frozen=True)
+class LegOrder:
+    """One leg as its vehicle was told to drive it.
+
+    Attributes:
+        vehicle: of the fleet.
+        round: number of its round in the day, from 0.
+        leg: number in the round, from 0.
+        path: segments, the first one left from its beginning, the last one driven to its end.
+        due_s: when to leave, s since midnight.
+        free_s: what the leg takes at the limit on an empty road.
+        planned: the plan's segments of this leg, in order, with platoons and entry times.
+        advice: how to drive.
+    """
+
+    vehicle: str
+    round: int
+    leg: int
+    path: tuple[str, ...]
+    due_s: float
+    free_s: float
+    planned: tuple[PlannedSegment, ...]
+    advice: DrivingAdvice
+
+    @property
+    def id(self) -> str:
+        """Its id in SUMO."""
+        return f"{PREFIX}{self.vehicle}/{self.round}/{self.leg}"
+
+
+@dataclass(frozen=True)
+class VehicleState:
+    """Where a vehicle is after a step.
+
+    Attributes:
+        segment: of its path that it is on, or that it has just left while it crosses a junction.
+        number: of that segment in the path.
+        crossing: whether it is in a junction, between that segment and the next one.
+        lane: index of its lane.
+        front_m: of its front, along the segment, or along the lane through the junction.
+        speed_mps: now.
+        driven_m: since it came onto the road.
+    """
+
+    segment: str
+    number: int
+    crossing: bool
+    lane: int
+    front_m: float
+    speed_mps: float
+    driven_m: float
+
+
+def read_state(name: str, order: LegOrder) -> VehicleState:
+    """The state of a vehicle of the running simulation; it must be on the road."""
+    import libsumo
+
+    vehicle = libsumo.vehicle
+    number = max(0, vehicle.getRouteIndex(name))
+    return VehicleState(
+        order.path[number],
+        number,
+        vehicle.getRoadID(name).startswith(":"),
+        vehicle.getLaneIndex(name),
+        vehicle.getLanePosition(name),
+        vehicle.getSpeed(name),
+        vehicle.getDistance(name),
+    )
