@@ -1,1 +1,1 @@
-"""The fleet drives in SUMO: dispatched on what RSUs see, advised by its plans, measured as driven."""
+"""The fleet drives in SUMO: dispatched on what RSUs see, advised by its plans, then measured."""
