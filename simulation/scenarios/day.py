@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import signal
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.util import find_spec
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from edge_daemon.stability import StabilitySettings
+from simulation.scenarios.apart import Progress, run_apart
 from simulation.scenarios.record import (
     Day,
     hours_of,
@@ -23,13 +20,9 @@ from simulation.scenarios.record import (
 )
 from simulation.scenarios.rsus import Rsu
 from simulation.sumo.files import check_files
-from slipstream.errors import InputError
 
 if TYPE_CHECKING:
     from simulation.scenarios.observer import Observation, Observer
-
-Progress = Callable[[float, float], None]
-"""Told the simulated time and the end, s."""
 
 _CHECK_S: Final = 600.0
 _STANDING_MPS: Final = 0.1
@@ -85,53 +78,15 @@ def sumo_options(order: DayOrder, additional: tuple[Path, ...] = ()) -> list[str
 
 
 def run_day(order: DayOrder, progress: Progress | None = None) -> Day:
-    """Simulate in another process: SUMO ends its process on some faults, and holds one simulation.
+    """Simulate in another process.
 
     Raises:
         InputError: a file is no SUMO file or none that fits the net, or SUMO dies of it.
         ModuleNotFoundError: libsumo is not installed.
     """
-    if find_spec("libsumo") is None:
-        raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
     check_files(order.net, (order.routes, *order.additional))
-    context = get_context("spawn")
-    inbox, outbox = context.Pipe(duplex=False)
-    process = context.Process(target=_serve, args=(outbox, order), daemon=True)
-    process.start()
-    outbox.close()
-    try:
-        while True:
-            received = inbox.recv()
-            if isinstance(received, InputError):
-                raise received
-            if isinstance(received, Day):
-                return received
-            if progress is not None:
-                progress(float(received), order.end_s)
-    except EOFError:
-        process.join()
-        raise InputError(
-            f"{order.net.name}, {order.routes.name}",
-            f"SUMO crashes on them (exit status {process.exitcode})",
-            "look for edges without connections, or run sumo on them",
-        ) from None
-    finally:
-        inbox.close()
-        process.terminate()
-        process.join()
-        process.close()
-
-
-def _serve(outbox: Connection, order: DayOrder) -> None:
-    """Run in the other process: send times as they pass, then the day, or the fault."""
-    # An interrupt is the business of the process that asked.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        outbox.send(simulate(order, outbox.send))
-    except InputError as error:
-        outbox.send(error)
-    except (BrokenPipeError, ConnectionResetError):
-        return  # nobody wants the rest
+    source = f"{order.net.name}, {order.routes.name}"
+    return run_apart(simulate, order, source, order.end_s, progress)
 
 
 def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:

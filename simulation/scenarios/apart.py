@@ -1,0 +1,82 @@
+"""A simulation in a process of its own: SUMO ends its process on some faults, and holds one."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from importlib.util import find_spec
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import TypeVar
+
+from slipstream.errors import InputError
+
+Progress = Callable[[float, float], None]
+"""Told the simulated time and the end, s."""
+
+Order = TypeVar("Order")
+Result = TypeVar("Result")
+
+
+def run_apart(
+    simulate: Callable[[Order, Callable[[float], None]], Result],
+    order: Order,
+    source: str,
+    end_s: float,
+    progress: Progress | None = None,
+) -> Result:
+    """Simulate in another process and bring back what came of it.
+
+    Args:
+        simulate: a module's function; told the order and whom to tell the simulated time.
+        order: what to simulate; sent to the process.
+        source: files that it is made of, named if SUMO dies of them.
+        end_s: simulated.
+
+    Raises:
+        InputError: what `simulate` raises, or SUMO died.
+        ModuleNotFoundError: libsumo is not installed.
+    """
+    if find_spec("libsumo") is None:
+        raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
+    context = get_context("spawn")
+    inbox, outbox = context.Pipe(duplex=False)
+    process = context.Process(target=_serve, args=(outbox, simulate, order), daemon=True)
+    process.start()
+    outbox.close()
+    try:
+        while True:
+            kind, received = inbox.recv()
+            if kind == "fault":
+                raise received
+            if kind == "result":
+                result: Result = received
+                return result
+            if progress is not None:
+                progress(received, end_s)
+    except EOFError:
+        process.join()
+        raise InputError(
+            source,
+            f"SUMO crashes on them (exit status {process.exitcode})",
+            "look for edges without connections, or run sumo on them",
+        ) from None
+    finally:
+        inbox.close()
+        process.terminate()
+        process.join()
+        process.close()
+
+
+def _serve(
+    outbox: Connection, simulate: Callable[[Order, Callable[[float], None]], object], order: Order
+) -> None:
+    """Run in the other process: send times as they pass, then the result, or the fault."""
+    # An interrupt is the business of the process that asked.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        outbox.send(("result", simulate(order, lambda time_s: outbox.send(("time", time_s)))))
+    except InputError as error:
+        outbox.send(("fault", error))
+    except (BrokenPipeError, ConnectionResetError):
+        return  # nobody wants the rest
