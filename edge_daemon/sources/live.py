@@ -13,7 +13,7 @@ from edge_daemon.sources.protocol import SourceCounters
 
 log = logging.getLogger(__name__)
 
-_MOST_WAITING = 8
+_MOST_WAITING = 16
 
 Offer = Callable[[Frame], None]
 Capture = Callable[[Offer, threading.Event, SourceCounters], None]
