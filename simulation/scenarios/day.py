@@ -45,7 +45,8 @@ class DayOrder:
         end_s: simulated time.
         step_s: of the simulation; a window and a second must be multiples of it.
         interval_s: of the traffic tables; divides an hour.
-        window_every_s: a window of the RSUs ends at each multiple; it is 10 s long.
+        window_every_s: a window of the RSUs ends at each multiple.
+        window_s: its length, no more than that.
         seed: of SUMO. With the scenarios' own vehicles nothing is drawn from it.
         rule: by which windows are stable in truth: the paper's, without hysteresis.
     """
@@ -60,6 +61,7 @@ class DayOrder:
     step_s: float = 1.0
     interval_s: float = 300.0
     window_every_s: float = 300.0
+    window_s: float = 10.0
     seed: int = 1
     rule: StabilitySettings = field(default_factory=lambda: StabilitySettings().bare())
 
@@ -145,12 +147,13 @@ class _Watch:
             # Imported here: the edge's parts cost a second, which a day without RSUs need not pay.
             from simulation.scenarios.observer import Observer
 
-            self._observer = Observer(order.rsus, order.step_s, order.rule)
+            window_s = min(order.window_s, order.window_every_s)
+            self._observer = Observer(order.rsus, order.step_s, order.rule, window_s)
 
     def run(self, advance: Callable[[float], None]) -> float:
         """Go to the end, or to a gridlock; returns the simulated time there, s."""
         order = self._order
-        window_s = min(10.0, order.window_every_s)
+        window_s = min(order.window_s, order.window_every_s)
         now, check_s = order.begin_s, order.begin_s + _CHECK_S
         while now < order.end_s:
             if self._observer is not None:
