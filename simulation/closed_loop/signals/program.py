@@ -1,0 +1,142 @@
+"""A signal program: its phases, and when a movement will be green from any moment in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+FREE: Final = "GO"
+"""Letters of SUMO's states that let a movement go before all others."""
+
+YIELDING: Final = "go"
+"""Letters that let it go through the gaps of traffic that has priority."""
+
+_CYCLES: Final = 2
+
+
+class Green(NamedTuple):
+    """A time in which a movement may go.
+
+    Attributes:
+        begin_s: simulated time; past for a green that runs.
+        end_s: when yellow begins; infinite where it never does.
+        certain: both ends are fixed. If not, an actuated signal keeps this green at least so long,
+            or gives it at the earliest then and for at least so long.
+        protected: nobody has to be given way in all of it.
+    """
+
+    begin_s: float
+    end_s: float
+    certain: bool
+    protected: bool
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase of a program.
+
+    Attributes:
+        state: a letter for each movement, as SUMO writes them.
+        usual_s: what it lasts in a program of fixed times; in an actuated one its nominal time.
+        least_s: what it lasts at least.
+        most_s: what it lasts at most without a request for priority.
+        next: phases that can follow.
+    """
+
+    state: str
+    usual_s: float
+    least_s: float
+    most_s: float
+    next: tuple[int, ...]
+
+    def lets_go(self, link: int) -> bool:
+        """Whether a movement may go in it."""
+        return self.state[link] in FREE or self.state[link] in YIELDING
+
+    @property
+    def clearing(self) -> bool:
+        """Whether it clears the junction: some movement is yellow, or none may go."""
+        return "y" in self.state or not any(c in "GgOo" for c in self.state)
+
+
+@dataclass(frozen=True)
+class Program:
+    """The phases of a signal.
+
+    Attributes:
+        phases: in order.
+        fixed: whether each lasts its usual time, whatever traffic comes.
+    """
+
+    phases: tuple[Phase, ...]
+    fixed: bool
+
+    @property
+    def cycle_s(self) -> float:
+        """The usual time of a cycle."""
+        return sum(phase.usual_s for phase in self.phases)
+
+    def usual_end_s(self, phase: int) -> float:
+        """When a phase usually ends, counted from the begin of the cycle."""
+        return sum(p.usual_s for p in self.phases[: phase + 1])
+
+    def course(self, phase: int, end_s: float, lag_s: float = 0.0) -> Iterator[tuple[int, float]]:
+        """Phases from the running one on and when each ends, as far as the program fixes them.
+
+        Fixed times: two cycles; a phase that begins late or early ends at its usual time if its
+        least time allows. Actuated: the earliest ends, until it is open which phase follows.
+
+        Args:
+            phase: that runs.
+            end_s: its end; the earliest one if it is actuated.
+            lag_s: how far that end is behind the usual one.
+        """
+        until_s = end_s + _CYCLES * self.cycle_s
+        while True:
+            yield phase, end_s
+            if len(self.phases[phase].next) != 1 or end_s >= until_s:
+                return
+            phase = self.phases[phase].next[0]
+            following = self.phases[phase]
+            lasting_s = following.least_s
+            if self.fixed:
+                lasting_s = max(following.usual_s - lag_s, following.least_s)
+                lag_s += lasting_s - following.usual_s
+            end_s += lasting_s
+
+    def greens(
+        self, link: int, phase: int, begun_s: float, end_s: float, lag_s: float = 0.0
+    ) -> tuple[Green, ...]:
+        """When a movement may go: all times of two cycles, or the next one of an actuated signal.
+
+        Args:
+            link: number of the movement at the signal.
+            phase: that runs.
+            begun_s: when it began.
+            end_s: its end; the earliest one if it is actuated.
+            lag_s: how far that end is behind the usual one.
+        """
+        if all(p.lets_go(link) for p in self.phases):
+            free = all(p.state[link] in FREE for p in self.phases)
+            return (Green(begun_s, math.inf, True, free),)
+        found: list[Green] = []
+        opened_s: float | None = None
+        protected = True
+        last_s = begun_s
+        for number, ends_s in self.course(phase, end_s, lag_s):
+            running = self.phases[number]
+            if running.lets_go(link):
+                if opened_s is None:
+                    opened_s, protected = last_s, True
+                protected = protected and running.state[link] in FREE
+            elif opened_s is not None:
+                found.append(Green(opened_s, last_s, self.fixed, protected))
+                opened_s = None
+                if not self.fixed:
+                    break
+            last_s = ends_s
+        if opened_s is not None and not self.fixed:
+            found.append(Green(opened_s, last_s, False, protected))
+        return tuple(found)
