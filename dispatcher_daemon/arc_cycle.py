@@ -31,7 +31,7 @@ class ArcCycle:
         self._cycle = cycle
         settings = cycle.settings
         self.parts = arc_parts_of(
-            cycle.problem, cycle.snapshot, settings.sync_window_s, settings.deadline_s
+            cycle.problem, cycle.snapshot, settings.sync_window_s, cycle.reference_s
         )
 
     def run(self, solve: Solve) -> Found:
@@ -75,7 +75,7 @@ class ArcCycle:
             return decoded.violations[0]
         # The first vehicles leave when the solvers' time is over.
         routes = [
-            timetable(cycle.problem, legs, v, decoded.routes[v.id], cycle.settings.deadline_s)
+            timetable(cycle.problem, legs, v, decoded.routes[v.id], cycle.reference_s)
             for v in cycle.problem.fleet.vehicles
         ]
         if not platooning:
@@ -94,7 +94,7 @@ class ArcCycle:
         cycle = self._cycle
         settings = cycle.settings
         planner = Planner(
-            cycle.problem, cycle.snapshot, [], settings.sync_window_s, settings.deadline_s
+            cycle.problem, cycle.snapshot, [], settings.sync_window_s, cycle.reference_s
         )
         present = [
             planner.itinerary(n, tuple(v.place for v in route.visits[1:-1]), route.legs)

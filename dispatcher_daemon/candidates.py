@@ -41,6 +41,8 @@ class Cycle:
         number: of the cycle.
         now_ns: UTC at its start.
         seed: of everything random in it.
+        reference_s: from its start to the moment that the fleet's times count from, when a vehicle
+            that is ready at once leaves.
     """
 
     problem: RoutingProblem
@@ -49,6 +51,7 @@ class Cycle:
     number: int
     now_ns: int
     seed: int
+    reference_s: float
 
     def candidate(
         self,
@@ -89,7 +92,7 @@ class Cycle:
             {name for name, t in self.snapshot.segments.items() if t.open},
             window,
             unserved=unserved or {},
-            reference_s=settings.deadline_s,
+            reference_s=self.reference_s,
         )
         return faults[0] if faults else Candidate(solver, objective_kwh, plans, energies)
 

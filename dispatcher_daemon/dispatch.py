@@ -59,6 +59,7 @@ def run_cycle(
     *,
     executor: Executor | None = None,
     start: Mapping[str, Sequence[str]] | None = None,
+    reference_s: float | None = None,
 ) -> CycleResult:
     """Run one dispatch cycle.
 
@@ -74,13 +75,17 @@ def run_cycle(
         clock: seconds, for the report's wall time only.
         executor: for the search of the route form's base routes; None: this thread.
         start: routes by vehicle that this search starts from, as of the last cycle.
+        reference_s: from the start of the cycle to the moment that the fleet's times count from;
+            None: its deadline, so that plans are out before anybody leaves.
 
     Returns:
         The best verified plans of the solvers that answered; the baseline's if none did; a report
         of status "failed" without plans if there is no valid plan at all.
     """
     began = clock()
-    this = Cycle(problem, snapshot, settings, cycle, now_ns, seed)
+    if reference_s is None:
+        reference_s = settings.deadline_s
+    this = Cycle(problem, snapshot, settings, cycle, now_ns, seed, reference_s)
     arcs: tuple[RoutedArc, ...] = ()
     judged: tuple[JudgedPair, ...] = ()
     in_arcs = _in_arcs(this)

@@ -50,7 +50,7 @@ def route_cycle(
         sync_window_s=settings.sync_window_s,
         seed=cycle.seed,
         deadline_s=settings.deadline_s,
-        reference_s=settings.deadline_s,
+        reference_s=cycle.reference_s,
         start=start,
     )
     made_by = _made_by(plan)

@@ -189,6 +189,11 @@ class SearchSettings(Settings):
     iterations_per_stop: int = Field(
         default=16, ge=1, le=100_000, description="Of iterated local search, in each round."
     )
+    iterations_to_feasible: int = Field(
+        default=20_000,
+        ge=1,
+        description="Most of the first search, which ends with the first routes that are feasible.",
+    )
     part_stops: int = Field(
         default=250, ge=10, description="A round searches parts of so many stops side by side."
     )

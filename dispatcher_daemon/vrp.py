@@ -34,7 +34,6 @@ from dispatcher_daemon.vrp_model import NEVER_MWH, StopsOf, Visits, VrpModel
 log = logging.getLogger(__name__)
 
 
-_MOST_TO_FEASIBLE = 20_000
 _STRICT: Final = pyvrp.PenaltyParams(max_penalty=1e9)
 """Half of this is where it starts: more than leaving a stop out costs, for one unit too many."""
 _LOOSE: Final = pyvrp.PenaltyParams()
@@ -153,7 +152,8 @@ def _first_routes(
     begin = None if start is None else model.visits(start)
     # From where loose penalties lead first, rounds get further.
     for penalty in (_LOOSE, _STRICT) if required else (_STRICT,):
-        found, cut = _search(data, begin, None, settings.time_limit_s / 8, seed, penalty)
+        most, limit_s = settings.iterations_to_feasible, settings.time_limit_s / 8
+        found, cut = _search(data, begin, most, limit_s, seed, penalty, first=True)
         if found is not None:
             break
     return (None if found is None else model.read(found)), cut
@@ -162,22 +162,24 @@ def _first_routes(
 def _search(
     data: pyvrp.ProblemData,
     start: Visits | None,
-    iterations: int | None,
+    iterations: int,
     limit_s: float,
     seed: int,
     penalty: pyvrp.PenaltyParams,
+    *,
+    first: bool = False,
 ) -> tuple[Visits | None, bool]:
     """(routes, or None if none are feasible; whether time ran out).
 
     Args:
-        iterations: None: until something is feasible, and never more than many.
+        iterations: at most.
+        first: whether the first feasible routes end it.
     """
     begin = None
     if start is not None:
         begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
-    most = _MOST_TO_FEASIBLE if iterations is None else iterations
-    stop: list[StoppingCriterion] = [MaxIterations(most), MaxRuntime(limit_s)]
-    if iterations is None:
+    stop: list[StoppingCriterion] = [MaxIterations(iterations), MaxRuntime(limit_s)]
+    if first:
         stop.append(lambda best_cost: best_cost < NEVER_MWH)
     with warnings.catch_warnings():
         # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.

@@ -1,0 +1,52 @@
+"""How the fleet's dispatcher is set where its days have to be the same again, byte for byte."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.pool import Solve, solve_here
+
+_AMPLE_S: Final = 250.0
+"""No cycle of a delivery fleet takes so long, however busy the machine is."""
+
+
+def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> DispatcherSettings:
+    """Settings under which iterations end every search, never the clock.
+
+    Times of a fleet count from `settings.deadline_s` after a cycle's start unless `run_cycle` is
+    told otherwise: give it `reference_s=0`, as a simulation stands still while it is planned for.
+    """
+    search = SearchSettings(
+        rounds=4,
+        iterations_per_stop=30,
+        iterations_to_feasible=2000,
+        workers=1,
+        time_limit_s=_AMPLE_S,
+    )
+    city = CitySettings(
+        search=search,
+        second_rounds=1,
+        ways=3,
+        ways_legs=100,
+        wave=1,
+        most_sweeps=6,
+        patience=2,
+        block_deadline_s=_AMPLE_S,
+        solvers=("exact",),
+    )
+    return DispatcherSettings(
+        interval_s=300.0,
+        deadline_s=_AMPLE_S,
+        sync_window_s=sync_window_s,
+        gap_m=gap_m,
+        form="route",
+        solvers=("exact",),
+        city=city,
+    )
+
+
+def evaluation_solve() -> Solve:
+    """The solver of these settings, in this process."""
+    return solve_here([ExactSolver()])
