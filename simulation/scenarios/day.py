@@ -7,10 +7,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from edge_daemon.stability import StabilitySettings
 from simulation.scenarios.apart import Progress, run_apart
+from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.record import (
     Day,
     hours_of,
@@ -23,12 +24,6 @@ from simulation.sumo.files import check_files
 
 if TYPE_CHECKING:
     from simulation.scenarios.observer import Observation, Observer
-
-_CHECK_S: Final = 600.0
-_STANDING_MPS: Final = 0.1
-_STUCK_SHARE: Final = 0.8
-_STUCK_CHECKS: Final = 3
-_STUCK_VEHICLES: Final = 50
 
 
 @dataclass(frozen=True)
@@ -139,10 +134,9 @@ class _Watch:
     def __init__(self, order: DayOrder, tell: Callable[[float], None]) -> None:
         self._order = order
         self._tell = tell
-        self._stuck = 0
+        self._gridlock = GridlockWatch()
         self._observer: Observer | None = None
         self.observations: list[Observation] = []
-        self.gridlock_s: float | None = None
         if order.rsus:
             # Imported here: the edge's parts cost a second, which a day without RSUs need not pay.
             from simulation.scenarios.observer import Observer
@@ -150,11 +144,16 @@ class _Watch:
             window_s = min(order.window_s, order.window_every_s)
             self._observer = Observer(order.rsus, order.step_s, order.rule, window_s)
 
+    @property
+    def gridlock_s(self) -> float | None:
+        """When most vehicles had stood for long; None: never."""
+        return self._gridlock.since_s
+
     def run(self, advance: Callable[[float], None]) -> float:
         """Go to the end, or to a gridlock; returns the simulated time there, s."""
         order = self._order
         window_s = min(order.window_s, order.window_every_s)
-        now, check_s = order.begin_s, order.begin_s + _CHECK_S
+        now, check_s = order.begin_s, order.begin_s + CHECK_S
         while now < order.end_s:
             if self._observer is not None:
                 due = (now // order.window_every_s + 1) * order.window_every_s
@@ -168,9 +167,9 @@ class _Watch:
                 advance(due)
             now = due
             if now >= check_s:
-                check_s += _CHECK_S
+                check_s += CHECK_S
                 self._tell(now)
-                if self._is_stuck(now):
+                if self._gridlock.look(now):
                     break
         return now
 
@@ -188,14 +187,3 @@ class _Watch:
                 advance(at)
             observer.look()
         self.observations.extend(observer.observe(due_s))
-
-    def _is_stuck(self, now: float) -> bool:
-        import libsumo
-
-        names = libsumo.vehicle.getIDList()
-        standing = sum(libsumo.vehicle.getSpeed(name) < _STANDING_MPS for name in names)
-        stuck = len(names) >= _STUCK_VEHICLES and standing >= _STUCK_SHARE * len(names)
-        self._stuck = self._stuck + 1 if stuck else 0
-        if self._stuck >= _STUCK_CHECKS:
-            self.gridlock_s = now
-        return self.gridlock_s is not None

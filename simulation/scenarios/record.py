@@ -175,6 +175,7 @@ def read_traffic(
 class TripInfo:
     """What SUMO tells of a trip that ended: times in s since midnight."""
 
+    id: str
     depart_s: float
     delay_s: float
     duration_s: float
@@ -191,6 +192,7 @@ def read_trips(path: Path) -> list[TripInfo]:
             value = element.attrib
             trips.append(
                 TripInfo(
+                    value["id"],
                     float(value["depart"]),
                     float(value["departDelay"]),
                     float(value["duration"]),

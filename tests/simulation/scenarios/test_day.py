@@ -99,7 +99,10 @@ def test_a_window_has_the_edges_features() -> None:
 def test_hours_are_those_of_the_clock(morning: Morning) -> None:
     """Intervals and trips fall into the hour that they begin in."""
     traffic = replace(morning.day.traffic, begin_s=3300.0)
-    trips = [TripInfo(3500.0, 0.0, 100.0, 1000.0, 20.0, 1), TripInfo(3700.0, 0, 50.0, 500.0, 0, 0)]
+    trips = [
+        TripInfo("a", 3500.0, 0.0, 100.0, 1000.0, 20.0, 1),
+        TripInfo("b", 3700.0, 0, 50.0, 500.0, 0, 0),
+    ]
     first, second = hours_of(traffic, trips, 3900.0)
     assert first.running == pytest.approx(traffic.present_s[0].sum() / 300)
     assert second.running == pytest.approx(traffic.present_s[1].sum() / 300)

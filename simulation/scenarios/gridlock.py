@@ -1,0 +1,37 @@
+"""Whether a running simulation stands still."""
+
+from __future__ import annotations
+
+from typing import Final
+
+CHECK_S: Final = 600.0
+"""Between two looks."""
+
+_STANDING_MPS: Final = 0.1
+_STUCK_SHARE: Final = 0.8
+_STUCK_CHECKS: Final = 3
+_STUCK_VEHICLES: Final = 50
+
+
+class GridlockWatch:
+    """Counts the looks, ten minutes apart, at which four fifths of the vehicles stood.
+
+    Attributes:
+        since_s: simulated time at which it was a gridlock; None: never.
+    """
+
+    def __init__(self) -> None:
+        self.since_s: float | None = None
+        self._stuck = 0
+
+    def look(self, now_s: float) -> bool:
+        """Take in the running simulation; True if it is in a gridlock."""
+        import libsumo
+
+        names = libsumo.vehicle.getIDList()
+        standing = sum(libsumo.vehicle.getSpeed(name) < _STANDING_MPS for name in names)
+        stuck = len(names) >= _STUCK_VEHICLES and standing >= _STUCK_SHARE * len(names)
+        self._stuck = self._stuck + 1 if stuck else 0
+        if self._stuck >= _STUCK_CHECKS:
+            self.since_s = now_s
+        return self.since_s is not None
