@@ -68,12 +68,16 @@ class VehicleState:
     driven_m: float
 
 
-def read_state(name: str, order: LegOrder) -> VehicleState:
-    """The state of a vehicle of the running simulation; it must be on the road."""
+def read_state(name: str, order: LegOrder, behind: int = 0) -> VehicleState:
+    """The state of a vehicle of the running simulation; it must be on the road.
+
+    Args:
+        behind: segments of the path that lay behind it when SUMO was given its present route.
+    """
     import libsumo
 
     vehicle = libsumo.vehicle
-    number = max(0, vehicle.getRouteIndex(name))
+    number = behind + max(0, vehicle.getRouteIndex(name))
     return VehicleState(
         order.path[number],
         number,

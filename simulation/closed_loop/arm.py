@@ -1,0 +1,163 @@
+"""One arm of a day: SUMO, RSUs, dispatcher and fleet together, in a process of its own."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.record import ArmResult, Others
+from simulation.closed_loop.vehicle import PREFIX
+from simulation.scenarios.apart import Progress, run_apart
+from simulation.scenarios.day import DayOrder, sumo_options
+from simulation.scenarios.fleet import draw_deliveries
+from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
+from simulation.scenarios.record import read_statistics, read_trips
+from simulation.scenarios.rsus import Rsu
+from simulation.scenarios.scenario import load_scenario
+from simulation.sumo.files import check_files
+
+STEP_S: Final = 0.5
+"""Energy from steps of this length is right to 0.2 %."""
+
+
+@dataclass(frozen=True)
+class ArmOrder:
+    """What to simulate.
+
+    Attributes:
+        scenario: name of a built-in one, or of one's own around a net.
+        background: its route file of the seed.
+        rsus: whose views count.
+        seed: of the fleet's orders, of perception's errors and of the dispatcher's searches.
+        policy: of the arm.
+        net: other than the built-in one.
+        fleet: settings of the deliveries, other than the scenario's.
+        additional: further SUMO files, as another signal program.
+        begin_s: simulated, s since midnight; a multiple of 300.
+        end_s: simulated.
+        step_s: of the simulation; a second must be a multiple of it.
+    """
+
+    scenario: str
+    background: Path
+    rsus: tuple[Rsu, ...]
+    seed: int
+    policy: Policy
+    net: Path | None = None
+    fleet: Path | None = None
+    additional: tuple[Path, ...] = ()
+    begin_s: float = 0.0
+    end_s: float = 86400.0
+    step_s: float = STEP_S
+
+    def __post_init__(self) -> None:
+        if self.begin_s % 300 or not 0 <= self.begin_s < self.end_s:
+            raise ValueError("begin_s must be a multiple of 300 and before end_s")
+
+
+def run_arm(order: ArmOrder, progress: Progress | None = None) -> ArmResult:
+    """Simulate an arm in another process; same order, same result.
+
+    Raises:
+        InputError: a file is no SUMO file or none that fits the net, or SUMO dies of it.
+        ModuleNotFoundError: libsumo is not installed.
+    """
+    net = load_scenario(order.scenario, net=order.net, fleet=order.fleet).net
+    check_files(net, (order.background, *order.additional))
+    source = f"{net.name}, {order.background.name}"
+    return run_apart(simulate_arm, order, source, order.end_s, progress)
+
+
+def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
+    """Simulate in this process.
+
+    Args:
+        tell: told the simulated time every ten minutes.
+
+    Raises:
+        InputError: SUMO refuses a file.
+    """
+    # Imported here: they need libsumo, or what takes a second to load.
+    from simulation.closed_loop.conducting import conductor_of
+    from simulation.closed_loop.dispatching import Dispatching
+    from simulation.closed_loop.gates import Roadside
+    from simulation.closed_loop.rounds import Rounds
+    from simulation.closed_loop.world import FleetWorld
+    from simulation.sumo.session import Session
+
+    scenario = load_scenario(order.scenario, net=order.net, fleet=order.fleet)
+    network, policy = scenario.network, order.policy
+    lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
+    rounds = Rounds(draw_deliveries(scenario.fleet, network, order.seed), network)
+    rounds.skip_before(order.begin_s)
+    roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
+    day = DayOrder(
+        scenario.net,
+        order.background,
+        tuple(network.segments),
+        order.additional,
+        begin_s=order.begin_s,
+        end_s=order.end_s,
+        step_s=order.step_s,
+    )
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(1) as executor:
+        trips, statistics = Path(name) / "trips.xml", Path(name) / "statistics.xml"
+        options = [
+            *sumo_options(day),
+            *("--tripinfo-output", str(trips), "--statistic-output", str(statistics)),
+        ]
+        legs = []
+        gridlock = GridlockWatch()
+        with Session(options, (day.net, day.routes, *day.additional)) as session:
+            conductor = conductor_of(policy, order.step_s, lengths_m, roadside)
+            world = FleetWorld(session, lengths_m, conductor, order.step_s, policy.pace)
+            dispatching = Dispatching(rounds, policy, order.seed, executor)
+            cycle_s = rounds.deliveries.settings.cycle_s
+            while (now_s := session.time_s) < order.end_s:
+                if now_s % cycle_s == 0:
+                    for leg in dispatching.cycle(now_s, roadside):
+                        world.send(leg)
+                if now_s % CHECK_S == 0 and now_s > order.begin_s:
+                    tell(now_s)
+                    if gridlock.look(now_s):
+                        break
+                for driven in world.step():
+                    legs.append(driven)
+                    for leg in rounds.arrived(driven):
+                        world.send(leg)
+                roadside.look(session.time_s)
+            end_s = session.time_s
+        ended = read_trips(trips)
+        counts = read_statistics(statistics, ended)
+        others = [trip for trip in ended if not trip.id.startswith(PREFIX)]
+    return ArmResult(
+        scenario=order.scenario,
+        seed=order.seed,
+        policy=policy.name,
+        begin_s=order.begin_s,
+        end_s=end_s,
+        legs=tuple(legs),
+        services=rounds.services(end_s),
+        cycles=tuple(dispatching.cycles),
+        others=Others(
+            arrived=len(others),
+            duration_s=_mean([trip.duration_s + trip.delay_s for trip in others]),
+            time_loss_s=_mean([trip.time_loss_s for trip in others]),
+            stops=_mean([trip.stops for trip in others]),
+        ),
+        disengagements=conductor.disengagements,
+        teleports=counts.teleports,
+        collisions=counts.collisions,
+        emergency_stops=counts.emergency_stops,
+        gridlock_s=gridlock.since_s,
+        unfinished=world.unfinished,
+    )
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else 0.0

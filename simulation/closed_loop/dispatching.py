@@ -1,0 +1,106 @@
+"""Dispatch cycles of a running simulation: from what RSUs report to legs that vehicles drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from dataclasses import replace
+from types import MappingProxyType
+
+from dispatcher_daemon.daemon import cycle_seed
+from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
+from simulation.closed_loop.gates import WINDOW_S, Roadside
+from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.record import CycleRecord
+from simulation.closed_loop.rounds import Rounds
+from simulation.closed_loop.vehicle import LegOrder
+from simulation.scenarios.fleet import fleet_at
+from slipstream.messages import DrivingAdvice
+
+
+class Dispatching:
+    """The real dispatch cycle on the fleet's orders.
+
+    Args:
+        rounds: of the day.
+        policy: of the arm.
+        seed: of the searches.
+        executor: runs the search for base routes.
+    """
+
+    def __init__(self, rounds: Rounds, policy: Policy, seed: int, executor: Executor) -> None:
+        self._rounds, self._policy, self._seed, self._executor = rounds, policy, seed, executor
+        self._settings = settings_of(policy)
+        self._solve = evaluation_solve()
+        self.cycles: list[CycleRecord] = []
+
+    def cycle(self, now_s: float, roadside: Roadside) -> Iterator[LegOrder]:
+        """Plan for the orders that are ready; the first legs of the rounds that begin."""
+        rounds = self._rounds
+        idle = {name: at for name, at in rounds.idle.items() if at <= now_s}
+        fleet = fleet_at(rounds.deliveries, now_s, idle, rounds.taken)
+        if fleet is None:
+            return
+        number, now_ns = len(self.cycles), round(now_s * 1e9)
+        result = run_cycle(
+            RoutingProblem(rounds.network, fleet),
+            self.snapshot(now_s, roadside),
+            self._settings,
+            self._solve,
+            now_ns,
+            number,
+            cycle_seed(self._seed, number),
+            executor=self._executor,
+            reference_s=0.0,
+        )
+        energy = result.report.energy
+        open_, turbulent = roadside.open, roadside.is_turbulent
+        self.cycles.append(
+            CycleRecord(
+                time_s=now_s,
+                status=result.report.status,
+                vehicles=len(result.plans),
+                planned_kwh=sum(plan.energy_kwh for plan in result.plans),
+                planned_platooned_m=0.0 if energy is None else energy.platooned_distance_m,
+                open=len(open_),
+                judged=roadside.judged,
+                watched=len(roadside.watched),
+                open_turbulent=sum(turbulent(segment) for segment in open_),
+            )
+        )
+        for plan in result.plans:
+            yield from rounds.begin(plan)
+
+    def snapshot(self, now_s: float, roadside: Roadside) -> TrafficSnapshot:
+        """The traffic as the dispatcher knows it; all gates closed where it may not platoon."""
+        snapshot = take_snapshot(
+            self._rounds.network,
+            roadside.states,
+            round(now_s * 1e9),
+            stale_after_s=1.5 * WINDOW_S,
+        )
+        return snapshot if "platoons" in self._policy.levers else with_closed_gates(snapshot)
+
+
+def settings_of(policy: Policy) -> DispatcherSettings:
+    """The dispatcher's settings in an arm."""
+    levers = policy.levers
+    advice = DrivingAdvice(
+        eco_approach="eco_approach" in levers,
+        coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
+        signal_priority="priority" in levers,
+    )
+    return evaluation_settings().model_copy(update={"advice": advice})
+
+
+def with_closed_gates(snapshot: TrafficSnapshot) -> TrafficSnapshot:
+    """The same traffic without any platooning: the paper's baseline."""
+    closed = {
+        name: replace(traffic, open=False, reason=traffic.reason or "not asked for")
+        for name, traffic in snapshot.segments.items()
+    }
+    return replace(snapshot, segments=MappingProxyType(closed))
