@@ -129,19 +129,21 @@ class FleetWorld:
         )
         self._session.advance()
         after_s = self._session.time_s
-        present = set(libsumo.vehicle.getIDList()) if self._on_road or self._entering else set()
+        gone = set(libsumo.simulation.getArrivedIDList())
         ended = []
         for name in list(self._on_road):
             own = self._on_road[name]
-            if name in present:
+            if name not in gone:
                 own.take(read_state(name, own.order, own.behind), drafting, self._step_s)
                 if self._is_there(own):
                     libsumo.vehicle.remove(name)
                     ended.append(self._end(name, after_s))
             else:
                 ended.append(self._end(name, after_s))
-        for name in [name for name in self._entering if name in present]:
-            order = self._entering.pop(name)
+        for name in libsumo.simulation.getDepartedIDList() if self._entering else ():
+            order = self._entering.pop(name, None)
+            if order is None:
+                continue
             self._on_road[name] = _OnRoad(order, after_s, read_state(name, order))
             self._conductor.departed(name, order)
         return ended
