@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from simulation.closed_loop.losses import Losses
 from slipstream.energy import Energy
 
 
@@ -27,6 +28,8 @@ class DrivenLeg:
         stops: times that it came to a stand on the road, its arrival apart.
         waited_s: time below 0.1 m/s on the road.
         turbulent_s: time in a platoon on a segment whose traffic was turbulent in truth.
+        path: its segments.
+        losses: where the energy of `alone` went.
     """
 
     vehicle: str
@@ -44,6 +47,8 @@ class DrivenLeg:
     stops: int
     waited_s: float
     turbulent_s: float
+    path: tuple[str, ...]
+    losses: Losses
 
     @property
     def travel_s(self) -> float:

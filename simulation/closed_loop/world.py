@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from simulation.closed_loop.conductor import Conductor, Drafting
+from simulation.closed_loop.losses import losses
 from simulation.closed_loop.record import DrivenLeg
 from simulation.closed_loop.vehicle import LegOrder, VehicleState, read_state
 from simulation.sumo.session import Session
@@ -200,4 +201,6 @@ class FleetWorld:
             stops=own.stops,
             waited_s=own.waited_s,
             turbulent_s=own.turbulent_s,
+            path=order.path,
+            losses=losses(speeds, self._step_s, self._vehicle),
         )

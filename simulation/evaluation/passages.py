@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from dispatcher_daemon.costs import segment_cost_kwh
 from dispatcher_daemon.drive import Drive, drive_energies
 from dispatcher_daemon.platoons import Timed, platoons_of
 from dispatcher_daemon.traffic import SegmentTraffic
+from simulation.closed_loop.losses import Losses, losses
 from simulation.closed_loop.record import DrivenLeg
 from simulation.evaluation.roadside import Roadside
 from slipstream.energy import (
@@ -23,6 +25,8 @@ from slipstream.energy import (
     steady_energy_kwh,
 )
 from slipstream.roads import RoadNetwork
+
+_SAMPLE_S: Final = 0.5
 
 Passage = tuple[str, int, int]
 """One vehicle on one segment: (vehicle, number of the leg, position in its path)."""
@@ -111,7 +115,7 @@ def evaluate(
     alone = _with(drive_energies(drives, [[ETA_ALONE] * len(e) for e in eta]), extra)
     driven = _with(drive_energies(drives, eta), extra)
     made = [
-        _driven_leg(leg, eta[i], network, driven[i], alone[i], platooned_s[i])
+        _driven_leg(leg, eta[i], network, driven[i], alone[i], platooned_s[i], float(extra[i]))
         for i, leg in enumerate(legs)
     ]
     made.sort(key=lambda leg: (leg.arrived_s, leg.vehicle))
@@ -174,6 +178,7 @@ def _driven_leg(
     driven: Energy,
     alone: Energy,
     turbulent_s: float,
+    turbulence: float,
 ) -> DrivenLeg:
     def length_m(wanted: float) -> float:
         return sum(
@@ -198,4 +203,13 @@ def _driven_leg(
         stops=0,
         waited_s=0.0,
         turbulent_s=turbulent_s,
+        path=leg.path,
+        losses=_losses(leg.drive, turbulence),
     )
+
+
+def _losses(drive: Drive, turbulence: float) -> Losses:
+    """Those of the drive, sampled, and those of the traffic's turbulence."""
+    times = np.union1d(drive.times_s, np.arange(0.0, drive.duration_s, _SAMPLE_S))
+    own = losses(np.interp(times, drive.times_s, drive.speeds_mps), np.diff(times))
+    return own._replace(slowing_kwh=own.slowing_kwh + turbulence)
