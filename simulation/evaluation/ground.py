@@ -1,0 +1,105 @@
+"""What an evaluation stands on, and what simulates it, as digests to tell one from another by."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from simulation.scenarios.scenario import Scenario, SignalControl
+
+FORMAT: Final = 1
+"""Of stored arms. Raise it when the same order gives another result, or means another thing."""
+
+_SIMULATE: Final = ("slipstream", "edge_daemon", "dispatcher_daemon", "simulation")
+_NOT: Final = ("evaluation", "training", "streetdrive", "live")
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What all arms of a folder share; results hang on every one of these.
+
+    Attributes:
+        scenario: its name.
+        net: SHA-256 of the net's file.
+        demand: of the settings of the background; of its route file where that is the user's.
+        rsus: of the RSUs' places; empty where they are found by the traffic.
+        fleet: of the delivery business.
+        signals: how signals are run.
+        begin_s: simulated, s since midnight.
+        end_s: simulated.
+        step_s: of the simulation.
+        format: of the results.
+    """
+
+    scenario: str
+    net: str
+    demand: str
+    rsus: str
+    fleet: str
+    signals: SignalControl
+    begin_s: float
+    end_s: float
+    step_s: float
+    format: int = FORMAT
+
+
+def ground_of(
+    scenario: Scenario,
+    routes: Path | None,
+    signals: SignalControl,
+    span_s: tuple[float, float],
+    step_s: float,
+) -> Ground:
+    """The ground of a scenario.
+
+    Args:
+        routes: the user's own background, instead of the demand's.
+        span_s: begin and end of the simulated time.
+    """
+    rsus = scenario.rsus
+    return Ground(
+        scenario.name,
+        _digest(scenario.net.read_bytes()),
+        _digest(
+            scenario.demand.model_dump_json().encode() if routes is None else routes.read_bytes()
+        ),
+        ""
+        if rsus is None
+        else _digest(json.dumps([rsu.model_dump(mode="json") for rsu in rsus]).encode()),
+        _digest(scenario.fleet.model_dump_json().encode()),
+        signals,
+        *span_s,
+        step_s,
+    )
+
+
+def code_stamp() -> str:
+    """What simulates: versions, and a digest of the sources that an arm's result can hang on."""
+    digest = sha256()
+    for package in _SIMULATE:
+        root = Path(str(files(package)))
+        for path in sorted(root.rglob("*.py")):
+            inside = path.relative_to(root)
+            if inside.parts[0] not in _NOT:
+                digest.update(f"{package}/{inside.as_posix()}\n".encode())
+                digest.update(path.read_bytes())
+    return (
+        f"slipstream {_version('slipstream')}, libsumo {_version('libsumo')}, "
+        f"sources {digest.hexdigest()[:12]}"
+    )
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "?"
+
+
+def _digest(data: bytes) -> str:
+    return sha256(data).hexdigest()

@@ -1,0 +1,75 @@
+"""Writes an evaluation's results into its folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from simulation.evaluation.arms import SHORTEST
+from simulation.evaluation.curves import BIN_S, HOUR_S
+from simulation.evaluation.data import arms_csv, course_csv, summary
+from simulation.evaluation.evaluation import Evaluation
+from simulation.evaluation.figures import SHOWN, draw
+from simulation.evaluation.report import report
+from simulation.evaluation.run import Done
+from simulation.evaluation.store import not_writable, write_whole
+from simulation.evaluation.words import Table
+
+_NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream[dev]'"
+
+
+def write_results(folder: Path, evaluation: Evaluation, more: Sequence[Table] = ()) -> str | None:
+    """Write tables, figures, their data and the report; returns why there are no pictures, if so.
+
+    The same arms give the same bytes.
+
+    Args:
+        more: further tables for the report.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    names = [name for name in SHOWN if name in evaluation]
+    try:
+        write_whole(folder / "arms.csv", arms_csv(evaluation))
+        cumulative = course_csv(evaluation, [n for n in names if n != SHORTEST], BIN_S)
+        write_whole(folder / "cumulative.csv", cumulative)
+        write_whole(folder / "hourly.csv", course_csv(evaluation, names, HOUR_S))
+        pictures: Sequence[str] = ()
+        missing: str | None = None
+        try:
+            pictures = draw(evaluation, folder)
+        except ModuleNotFoundError as error:
+            if (error.name or "").split(".")[0] != "matplotlib":
+                raise
+            missing = _NO_PICTURES
+        write_whole(folder / "report.md", report(evaluation, pictures, missing, more))
+        write_whole(folder / "report.json", as_json(summary(evaluation)))
+    except OSError as error:
+        raise not_writable(Path(error.filename or folder), error) from None
+    return missing
+
+
+def write_run(folder: Path, done: Done) -> None:
+    """Add what the arms took to those of earlier runs.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    path = folder / "run.json"
+    try:
+        known = json.loads(path.read_text(encoding="utf-8"))["wall_s"]
+    except (OSError, ValueError, KeyError, TypeError):
+        known = {}
+    took = {f"{name}-{seed}": round(wall_s, 1) for (name, seed), wall_s in done.wall_s.items()}
+    try:
+        write_whole(path, as_json({"wall_s": dict(sorted({**known, **took}.items()))}))
+    except OSError as error:
+        raise not_writable(path, error) from None
+
+
+def as_json(document: Any) -> str:
+    """One line a value, for people and for comparing."""
+    return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"

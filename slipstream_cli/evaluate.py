@@ -1,0 +1,184 @@
+"""`slipstream evaluate`: a day's arms in the closed loop, as the paper's tables and figures."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from slipstream.errors import InputError
+from slipstream_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from simulation.closed_loop.policy import Policy
+    from simulation.evaluation.evaluation import Evaluation
+    from simulation.evaluation.store import Store
+    from simulation.evaluation.world import World
+
+_EXIT_INTERRUPTED: Final = 130
+_GRID_S: Final = 300
+
+
+def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    command = commands.add_parser(
+        "evaluate",
+        help="the paper's day in SUMO, closed loop, arm against arm",
+        description="Drives a delivery fleet through a simulated day, once for each arm and seed, "
+        "and writes the paper's tables and figures with ours beside them. Finished arms are kept; "
+        "the same command goes on where it was interrupted.",
+    )
+    command.add_argument("--out", type=Path, required=True, metavar="DIR", help="for all results")
+    command.add_argument("--hours", type=float, default=24.0, help="simulated (default: 24)")
+    command.add_argument(
+        "--begin", type=float, default=0.0, metavar="HOUR", help="of the day (default: 0)"
+    )
+    command.add_argument(
+        "--seeds", default="1,2,3", metavar="N,N", help="a day each (default: 1,2,3)"
+    )
+    command.add_argument(
+        "--arms",
+        default="all",
+        metavar="NAME,NAME",
+        help="arms, or all, main, levers, gating, noise (default: all)",
+    )
+    command.add_argument(
+        "--scenario",
+        default="troy",
+        help="troy, corridor, or a name of your own with --net (default: troy)",
+    )
+    for part, what in (
+        ("net", "SUMO net"),
+        ("demand", "demand (TOML)"),
+        ("rsus", "RSUs (TOML)"),
+        ("fleet", "fleet (TOML)"),
+    ):
+        command.add_argument(
+            f"--{part}", type=Path, metavar="FILE", help=f"{what} instead of the scenario's"
+        )
+    command.add_argument(
+        "--routes", type=Path, metavar="FILE", help="SUMO route file instead of the demand"
+    )
+    command.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
+    command.add_argument(
+        "--workers", type=int, metavar="N", help="arms at once (default: as many as cores)"
+    )
+    command.add_argument(
+        "--stored", action="store_true", help="simulate nothing, report what is stored"
+    )
+    command.add_argument("--json", action="store_true", help="print the summary as JSON")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate what is missing, write the results, print the main figures."""
+    from simulation.evaluation.arms import choose
+    from simulation.evaluation.data import summary
+    from simulation.evaluation.evaluation import collect
+    from simulation.evaluation.ground import code_stamp
+    from simulation.evaluation.report import printed
+    from simulation.evaluation.store import Store
+    from simulation.evaluation.world import World, WorldFiles
+    from simulation.evaluation.writing import as_json, write_results
+
+    policies, seeds = choose(options.arms), _seeds(options.seeds)
+    span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
+    parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
+    files = WorldFiles(options.scenario, *parts)
+    world = World(files, options.out / "background", options.signals, span_s)
+    with Store(options.out, world.ground, code_stamp()) as store:
+        kept = None
+        if not options.stored:
+            try:
+                kept = _simulate(policies, seeds, span_s, store, world, workers)
+            except KeyboardInterrupt:
+                said = "interrupted; the same command goes on from what is stored in"
+                print(f"slipstream: {said} {options.out}", file=sys.stderr)
+                return _EXIT_INTERRUPTED
+        evaluation = collect(store, world.ground, seeds)
+        if not evaluation.arms:
+            raise InputError(
+                options.out, "no arm of these seeds is stored", "run it without --stored"
+            )
+        missing = write_results(options.out, evaluation)
+    if missing is not None:
+        print(f"slipstream: {missing}", file=sys.stderr)
+    if options.json:
+        print(as_json(summary(evaluation)), end="")
+    else:
+        if kept:
+            print(f"{kept} of {len(policies) * len(seeds)} arms were stored already")
+        print(printed(evaluation))
+        print(f"{options.out / 'report.md'}")
+    _refuse_gridlock(evaluation)
+    return 0
+
+
+def _simulate(
+    policies: Sequence[Policy],
+    seeds: Sequence[int],
+    span_s: tuple[float, float],
+    store: Store,
+    world: World,
+    workers: int,
+) -> int:
+    """Simulate what the store lacks; how many arms it had."""
+    from simulation.evaluation.run import run_missing
+    from simulation.evaluation.writing import write_run
+
+    with Progress("simulating", sys.stderr) as progress:
+        done = run_missing(
+            policies,
+            seeds,
+            span_s,
+            store,
+            world.simulate,
+            workers,
+            lambda passed_s, whole_s: progress.update(round(passed_s), round(whole_s)),
+        )
+    write_run(store.folder, done)
+    return done.kept
+
+
+def _refuse_gridlock(evaluation: Evaluation) -> None:
+    """A scenario that gridlocks is bad input; what stood is in the report all the same."""
+    for name, seed, faults in evaluation.refused:
+        if any(fault.startswith("gridlock") for fault in faults):
+            raise InputError(
+                f"{evaluation.ground.scenario}, arm {name}, seed {seed}",
+                faults[0],
+                "take fewer trips or another network",
+            )
+
+
+def _seeds(text: str) -> tuple[int, ...]:
+    """Seeds of a comma-separated list, rising, each once."""
+    try:
+        seeds = sorted({int(part) for part in text.split(",") if part.strip()})
+    except ValueError:
+        seeds = []
+    if not seeds or seeds[0] < 0:
+        raise InputError("evaluate", f"no seeds: {text!r}", "give some as 1,2,3", key="--seeds")
+    return tuple(seeds)
+
+
+def _span(begin_h: float, hours: float) -> tuple[float, float]:
+    """Begin and end of the simulated time, s since midnight."""
+    if not (begin_h >= 0 and hours > 0 and begin_h + hours <= 24):
+        problem = f"{hours:g} hours from {begin_h:g} are no part of a day"
+        raise InputError("evaluate", problem, "give hours from 0 to 24", key="--hours")
+    begin_s, end_s = round(begin_h * 3600), round((begin_h + hours) * 3600)
+    for key, time_s in (("--begin", begin_s), ("--hours", end_s)):
+        if time_s % _GRID_S:
+            problem = "no multiple of five minutes"
+            raise InputError("evaluate", problem, "give one, as 7.25 or 0.5", key=key)
+    return float(begin_s), float(end_s)
+
+
+def _workers(count: int | None) -> int:
+    if count is not None and count < 1:
+        raise InputError("evaluate", f"{count} arms at once", "give 1 or more", key="--workers")
+    return count or len(os.sched_getaffinity(0))
