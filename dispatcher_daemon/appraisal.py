@@ -31,12 +31,26 @@ class RouteEnergy:
 def route_energy(
     problem: RoutingProblem, route: Route, places: Mapping[Passage, Place]
 ) -> RouteEnergy:
-    """Energy of a route from its speed profile; standing at stops needs none."""
+    """Energy of a route from its speed profile; standing at stops needs none.
+
+    What is expected of a leg beyond its profile goes into changes of speed: traffic and signals
+    cost them.
+    """
     reductions = drag_reductions(route, places)
     none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
     drives = [leg.drive for leg in route.legs]
     driven = drive_energies(drives, reductions, problem.vehicle).sum()
-    alone = drive_energies(drives, none, problem.vehicle).sum()
+    by_leg = drive_energies(drives, none, problem.vehicle)
+    alone = by_leg.sum()
+    beyond = sum(
+        leg.expected_kwh - float(profile_kwh)
+        for leg, profile_kwh in zip(route.legs, by_leg.total_kwh, strict=True)
+        if leg.expected_kwh is not None
+    )
+    driven, alone = (
+        e._replace(total_kwh=e.total_kwh + beyond, acceleration_kwh=e.acceleration_kwh + beyond)
+        for e in (driven, alone)
+    )
     platooned_m = sum(
         problem.network.segments[segment].length_m
         for number, position, segment, _, _ in route.entries_s()

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -39,17 +39,31 @@ class Drive:
         speeds_mps: speed at each, shape (n,); 0 at both ends.
         entry_s: when each segment is entered.
         length_m: driven distance.
+        waiting_s: how long traffic and signals are expected to hold the vehicle up on each segment;
+            not in `times_s`, but in `entry_s`. None: nowhere.
     """
 
     times_s: tuple[float, ...]
     speeds_mps: tuple[float, ...]
     entry_s: tuple[float, ...]
     length_m: float
+    waiting_s: tuple[float, ...] = ()
 
     @property
     def duration_s(self) -> float:
         """Time from departure to arrival."""
-        return self.times_s[-1]
+        return self.times_s[-1] + sum(self.waiting_s)
+
+    def delayed(self, waiting_s: Sequence[float]) -> Drive:
+        """The same drive, held up for so long on each segment."""
+        before = accumulate(waiting_s, initial=0.0)
+        entry_s = tuple(at + late for at, late in zip(self.entry_s, before, strict=False))
+        return replace(self, entry_s=entry_s, waiting_s=tuple(waiting_s))
+
+    def unhindered_s(self) -> tuple[float, ...]:
+        """When each segment would be entered without waiting."""
+        before = accumulate(self.waiting_s, initial=0.0)
+        return tuple(at - late for at, late in zip(self.entry_s, before, strict=False))
 
 
 def plan_drive(
@@ -104,10 +118,11 @@ def drive_energies(
     owner: list[int] = []
     phases: list[tuple[float, float, float, float]] = []
     for number, (drive, reductions) in enumerate(zip(drives, drag_reductions, strict=True)):
+        entry_s = drive.unhindered_s() if drive.waiting_s else drive.entry_s
         for (begin_s, end_s), (v0, v1) in zip(
             pairwise(drive.times_s), pairwise(drive.speeds_mps), strict=True
         ):
-            segment = bisect_right(drive.entry_s, 0.5 * (begin_s + end_s)) - 1
+            segment = bisect_right(entry_s, 0.5 * (begin_s + end_s)) - 1
             phases.append((v0, v1, end_s - begin_s, reductions[segment]))
             owner.append(number)
     start, end, seconds, eta = np.array(phases, dtype=np.float64).reshape(-1, 4).T

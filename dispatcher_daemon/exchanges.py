@@ -101,7 +101,7 @@ def _cost(planner: Planner, number: int, stops: tuple[str, ...]) -> float:
     travel, fleet = planner.travels[0], planner.problem.fleet
     depot = fleet.depot_of(fleet.vehicles[number]).id
     rows = [travel.row[place] for place in (depot, *stops, depot)]
-    return float(sum(travel.energy_kwh[a, b] for a, b in pairwise(rows)))
+    return float(sum(travel.searched_kwh[a, b] for a, b in pairwise(rows)))
 
 
 def _fits(planner: Planner, number: int, stops: tuple[str, ...]) -> bool:

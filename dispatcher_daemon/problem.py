@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
 from dispatcher_daemon.drive import DrivingStyle
 from dispatcher_daemon.fleet import Fleet
@@ -16,12 +17,24 @@ from slipstream.roads import RoadNetwork
 
 @dataclass(frozen=True)
 class RoutingProblem:
-    """What does not change from cycle to cycle: roads, fleet, vehicle data, driving style."""
+    """What does not change from cycle to cycle: roads, fleet, vehicle data, driving style.
+
+    Attributes:
+        search: what routes are to be short in. Reports tell energies either way.
+        time_worth_kw: with "energy", what an hour on the road counts for beside it, kWh. With
+            "time" an hour counts for 1 kWh and energy for nothing.
+    """
 
     network: RoadNetwork
     fleet: Fleet
     vehicle: VehicleParameters = PAPER_CAR
     style: DrivingStyle = field(default_factory=DrivingStyle)
+    search: Literal["energy", "time"] = "energy"
+    time_worth_kw: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.time_worth_kw) and self.time_worth_kw >= 0):
+            raise ValueError(f"time_worth_kw must be >= 0, got {self.time_worth_kw}")
 
 
 @dataclass(frozen=True)

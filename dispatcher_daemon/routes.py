@@ -15,13 +15,21 @@ from dispatcher_daemon.problem import RoutingProblem
 
 @dataclass(frozen=True)
 class Leg:
-    """The way between two places (stops or the depot): segments, expected cost, drive."""
+    """The way between two places (stops or the depot).
+
+    Attributes:
+        path: segments.
+        cost_kwh: what the search counts for it: expected energy, and time by what it is worth.
+        drive: speed profile and times.
+        expected_kwh: expected energy where more is known than the drive shows; None: nothing is.
+    """
 
     start: str
     end: str
     path: Path
     cost_kwh: float
     drive: Drive
+    expected_kwh: float | None = None
 
 
 @dataclass(frozen=True)

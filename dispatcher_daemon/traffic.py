@@ -52,6 +52,26 @@ class SegmentTraffic:
     stops: float = 0.0
 
 
+Movement = tuple[str, str]
+"""A segment and the one that is driven onto behind it."""
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """What movements have been seen to cost: from entering a segment to entering the next one.
+
+    Attributes:
+        loss_kwh: energy that is gone for good, by movement, > 0: rolling, drag and what braking
+            destroys, but not what becomes kinetic energy. So braking for a turn counts where the
+            turn is, and a way from rest to rest needs the sum of its movements' losses and of those
+            of its last segment, the end's braking included.
+        seconds: time, by movement, > 0; gaining speed again counts where it was lost.
+    """
+
+    loss_kwh: Mapping[Movement, float]
+    seconds: Mapping[Movement, float]
+
+
 @dataclass(frozen=True)
 class TrafficSnapshot:
     """The traffic on every segment of the network at one moment.
@@ -60,11 +80,14 @@ class TrafficSnapshot:
         now_ns: the moment, UTC.
         segments: traffic of each segment of the network, by id.
         states: the SegmentStates that it was made from, in (segment, rsu) order.
+        expected: what movements are expected to cost at this hour; None: nothing is known, costs
+            are those of segments.
     """
 
     now_ns: int
     segments: Mapping[str, SegmentTraffic]
     states: tuple[SegmentState, ...]
+    expected: Expectations | None = None
 
     def gates(self) -> tuple[Gate, ...]:
         """Gates of all segments that an RSU has ever reported on, by id."""

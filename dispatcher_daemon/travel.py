@@ -8,23 +8,23 @@ when somebody wants it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra, yen
+from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.costs import segment_cost_kwh
 from dispatcher_daemon.drive import DrivingStyle, plan_drive
+from dispatcher_daemon.movements import Basis, objective
 from dispatcher_daemon.paths import turns
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routes import Leg, still_leg
 from dispatcher_daemon.traffic import TrafficSnapshot
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-_FEWEST_S = 1e-9
+from dispatcher_daemon.weights import Floats, Ints, Weights, cheapest_ways
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,10 @@ class Roads:
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
         turn: pairs of segments (from, onto), shape (2, t).
+        energy: expected energy of ways, kWh.
+        time: their durations, to about a second, s.
+        objective: what ways are searched by, as the problem wants it, kWh or what counts as one.
+        waiting_s: how long vehicles are held up before each turn, shape (t,); None: not known.
         index: position by id.
         leaving: positions of the segments that leave a junction, by junction; so `entering`.
     """
@@ -46,9 +50,40 @@ class Roads:
     speed_mps: Floats
     length_m: Floats
     turn: Ints
+    energy: Weights
+    time: Weights
+    objective: Weights
+    waiting_s: Floats | None
     index: Mapping[str, int] = field(repr=False)
     leaving: Mapping[str, list[int]] = field(repr=False)
     entering: Mapping[str, list[int]] = field(repr=False)
+
+    @cached_property
+    def number(self) -> dict[tuple[int, int], int]:
+        """Numbers of the turns, by (from, onto)."""
+        return {(a, b): i for i, (a, b) in enumerate(self.turn.T.tolist())}
+
+    @cached_property
+    def before(self) -> list[tuple[Ints, Ints]]:
+        """For the first turn onto each segment, the second one ...: where they come from and their
+        numbers, shape (m,) each; -1 and 0 where a segment has no more.
+        """
+        m, count = len(self.ids), self.turn.shape[1]
+        order = np.argsort(self.turn[1], kind="stable")
+        onto = self.turn[1, order]
+        rank = np.arange(count) - np.searchsorted(onto, onto, "left")
+        found = []
+        for k in range(int(rank.max(initial=-1)) + 1):
+            chosen = order[rank == k]
+            origin, number = np.full(m, -1), np.zeros(m, dtype=np.int64)
+            origin[self.turn[1, chosen]] = self.turn[0, chosen]
+            number[self.turn[1, chosen]] = chosen
+            found.append((origin, number))
+        return found
+
+    def parts(self, weights: Weights, way: Sequence[int]) -> float:
+        """Cost of a way over these segments."""
+        return weights.along(way, [self.number[pair] for pair in pairwise(way)])
 
 
 def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
@@ -62,17 +97,24 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
         leaving[network.segments[name].start].append(i)
         entering[network.segments[name].end].append(i)
     pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(turns(network, a))]
+    turn = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    cost = np.array(
+        [segment_cost_kwh(network.segments[s], snapshot.segments[s], problem.vehicle) for s in ids]
+    )
+    speed = np.array([snapshot.segments[s].speed_mps for s in ids])
+    length = np.array([network.segments[s].length_m for s in ids])
+    basis = Basis(ids, turn, cost, speed, length)
+    energy, time, waiting_s = basis.weights(problem.style, problem.vehicle, snapshot.expected)
     return Roads(
         ids,
-        np.array(
-            [
-                segment_cost_kwh(network.segments[s], snapshot.segments[s], problem.vehicle)
-                for s in ids
-            ]
-        ),
-        np.array([snapshot.segments[s].speed_mps for s in ids]),
-        np.array([network.segments[s].length_m for s in ids]),
-        np.array(pairs, dtype=np.int64).reshape(-1, 2).T,
+        cost,
+        speed,
+        length,
+        turn,
+        energy,
+        time,
+        objective(energy, time, problem.search, problem.time_worth_kw),
+        waiting_s,
         index,
         leaving,
         entering,
@@ -106,9 +148,9 @@ class Travel:
         self._nodes = sorted({fleet.node(place) for place in self.places})
         at = {node: i for i, node in enumerate(self._nodes)}
         self._node_of = np.array([at[fleet.node(place)] for place in self.places])
-        searched = roads.cost_kwh
+        searched = roads.objective
         if discount_kwh is not None:
-            searched = np.maximum(searched - discount_kwh, 0.01 * searched)
+            searched = searched.discounted(discount_kwh, roads.turn)
         self._before, self._last = self._search(searched)
         pairs = np.ix_(self._node_of, self._node_of)
         self.searched_kwh, self.energy_kwh, self.duration_s = (
@@ -117,7 +159,7 @@ class Travel:
         self._legs: dict[tuple[int, int], Leg | None] = {}
         self._ways: dict[tuple[int, int, int], list[list[int]]] = {}
 
-    def _search(self, cost: Floats) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    def _search(self, cost: Weights) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
         """(predecessors, shape (nodes, m); last segment of each way, shape (nodes, nodes))."""
         roads = self.roads
         m, n = len(roads.ids), len(self._nodes)
@@ -125,48 +167,58 @@ class Travel:
         onto = np.concatenate([roads.turn[1], *(np.array(o, dtype=np.int64) for o in out)])
         start = np.repeat(np.arange(m, m + n), [len(o) for o in out])
         graph = csr_array(
-            (cost[onto], (np.concatenate([roads.turn[0], start]), onto)), shape=(m + n, m + n)
+            (
+                np.concatenate([cost.turn, *(cost.begin[o] for o in out)]),
+                (np.concatenate([roads.turn[0], start]), onto),
+            ),
+            shape=(m + n, m + n),
         )
         distance, before = dijkstra(graph, indices=np.arange(m, m + n), return_predecessors=True)
         last = np.full((n, n), -1, dtype=np.int32)
         for j, node in enumerate(self._nodes):
             into = roads.entering[node]
             if into:
-                best = np.array(into)[distance[:, into].argmin(axis=1)]
+                whole = distance[:, into] + cost.finish[into]
+                best = np.array(into)[whole.argmin(axis=1)]
                 reached = np.isfinite(distance[np.arange(n), best])
                 last[reached, j] = best[reached]
         np.fill_diagonal(last, -1)
         return before[:, :m], last
 
-    def _along_ways(self, searched: Floats) -> tuple[Floats, Floats, Floats]:
+    def _along_ways(self, searched: Weights) -> tuple[Floats, ...]:
         """Searched cost, energy and duration between nodes, summed along the ways found, shape
         (n, n) each.
         """
-        roads, style = self.roads, self._problem.style
+        roads = self.roads
         m, n = len(roads.ids), len(self._nodes)
         # One more segment, m, stands for the start: it costs nothing and comes before itself.
         before = np.where((self._before < 0) | (self._before >= m), m, self._before)
         before = np.hstack([before, np.full((n, 1), m)]).astype(np.int64)
-        speed = np.append(roads.speed_mps, 0.0)
-        cost, energy = (np.tile(np.append(c, 0.0), (n, 1)) for c in (searched, roads.cost_kwh))
-        seconds = np.append(roads.length_m / roads.speed_mps, 0.0) + _change_s(
-            speed[before], speed, style
-        )
-        seconds[:, m] = 0.0
+        turn = np.zeros((n, m), dtype=np.int64)
+        for origin, number in roads.before:
+            turn = np.where(before[:, :m] == origin, number, turn)
+        kinds = (searched, roads.energy, roads.time)
+        sums = [
+            np.hstack(
+                [np.where(before[:, :m] == m, w.begin, _taken(w.turn, turn)), np.zeros((n, 1))]
+            )
+            for w in kinds
+        ]
         # Each round doubles how much of a way its last segment stands for.
         while (before != m).any():
-            for values in (cost, energy, seconds):
+            for values in sums:
                 values += np.take_along_axis(values, before, axis=1)
             before = np.take_along_axis(before, before, axis=1)
         rows = np.arange(n)[:, None]
         ways = self._last >= 0
         last = np.where(ways, self._last, m)
-        cost, energy, seconds = cost[rows, last], energy[rows, last], seconds[rows, last]
-        seconds += speed[last] / (2 * style.braking_mps2)
-        for values in (cost, energy, seconds):
-            values[~ways] = np.inf
-            np.fill_diagonal(values, 0.0)
-        return cost, energy, seconds
+        found = []
+        for values, w in zip(sums, kinds, strict=True):
+            total = values[rows, last] + np.append(w.finish, 0.0)[last]
+            total[~ways] = np.inf
+            np.fill_diagonal(total, 0.0)
+            found.append(total)
+        return tuple(found)
 
     def leg(self, start: str, end: str) -> Leg | None:
         """The way between two places; None if there is none."""
@@ -176,7 +228,7 @@ class Travel:
         known = self._legs[pair]
         if known is None or (known.start, known.end) == (start, end):
             return known
-        return Leg(start, end, known.path, known.cost_kwh, known.drive)
+        return replace(known, start=start, end=end)
 
     def ways(self, start: str, end: str, most: int) -> list[Leg]:
         """The cheapest ways between two places without a loop, at most so many (Yen, 1971).
@@ -186,31 +238,14 @@ class Travel:
         i, j = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
         key = i, j, most
         if key not in self._ways:
-            self._ways[key] = self._cheapest(i, j, most) if self._last[i, j] >= 0 else []
+            roads, nodes = self.roads, self._nodes
+            ends = roads.leaving[nodes[i]], roads.entering[nodes[j]]
+            reached = self._last[i, j] >= 0
+            self._ways[key] = (
+                cheapest_ways(roads.turn, roads.objective, *ends, most) if reached else []
+            )
         style = self._problem.style
         return [leg_along(self.roads, way, start, end, style) for way in self._ways[key]]
-
-    def _cheapest(self, i: int, j: int, most: int) -> list[list[int]]:
-        roads = self.roads
-        m = len(roads.ids)
-        out, into = roads.leaving[self._nodes[i]], roads.entering[self._nodes[j]]
-        # Segments, then the start and the end, which costs next to nothing: 0 would be no edge.
-        rows = np.concatenate([roads.turn[0], np.full(len(out), m), into])
-        columns = np.concatenate([roads.turn[1], out, np.full(len(into), m + 1)])
-        cost = np.concatenate(
-            [roads.cost_kwh[columns[: len(rows) - len(into)]], [1e-12] * len(into)]
-        )
-        graph = csr_array((cost, (rows, columns)), shape=(m + 2, m + 2))
-        # It takes 32-bit indices only.
-        graph.indices, graph.indptr = graph.indices.astype(np.int32), graph.indptr.astype(np.int32)
-        _, before = yen(graph, m, m + 1, most, return_predecessors=True)
-        found = []
-        for row in before:
-            way = [int(row[m + 1])]
-            while row[way[-1]] != m:
-                way.append(int(row[way[-1]]))
-            found.append(way[::-1])
-        return found
 
     def _make(self, i: int, j: int, start: str, end: str) -> Leg | None:
         if i == j:
@@ -236,23 +271,22 @@ def least_energy_legs(
 def leg_along(roads: Roads, way: Sequence[int], start: str, end: str, style: DrivingStyle) -> Leg:
     """The leg along given segments (indices into ``roads.ids``)."""
     rows = np.array(way)
+    drive = plan_drive(roads.length_m[rows].tolist(), roads.speed_mps[rows].tolist(), style)
+    expected_kwh = None
+    if roads.waiting_s is not None:
+        expected_kwh = roads.parts(roads.energy, way)
+        turns_taken = [roads.number[pair] for pair in pairwise(way)]
+        drive = drive.delayed([*roads.waiting_s[turns_taken].tolist(), 0.0])
     return Leg(
         start,
         end,
         tuple(roads.ids[i] for i in way),
-        float(roads.cost_kwh[rows].sum()),
-        plan_drive(roads.length_m[rows].tolist(), roads.speed_mps[rows].tolist(), style),
+        roads.parts(roads.objective, way),
+        drive,
+        expected_kwh,
     )
 
 
-def _change_s(before_mps: Floats, after_mps: Floats, style: DrivingStyle) -> Floats:
-    """Time lost in changing from one speed to another, against an instant change, s.
-
-    Δv²/2av for gaining speed at rate a within the faster segment, likewise for losing it.
-    """
-    gain = np.maximum(after_mps - before_mps, 0.0)
-    loss = np.maximum(before_mps - after_mps, 0.0)
-    return np.asarray(
-        gain**2 / (2 * style.acceleration_mps2 * np.maximum(after_mps, _FEWEST_S))
-        + loss**2 / (2 * style.braking_mps2 * np.maximum(before_mps, _FEWEST_S))
-    )
+def _taken(values: Floats, at: Ints) -> Floats:
+    """Values at places; where there are none, zeros: nobody turns in a network without turns."""
+    return values[at] if len(values) else np.zeros(at.shape)
