@@ -1,0 +1,52 @@
+"""A vehicle of the fleet as platooning knows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from simulation.closed_loop.vehicle import LegOrder
+
+Mode = Literal["alone", "following", "parting"]
+"""Who decides on a vehicle's speed: its car-following model; platooning, close behind another one;
+platooning, until its gap is wide enough for the model."""
+
+
+@dataclass
+class Member:
+    """A vehicle on the road.
+
+    Attributes:
+        order: what it was told.
+        factor: its own speed factor.
+        mode: see `Mode`.
+        ahead: of the fleet, whom it follows or last followed.
+        parted_s: when it began to part.
+        yields: share of its speed that it gives up for a vehicle that comes nearer from behind.
+        hurry: factor on its speed factor.
+        refused: segment on which the traffic parted it.
+    """
+
+    order: LegOrder
+    factor: float
+    mode: Mode = "alone"
+    ahead: str | None = None
+    parted_s: float = 0.0
+    yields: float = 0.0
+    hurry: float = 1.0
+    refused: str | None = None
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Whom a vehicle is directly behind.
+
+    Attributes:
+        ahead: any vehicle.
+        gap_m: from its front to that one's rear.
+        ahead_mps: that one's speed.
+    """
+
+    ahead: str
+    gap_m: float
+    ahead_mps: float

@@ -1,0 +1,124 @@
+"""Speeds that close, keep and open a gap: pure functions of what both vehicles do.
+
+Keeping: constant-distance following with the speed that the vehicle ahead is about to have (it
+tells: that is the C in CACC), v = v_ahead' + k (g − g*). SUMO's CACC is not used: at the
+evaluation's step its own gains answer a braking leader with 9 m/s², and it would bind the leader
+to another car-following model than every other arm has.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from slipstream.energy import PAPER_CAR
+
+ADVISED_GAP_M: Final = 1.5
+"""Gap that drag reductions are credited for; see `DispatcherSettings.gap_m`."""
+
+_HARDEST_MPS2: Final = 9.0
+_GAIN_PER_S: Final = 0.4
+_OPENING_MPS: Final = 2.0
+_SOFT_MPS2: Final = 0.5
+_BRAKING_MPS2: Final = 2.5
+_LEAST_GAP_M: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a vehicle drives: speed, the speed it likes best here, the gap to whom it is behind."""
+
+    speed_mps: float
+    desired_mps: float
+    gap_m: float
+
+
+@dataclass(frozen=True)
+class Idm:
+    """The car-following model that vehicles alone have (Treiber, Hennecke, Helbing 2000)."""
+
+    acceleration_mps2: float = 1.8
+    deceleration_mps2: float = 2.5
+    headway_s: float = 1.2
+    min_gap_m: float = 2.5
+
+    def accelerates_mps2(self, own: Motion, ahead_mps: float) -> float:
+        """a (1 − (v/v₀)⁴ − (s*/s)²), s* = s₀ + max(0, v T + v Δv / 2√(ab))."""
+        v, a, b = own.speed_mps, self.acceleration_mps2, self.deceleration_mps2
+        dynamic = v * self.headway_s + v * (v - ahead_mps) / (2 * math.sqrt(a * b))
+        wanted_m = self.min_gap_m + max(0.0, dynamic)
+        free = (v / max(own.desired_mps, 0.1)) ** 4
+        return a * (1 - free - (wanted_m / max(own.gap_m, _LEAST_GAP_M)) ** 2)
+
+
+def followed_gap_m(step_s: float, advised_gap_m: float = ADVISED_GAP_M) -> float:
+    """Gap g* that followers keep in a simulation of a step length, m.
+
+    The advised one, and what a vehicle ahead that starts to brake with all its might takes of it
+    before the follower can know: 9 m/s² · step². 1.6 m at 0.1 s; 3.75 m at 0.5 s.
+    """
+    return advised_gap_m + _HARDEST_MPS2 * step_s**2
+
+
+def close_gap_m(step_s: float) -> float:
+    """Largest gap that counts as close following, m: twice the one that followers keep."""
+    return 2 * followed_gap_m(step_s)
+
+
+def coasting_mps2(speed_mps: float) -> float:
+    """Deceleration without traction and brake, m/s²."""
+    return (PAPER_CAR.rolling_force_n + PAPER_CAR.drag_force_n(speed_mps)) / PAPER_CAR.mass_kg
+
+
+def following_mps(own: Motion, ahead_mps: float, fastest_mps: float, step_s: float) -> float:
+    """Speed of a follower at the end of the coming step.
+
+    Too far behind, it closes up no faster than it can slow down again by coasting, so that the
+    energy put into catching up is not braked away.
+
+    Args:
+        own: follower.
+        ahead_mps: speed that the vehicle ahead will have by then.
+        fastest_mps: that the follower may drive.
+        step_s: of the simulation.
+    """
+    error_m = own.gap_m - followed_gap_m(step_s)
+    closing = _GAIN_PER_S * error_m
+    if error_m > 0:
+        closing = min(closing, math.sqrt(2 * 0.9 * coasting_mps2(own.speed_mps) * error_m))
+    most = own.speed_mps + Idm().acceleration_mps2 * step_s
+    least = own.speed_mps - _HARDEST_MPS2 * step_s
+    return max(0.0, least, min(ahead_mps + closing, most, fastest_mps))
+
+
+def parting_mps(own: Motion, ahead_mps: float, step_s: float) -> float:
+    """Speed at the end of the coming step of a vehicle that opens its gap gently.
+
+    It falls back at 2 m/s, braking hardly more than it coasts; the full comfortable braking is for
+    whom it still comes nearer to, as after a cut-in.
+    """
+    asked = Idm().accelerates_mps2(own, ahead_mps)
+    slower = own.speed_mps <= ahead_mps + _SOFT_MPS2
+    a = max(asked, -_SOFT_MPS2 if slower else -_BRAKING_MPS2)
+    if slower and own.gap_m > _LEAST_GAP_M and own.speed_mps < ahead_mps - _OPENING_MPS:
+        a = max(a, 0.0)
+    return max(0.0, own.speed_mps + min(a, Idm().acceleration_mps2) * step_s)
+
+
+def is_parted(own: Motion, ahead_mps: float) -> bool:
+    """Whether the IDM can take over without braking noticeably."""
+    return Idm().accelerates_mps2(own, ahead_mps) >= -_SOFT_MPS2
+
+
+def parting_way_m(speed_mps: float, gap_m: float) -> float:
+    """Way that opening a gap at a speed takes, until `is_parted`, m.
+
+    Falling back at u = 2 m/s, IDM's wanted gap is s₀ + v (T − u / 2√(ab)); at some 1.2 times of it
+    the IDM hardly brakes.
+    """
+    idm = Idm()
+    root = 2 * math.sqrt(idm.acceleration_mps2 * idm.deceleration_mps2)
+    wanted = 1.2 * (idm.min_gap_m + speed_mps * max(0.0, idm.headway_s - _OPENING_MPS / root))
+    seconds = max(0.0, wanted - gap_m) / _OPENING_MPS + 0.5 * _OPENING_MPS / _SOFT_MPS2
+    return speed_mps * seconds
