@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 FREE: Final = "GO"
@@ -12,6 +13,11 @@ FREE: Final = "GO"
 
 YIELDING: Final = "go"
 """Letters that let it go through the gaps of traffic that has priority."""
+
+MOST_RETURN_S: Final = 15.0
+"""What a phase that was cut gets back in one turn at most."""
+
+NOTHING_OWED: Final[Mapping[int, float]] = MappingProxyType({})
 
 _CYCLES: Final = 2
 
@@ -40,15 +46,13 @@ class Phase:
     Attributes:
         state: a letter for each movement, as SUMO writes them.
         usual_s: what it lasts in a program of fixed times; in an actuated one its nominal time.
-        least_s: what it lasts at least.
-        most_s: what it lasts at most without a request for priority.
+        least_s: what it lasts at least; in a program of fixed times, when it is shortened.
         next: phases that can follow.
     """
 
     state: str
     usual_s: float
     least_s: float
-    most_s: float
     next: tuple[int, ...]
 
     def lets_go(self, link: int) -> bool:
@@ -78,21 +82,25 @@ class Program:
         """The usual time of a cycle."""
         return sum(phase.usual_s for phase in self.phases)
 
-    def usual_end_s(self, phase: int) -> float:
-        """When a phase usually ends, counted from the begin of the cycle."""
-        return sum(p.usual_s for p in self.phases[: phase + 1])
+    def settled_s(self, phase: int, owed_s: float) -> float:
+        """How long a phase of fixed time lasts when it gives back, or gets back, what is owed."""
+        usual_s = self.phases[phase].usual_s
+        least_s = self.phases[phase].least_s
+        return min(max(usual_s - owed_s, least_s), usual_s + MOST_RETURN_S)
 
-    def course(self, phase: int, end_s: float, lag_s: float = 0.0) -> Iterator[tuple[int, float]]:
+    def course(
+        self, phase: int, end_s: float, owed_s: Mapping[int, float] = NOTHING_OWED
+    ) -> Iterator[tuple[int, float]]:
         """Phases from the running one on and when each ends, as far as the program fixes them.
 
-        Fixed times: two cycles; a phase that begins late or early ends at its usual time if its
-        least time allows. Actuated: the earliest ends, until it is open which phase follows.
+        Fixed times: two cycles. Actuated: the earliest ends, until it is open which phase follows.
 
         Args:
             phase: that runs.
             end_s: its end; the earliest one if it is actuated.
-            lag_s: how far that end is behind the usual one.
+            owed_s: see `greens`.
         """
+        owed = dict(owed_s)
         until_s = end_s + _CYCLES * self.cycle_s
         while True:
             yield phase, end_s
@@ -102,12 +110,17 @@ class Program:
             following = self.phases[phase]
             lasting_s = following.least_s
             if self.fixed:
-                lasting_s = max(following.usual_s - lag_s, following.least_s)
-                lag_s += lasting_s - following.usual_s
+                lasting_s = self.settled_s(phase, owed.get(phase, 0.0))
+                owed[phase] = owed.get(phase, 0.0) + lasting_s - following.usual_s
             end_s += lasting_s
 
     def greens(
-        self, link: int, phase: int, begun_s: float, end_s: float, lag_s: float = 0.0
+        self,
+        link: int,
+        phase: int,
+        begun_s: float,
+        end_s: float,
+        owed_s: Mapping[int, float] = NOTHING_OWED,
     ) -> tuple[Green, ...]:
         """When a movement may go: all times of two cycles, or the next one of an actuated signal.
 
@@ -116,7 +129,8 @@ class Program:
             phase: that runs.
             begun_s: when it began.
             end_s: its end; the earliest one if it is actuated.
-            lag_s: how far that end is behind the usual one.
+            owed_s: by phases that lasted longer than usual, less than nothing to those that were
+                cut; settled at their next turn. Programs of fixed times only.
         """
         if all(p.lets_go(link) for p in self.phases):
             free = all(p.state[link] in FREE for p in self.phases)
@@ -125,7 +139,7 @@ class Program:
         opened_s: float | None = None
         protected = True
         last_s = begun_s
-        for number, ends_s in self.course(phase, end_s, lag_s):
+        for number, ends_s in self.course(phase, end_s, owed_s):
             running = self.phases[number]
             if running.lets_go(link):
                 if opened_s is None:

@@ -7,12 +7,13 @@ minEndTime).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import libsumo
 
-from simulation.closed_loop.signals.program import Green, Phase, Program
+from simulation.closed_loop.signals.program import NOTHING_OWED, Green, Phase, Program
 
 __all__ = ["Green", "Running", "Signals"]
 
@@ -29,14 +30,15 @@ class Running:
         phase: number of its phase.
         begun_s: when that phase began.
         end_s: when it ends; at the earliest, if it is actuated.
-        lag_s: how far that is behind the program's usual time; 0 where none is fixed.
+        read_s: when this was read.
+        name: of the program.
+        greens: what is known of its movements so far.
     """
 
     program: Program
     phase: int
     begun_s: float
     end_s: float
-    lag_s: float
     read_s: float
     name: str
     greens: dict[int, tuple[Green, ...]] = field(default_factory=dict)
@@ -51,8 +53,9 @@ class Signals:
 
     def __init__(self, least_green_s: float = 8.0) -> None:
         self._least_green_s = least_green_s
-        self._programs: dict[tuple[str, str], tuple[Program, float]] = {}
+        self._programs: dict[tuple[str, str], Program] = {}
         self._running: dict[str, Running] = {}
+        self._owed_s: dict[str, Mapping[int, float]] = {}
 
     def upcoming(self, tls: str, link: int, now_s: float) -> tuple[Green, ...]:
         """When a movement may go, soonest first, from now on.
@@ -69,7 +72,11 @@ class Signals:
         greens = running.greens.get(link)
         if greens is None:
             greens = running.program.greens(
-                link, running.phase, running.begun_s, running.end_s, running.lag_s
+                link,
+                running.phase,
+                running.begun_s,
+                running.end_s,
+                self._owed_s.get(tls, NOTHING_OWED),
             )
             running.greens[link] = greens
         return greens
@@ -84,28 +91,26 @@ class Signals:
         if known is not None and (known.name, known.phase, known.end_s) == (name, phase, end_s):
             known.read_s = now_s
             return known
-        program, anchor_s = self._program(tls, name, phase, end_s)
         begun_s = now_s - lights.getSpentDuration(tls)
-        lag_s = 0.0
-        if program.fixed:
-            cycle_s = program.cycle_s
-            lag_s = (end_s - anchor_s - program.usual_end_s(phase)) % cycle_s
-            lag_s -= cycle_s if lag_s > cycle_s / 2 else 0.0
-        known = Running(program, phase, begun_s, end_s, lag_s, now_s, name)
+        known = Running(self._program(tls, name), phase, begun_s, end_s, now_s, name)
         self._running[tls] = known
         return known
 
-    def forget(self, tls: str) -> None:
-        """Read a signal anew, because it was changed within the step."""
-        self._running.pop(tls, None)
+    def changed(self, tls: str, owed_s: Mapping[int, float]) -> None:
+        """Hear that somebody changed a signal's times.
 
-    def _program(self, tls: str, name: str, phase: int, end_s: float) -> tuple[Program, float]:
-        """A program, and when one of its cycles began; read first before anybody changes it."""
+        Args:
+            tls: the signal.
+            owed_s: what its phases owe now; see `Program.greens`.
+        """
+        self._running.pop(tls, None)
+        self._owed_s[tls] = dict(owed_s)
+
+    def _program(self, tls: str, name: str) -> Program:
         known = self._programs.get((tls, name))
         if known is None:
             logics = libsumo.trafficlight.getAllProgramLogics(tls)
-            program = self._read(next(logic for logic in logics if logic.programID == name))
-            known = program, end_s - program.usual_end_s(phase)
+            known = self._read(next(logic for logic in logics if logic.programID == name))
             self._programs[tls, name] = known
         return known
 
@@ -115,15 +120,9 @@ class Signals:
         phases = []
         for number, read in enumerate(logic.phases):
             usual_s = float(read.duration)
-            phase = Phase(
-                read.state,
-                usual_s,
-                usual_s if fixed else float(read.minDur),
-                usual_s if fixed else float(read.maxDur),
-                tuple(read.next) or ((number + 1) % count,),
-            )
+            least_s = usual_s if fixed else float(read.minDur)
+            phase = Phase(read.state, usual_s, least_s, tuple(read.next) or ((number + 1) % count,))
             if fixed and not phase.clearing:
-                least_s = min(usual_s, self._least_green_s)
-                phase = Phase(phase.state, usual_s, least_s, usual_s, phase.next)
+                phase = replace(phase, least_s=min(usual_s, self._least_green_s))
             phases.append(phase)
         return Program(tuple(phases), fixed)
