@@ -128,6 +128,7 @@ class PlanRow(Base):
     energy_kwh: Mapped[float]
     stops: Mapped[list[Any]]
     segments: Mapped[list[Any]]
+    advice: Mapped[dict[str, Any]] = mapped_column(server_default="{}")
 
 
 class StateRow(Base):

@@ -12,7 +12,7 @@ from sqlalchemy.exc import OperationalError
 
 import storage
 from slipstream.errors import InputError
-from slipstream.messages import CycleReport, Unserved
+from slipstream.messages import CycleReport, DrivingAdvice, Unserved
 from storage.engine import parse_url, writer_engine
 from storage.models import StateRow
 
@@ -305,3 +305,13 @@ def test_locked_by_another_writer(url, monkeypatch):
     finally:
         other.close()
     storage.open_database(url).close()
+
+
+def test_plans_keep_their_advice(url, make_cycle):
+    """How to drive is stored with where to drive."""
+    report, plans, states = make_cycle(1)
+    advice = DrivingAdvice(eco_approach=True, coasting_budget=0.06)
+    advised = tuple(plan.model_copy(update={"advice": advice}) for plan in plans)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(report, advised, states)
+        assert {plan.advice for plan in reader.latest_plans()} == {advice}
