@@ -204,6 +204,22 @@ class VehiclePlan(Message):
     advice: DrivingAdvice = DrivingAdvice()
 
 
+class VehiclePosition(Message):
+    """Where a vehicle's own telematics puts it, about once a second."""
+
+    vehicle: Identifier
+    time_ns: TimeNs
+    segment: Identifier = Field(description="That it is on, or that it has driven to its end.")
+    share: Annotated[float, Field(ge=0, le=1, description="Of that segment that it has driven.")]
+    speed_mps: NonNegative
+    cycle: Annotated[int, Field(ge=0)] | None = Field(
+        description="Cycle of the plan that it follows; None: it is at its depot, free for one."
+    )
+    leg: Annotated[int, Field(ge=0)] | None = Field(
+        description="Leg of the plan that it drives; None: it stands at a stop or at its depot."
+    )
+
+
 class SolverReport(Message):
     """What one solver did in one cycle; its objective is re-evaluated, never taken over."""
 
@@ -326,9 +342,15 @@ def plan_key(vehicle: str) -> str:
     return f"{ROOT}/fleet/{_chunk(vehicle)}/plan"
 
 
+def position_key(vehicle: str) -> str:
+    """Key of a VehiclePosition."""
+    return f"{ROOT}/fleet/{_chunk(vehicle)}/position"
+
+
 ALL_STATES: Final = f"{ROOT}/rsu/*/segment/*/state"
 ALL_RSU_HEALTH: Final = f"{ROOT}/rsu/*/health"
 ALL_PREVIEWS: Final = f"{ROOT}/rsu/*/preview"
 ALL_PLANS: Final = f"{ROOT}/fleet/*/plan"
+ALL_POSITIONS: Final = f"{ROOT}/fleet/*/position"
 CYCLE_KEY: Final = f"{ROOT}/dispatcher/cycle"
 DISPATCHER_HEALTH_KEY: Final = f"{ROOT}/dispatcher/health"

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -122,7 +123,6 @@ def write_settings(
 
     bus = {"connect": [bus_endpoint]}
     url = f"sqlite:///{database.absolute()}"
-    folder.mkdir(parents=True, exist_ok=True)
     daemons: dict[str, tuple[str, Settings]] = {
         roadside.rsu: (
             "edge",
@@ -155,6 +155,21 @@ def write_settings(
         "dashboard",
         DashboardSettings.model_validate({"bus": bus, "database_url": url, "port": dashboard_port}),
     )
+    return write_daemons(folder, daemons)
+
+
+def write_daemons(
+    folder: Path, daemons: Mapping[str, tuple[str, Settings]]
+) -> dict[str, tuple[str, Path]]:
+    """Write the settings of daemons into a folder, made if missing.
+
+    Args:
+        daemons: sub-command and settings of each process.
+
+    Returns:
+        Sub-command and settings file of each process.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
     files = {}
     for name, (command, settings) in daemons.items():
         path = folder / f"{name}.toml"

@@ -15,6 +15,7 @@ from slipstream.service import follow_supervisor
 
 COMMANDS: Final = (
     "run",
+    "world",
     "edge",
     "dispatcher",
     "dashboard",
@@ -26,6 +27,7 @@ COMMANDS: Final = (
     "robustness",
     "solve",
     "bench",
+    "evaluate",
     "verify",
     "resources",
     "db",

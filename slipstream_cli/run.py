@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import fcntl
 import json
 import signal
-import socket
 import sys
 import threading
 import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings, check
 from slipstream.errors import InputError
 from slipstream_cli.demo import make_clips, write_settings
+from slipstream_cli.local import check_port_is_free, http_status, locked
 from slipstream_cli.supervisor import Supervisor
 from slipstream_cli.tally import Tally
 
@@ -49,8 +44,6 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Run until Ctrl-C, or for ``--seconds``."""
-    if not 1 <= options.port <= 65535:
-        raise InputError("--port", f"{options.port} is no port", "give 1 to 65535")
     if not 1.0 <= options.interval <= 86400.0:
         raise InputError("--interval", f"{options.interval:g} is out of range", "give 1 to 86400")
     if options.seconds is not None and not options.seconds > 0:
@@ -62,8 +55,8 @@ def run(options: argparse.Namespace) -> int:
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
-    with _locked(options.state):
-        _check_port_is_free(options.port)
+    with locked(options.state):
+        check_port_is_free(options.port)
         return _run(options, stopping)
 
 
@@ -114,58 +107,13 @@ def _watch(
     while not stopping.is_set() and supervisor.refused is None:
         elapsed = time.monotonic() - began
         if seconds is not None and elapsed >= seconds:
-            return _http_status(address)
+            return http_status(address)
         if not announced and elapsed - asked_s >= 1.0:
             asked_s = elapsed
-            status = _http_status(address)
+            status = http_status(address)
             if status == 200:
                 announced = True
                 supervisor.say("slipstream", f"the dashboard is at {address} (Ctrl-C stops all)")
         supervisor.poll()
         stopping.wait(_POLL_S)
     return status
-
-
-def _http_status(address: str) -> int | None:
-    try:
-        # Past any proxy of the environment: it is this machine's own page.
-        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with opener.open(address, timeout=2.0) as answer:
-            return int(answer.status)
-    except urllib.error.HTTPError as error:
-        return int(error.code)
-    except OSError:
-        return None
-
-
-def _check_port_is_free(port: int) -> None:
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError as error:
-            raise InputError(
-                f"127.0.0.1:{port}", f"{error.strerror}".lower(), "choose another with --port"
-            ) from None
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Hold the state folder: two runs must not share a database.
-
-    Raises:
-        InputError: it cannot be made, or another run holds it.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / "lock").open("w")
-    except OSError as error:
-        raise InputError(folder, f"{error.strerror}".lower(), "choose --state elsewhere") from None
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(
-                folder, "another `slipstream run` uses it", "stop that one or choose --state"
-            ) from None
-        yield

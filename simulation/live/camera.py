@@ -1,0 +1,156 @@
+"""An RSU's camera in a process of its own: vehicles in, pictures over HTTP."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Final
+
+from simulation.live.order import CameraPlace
+from simulation.sumo.lanes import Roads
+from simulation.sumo.pose import Pose
+from simulation.sumo.settings import RsuSettings, SumoClipSettings
+from simulation.sumo.traffic import Vehicle
+from slipstream.errors import InputError
+from slipstream.service import die_with_parent
+
+JPEG_QUALITY: Final = 85
+
+
+@dataclass(frozen=True)
+class CameraOrder:
+    """A camera to be.
+
+    Attributes:
+        site: where it hangs and what it watches.
+        pose: where exactly.
+        roads: around it.
+        clip: seed and pictures a second; its files are named in complaints.
+        calibration: where its camera.toml goes.
+        parent: process that it ends with.
+    """
+
+    site: RsuSettings
+    pose: Pose
+    roads: Roads
+    clip: SumoClipSettings
+    calibration: Path
+    parent: int
+
+
+class Camera:
+    """The camera as the simulation has it: `show` never waits.
+
+    Attributes:
+        frames: pictures served.
+        skipped: pictures left out, as the one before was still being painted.
+    """
+
+    def __init__(self, order: CameraOrder) -> None:
+        self._name = order.site.name
+        self.frames = 0
+        self.skipped = 0
+        self._busy = False
+        context = get_context("spawn")
+        self._connection, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(other, order), daemon=True)
+        self._process.start()
+        other.close()
+
+    def place(self) -> CameraPlace:
+        """Wait until it serves.
+
+        Raises:
+            InputError: the stretch cannot be watched.
+            ChildProcessError: the process died.
+        """
+        place = self._receive()
+        assert isinstance(place, CameraPlace)
+        return place
+
+    def show(self, vehicles: list[Vehicle], taken_s: float) -> None:
+        """Have a picture painted, unless the one before is not done.
+
+        Args:
+            vehicles: around the camera.
+            taken_s: now, s since 1970.
+
+        Raises:
+            ChildProcessError: the process died.
+        """
+        if self._busy and self._connection.poll():
+            self._receive()
+            self._busy = False
+            self.frames += 1
+        if self._busy:
+            if not self._process.is_alive():
+                raise ChildProcessError(f"camera {self._name} ended")
+            self.skipped += 1
+            return
+        try:
+            self._connection.send((vehicles, taken_s))
+        except OSError:
+            raise ChildProcessError(f"camera {self._name} ended") from None
+        self._busy = True
+
+    def close(self) -> None:
+        """Switch it off."""
+        self._connection.close()  # which it takes as the end
+        self._process.join(1.0)
+        if self._process.is_alive():
+            self._process.kill()
+        self._process.join()
+        self._process.close()
+
+    def _receive(self) -> object:
+        try:
+            received = self._connection.recv()
+        except (EOFError, OSError):
+            raise ChildProcessError(f"camera {self._name} ended") from None
+        if isinstance(received, InputError):
+            raise received
+        return received
+
+
+def _serve(connection: Connection, order: CameraOrder) -> None:
+    """Run in the other process: paint what comes until nothing does."""
+    die_with_parent(order.parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(1)  # the simulation and the daemons keep time first
+    import cv2
+
+    from simulation.live.stream import LatestPicture, MjpegServer
+    from simulation.sumo.clip import SumoRenderer
+
+    cv2.setNumThreads(1)
+    try:
+        renderer = SumoRenderer(order.clip, order.site, order.pose, order.roads)
+    except InputError as error:
+        connection.send(error)
+        return
+    order.calibration.write_text(renderer.camera_toml)
+    latest = LatestPicture()
+    server = MjpegServer(latest)
+    segments = tuple(stretch.segment_id for stretch in renderer.stretches)
+    connection.send(CameraPlace(order.site.name, segments, server.url, order.calibration))
+    taken_s = 0.0
+
+    def scenes() -> Iterator[list[Vehicle]]:
+        nonlocal taken_s
+        while True:
+            try:
+                vehicles, taken_s = connection.recv()
+            except (EOFError, OSError):
+                return
+            yield vehicles
+
+    for image, _ in renderer.paint(scenes()):
+        _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        latest.put(jpeg.tobytes(), taken_s)
+        connection.send(None)
+    server.close()

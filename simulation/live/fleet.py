@@ -1,0 +1,110 @@
+"""The simulated fleet: plans become drives, drives become positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from simulation.closed_loop.conductor import Conductor
+from simulation.closed_loop.rounds import Rounds
+from simulation.closed_loop.vehicle import LegOrder
+from simulation.closed_loop.world import FleetWorld
+from simulation.live.plans import Waiting
+from simulation.scenarios.fleet import Deliveries
+from simulation.sumo.session import Session
+from slipstream.messages import VehiclePlan, VehiclePosition
+from slipstream.roads import RoadNetwork
+
+
+class LiveFleet:
+    """The vehicles of a fleet in a running simulation, driven by plans as they come.
+
+    Attributes:
+        rounds: who is under way and who is not.
+        begun: rounds.
+        finished: of them, back at the depot.
+        legs: driven.
+        driven_m: of all legs driven.
+        driven: vehicles that have come onto the road.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        deliveries: Deliveries,
+        network: RoadNetwork,
+        conductor: Conductor,
+        step_s: float,
+        now_s: float,
+    ) -> None:
+        self._network = network
+        lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
+        self._world = FleetWorld(session, lengths_m, conductor, step_s)
+        self.rounds = Rounds(deliveries, network)
+        self.rounds.idle = dict.fromkeys(deliveries.vehicles, now_s)
+        self._waiting = Waiting(deliveries.vehicles, [order.id for order in deliveries.orders])
+        self._cycle: dict[str, int] = {}
+        self._sent: dict[str, LegOrder] = {}
+        self._place: dict[str, str] = {}
+        self.begun = self.finished = self.legs = 0
+        self.driven_m = 0.0
+        self.driven: set[str] = set()
+
+    @property
+    def on_road(self) -> int:
+        """Vehicles on a leg."""
+        return len(self._world.running())
+
+    def plan(self, plan: VehiclePlan) -> None:
+        """A plan has come, its times in simulated ns."""
+        self._waiting.add(plan)
+
+    def step(self) -> None:
+        """Move the simulation by one step.
+
+        Raises:
+            InputError: SUMO refuses a vehicle or a route.
+        """
+        for plan in self._waiting.take(self.rounds.idle):
+            self._cycle[plan.vehicle] = plan.cycle
+            self.begun += 1
+            self._send(self.rounds.begin(plan))
+        for leg in self._world.step():
+            self.legs += 1
+            self.driven_m += leg.distance_m
+            self.driven.add(leg.vehicle)
+            self._place[leg.vehicle] = self._sent[leg.vehicle].path[-1]
+            self._send(self.rounds.arrived(leg))
+            if leg.vehicle in self.rounds.idle:
+                self.finished += 1
+                del self._cycle[leg.vehicle]
+
+    def positions(self, time_ns: int) -> Iterator[VehiclePosition]:
+        """Where the vehicles are; those that have not driven yet are not heard of.
+
+        Args:
+            time_ns: UTC now.
+        """
+        running = {order.vehicle: (order, state) for order, state in self._world.running().values()}
+        self.driven |= running.keys()
+        for vehicle in sorted(self.driven):
+            if vehicle in running:
+                order, state = running[vehicle]
+                length_m = self._network.segments[state.segment].length_m
+                share = 1.0 if state.crossing else min(1.0, max(0.0, state.front_m / length_m))
+                where, leg, speed_mps = state.segment, order.leg, max(0.0, state.speed_mps)
+            else:
+                where, share, leg, speed_mps = self._place[vehicle], 1.0, None, 0.0
+            yield VehiclePosition(
+                vehicle=vehicle,
+                time_ns=time_ns,
+                segment=where,
+                share=share,
+                speed_mps=speed_mps,
+                cycle=self._cycle.get(vehicle),
+                leg=leg,
+            )
+
+    def _send(self, orders: Iterator[LegOrder]) -> None:
+        for order in orders:
+            self._sent[order.vehicle] = order
+            self._world.send(order)

@@ -1,0 +1,59 @@
+"""Simulated time against the wall clock: when each step is due, and what happens if it is late."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+SLIP_S: Final = 0.5
+"""A world further behind than this no longer catches up: its clock is set to what it has reached,
+as a burst of steps would show vehicles racing."""
+
+
+@dataclass
+class Pace:
+    """Steps of a simulation that runs at a multiple of real time.
+
+    Attributes:
+        step_s: simulated.
+        speed: simulated seconds a second.
+        clock: monotonic, s.
+        steps: done.
+        late: steps that began more than their own length after they were due.
+        slipped_s: wall time by which the world has fallen behind for good.
+    """
+
+    step_s: float
+    speed: float
+    clock: Callable[[], float]
+    steps: int = 0
+    late: int = 0
+    slipped_s: float = 0.0
+    _began_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        if not (self.step_s > 0 and self.speed > 0):
+            raise ValueError("step_s and speed must be > 0")
+        self._began_s = self.clock()
+
+    @property
+    def wall_step_s(self) -> float:
+        """Wall time from one step to the next."""
+        return self.step_s / self.speed
+
+    def wait_s(self) -> float:
+        """How long the next step is not yet due, 0 if it is; call it once before each step."""
+        behind_s = self.clock() - self._due_s()
+        if behind_s > SLIP_S:
+            self.slipped_s += behind_s
+            self._began_s += behind_s
+        self.late += behind_s > self.wall_step_s
+        return max(0.0, -behind_s)
+
+    def stepped(self) -> None:
+        """One step has been done."""
+        self.steps += 1
+
+    def _due_s(self) -> float:
+        return self._began_s + (self.steps + 1) * self.wall_step_s

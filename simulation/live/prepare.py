@@ -1,0 +1,89 @@
+"""From a scenario and a time of day to a world: background, RSUs, the orders of the hour."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from simulation.live.order import WorldOrder
+from simulation.scenarios.fleet import Deliveries, draw_deliveries, fleet_at
+from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
+from simulation.scenarios.vehicle_types import TYPES
+from slipstream.config import BusSettings
+from slipstream.errors import InputError
+
+WARM_UP_S: Final = 600.0
+"""Simulated before the world opens, so that the roads are not empty then."""
+
+
+def prepare_world(
+    name: str,
+    folder: Path,
+    bus: BusSettings,
+    *,
+    net: Path | None = None,
+    demand: Path | None = None,
+    routes: Path | None = None,
+    rsus: Path | None = None,
+    fleet: Path | None = None,
+    begin_s: float,
+    speed: float,
+    cameras: int,
+    fps: float,
+    seed: int,
+) -> WorldOrder:
+    """Load a scenario and write the files that its world needs into a folder.
+
+    Args:
+        name: of the scenario; ``net`` to ``fleet`` as for `load_scenario`.
+        routes: a route file of the user's instead of any demand.
+        begin_s: simulated time that the world opens at, s since midnight.
+        speed: simulated seconds a second.
+        cameras: RSUs that get one, the first ones of the scenario.
+        fps: pictures a second.
+
+    Raises:
+        InputError: an unknown scenario, files that are malformed or do not fit each other, fewer
+            RSUs than cameras, or no order at that time of day.
+    """
+    scenario = load_scenario(name, net=net, demand=demand, rsus=rsus, fleet=fleet)
+    folder.mkdir(parents=True, exist_ok=True)
+    background = (
+        prepare(scenario, seed, folder) if routes is None else own_background(scenario, routes)
+    )
+    if len(background.rsus) < cameras:
+        raise InputError(
+            name, f"{len(background.rsus)} RSUs for {cameras} cameras", "give --rsus or --rsu-file"
+        )
+    day = order_day(scenario, background, folder, begin_s=max(0.0, begin_s - WARM_UP_S))
+    if routes is not None:
+        types = folder / "fleet.add.xml"
+        types.write_text(f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n", encoding="utf-8")
+        day = replace(day, additional=(*day.additional, types))
+    deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, name)
+    orders = folder / "fleet.json"
+    _write_fleet(deliveries, begin_s, orders)
+    return WorldOrder(
+        day,
+        begin_s,
+        speed,
+        background.rsus[:cameras],
+        deliveries,
+        orders,
+        bus,
+        folder,
+        seed=seed,
+        fps=fps,
+    )
+
+
+def _write_fleet(deliveries: Deliveries, now_s: float, path: Path) -> None:
+    """The fleet at a time of day: all vehicles at their depots, the last wave's orders open."""
+    old = {o.id for o in deliveries.orders if o.release_s <= now_s - deliveries.settings.wave_s}
+    fleet = fleet_at(deliveries, now_s, dict.fromkeys(deliveries.vehicles, now_s), old)
+    if fleet is None:
+        raise InputError(
+            "--begin", "no order in the hour before this time of day", "begin in the daytime"
+        )
+    path.write_text(fleet.model_dump_json(indent=1), encoding="utf-8")

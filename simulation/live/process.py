@@ -1,0 +1,135 @@
+"""The world as the command line has it: a process that is started, watched and ended."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import traceback
+from collections.abc import Callable
+from importlib.util import find_spec
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Final
+
+from simulation.live.order import CameraPlace, WorldCounts, WorldOrder
+from simulation.sumo.files import check_files
+from slipstream.errors import InputError
+from slipstream.service import die_with_parent
+
+_STOP_S: Final = 5.0
+_POLL_S: Final = 0.2
+
+
+class WorldProcess:
+    """A running world as a context manager: `with WorldProcess(order) as world`.
+
+    Attributes:
+        counts: the latest; None before the world has opened.
+
+    Raises:
+        InputError: a file is no SUMO file.
+        ModuleNotFoundError: libsumo is not installed.
+    """
+
+    def __init__(self, order: WorldOrder) -> None:
+        if find_spec("libsumo") is None:
+            raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
+        check_files(order.day.net, (order.day.routes, *order.day.additional))
+        self._order = order
+        self.counts: WorldCounts | None = None
+        context = get_context("spawn")
+        self._connection, self._other = context.Pipe()
+        # Not daemonic: cameras are its children.
+        self._process = context.Process(target=_serve, args=(self._other, order, os.getpid()))
+
+    def __enter__(self) -> WorldProcess:
+        self._process.start()
+        self._other.close()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with contextlib.suppress(OSError):
+            self._connection.send("stop")
+        self._process.join(_STOP_S)
+        if self._process.is_alive():
+            self._process.kill()
+        self._process.join()
+        self._process.close()
+        self._connection.close()
+
+    def open(
+        self, stopping: Callable[[], bool], progress: Callable[[float], None]
+    ) -> tuple[CameraPlace, ...]:
+        """Wait until the roads are full and the cameras serve; nothing if it is stopped before.
+
+        Raises:
+            InputError: SUMO refuses or dies of a file, or a stretch cannot be watched.
+            ChildProcessError: a fault in the world.
+        """
+        while not stopping():
+            if not self._connection.poll(_POLL_S):
+                continue
+            kind, content = self._receive()
+            if kind == "warm":
+                assert isinstance(content, float)
+                progress(content)
+            elif kind == "cameras":
+                assert isinstance(content, list)
+                return tuple(content)
+        return ()
+
+    def poll(self) -> None:
+        """Take in what the world tells.
+
+        Raises:
+            InputError: SUMO refuses or dies of a vehicle.
+            ChildProcessError: a fault in the world.
+        """
+        while self._connection.poll():
+            _, content = self._receive()
+            assert isinstance(content, WorldCounts)
+            self.counts = content
+
+    def _receive(self) -> tuple[str, object]:
+        try:
+            kind, content = self._connection.recv()
+        except (EOFError, OSError):
+            self._process.join()
+            day = self._order.day
+            raise InputError(
+                f"{day.net.name}, {day.routes.name}",
+                f"SUMO crashes on them (exit status {self._process.exitcode})",
+                "look for edges without connections, or run sumo on them",
+            ) from None
+        if kind == "refused":
+            assert isinstance(content, InputError)
+            raise content
+        if kind == "fault":
+            raise ChildProcessError(str(content))
+        return kind, content
+
+
+def _serve(connection: Connection, order: WorldOrder, parent: int) -> None:
+    """Run in the other process, and send what goes wrong: its terminal is SUMO's."""
+    die_with_parent(parent)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    from simulation.live.world import run_world
+
+    try:
+        run_world(order, connection)
+    except InputError as error:
+        connection.send(("refused", error))
+    except (BrokenPipeError, ConnectionResetError):
+        return  # nobody listens any more
+    except ChildProcessError as error:
+        connection.send(("fault", str(error)))
+    except Exception:
+        connection.send(("fault", traceback.format_exc()))

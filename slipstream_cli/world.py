@@ -1,0 +1,206 @@
+"""`slipstream world`: the closed loop live. SUMO drives, RSUs watch it, plans move its vehicles."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import signal
+import sys
+import threading
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from slipstream.bus import Bus, Router
+from slipstream.config import BusSettings
+from slipstream.errors import InputError
+from slipstream_cli.local import check_port_is_free, http_status, locked
+from slipstream_cli.progress import Progress
+from slipstream_cli.supervisor import Supervisor
+from slipstream_cli.tally import Tally
+
+if TYPE_CHECKING:
+    from simulation.live.process import WorldProcess
+
+_POLL_S = 0.1
+_TELL_S = 60.0
+
+
+def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    command = commands.add_parser(
+        "world",
+        help="the closed loop live: SUMO's traffic before cameras, plans that move vehicles",
+        epilog="A world of your own: --net, and what belongs to it; see docs/world.md.",
+    )
+    command.add_argument("--scenario", default="troy", help="troy (default), corridor, or a name")
+    command.add_argument("--net", type=Path, help="another SUMO net than the scenario's")
+    command.add_argument("--demand", type=Path, help="another demand (TOML)")
+    command.add_argument("--routes", type=Path, help="a SUMO route file instead of any demand")
+    command.add_argument("--fleet", type=Path, help="another fleet (TOML)")
+    command.add_argument("--rsu-file", type=Path, help="other RSUs (TOML)")
+    command.add_argument("--begin", default="07:30", metavar="HH:MM", help="simulated time of day")
+    command.add_argument(
+        "--speed", type=float, default=1.0, help="times real time, 0.1 to 10 (default 1)"
+    )
+    command.add_argument(
+        "--rsus", type=int, default=2, metavar="N", help="RSUs with a camera (default 2)"
+    )
+    command.add_argument("--fps", type=float, default=10.0, help="pictures a second (default 10)")
+    command.add_argument("--interval", type=float, default=60.0, help="seconds between cycles")
+    command.add_argument("--seed", type=int, default=1, help="of traffic, orders and scenery")
+    command.add_argument("--port", type=int, default=8080, help="dashboard's port (default 8080)")
+    command.add_argument(
+        "--state",
+        type=Path,
+        default=Path(".slipstream") / "world",
+        help="folder for routes, settings and database",
+    )
+    command.add_argument("--seconds", type=float, help="stop after so long (default: run on)")
+    command.add_argument("--json", action="store_true", help="print one JSON object at the end")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run until Ctrl-C, or for ``--seconds`` after the world has opened."""
+    for name, low, high in (
+        ("speed", 0.1, 10.0),
+        ("fps", 5.0, 30.0),
+        ("interval", 2.0, 86400.0),
+        ("rsus", 1, 100),
+        ("seed", 0, 2**31 - 1),
+    ):
+        value = getattr(options, name)
+        if not low <= value <= high:
+            raise InputError(f"--{name}", f"{value:g} is out of range", f"give {low:g} to {high:g}")
+    if options.seconds is not None and not options.seconds > 0:
+        raise InputError("--seconds", f"{options.seconds:g} is out of range", "give more than 0")
+    begin_s = time_of_day_s(options.begin)
+    stopping = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopping.set())
+    with locked(options.state):
+        check_port_is_free(options.port)
+        return _run(options, begin_s, stopping)
+
+
+def time_of_day_s(text: str) -> float:
+    """Seconds since midnight of ``HH:MM``.
+
+    Raises:
+        InputError: it is no time of day.
+    """
+    match = re.fullmatch(r"(\d{1,2}):(\d{2})", text)
+    if match is None or int(match[1]) > 23 or int(match[2]) > 59:
+        raise InputError("--begin", f"{text!r} is no time of day", "give HH:MM, 00:00 to 23:59")
+    return 3600.0 * int(match[1]) + 60.0 * int(match[2])
+
+
+def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event) -> int:
+    from simulation.live.prepare import prepare_world
+    from simulation.live.process import WorldProcess
+    from slipstream_cli.world_daemons import write_world_settings
+
+    supervisor = Supervisor(sys.stderr)
+    with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
+        prepared = prepare_world(
+            options.scenario,
+            options.state,
+            BusSettings(connect=(router.endpoint,)),
+            net=options.net,
+            demand=options.demand,
+            routes=options.routes,
+            rsus=options.rsu_file,
+            fleet=options.fleet,
+            begin_s=begin_s,
+            speed=options.speed,
+            cameras=options.rsus,
+            fps=options.fps,
+            seed=options.seed,
+        )
+        tally = Tally()
+        tally.listen(bus)
+        supervisor.say("slipstream", f"filling the roads of {options.scenario}, as seconds do")
+        with WorldProcess(prepared) as world, Progress("filling the roads", sys.stderr) as bar:
+            cameras = world.open(stopping.is_set, lambda share: bar.update(round(100 * share), 100))
+            if stopping.is_set():
+                return 0
+            files = write_world_settings(
+                options.state,
+                prepared,
+                cameras,
+                bus_endpoint=router.endpoint,
+                dashboard_port=options.port,
+                interval_s=options.interval,
+            )
+            for camera in cameras:
+                supervisor.say(
+                    camera.rsu, f"{', '.join(camera.segments)}: pictures at {camera.url}"
+                )
+            address = f"http://127.0.0.1:{options.port}"
+            try:
+                for name, (command, path) in files.items():
+                    supervisor.start(name, (command, "--config", str(path)))
+                status = _watch(supervisor, world, address, options.seconds, stopping)
+            finally:
+                supervisor.stop()
+        counts = world.counts
+    if options.json:
+        figures = tally.summary() | {
+            "dashboard_http": status,
+            "processes_restarted": supervisor.restarted,
+            "world": None if counts is None else asdict(counts),
+        }
+        print(json.dumps(figures))
+    if supervisor.refused:
+        return 2
+    return 1 if supervisor.given_up else 0
+
+
+def _watch(
+    supervisor: Supervisor,
+    world: WorldProcess,
+    address: str,
+    seconds: float | None,
+    stopping: threading.Event,
+) -> int | None:
+    """Look after the world and the daemons until the end; returns the page's last HTTP status."""
+    began = time.monotonic()
+    status: int | None = None
+    announced = False
+    asked_s = told_s = 0.0
+    while not stopping.is_set() and supervisor.refused is None:
+        elapsed = time.monotonic() - began
+        if seconds is not None and elapsed >= seconds:
+            return http_status(address)
+        if not announced and elapsed - asked_s >= 1.0:
+            asked_s = elapsed
+            status = http_status(address)
+            if status == 200:
+                announced = True
+                supervisor.say("slipstream", f"the dashboard is at {address} (Ctrl-C stops all)")
+        supervisor.poll()
+        world.poll()
+        if elapsed - told_s >= _TELL_S and world.counts is not None:
+            told_s = elapsed
+            supervisor.say("world", _line(world))
+        stopping.wait(_POLL_S)
+    return status
+
+
+def _line(world: WorldProcess) -> str:
+    """The world's minute in a line."""
+    counts = world.counts
+    assert counts is not None
+    minutes = round(counts.time_s / 60)
+    line = (
+        f"{minutes // 60:02}:{minutes % 60:02}, {counts.on_road} vehicles on the road, "
+        f"{counts.fleet_on_road} of the fleet; {counts.frames} pictures"
+    )
+    if counts.frames_skipped:
+        line += f", {counts.frames_skipped} left out"
+    if counts.slipped_s > 1.0:
+        line += f"; {counts.slipped_s:.0f} s behind: this machine is too slow for it"
+    return line

@@ -1,0 +1,81 @@
+"""Settings of the daemons around a live world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from slipstream.config import Settings
+from slipstream_cli.demo import write_daemons
+
+if TYPE_CHECKING:
+    from simulation.live.order import CameraPlace, WorldOrder
+
+
+def write_world_settings(
+    folder: Path,
+    order: WorldOrder,
+    cameras: Sequence[CameraPlace],
+    *,
+    bus_endpoint: str,
+    dashboard_port: int,
+    interval_s: float,
+) -> dict[str, tuple[str, Path]]:
+    """Write one settings file a daemon.
+
+    Returns:
+        For each process name the sub-command to run and its settings file.
+    """
+    from dashboard.settings import DashboardSettings
+    from dispatcher_daemon.settings import DispatcherSettings
+    from edge_daemon.settings import EdgeSettings
+
+    bus = {"connect": [bus_endpoint]}
+    url = f"sqlite:///{(folder / 'slipstream.db').absolute()}"
+    net = str(order.day.net.absolute())
+    daemons: dict[str, tuple[str, Settings]] = {
+        camera.rsu: (
+            "edge",
+            EdgeSettings.model_validate(
+                {
+                    "rsu": camera.rsu,
+                    "camera": camera.calibration.absolute(),
+                    "source": {"url": camera.url},
+                    # Several cameras on one small machine: a thread each, not all cores for all.
+                    "detector": {"threads": 1},
+                    "bus": bus,
+                }
+            ),
+        )
+        for camera in cameras
+    }
+    daemons["dispatcher"] = (
+        "dispatcher",
+        DispatcherSettings.model_validate(
+            {
+                "bus": bus,
+                "database_url": url,
+                "network": net,
+                "fleet": str(order.fleet.absolute()),
+                "interval_s": interval_s,
+                "deadline_s": min(10.0, interval_s / 2),
+                "form": "route",
+                "solvers": ["exact"],
+            }
+        ),
+    )
+    depots = [depot.node for depot in order.deliveries.settings.depots]
+    daemons["dashboard"] = (
+        "dashboard",
+        DashboardSettings.model_validate(
+            {
+                "bus": bus,
+                "database_url": url,
+                "network": net,
+                "depots": depots,
+                "port": dashboard_port,
+            }
+        ),
+    )
+    return write_daemons(folder / "settings", daemons)
