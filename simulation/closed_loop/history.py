@@ -1,0 +1,152 @@
+"""What movements cost on another day: a table, and what it lets the dispatcher expect.
+
+A movement is a segment and the one that is driven onto behind it: a left turn waits longer than a
+right one. Means of few passages are drawn towards means of many: those of an hour towards those of
+the day, a movement's towards its segment's, a segment's towards those of all that end at signals,
+or of all others (shrinkage with a fixed number of pseudo-observations).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from dispatcher_daemon.paths import turns
+from dispatcher_daemon.traffic import Expectations, Movement
+from slipstream.energy import steady_energy_kwh
+from slipstream.errors import InputError
+from slipstream.roads import RoadNetwork
+
+Array = npt.NDArray[np.float64]
+
+HOURS: Final = 24
+_KIND: Final = "slipstream movements 1"
+_OF_DAY: Final = 8.0
+"""So many passages at the mean that is drawn towards are added to a movement's and a segment's."""
+_OF_HOUR: Final = 16.0
+_NEIGHBOUR: Final = 0.5
+"""What passages of the hours before and after count for."""
+_LEAST_SHARE: Final = 0.2
+"""No movement is expected to cost less, of what it costs at the limit without a stop."""
+
+
+@dataclass(frozen=True)
+class History:
+    """Sums over passages, by movement and hour of the day; arrays of shape (movements, 24).
+
+    Attributes:
+        movements: sorted.
+        count: passages.
+        loss_kwh: energy that was gone for good; see `dispatcher_daemon.traffic.Expectations`.
+        seconds: time, as there.
+        stops: times that vehicles came to a stand.
+    """
+
+    movements: tuple[Movement, ...]
+    count: Array
+    loss_kwh: Array
+    seconds: Array
+    stops: Array
+
+    @cached_property
+    def _row(self) -> dict[Movement, int]:
+        return {movement: i for i, movement in enumerate(self.movements)}
+
+    def expectations(self, network: RoadNetwork, hour: float) -> Expectations:
+        """What all movements of a network are expected to cost at an hour of the day.
+
+        Where nobody drove, it is the physics of the limit and what signals, or other junctions,
+        cost on average.
+        """
+        pairs = [(a, b) for a in network.segments for b in turns(network, a)]
+        basis = [network.segments[a] for a, _ in pairs]
+        steady = np.array([steady_energy_kwh(s.length_m, s.speed_limit_mps) for s in basis])
+        free_s = np.array([s.free_flow_s for s in basis])
+        segment = np.unique([a for a, _ in pairs], return_inverse=True)[1]
+        kind = np.array([s.end in network.signals for s in basis], dtype=np.int64)
+        at = np.array([self._row.get(pair, -1) for pair in pairs])
+        weight = np.zeros(HOURS)
+        for step, share in ((0, 1.0), (-1, _NEIGHBOUR), (1, _NEIGHBOUR)):
+            weight[(int(hour) + step) % HOURS] += share
+
+        def beyond(table: Array, alone: Array) -> Array:
+            day, now = (self._taken(table @ w, at) for w in (np.ones(HOURS), weight))
+            passed, passed_now = (self._taken(self.count @ w, at) for w in (np.ones(HOURS), weight))
+            extra, extra_now = day - passed * alone, now - passed_now * alone
+            mean = _pooled(extra, passed, kind, np.zeros(len(pairs)), 0.0)
+            mean = _pooled(extra, passed, segment, mean, _OF_DAY)
+            mean = (extra + _OF_DAY * mean) / (passed + _OF_DAY)
+            return np.asarray((extra_now + _OF_HOUR * mean) / (passed_now + _OF_HOUR))
+
+        loss = np.maximum(steady + beyond(self.loss_kwh, steady), _LEAST_SHARE * steady)
+        seconds = np.maximum(free_s + beyond(self.seconds, free_s), _LEAST_SHARE * free_s)
+        return Expectations(
+            dict(zip(pairs, loss.tolist(), strict=True)),
+            dict(zip(pairs, seconds.tolist(), strict=True)),
+        )
+
+    @staticmethod
+    def _taken(values: Array, at: npt.NDArray[np.int64]) -> Array:
+        """Values at rows, 0 for the row -1, which stands for what nobody drove."""
+        return np.append(values, 0.0)[at]
+
+    def save(self, path: Path) -> None:
+        """Write it as JSON, byte for byte the same for the same history."""
+        rows = []
+        for i, (a, b) in enumerate(self.movements):
+            hours = np.flatnonzero(self.count[i]).tolist()
+            columns = (
+                [int(self.count[i, h]) for h in hours],
+                [round(1e6 * self.loss_kwh[i, h]) for h in hours],
+                [round(float(self.seconds[i, h]), 2) for h in hours],
+                [int(self.stops[i, h]) for h in hours],
+            )
+            rows.append([a, b, hours, *columns])
+        lines = ",\n".join(json.dumps(row, separators=(",", ":")) for row in rows)
+        text = f'{{"kind": "{_KIND}", "movements": [\n{lines}\n]}}\n'
+        unfinished = path.with_name(path.name + ".part")
+        unfinished.write_text(text, encoding="utf-8")
+        unfinished.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> History:
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: the file is missing or no history.
+        """
+        mend = "delete it, so that it is recorded again"
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            if data["kind"] != _KIND:
+                raise InputError(path, f"not of the kind {_KIND!r}", mend)
+            rows = data["movements"]
+            table = np.zeros((4, len(rows), HOURS))
+            for i, (_, _, hours, *columns) in enumerate(rows):
+                table[:, i, hours] = columns
+            count, loss, seconds, stops = table
+            pairs = tuple((str(a), str(b)) for a, b, *_ in rows)
+            return cls(pairs, count, loss / 1e6, seconds, stops)
+        except OSError as error:
+            raise InputError(path, f"cannot be read: {error.strerror}", mend) from None
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise InputError(path, f"not a history: {error}", mend) from None
+
+
+def _pooled(
+    total: Array, count: Array, group: npt.NDArray[np.int64], towards: Array, weight: float
+) -> Array:
+    """Mean of each one's group, drawn towards a mean by so many observations; (movements,)."""
+    sums, counts, first = (
+        np.bincount(group, weights=values) for values in (total, count, np.ones(len(group)))
+    )
+    prior = np.bincount(group, weights=towards) / np.maximum(first, 1.0)
+    both = counts + weight
+    means = np.divide(sums + weight * prior, both, out=prior.copy(), where=both > 0)
+    return np.asarray(means[group])
