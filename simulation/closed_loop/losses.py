@@ -7,11 +7,14 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from dispatcher_daemon.drive import Drive
 from slipstream.energy import PAPER_CAR, VehicleParameters
 
 _STANDING_MPS: Final = 0.1
 _REGAINED_MPS: Final = 1.0
 """Speed has to rise by so much before what was braking ends; advice makes speeds ripple."""
+
+_SAMPLE_S: Final = 0.5
 
 
 class Losses(NamedTuple):
@@ -73,3 +76,10 @@ def losses(
         parts["stand"],
         parts["slowing"],
     )
+
+
+def drive_losses(drive: Drive, vehicle: VehicleParameters = PAPER_CAR) -> Losses:
+    """The same of a planned drive, sampled twice a second and where its acceleration changes."""
+    times = np.union1d(drive.times_s, np.arange(0.0, drive.duration_s, _SAMPLE_S))
+    speeds = np.interp(times, drive.times_s, drive.speeds_mps)
+    return losses(speeds, np.diff(times), vehicle)

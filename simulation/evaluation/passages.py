@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from dispatcher_daemon.costs import segment_cost_kwh
 from dispatcher_daemon.drive import Drive, drive_energies
 from dispatcher_daemon.platoons import Timed, platoons_of
 from dispatcher_daemon.traffic import SegmentTraffic
-from simulation.closed_loop.losses import Losses, losses
+from simulation.closed_loop.losses import drive_losses
 from simulation.closed_loop.record import DrivenLeg
 from simulation.evaluation.roadside import Roadside
 from slipstream.energy import (
@@ -25,8 +24,6 @@ from slipstream.energy import (
     steady_energy_kwh,
 )
 from slipstream.roads import RoadNetwork
-
-_SAMPLE_S: Final = 0.5
 
 Passage = tuple[str, int, int]
 """One vehicle on one segment: (vehicle, number of the leg, position in its path)."""
@@ -178,7 +175,7 @@ def _driven_leg(
     driven: Energy,
     alone: Energy,
     turbulent_s: float,
-    turbulence: float,
+    extra_kwh: float,
 ) -> DrivenLeg:
     def length_m(wanted: float) -> float:
         return sum(
@@ -187,6 +184,7 @@ def _driven_leg(
             if own == wanted
         )
 
+    own = drive_losses(leg.drive)
     return DrivenLeg(
         vehicle=leg.vehicle,
         round=leg.round,
@@ -204,12 +202,5 @@ def _driven_leg(
         waited_s=0.0,
         turbulent_s=turbulent_s,
         path=leg.path,
-        losses=_losses(leg.drive, turbulence),
+        losses=own._replace(slowing_kwh=own.slowing_kwh + extra_kwh),
     )
-
-
-def _losses(drive: Drive, turbulence: float) -> Losses:
-    """Those of the drive, sampled, and those of the traffic's turbulence."""
-    times = np.union1d(drive.times_s, np.arange(0.0, drive.duration_s, _SAMPLE_S))
-    own = losses(np.interp(times, drive.times_s, drive.speeds_mps), np.diff(times))
-    return own._replace(slowing_kwh=own.slowing_kwh + turbulence)
