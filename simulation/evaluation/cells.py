@@ -59,6 +59,14 @@ def files(evaluation: Evaluation, names: Iterable[str]) -> str:
     return ", ".join(said)
 
 
+def each_row(evaluation: Evaluation) -> str:
+    """The files of a table with an arm a row."""
+    lacking = any(len(of_seed) < len(evaluation.seeds) for of_seed in evaluation.runs.values())
+    some = " that are there and sound" if lacking or evaluation.refused else ""
+    seeds = listed(evaluation.seeds)
+    return f"`arms/ARM-SEED.json` of each row's ARM and the seeds {seeds}{some}"
+
+
 def range_notes(evaluation: Evaluation, names: Iterable[str]) -> tuple[str, ...]:
     """What the marks of extrapolated comparisons mean, where there are any."""
     beyond = {c.extrapolated for n in names for c in evaluation.compared.get(n, {}).values()}

@@ -26,6 +26,7 @@ class Compared:
             travel time; None without a paced baseline.
         extrapolated: beyond which end of the baseline's paces its travel time lies, or "".
         parts: the saving by its causes, kWh.
+        shares: the same as shares of the baseline's energy.
         travel: longer travel time than the baseline, share.
         others_s: longer trips of the background, s each.
         same_orders: whether both served as many orders.
@@ -36,6 +37,7 @@ class Compared:
     at_equal_time: float | None
     extrapolated: str
     parts: Saving
+    shares: Saving
     travel: float
     others_s: float
     same_orders: bool
@@ -100,12 +102,14 @@ def _against(base: Measures, arm: Measures, curve: TimeCurve | None) -> Compared
     equal: EqualTime | None = None
     if curve is not None:
         equal = curve.at(arm.travel_h / arm.served)
+    parts = split_saving(base.alone, arm.alone, arm.driven)
     return Compared(
         saving=1 - arm.energy_kwh / base.energy_kwh,
         per_order=1 - _per_order(arm) / _per_order(base),
         at_equal_time=None if equal is None else 1 - _per_order(arm) / equal.energy,
         extrapolated="" if equal is None else equal.extrapolated,
-        parts=split_saving(base.alone, arm.alone, arm.driven),
+        parts=parts,
+        shares=Saving(*(part / base.energy_kwh for part in parts)),
         travel=arm.travel_h / base.travel_h - 1,
         others_s=arm.others.duration_s - base.others.duration_s,
         same_orders=arm.served == base.served,

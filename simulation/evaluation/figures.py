@@ -23,6 +23,7 @@ _COLOURS: Final = {
     COOPERATIVE: "#0072b2",
     EVERY_LEVER: "#009e73",
 }
+_LINES: Final = {EVERY_LEVER: (0, (5, 1.5))}
 _LABELS: Final = {
     SHORTEST: "A: shortest time",
     BASELINE: "B: the paper's baseline",
@@ -61,9 +62,9 @@ def cumulative(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Pat
         label = _LABELS[name]
         if name != BASELINE and saved is not None:
             label += f" ({percent(saved.mean)} saved)"
-        _band(above, hours, energy, _COLOURS[name], label)
+        _band(above, hours, energy, name, label)
         if platooned.any():
-            _band(below, hours, platooned, _COLOURS[name], None)
+            _band(below, hours, platooned, name, None)
     above.set(ylabel="energy so far, kWh", ylim=(0, None))
     above.legend(frameon=False, loc="upper left")
     below.set(ylabel="platooned so far, km", xlabel="hour of the day", ylim=(0, None))
@@ -98,9 +99,10 @@ def _so_far(values: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(values)])
 
 
-def _band(axes: Any, hours: Array, values: Array, colour: str, label: str | None) -> None:
+def _band(axes: Any, hours: Array, values: Array, name: str, label: str | None) -> None:
     """The mean of rows as a line, their range as a band."""
-    axes.plot(hours, values.mean(axis=0), color=colour, linewidth=1.6, label=label)
+    colour, line = _COLOURS[name], _LINES.get(name, "-")
+    axes.plot(hours, values.mean(axis=0), color=colour, linestyle=line, linewidth=1.6, label=label)
     if len(values) > 1:
         axes.fill_between(
             hours, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.2, linewidth=0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from simulation.closed_loop.losses import Losses
 from simulation.closed_loop.record import ArmResult, Others
 from simulation.scenarios.gates import clock
 from slipstream.energy import Energy, total
@@ -16,6 +17,7 @@ class Measures:
     Attributes:
         driven: energy with the drag reductions that vehicles had.
         alone: of the same speeds without any.
+        losses: what `alone` went into.
         legs: driven to their end.
         distance_km: of all of them.
         travel_h: from planned departures to arrivals, service left out.
@@ -41,6 +43,7 @@ class Measures:
 
     driven: Energy
     alone: Energy
+    losses: Losses
     legs: int
     distance_km: float
     travel_h: float
@@ -90,6 +93,9 @@ def measure(result: ArmResult) -> Measures:
     return Measures(
         driven=total(leg.driven for leg in legs),
         alone=total(leg.alone for leg in legs),
+        losses=Losses(*(sum(parts) for parts in zip(*(leg.losses for leg in legs), strict=True)))
+        if legs
+        else Losses(0.0, 0.0, 0.0, 0.0, 0.0),
         legs=len(legs),
         distance_km=sum(leg.distance_m for leg in legs) / 1000,
         travel_h=sum(leg.travel_s for leg in legs) / 3600,

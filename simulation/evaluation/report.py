@@ -13,6 +13,7 @@ from simulation.evaluation.tables import (
     day_table,
     driving_table,
     energy_table,
+    losses_table,
     parts_table,
     seed_table,
 )
@@ -34,6 +35,7 @@ def report(
         day_table(evaluation),
         energy_table(evaluation),
         parts_table(evaluation),
+        losses_table(evaluation),
         driving_table(evaluation),
         lever_table(evaluation),
         gating_table(evaluation),
@@ -86,6 +88,13 @@ def gaps(evaluation: Evaluation) -> list[str]:
         for name, of_seed in evaluation.arms.items()
         if (lacking := [seed for seed in evaluation.seeds if seed not in of_seed])
     ]
+    unlike = [
+        name
+        for name, of_seed in evaluation.compared.items()
+        if any(not found.same_orders for found in of_seed.values())
+    ]
+    if unlike:
+        lines.append(f"Not as many orders served as by {BASELINE}: {listed(unlike)}")
     if len(evaluation.codes) > 1:
         lines.append(
             "arms were simulated by different code, see `code` in `arms.csv`: "

@@ -56,7 +56,9 @@ class Store:
         self._code = code
         try:
             (folder / "arms").mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(folder / "arms" / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+            self._lock = os.open(
+                folder / "arms" / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666
+            )
         except OSError as error:
             raise not_writable(folder, error) from None
         try:
@@ -87,7 +89,7 @@ class Store:
             "result": _RESULT.dump_python(result, mode="json"),
         }
         path = self._path(policy.name, seed)
-        write_whole(path, json.dumps(document, indent=0, allow_nan=False) + "\n")
+        write_whole(path, json.dumps(document, allow_nan=False) + "\n")
 
     def get(self, policy: Policy, seed: int) -> StoredArm | None:
         """An arm, if it is there.

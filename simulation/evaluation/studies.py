@@ -16,7 +16,7 @@ from simulation.evaluation.arms import (
 from simulation.evaluation.cells import equal_time, files, lost, saving
 from simulation.evaluation.evaluation import Evaluation
 from simulation.evaluation.paper import PAPER_NOISE
-from simulation.evaluation.words import Table, number, percent
+from simulation.evaluation.words import Table, count, number, percent
 
 
 def lever_table(evaluation: Evaluation) -> Table | None:
@@ -70,9 +70,9 @@ def gating_table(evaluation: Evaluation) -> Table | None:
             number(evaluation.figure(name, lambda m: m.energy_kwh), 1),
             saving(evaluation, name, lambda c: c.saving),
             number(evaluation.figure(name, lambda m: m.platooned_km), 1),
-            number(evaluation.figure(name, lambda m: m.disengagements), 1),
+            count(evaluation.figure(name, lambda m: m.disengagements)),
             number(evaluation.figure(name, lambda m: m.turbulent_s), 0),
-            number(evaluation.figure(name, lambda m: m.open_turbulent), 1),
+            count(evaluation.figure(name, lambda m: m.open_turbulent)),
         )
         for name, (_, words) in zip(names, kinds, strict=True)
         if name in evaluation

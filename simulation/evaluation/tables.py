@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 from simulation.evaluation.arms import (
     BASELINE,
@@ -15,6 +16,7 @@ from simulation.evaluation.arms import (
 from simulation.evaluation.cells import (
     EQUAL_TIME,
     MEANS,
+    each_row,
     equal_time,
     files,
     order_notes,
@@ -25,7 +27,27 @@ from simulation.evaluation.compare import Compared
 from simulation.evaluation.evaluation import Evaluation
 from simulation.evaluation.measures import Measures
 from simulation.evaluation.paper import PAPER_BASELINE, PAPER_COOPERATIVE, PaperDay
-from simulation.evaluation.words import NOTHING, Table, listed, number, percent
+from simulation.evaluation.words import NOTHING, Table, count, listed, number, percent
+
+PARTS: Final[tuple[Callable[[Compared], float], ...]] = (
+    lambda c: c.parts.distance_kwh,
+    lambda c: c.parts.drag_kwh,
+    lambda c: c.parts.acceleration_kwh,
+    lambda c: c.parts.total_kwh,
+)
+SHARES: Final[tuple[Callable[[Compared], float], ...]] = (
+    lambda c: c.shares.distance_kwh,
+    lambda c: c.shares.drag_kwh,
+    lambda c: c.shares.acceleration_kwh,
+    lambda c: c.shares.total_kwh,
+)
+LOSSES: Final[tuple[Callable[[Measures], float], ...]] = (
+    lambda m: m.losses.rolling_kwh,
+    lambda m: m.losses.drag_kwh,
+    lambda m: m.losses.arrival_kwh,
+    lambda m: m.losses.stands_kwh,
+    lambda m: m.losses.slowing_kwh,
+)
 
 
 def day_table(evaluation: Evaluation) -> Table:
@@ -83,12 +105,12 @@ def energy_table(evaluation: Evaluation) -> Table:
     rows = tuple(
         (
             name,
-            str(len([m for m in evaluation.runs[name].values() if not m.faults])),
+            listed([seed for seed, m in evaluation.runs[name].items() if not m.faults]),
             number(evaluation.figure(name, lambda m: m.energy_kwh), 1),
             number(evaluation.figure(name, lambda m: m.distance_km), 1),
             number(evaluation.figure(name, lambda m: m.travel_h), 2),
-            number(evaluation.figure(name, lambda m: m.served), 1),
-            number(evaluation.figure(name, lambda m: m.late), 1),
+            count(evaluation.figure(name, lambda m: m.served)),
+            count(evaluation.figure(name, lambda m: m.late)),
             number(evaluation.figure(name, lambda m: 1000 * m.energy_kwh / m.served), 1),
             saving(evaluation, name, lambda c: c.saving),
             saving(evaluation, name, lambda c: c.per_order),
@@ -104,7 +126,7 @@ def energy_table(evaluation: Evaluation) -> Table:
             *("saving", "saving per order", "travel time", "saving at equal travel time"),
         ),
         rows,
-        files(evaluation, names),
+        each_row(evaluation),
         (
             f"{MEANS} Savings and travel times are against B of the same seed. {EQUAL_TIME} "
             "Late: begun after their latest time, or not begun though it is over.",
@@ -117,31 +139,22 @@ def energy_table(evaluation: Evaluation) -> Table:
 def parts_table(evaluation: Evaluation) -> Table:
     """The saving by its causes."""
     names = [name for name in evaluation.compared if evaluation.compared[name] and name != BASELINE]
-    base = evaluation.figure(BASELINE, lambda m: m.energy_kwh)
-
-    def part(name: str, of: Callable[[Compared], float]) -> tuple[str, str]:
-        found = evaluation.against(name, of)
-        share = None if found is None or base is None else found.mean / base.mean
-        return number(found, 2, sign=True), percent(share, 2, sign=True)
-
     rows = tuple(
         (
             name,
-            *part(name, lambda c: c.parts.distance_kwh),
-            *part(name, lambda c: c.parts.drag_kwh),
-            *part(name, lambda c: c.parts.acceleration_kwh),
-            *part(name, lambda c: c.parts.total_kwh),
+            *(number(evaluation.against(name, of), 2, sign=True) for of in PARTS),
+            *(percent(evaluation.against(name, of), 2, sign=True) for of in SHARES),
         )
         for name in names
     )
     return Table(
         "Where the saving comes from",
         (
-            *("arm", "distance, kWh", "% of B", "drag, kWh", "% of B"),
-            *("acceleration, kWh", "% of B", "sum, kWh", "% of B"),
+            *("arm", "distance, kWh", "drag, kWh", "acceleration, kWh", "sum, kWh"),
+            *("distance, % of B", "drag", "acceleration", "sum"),
         ),
         rows,
-        f"{files(evaluation, [BASELINE, *names])}, split by `slipstream.energy.split_saving` of "
+        f"{each_row(evaluation)} and those of B, split by `slipstream.energy.split_saving` of "
         "summed energies",
         (
             "Drag: what driving in platoons saves on the same drives. Acceleration: less energy "
@@ -151,22 +164,46 @@ def parts_table(evaluation: Evaluation) -> Table:
     )
 
 
+def losses_table(evaluation: Evaluation) -> Table:
+    """Every arm: what its energy went into."""
+    names = [name for name in evaluation.runs if name in evaluation]
+    rows = tuple(
+        (
+            name,
+            number(evaluation.figure(name, lambda m: 1000 * m.energy_kwh / m.distance_km), 1),
+            *(number(evaluation.figure(name, of), 1) for of in LOSSES),
+            number(evaluation.figure(name, lambda m: m.alone.total_kwh - m.energy_kwh), 2),
+        )
+        for name in names
+    )
+    return Table(
+        "What the energy went into",
+        (
+            *("arm", "Wh/km", "rolling, kWh", "drag, kWh", "braked to deliver, kWh"),
+            *("braked to a stand on the road, kWh", "braked else, kWh", "drafting saved, kWh"),
+        ),
+        rows,
+        each_row(evaluation),
+        ("Of the same drives without any drafting; the parts but the last add up to them.",),
+    )
+
+
 def driving_table(evaluation: Evaluation) -> Table:
     """Every arm: how it drove, and what others had of it."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
         (
             name,
-            number(evaluation.figure(name, lambda m: m.stops), 1),
+            count(evaluation.figure(name, lambda m: m.stops)),
             number(evaluation.figure(name, lambda m: m.stops / m.distance_km), 2),
             number(evaluation.figure(name, lambda m: m.waited_h), 2),
             number(evaluation.figure(name, lambda m: m.platooned_km), 1),
             percent(evaluation.figure(name, lambda m: m.platooned_share)),
-            number(evaluation.figure(name, lambda m: m.disengagements), 1),
+            count(evaluation.figure(name, lambda m: m.disengagements)),
             number(evaluation.figure(name, lambda m: m.turbulent_s), 0),
-            number(evaluation.figure(name, lambda m: m.open_turbulent), 1),
+            count(evaluation.figure(name, lambda m: m.open_turbulent)),
             number(evaluation.against(name, lambda c: c.others_s), 2, sign=True),
-            number(evaluation.figure(name, lambda m: m.unfinished), 1),
+            count(evaluation.figure(name, lambda m: m.unfinished)),
         )
         for name in names
     )
@@ -178,7 +215,7 @@ def driving_table(evaluation: Evaluation) -> Table:
             *("others, s a trip", "unfinished"),
         ),
         rows,
-        files(evaluation, names),
+        each_row(evaluation),
         (
             "Disengagements: platoons that had to part because the traffic was turbulent in truth. "
             "Open gates in turbulence: segments let for platoons while turbulent in truth, summed "

@@ -46,14 +46,14 @@ def markdown(table: Table) -> str:
 
 
 def number(found: Spread | float | None, digits: int, *, sign: bool = False) -> str:
-    """A value, or a mean with its standard deviation."""
+    """A value, or a mean with its standard deviation where there is one."""
     if found is None:
         return NOTHING
     form = f"{'+' if sign else ''},.{digits}f"
     if not isinstance(found, Spread):
         return format(_no_minus_zero(found, digits), form)
     mean = format(_no_minus_zero(found.mean, digits), form)
-    return mean if found.deviation is None else f"{mean} ± {found.deviation:,.{digits}f}"
+    return f"{mean} ± {found.deviation:,.{digits}f}" if found.deviation else mean
 
 
 def percent(found: Spread | float | None, digits: int = 1, *, sign: bool = False) -> str:
@@ -66,6 +66,12 @@ def percent(found: Spread | float | None, digits: int = 1, *, sign: bool = False
     else:
         hundredfold = 100 * found
     return f"{number(hundredfold, digits, sign=sign)} %"
+
+
+def count(found: Spread | float | None) -> str:
+    """A number of things; with a decimal where seeds differ."""
+    differ = isinstance(found, Spread) and bool(found.deviation)
+    return number(found, 1 if differ else 0)
 
 
 def listed(names: Sequence[object]) -> str:

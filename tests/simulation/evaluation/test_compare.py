@@ -1,0 +1,125 @@
+"""Figures of arms, and of arms against the baseline."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from simulation.closed_loop.record import ArmResult, Service
+from simulation.evaluation.arms import POLICIES
+from simulation.evaluation.compare import Spread, compare
+from simulation.evaluation.curves import BIN_S, HOUR_S, course
+from simulation.evaluation.measures import measure
+from tests.simulation.evaluation.fakes import GROUND, make_arm
+
+
+def arm(name: str, seed: int = 1, **changes: object) -> ArmResult:
+    """A made-up arm by its name."""
+    return make_arm(POLICIES[name], seed, **changes)  # type: ignore[arg-type]
+
+
+def test_figures_are_sums_over_legs_services_and_cycles() -> None:
+    """Distances, times and energies of all legs; what others had is taken over."""
+    result = arm("C")
+    found = measure(result)
+    assert found.energy_kwh == pytest.approx(sum(leg.driven.total_kwh for leg in result.legs))
+    assert sum(found.losses) == pytest.approx(found.alone.total_kwh)
+    assert found.distance_km == pytest.approx(sum(leg.distance_m for leg in result.legs) / 1000)
+    assert found.travel_h == pytest.approx(
+        sum(leg.arrived_s - leg.due_s for leg in result.legs) / 3600
+    )
+    assert found.platooned_share == pytest.approx(0.5)
+    assert (found.open, found.judged, found.open_share) == (8 * 36, 360, 0.8)
+    assert (found.orders, found.served, found.faults) == (24, 24, ())
+
+
+def test_an_order_is_late_once_its_time_is_over() -> None:
+    """Begun too late, or not begun though the day went on; not one that is still in time."""
+    services = (
+        Service("in-time", 25000.0, 24999.0),
+        Service("late", 25000.0, 25001.0),
+        Service("never", 25000.0, None),
+        Service("not-yet", GROUND.end_s + 60, None),
+    )
+    found = measure(arm("B", services=services))
+    assert (found.orders, found.served, found.late) == (4, 2, 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gridlock_s": 30000.0}, "gridlock at 08:20"),
+        ({"teleports": 1}, "1 teleport"),
+        ({"collisions": 2}, "2 collisions"),
+        ({"emergency_stops": 1}, "1 emergency stop"),
+        ({"services": ()}, "no order was served"),
+    ],
+)
+def test_an_arm_that_broke_down_counts_nowhere(change: dict[str, object], words: str) -> None:
+    """It says why, and neither it nor, if it is the baseline, its seed is compared."""
+    broken, sound = measure(arm("C", **change)), measure(arm("B"))
+    assert broken.faults == (words,)
+    assert compare({"B": {1: sound}, "C": {1: broken}})["C"] == {}
+    base = measure(arm("B", **change))
+    assert compare({"B": {1: base}, "C": {1: measure(arm("C"))}})["C"] == {}
+
+
+def test_slower_driving_alone_is_no_saving_at_equal_time() -> None:
+    """The paced baseline saves energy, none at equal time; a better arm saves at both."""
+    names = ("B", "B-0.88", "B-0.94", "B-1.06", "C")
+    found = compare({name: {1: measure(arm(name))} for name in names})
+    slow, better = found["B-0.88"][1], found["C"][1]
+    assert slow.saving > 0.08
+    assert slow.at_equal_time == pytest.approx(0.0, abs=1e-12)
+    assert better.at_equal_time is not None
+    assert 0 < better.at_equal_time < better.saving
+    assert better.travel > 0
+
+
+def test_the_parts_of_a_saving_add_up() -> None:
+    """Distance, drag and acceleration are the whole; drag is what platoons had."""
+    base, result = measure(arm("B")), measure(arm("C"))
+    found = compare({"B": {1: base}, "C": {1: result}})["C"][1]
+    total, *parts = found.parts
+    assert sum(parts) == pytest.approx(total)
+    assert total == pytest.approx(base.energy_kwh - result.energy_kwh)
+    assert found.shares.total_kwh == pytest.approx(found.saving)
+    assert found.parts.drag_kwh == pytest.approx(result.alone.total_kwh - result.energy_kwh)
+    assert found.at_equal_time is None  # no paced baseline
+
+
+def test_arms_that_deliver_less_save_nothing_by_it() -> None:
+    """Half the legs and half the orders: half the energy, no saving per order."""
+    whole = arm("B")
+    half = replace(whole, legs=whole.legs[:12], services=whole.services[:12])
+    found = compare({"B": {1: measure(whole)}, "A": {1: measure(half)}})["A"][1]
+    assert found.saving > 0.3
+    assert abs(found.per_order) < 0.2
+    assert not found.same_orders
+
+
+def test_spread_is_the_samples() -> None:
+    """Mean and standard deviation over seeds; none of a single one."""
+    assert Spread.over([1.0, 2.0, 3.0]) == Spread(2.0, 1.0, 3)
+    assert Spread.over([4.0]) == Spread(4.0, None, 1)
+    assert Spread.over([]) is None
+
+
+@pytest.mark.parametrize("bin_s", [BIN_S, HOUR_S])
+def test_the_days_course_adds_up_to_the_day(bin_s: float) -> None:
+    """Nothing is lost between bins, and a leg's energy lies where the leg does."""
+    result = arm("C")
+    found, whole = course(result, bin_s), measure(result)
+    assert found.energy_kwh.sum() == pytest.approx(whole.energy_kwh)
+    assert found.platooned_km.sum() == pytest.approx(whole.platooned_km)
+    assert found.ends_s[-1] == GROUND.end_s
+    assert len(found.ends_s) == (GROUND.end_s - GROUND.begin_s) / bin_s
+    first = [leg for leg in result.legs if leg.arrived_s <= found.ends_s[0]]
+    assert found.energy_kwh[0] >= sum(leg.driven.total_kwh for leg in first)
+
+
+def test_a_part_of_an_hour_is_a_bin_of_its_own() -> None:
+    """Hours are those of the clock, the last one as long as the simulation was."""
+    result = arm("B", begin_s=6.25 * 3600, end_s=8.5 * 3600)
+    assert course(result, HOUR_S).ends_s.tolist() == [7 * 3600, 8 * 3600, 8.5 * 3600]

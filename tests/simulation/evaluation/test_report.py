@@ -1,0 +1,197 @@
+"""What an evaluation writes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.record import ArmResult
+from simulation.evaluation import writing
+from simulation.evaluation.arms import POLICIES, choose
+from simulation.evaluation.evaluation import Evaluation, collect
+from simulation.evaluation.report import printed
+from simulation.evaluation.run import Done
+from simulation.evaluation.store import Store
+from simulation.evaluation.writing import write_results, write_run
+from tests.simulation.evaluation.fakes import GROUND, make_arm
+
+SEEDS = (1, 2, 3)
+
+
+def fill(folder: Path, policies: tuple[Policy, ...], code: str = "code", **changes: object) -> None:
+    """Store made-up arms."""
+    with Store(folder, GROUND, code) as store:
+        for policy in policies:
+            for seed in SEEDS:
+                store.put(policy, seed, make_arm(policy, seed, **changes))  # type: ignore[arg-type]
+
+
+def read(folder: Path) -> Evaluation:
+    """What is stored there."""
+    with Store(folder, GROUND, "code") as store:
+        return collect(store, GROUND, SEEDS)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of an evaluation with every arm, fit but for one seed of one arm."""
+    folder = tmp_path_factory.mktemp("whole")
+    fill(folder, tuple(POLICIES.values()))
+    with Store(folder, GROUND, "code") as store:
+        broken = make_arm(POLICIES["only-coasting"], 2, emergency_stops=2)
+        store.put(POLICIES["only-coasting"], 2, broken)
+    assert write_results(folder, read(folder)) is None
+    return folder
+
+
+@pytest.fixture
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing takes a second, which tables need not."""
+    monkeypatch.setattr(writing, "draw", lambda evaluation, folder: ())
+
+
+def row(text: str, title: str, first: str) -> list[str]:
+    """The cells of a row of the report's table of that title."""
+    (section,) = re.findall(rf"## {re.escape(title)}\n(.*?)(?=\n## |\Z)", text, re.DOTALL)
+    (line,) = re.findall(rf"^\| {re.escape(first)} \|.*$", section, re.MULTILINE)
+    return [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def test_the_papers_tables_stand_beside_ours(whole: Path) -> None:
+    """Its figures as published, ours as summed from the files."""
+    text = (whole / "report.md").read_text()
+    day = "The day, beside the paper's"
+    assert row(text, day, "distance, km")[1:3] == ["1,420.5", "1,385.2"]
+    assert row(text, day, "travel time, h")[1:3] == ["48.2", "42.1"]
+    assert row(text, day, "platooned, km")[1:3] == ["0.0", "682.4"]
+    assert row(text, day, "platooned, share of the distance")[2] == "49.3 %"
+    energy = row(text, day, "energy, kWh")
+    assert energy[1:3] == ["358.4", "292.1"]
+    assert row(text, day, "energy saved")[2] == "18.5 %"
+    kwh = [sum(leg.driven.total_kwh for leg in make_arm(POLICIES["B"], s).legs) for s in SEEDS]
+    assert energy[4].startswith(f"{sum(kwh) / 3:.1f} ± ")
+    noise = row(text, "Noise on the features", "30%")
+    assert (noise[1], noise[3], noise[5], noise[7]) == ("82.1 %", "562.9", "301.2", "16.0 %")
+
+
+def test_every_table_names_its_sources(whole: Path) -> None:
+    """Each section with numbers says which files they come from, and each of these exists."""
+    text = (whole / "report.md").read_text()
+    sections = text.split("\n## ")[1:-1]
+    assert len(sections) >= 10
+    for section in sections:
+        assert "Source: " in section, section.splitlines()[0]
+    files = set(re.findall(r"`(arms/[^`{]+\.json)`", text)) - {"arms/ARM-SEED.json"}
+    assert files == {f"arms/{path.name}" for path in (whole / "arms").glob("*.json")}
+    assert len(files) == len(SEEDS) * len(POLICIES)
+
+
+def test_a_broken_arm_is_refused_in_words_and_counts_nowhere(whole: Path) -> None:
+    """Its seed is left out of the means, its row says why."""
+    text = (whole / "report.md").read_text()
+    assert "only-coasting, seed 2, is refused: 2 emergency stops" in text
+    assert row(text, "Arms", "only-coasting")[1] == "1, 3"
+    with (whole / "arms.csv").open() as file:
+        rows = {(r["arm"], r["seed"]): r for r in csv.DictReader(file)}
+    assert rows["only-coasting", "2"]["refused"] == "2 emergency stops"
+    assert rows["only-coasting", "2"]["saving"] == ""
+    kept = [float(rows["only-coasting", seed]["energy_kwh"]) for seed in ("1", "3")]
+    summary = json.loads((whole / "report.json").read_text())
+    mean = summary["arms"]["only-coasting"]["figures"]["energy_kwh"]["mean"]
+    assert mean == pytest.approx(sum(kept) / 2)
+    assert summary["refused"] == [
+        {"arm": "only-coasting", "seed": 2, "faults": ["2 emergency stops"]}
+    ]
+
+
+def test_the_figures_data_end_at_the_days_energy(whole: Path) -> None:
+    """The last line so far is the arm's energy, and pictures are there."""
+    with (whole / "cumulative.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    summary = json.loads((whole / "report.json").read_text())
+    for name in ("B", "C", "C+"):
+        last = [r for r in rows if r["arm"] == name][-1]
+        figures = summary["arms"][name]["figures"]
+        assert float(last["energy_so_far_kwh"]) == pytest.approx(figures["energy_kwh"]["mean"])
+        assert last["until"] == "09:00"
+    for name in ("cumulative.png", "hourly.png"):
+        assert (whole / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_same_arms_give_the_same_bytes(whole: Path, tmp_path: Path) -> None:
+    """Tables, figures' data and report do not depend on when and where they are made."""
+    shutil.copytree(whole / "arms", tmp_path / "arms")
+    write_run(tmp_path, Done(0, {("B", 1): 12.34}))
+    write_results(tmp_path, read(tmp_path))
+    made = sorted(path.name for path in whole.iterdir() if path.is_file())
+    assert made == [
+        *("arms.csv", "cumulative.csv", "cumulative.png", "hourly.csv", "hourly.png"),
+        *("report.json", "report.md"),
+    ]
+    for name in made:
+        assert (tmp_path / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_unlike_deliveries_are_said_and_compared_by_order(tmp_path: Path) -> None:
+    """An arm that serves fewer orders does not pass for a saving."""
+    fill(tmp_path, choose("B,A"))
+
+    def poorer(arm: ArmResult) -> ArmResult:
+        return replace(arm, legs=arm.legs[:15], services=arm.services[:15])
+
+    with Store(tmp_path, GROUND, "code") as store:
+        for seed in SEEDS:
+            store.put(POLICIES["A"], seed, poorer(make_arm(POLICIES["A"], seed)))
+    evaluation = read(tmp_path)
+    write_results(tmp_path, evaluation)
+    text = (tmp_path / "report.md").read_text()
+    assert "Not as many orders served as by B in every seed: A" in text
+    assert "Not as many orders served as by B: A" in printed(evaluation)
+
+
+def test_without_matplotlib_all_the_rest_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line says so, in the report too."""
+    fill(tmp_path, choose("B"))
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    missing = write_results(tmp_path, read(tmp_path))
+    assert missing is not None
+    assert "slipstream[dev]" in missing
+    assert missing in (tmp_path / "report.md").read_text()
+    assert (tmp_path / "hourly.csv").stat().st_size > 0
+    assert not (tmp_path / "hourly.png").exists()
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_arms_of_different_code_are_not_mixed_silently(tmp_path: Path) -> None:
+    """The report says so, as it does of seeds that an arm has not."""
+    fill(tmp_path, choose("B"), code="old")
+    fill(tmp_path, choose("C")[1:], code="new")
+    (tmp_path / "arms" / "C-2.json").unlink()
+    evaluation = read(tmp_path)
+    write_results(tmp_path, evaluation)
+    text = (tmp_path / "report.md").read_text()
+    assert "different code" in text
+    assert "C has no seed 2" in text
+    assert "different code" in printed(evaluation)
+
+
+def test_wall_times_are_kept_apart_and_added_up(tmp_path: Path) -> None:
+    """A second run adds its arms to the first one's; a damaged file is begun anew."""
+    write_run(tmp_path, Done(0, {("B", 1): 10.04}))
+    write_run(tmp_path, Done(1, {("C", 1): 20.0}))
+    path = tmp_path / "run.json"
+    assert json.loads(path.read_text()) == {"wall_s": {"B-1": 10.0, "C-1": 20.0}}
+    path.write_text("{")
+    write_run(tmp_path, Done(0, {("A", 1): 1.0}))
+    assert json.loads(path.read_text()) == {"wall_s": {"A-1": 1.0}}
