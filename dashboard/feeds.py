@@ -15,6 +15,7 @@ from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_PLANS,
+    ALL_POSITIONS,
     ALL_PREVIEWS,
     ALL_RSU_HEALTH,
     ALL_STATES,
@@ -35,6 +36,7 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
         ("state", ALL_STATES, live.on_state),
         ("rsu_health", ALL_RSU_HEALTH, live.on_rsu_health),
         ("plan", ALL_PLANS, live.on_plan),
+        ("position", ALL_POSITIONS, live.on_position),
         ("cycle", CYCLE_KEY, live.on_cycle),
         ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
     ):

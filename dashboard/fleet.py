@@ -51,7 +51,12 @@ class FleetLayer:
     def update(self, vehicles: Sequence[VehicleView]) -> None:
         """Show the vehicles whose routes run on this network."""
         numbers = self._lanes.number
-        known = [van for van in vehicles if all(name in numbers for name, _ in van.route)]
+        known = [
+            van
+            for van in vehicles
+            if all(name in numbers for name, _ in van.route)
+            and (van.position is None or van.position[0] in numbers)
+        ]
         known = known[:MAX_VEHICLES]
         self._update_stops(known)
         self._update_routes(known)

@@ -19,8 +19,10 @@ from slipstream.messages import (
     RsuHealth,
     SegmentState,
     VehiclePlan,
+    VehiclePosition,
     decode,
     plan_key,
+    position_key,
     preview_key,
     rsu_health_key,
     state_key,
@@ -43,6 +45,9 @@ class Snapshot:
         states: latest SegmentState by segment and RSU.
         rsus: latest RsuHealth by RSU.
         plans: latest VehiclePlan by vehicle.
+        positions: latest VehiclePosition by vehicle.
+        followed: the plan that each vehicle was last heard to follow, which may be older than its
+            latest one.
         cycles: reports by number, the lowest first; only the last one has its solvers, gates and
             unserved stops.
         dispatcher: latest DispatcherHealth.
@@ -54,6 +59,8 @@ class Snapshot:
     states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
     rsus: Mapping[str, RsuHealth] = field(default_factory=dict)
     plans: Mapping[str, VehiclePlan] = field(default_factory=dict)
+    positions: Mapping[str, VehiclePosition] = field(default_factory=dict)
+    followed: Mapping[str, VehiclePlan] = field(default_factory=dict)
     cycles: Sequence[CycleReport] = ()
     dispatcher: DispatcherHealth | None = None
     cycle_failed_ns: int | None = None
@@ -77,6 +84,8 @@ class LiveData:
         self._states: OrderedDict[tuple[str, str], SegmentState] = OrderedDict()
         self._rsus: OrderedDict[str, RsuHealth] = OrderedDict()
         self._plans: OrderedDict[str, VehiclePlan] = OrderedDict()
+        self._positions: OrderedDict[str, VehiclePosition] = OrderedDict()
+        self._followed: OrderedDict[str, VehiclePlan] = OrderedDict()
         self._cycles: dict[int, CycleReport] = {}
         self._previews: OrderedDict[str, tuple[bytes, int]] = OrderedDict()
         self._dispatcher: DispatcherHealth | None = None
@@ -101,6 +110,17 @@ class LiveData:
         plan = decode(VehiclePlan, payload, key)
         _require(key, plan_key(plan.vehicle))
         self._add_plan(plan)
+
+    def on_position(self, key: str, payload: bytes) -> None:
+        """Take a VehiclePosition."""
+        position = decode(VehiclePosition, payload, key)
+        _require(key, position_key(position.vehicle))
+        name, time_ns = position.vehicle, position.time_ns
+        self._put(self._positions, name, position, time_ns, lambda old: old.time_ns)
+        with self._lock:
+            plan = self._plans.get(name)
+        if plan is not None and plan.cycle == position.cycle:
+            self._put(self._followed, name, plan, plan.issued_ns, lambda old: old.issued_ns)
 
     def on_cycle(self, key: str, payload: bytes) -> None:
         """Take a CycleReport."""
@@ -162,6 +182,8 @@ class LiveData:
                 states=dict(self._states),
                 rsus=dict(self._rsus),
                 plans=dict(self._plans),
+                positions=dict(self._positions),
+                followed=dict(self._followed),
                 cycles=tuple(report for _, report in sorted(self._cycles.items())),
                 dispatcher=self._dispatcher,
                 cycle_failed_ns=self._cycle_failed_ns,

@@ -10,7 +10,7 @@ from dashboard.live import Snapshot
 from dashboard.views import VehicleView
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import CycleReport, VehiclePlan
+from slipstream.messages import CycleReport, VehiclePlan, VehiclePosition
 
 FORGET_AFTER_S: Final = 24 * 3600.0
 """Vehicles whose plan ran out longer ago are no longer listed, nor are RSUs silent for longer."""
@@ -29,7 +29,18 @@ def vehicle_views(snapshot: Snapshot, now_ns: int) -> tuple[VehicleView, ...]:
         if age_s(plan.valid_until_ns, now_ns) < FORGET_AFTER_S
     ]
     last = _last_good(snapshot.cycles, now_ns)
-    views = [_vehicle(plan, index, last, now_ns) for index, plan in enumerate(current)]
+    views = []
+    for index, plan in enumerate(current):
+        position = snapshot.positions.get(plan.vehicle)
+        if position is None or freshness.fault(position.time_ns, now_ns) is not None:
+            position = None
+        if position is None or position.cycle is None:
+            views.append(_planned(plan, index, last, now_ns))
+        else:
+            followed = snapshot.followed.get(plan.vehicle)
+            if followed is None or followed.cycle != position.cycle:
+                followed = _without_route(plan)
+            views.append(_driving(followed, position, index, now_ns))
     # Colours go by name, so that none changes when a van becomes idle.
     return tuple(sorted(views, key=lambda van: van.idle))
 
@@ -42,24 +53,70 @@ def _last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None
     return None
 
 
-def _vehicle(plan: VehiclePlan, index: int, last: CycleReport | None, now_ns: int) -> VehicleView:
+def _planned(plan: VehiclePlan, index: int, last: CycleReport | None, now_ns: int) -> VehicleView:
+    """A vehicle that tells nothing of itself, or follows no plan yet: as its latest plan has it."""
     left_out = last is not None and plan.cycle != last.cycle and plan.issued_ns < last.started_ns
     idle = left_out or not (plan.segments or plan.stops)
     activity = _activity(plan, now_ns)
     if idle:
         activity = f"idle, no plan in cycle #{last.cycle}" if left_out and last else "idle"
-        plan = plan.model_copy(
-            update={"stops": (), "segments": (), "distance_m": 0.0, "energy_kwh": 0.0}
-        )
+        plan = _without_route(plan)
+    return _view(
+        plan,
+        index,
+        activity=activity,
+        position=planned_position(plan, now_ns),
+        idle=idle,
+        expired=now_ns > plan.valid_until_ns,
+    )
+
+
+def _driving(plan: VehiclePlan, position: VehiclePosition, index: int, now_ns: int) -> VehicleView:
+    """A vehicle that tells where it is on its plan, however old that is."""
+    kmh = 3.6 * position.speed_mps
+    leg = position.leg or 0
+    stops = [stop.stop for stop in plan.stops]
+    if position.on_road:
+        to = "back" if leg + 2 >= len(stops) else f"to {stops[leg + 1]}"
+        activity = f"{to}, {kmh:.0f} km/h" if stops else f"{kmh:.0f} km/h"
+    elif leg > 0 and leg < len(stops):
+        activity = f"at {stops[leg]}"
+    else:
+        wait_s = max(0.0, -age_s(plan.depart_ns, now_ns))
+        activity = f"leaves {words.when(wait_s)}" if wait_s > 0 else "leaves now"
+    return _view(
+        plan,
+        index,
+        activity=activity,
+        position=(position.segment, position.share),
+        idle=False,
+        expired=False,
+    )
+
+
+def _without_route(plan: VehiclePlan) -> VehiclePlan:
+    nothing = {"stops": (), "segments": (), "distance_m": 0.0, "energy_kwh": 0.0}
+    return plan.model_copy(update=nothing)
+
+
+def _view(
+    plan: VehiclePlan,
+    index: int,
+    *,
+    activity: str,
+    position: tuple[str, float] | None,
+    idle: bool,
+    expired: bool,
+) -> VehicleView:
     return VehicleView(
         vehicle=plan.vehicle,
         rgb=words.VEHICLE_RGB[index % len(words.VEHICLE_RGB)],
         cycle=plan.cycle,
-        expired=now_ns > plan.valid_until_ns,
+        expired=expired,
         idle=idle,
         route=tuple((part.segment, part.platoon) for part in plan.segments),
         stops=tuple((stop.stop, stop.node) for stop in plan.stops),
-        position=planned_position(plan, now_ns),
+        position=position,
         activity=activity,
         distance_km=plan.distance_m / 1000,
         platoon_km=sum(

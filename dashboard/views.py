@@ -59,7 +59,7 @@ class PreviewView:
 
 @dataclass(frozen=True)
 class VehicleView:
-    """One vehicle's plan, and where it puts the vehicle now.
+    """One vehicle's plan, and where the vehicle is: by its own telling, else by its plan.
 
     An idle vehicle has nothing to do by its plan, or got none from the last cycle, which makes an
     older one void; then it has no route, stops and position.
@@ -75,7 +75,7 @@ class VehicleView:
     stops: tuple[tuple[str, str], ...]
     """(stop, node) in driving order."""
     position: tuple[str, float] | None
-    """Segment and the share of it driven, by the plan; None where the plan has no segment."""
+    """Segment and the share of it driven; None where neither vehicle nor plan tells."""
     activity: str
     distance_km: float
     platoon_km: float

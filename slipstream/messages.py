@@ -209,15 +209,22 @@ class VehiclePosition(Message):
 
     vehicle: Identifier
     time_ns: TimeNs
-    segment: Identifier = Field(description="That it is on, or that it has driven to its end.")
-    share: Annotated[float, Field(ge=0, le=1, description="Of that segment that it has driven.")]
+    segment: Identifier = Field(description="That it is on, or stands at one of the ends of.")
+    share: Annotated[float, Field(ge=0, le=1, description="Of that segment that lies behind it.")]
     speed_mps: NonNegative
+    on_road: bool = Field(description="False: it stands at a stop or at its depot.")
     cycle: Annotated[int, Field(ge=0)] | None = Field(
-        description="Cycle of the plan that it follows; None: it is at its depot, free for one."
+        description="Cycle of the plan that it follows; None: it is free for one."
     )
     leg: Annotated[int, Field(ge=0)] | None = Field(
-        description="Leg of the plan that it drives; None: it stands at a stop or at its depot."
+        description="Leg of that plan that it drives, or will drive next; None: no plan."
     )
+
+    @model_validator(mode="after")
+    def _leg_has_a_plan(self) -> Self:
+        if (self.cycle is None) != (self.leg is None):
+            raise ValueError("leg is given exactly when cycle is")
+        return self
 
 
 class SolverReport(Message):

@@ -44,7 +44,6 @@ class LiveFleet:
         self._waiting = Waiting(deliveries.vehicles, [order.id for order in deliveries.orders])
         self._cycle: dict[str, int] = {}
         self._sent: dict[str, LegOrder] = {}
-        self._place: dict[str, str] = {}
         self.begun = self.finished = self.legs = 0
         self.driven_m = 0.0
         self.driven: set[str] = set()
@@ -72,36 +71,39 @@ class LiveFleet:
             self.legs += 1
             self.driven_m += leg.distance_m
             self.driven.add(leg.vehicle)
-            self._place[leg.vehicle] = self._sent[leg.vehicle].path[-1]
             self._send(self.rounds.arrived(leg))
             if leg.vehicle in self.rounds.idle:
                 self.finished += 1
                 del self._cycle[leg.vehicle]
 
     def positions(self, time_ns: int) -> Iterator[VehiclePosition]:
-        """Where the vehicles are; those that have not driven yet are not heard of.
+        """Where the vehicles are; one that has had no plan yet is not heard of.
 
         Args:
             time_ns: UTC now.
         """
-        running = {order.vehicle: (order, state) for order, state in self._world.running().values()}
+        running = {order.vehicle: state for order, state in self._world.running().values()}
         self.driven |= running.keys()
-        for vehicle in sorted(self.driven):
-            if vehicle in running:
-                order, state = running[vehicle]
+        for vehicle, order in sorted(self._sent.items()):
+            state = running.get(vehicle)
+            cycle = self._cycle.get(vehicle)
+            if state is not None:
                 length_m = self._network.segments[state.segment].length_m
                 share = 1.0 if state.crossing else min(1.0, max(0.0, state.front_m / length_m))
-                where, leg, speed_mps = state.segment, order.leg, max(0.0, state.speed_mps)
+                where, speed_mps = state.segment, max(0.0, state.speed_mps)
             else:
-                where, share, leg, speed_mps = self._place[vehicle], 1.0, None, 0.0
+                # Before a leg it stands at its beginning; after the last one at its end.
+                where, share = (order.path[0], 0.0) if cycle is not None else (order.path[-1], 1.0)
+                speed_mps = 0.0
             yield VehiclePosition(
                 vehicle=vehicle,
                 time_ns=time_ns,
                 segment=where,
                 share=share,
                 speed_mps=speed_mps,
-                cycle=self._cycle.get(vehicle),
-                leg=leg,
+                on_road=state is not None,
+                cycle=cycle,
+                leg=None if cycle is None else order.leg,
             )
 
     def _send(self, orders: Iterator[LegOrder]) -> None:

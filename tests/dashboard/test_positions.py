@@ -1,0 +1,155 @@
+"""Vans that tell where they are: the page shows them there, on the plan that they follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from pydantic import ValidationError
+
+from dashboard.canvas import Canvas
+from dashboard.fleet import FleetLayer
+from dashboard.live import LiveData, Snapshot
+from dashboard.server import start_server, stop_server
+from dashboard.vehicles import vehicle_views
+from slipstream.bus import free_port
+from slipstream.errors import InputError
+from slipstream.messages import PlannedStop, VehiclePosition, plan_key, position_key
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def canvas(world) -> Iterator[Canvas]:
+    """The demo network's canvas on a server of its own."""
+    server = start_server("127.0.0.1", free_port())
+    yield Canvas(server.scene, world.network)
+    stop_server(server)
+
+
+def _round(world, cycle, time_ns):
+    """A plan whose stops begin and end with the depot, as the dispatcher's do."""
+    plan = world.plan("van-a", cycle, time_ns)
+    begin = PlannedStop(
+        stop="depot", node="depot", arrival_ns=plan.depart_ns, departure_ns=plan.depart_ns
+    )
+    end_ns = plan.segments[-1].exit_ns
+    end = begin.model_copy(update={"arrival_ns": end_ns, "departure_ns": end_ns})
+    return plan.model_copy(update={"stops": (begin, *plan.stops, end)})
+
+
+def _position(time_ns, **changes) -> VehiclePosition:
+    fields = {
+        "vehicle": "van-a",
+        "time_ns": time_ns,
+        "segment": "avenue_east",
+        "share": 0.25,
+        "speed_mps": 10.0,
+        "on_road": True,
+        "cycle": 1,
+        "leg": 1,
+    }
+    return VehiclePosition(**(fields | changes))
+
+
+def test_a_position_belongs_to_its_vehicle(now_ns):
+    """Its key names the vehicle; a leg without a plan is refused."""
+    assert position_key("van a") == "slipstream/v1/fleet/van%20a/position"
+    with pytest.raises(ValidationError, match="leg is given"):
+        _position(now_ns, cycle=None)
+
+
+def test_a_van_is_shown_where_it_is_not_where_its_plan_puts_it(world, now_ns):
+    """A fresh position wins over the plan; one that has grown old does not."""
+    plan = _round(world, 1, now_ns)
+    snapshot = Snapshot(
+        plans={"van-a": plan},
+        positions={"van-a": _position(now_ns)},
+        followed={"van-a": plan},
+    )
+    (van,) = vehicle_views(snapshot, now_ns)
+    assert van.position == ("avenue_east", 0.25)
+    assert van.activity == f"to {plan.stops[2].stop}, 36 km/h"
+    (late,) = vehicle_views(snapshot, now_ns + 6 * S)
+    assert late.position == ("depot_road_east", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "activity"),
+    [
+        ({"leg": 2}, "back, 36 km/h"),
+        ({"leg": 1, "on_road": False, "speed_mps": 0.0}, "at c2"),
+        ({"leg": 0, "on_road": False, "speed_mps": 0.0}, "leaves in 10 s"),
+    ],
+)
+def test_what_a_van_tells_of_itself(world, now_ns, changes, activity):
+    """Last leg: it comes back; between two legs: it is at a stop; before the first: it waits."""
+    plan = _round(world, 1, now_ns)
+    snapshot = Snapshot(
+        plans={"van-a": plan},
+        positions={"van-a": _position(now_ns, **changes)},
+        followed={"van-a": plan},
+    )
+    (van,) = vehicle_views(snapshot, now_ns)
+    assert van.activity == activity
+
+
+def test_a_newer_plan_does_not_hide_the_one_that_is_driven(world, now_ns):
+    """Cycles go on while a van drives: its route is that of the plan it follows, and it is not
+    idle where a cycle left it out.
+    """
+    live = LiveData(10, lambda: now_ns)
+    old, new = _round(world, 1, now_ns - 60 * S), _round(world, 2, now_ns)
+    for message in (old, _position(now_ns - S), new, _position(now_ns)):
+        key, take = (
+            (plan_key("van-a"), live.on_plan)
+            if message in (old, new)
+            else (position_key("van-a"), live.on_position)
+        )
+        take(key, message.to_bytes())
+    live.add_history((world.cycle(3, now_ns),), ())
+    (van,) = vehicle_views(live.snapshot(), now_ns)
+    assert (van.cycle, van.idle) == (1, False)
+    live.on_position(position_key("van-a"), _position(now_ns, cycle=2).to_bytes())
+    (van,) = vehicle_views(live.snapshot(), now_ns)
+    assert van.cycle == 2
+
+
+def test_an_unknown_route_is_left_out(world, now_ns):
+    """Of a plan that came before the page nothing is claimed but where the van is."""
+    snapshot = Snapshot(
+        plans={"van-a": _round(world, 5, now_ns)}, positions={"van-a": _position(now_ns)}
+    )
+    (van,) = vehicle_views(snapshot, now_ns)
+    assert (van.route, van.stops, van.activity) == ((), (), "36 km/h")
+    assert van.position == ("avenue_east", 0.25)
+
+
+def test_a_position_under_another_key_is_refused(now_ns):
+    """Nobody tells where another vehicle is."""
+    live = LiveData(10, lambda: now_ns)
+    with pytest.raises(InputError, match="belongs under"):
+        live.on_position(position_key("van-b"), _position(now_ns).to_bytes())
+
+
+def test_the_marker_moves_with_the_van(world, now_ns, canvas):
+    """A later position moves the van's marker on the map; one on another net's road shows none."""
+    plan = _round(world, 1, now_ns)
+    layer = FleetLayer(canvas)
+    places = []
+    for share in (0.1, 0.9):
+        snapshot = Snapshot(
+            plans={"van-a": plan},
+            positions={"van-a": _position(now_ns, share=share)},
+            followed={"van-a": plan},
+        )
+        layer.update(vehicle_views(snapshot, now_ns))
+        places.append(canvas.scene.get_handle_by_name("/vans").points.copy())
+    assert abs(places[1] - places[0]).max() > 0
+    strange = Snapshot(
+        plans={"van-a": plan},
+        positions={"van-a": _position(now_ns, segment="elsewhere")},
+        followed={"van-a": plan},
+    )
+    layer.update(vehicle_views(strange, now_ns))
+    assert canvas.scene.get_handle_by_name("/vans") is None
