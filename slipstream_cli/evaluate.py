@@ -32,7 +32,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "the same command goes on where it was interrupted.",
     )
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="for all results")
-    command.add_argument("--hours", type=float, default=24.0, help="simulated (default: 24)")
+    command.add_argument("--hours", type=float, help="simulated (default: to midnight)")
     command.add_argument(
         "--begin", type=float, default=0.0, metavar="HOUR", help="of the day (default: 0)"
     )
@@ -76,6 +76,11 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Simulate what is missing, write the results, print the main figures."""
     from simulation.evaluation.arms import choose
+
+    policies, seeds = choose(options.arms), _seeds(options.seeds)
+    span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
+
+    # Later: they take seconds to load, which a slip on the command line need not wait for.
     from simulation.evaluation.data import summary
     from simulation.evaluation.evaluation import collect
     from simulation.evaluation.ground import code_stamp
@@ -84,8 +89,6 @@ def run(options: argparse.Namespace) -> int:
     from simulation.evaluation.world import World, WorldFiles
     from simulation.evaluation.writing import as_json, write_results
 
-    policies, seeds = choose(options.arms), _seeds(options.seeds)
-    span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
     files = WorldFiles(options.scenario, *parts)
     world = World(files, options.out / "background", options.signals, span_s)
@@ -165,8 +168,9 @@ def _seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-def _span(begin_h: float, hours: float) -> tuple[float, float]:
+def _span(begin_h: float, hours: float | None) -> tuple[float, float]:
     """Begin and end of the simulated time, s since midnight."""
+    hours = 24 - begin_h if hours is None else hours
     if not (begin_h >= 0 and hours > 0 and begin_h + hours <= 24):
         problem = f"{hours:g} hours from {begin_h:g} are no part of a day"
         raise InputError("evaluate", problem, "give hours from 0 to 24", key="--hours")

@@ -1,0 +1,183 @@
+"""`slipstream evaluate` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from simulation.closed_loop.arm import ArmOrder
+from simulation.closed_loop.record import ArmResult
+from simulation.evaluation import world, writing
+from simulation.scenarios.scenario import Background, Scenario
+from slipstream_cli.main import main
+from tests.simulation.evaluation.fakes import make_arm
+
+Capture = pytest.CaptureFixture[str]
+
+MORNING = ("--scenario", "corridor", "--begin", "6", "--hours", "3")
+
+
+@pytest.fixture
+def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmOrder]:
+    """Arms are made up instead of simulated; what was ordered."""
+    ordered: list[ArmOrder] = []
+
+    def run_arm(order: ArmOrder, _: object) -> ArmResult:
+        ordered.append(order)
+        return make_arm(order.policy, order.seed)
+
+    def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
+        return Background(folder / f"{scenario.name}-{seed}.rou.xml", scenario.rsus or ())
+
+    monkeypatch.setattr(world, "run_arm", run_arm)
+    monkeypatch.setattr(world, "prepare", prepare)
+    monkeypatch.setattr(writing, "draw", lambda evaluation, folder: ())
+    return ordered
+
+
+def evaluate(capsys: Capture, out: Path, *arguments: str) -> dict[str, Any]:
+    """The summary of a run in a pipe."""
+    assert main(["evaluate", *MORNING, "--out", str(out), "--json", *arguments]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    document: dict[str, Any] = json.loads(captured.out)
+    return document
+
+
+def test_arms_are_simulated_once_and_reported_again(
+    capsys: Capture, tmp_path: Path, orders: list[ArmOrder]
+) -> None:
+    """Every arm and seed is ordered as asked; a second run takes all of them from the folder and
+    prints the same; further arms join them."""
+    first = evaluate(capsys, tmp_path, "--arms", "A,B", "--seeds", "2,1")
+    assert {(o.policy.name, o.seed) for o in orders} == {("A", 1), ("A", 2), ("B", 1), ("B", 2)}
+    for order in orders:
+        assert (order.scenario, order.begin_s, order.end_s) == ("corridor", 21600.0, 32400.0)
+        assert order.background == tmp_path / "background" / f"corridor-{order.seed}.rou.xml"
+        assert order.additional == ()
+    assert list(first["arms"]) == ["A", "B"]
+    assert first["arms"]["A"]["seeds"] == [1, 2]
+    report = (tmp_path / "report.md").read_bytes()
+    assert evaluate(capsys, tmp_path, "--arms", "A,B", "--seeds", "1,2") == first
+    assert evaluate(capsys, tmp_path, "--stored", "--seeds", "1,2") == first
+    assert (len(orders), (tmp_path / "report.md").read_bytes()) == (4, report)
+    more = evaluate(capsys, tmp_path, "--arms", "C", "--seeds", "1,2")
+    assert list(more["arms"]) == ["A", "B", "C"]
+    assert len(orders) == 6
+    assert main(["evaluate", *MORNING, "--out", str(tmp_path), "--arms", "C", "--seeds", "1"]) == 0
+    printed = capsys.readouterr().out
+    assert "2 of 2 arms were stored already" in printed
+    assert str(tmp_path / "report.md") in printed
+
+
+def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
+    capsys: Capture, tmp_path: Path, orders: list[ArmOrder]
+) -> None:
+    """The signals' program and the fleet's file are in the order."""
+    fleet = tmp_path / "fleet.toml"
+    fleet.write_text("vehicles = 3\n")
+    options = ("--arms", "B", "--seeds", "1", "--signals", "fixed", "--fleet", str(fleet))
+    evaluate(capsys, tmp_path / "out", *options)
+    (order,) = orders
+    assert [path.name for path in order.additional] == ["corridor-fixed.add.xml"]
+    assert order.additional[0].is_file()
+    assert order.fleet == fleet
+    fleet.write_text("vehicles = 4\n")
+    command = ["evaluate", *MORNING, *options, "--out", str(tmp_path / "out")]
+    assert main(command) == 2
+    assert "arms of another evaluation (fleet was" in capsys.readouterr().err
+
+
+def test_a_gridlock_is_one_line_after_all_is_written(
+    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The arm, the seed, the time and the mend; the report has what stood."""
+    monkeypatch.setattr(
+        world,
+        "run_arm",
+        lambda order, _: make_arm(order.policy, order.seed, gridlock_s=30000.0),
+    )
+    assert main(["evaluate", *MORNING, "--out", str(tmp_path), "--arms", "B", "--seeds", "4"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "corridor, arm B, seed 4: gridlock at 08:20; take fewer trips" in error
+    assert "B, seed 4, is refused: gridlock at 08:20" in (tmp_path / "report.md").read_text()
+
+
+def test_ctrl_c_says_how_to_go_on(
+    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line, exit status 130; what was finished is there for the next run."""
+
+    def interrupt(order: ArmOrder, _: object) -> ArmResult:
+        if order.policy.name == "B":
+            raise KeyboardInterrupt
+        return make_arm(order.policy, order.seed)
+
+    command = [
+        *("evaluate", *MORNING, "--out", str(tmp_path)),
+        *("--arms", "A,B", "--seeds", "1", "--workers", "1"),
+    ]
+    with monkeypatch.context() as patch:
+        patch.setattr(world, "run_arm", interrupt)
+        assert main(command) == 130
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert "the same command goes on" in captured.err
+    assert main(command) == 0
+    assert [order.policy.name for order in orders] == ["B"]
+
+
+def test_without_libsumo_the_line_says_what_to_install(
+    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The extra is named."""
+
+    def missing(order: ArmOrder, _: object) -> ArmResult:
+        raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
+
+    monkeypatch.setattr(world, "run_arm", missing)
+    assert main(["evaluate", *MORNING, "--out", str(tmp_path), "--arms", "B"]) == 2
+    assert "libsumo is not installed; pip install 'slipstream[sim]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--arms", "D"), "--arms: no arm 'D'"),
+        (("--scenario", "utopia"), "utopia: no such scenario"),
+        (("--scenario", "own", "--net", "missing.net.xml"), "missing.net.xml"),
+        (("--rsus", "missing.toml"), "missing.toml: no such file"),
+        (("--routes", "missing.rou.xml"), "missing.rou.xml: not readable"),
+        (("--seeds", "1,x"), "--seeds"),
+        (("--seeds", "-1"), "--seeds"),
+        (("--seeds", ","), "--seeds"),
+        (("--hours", "0"), "--hours"),
+        (("--hours", "nan"), "--hours"),
+        (("--begin", "20", "--hours", "5"), "are no part of a day"),
+        (("--begin", "7.01"), "no multiple of five minutes"),
+        (("--workers", "0"), "--workers"),
+        (("--stored",), "no arm of these seeds is stored"),
+    ],
+)
+def test_bad_input_is_one_line(
+    capsys: Capture, tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    """It names the option or the file, the fault and the mend."""
+    command = ["evaluate", "--out", str(tmp_path / "out"), "--scenario", "corridor", *arguments]
+    assert main(command) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(capsys: Capture, tmp_path: Path) -> None:
+    """The option that gave it is named."""
+    (tmp_path / "file").write_text("")
+    out = str(tmp_path / "file")
+    assert main(["evaluate", "--scenario", "corridor", "--out", out, "--arms", "B"]) == 2
+    assert "--out" in capsys.readouterr().err
