@@ -1,0 +1,184 @@
+"""Where energy goes, and what the same deliveries would cost at best."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import pytest
+
+from dispatcher_daemon.drive import DrivingStyle, drive_energy, plan_drive
+from simulation.closed_loop.advice.road import Crossing, Roads
+from simulation.closed_loop.losses import Losses, drive_losses, losses
+from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
+from simulation.evaluation.ceilings import (
+    ceilings,
+    follower_saving,
+    free_drive,
+    share_of_ceiling,
+    where,
+)
+from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
+
+STEP_S: Final = 0.5
+ROADS: Final = Roads(
+    {"a": 600.0, "b": 500.0, "c": 400.0},
+    {"a": 14.0, "b": 14.0, "c": 10.0},
+    {
+        ("a", "b"): {0: Crossing(15.0, 6.0, "light", 0)},
+        ("b", "c"): {0: Crossing(20.0, 14.0, None, -1)},
+    },
+)
+
+
+def ramp(*points: tuple[float, float]) -> list[float]:
+    """Speeds every half second through (time, speed) points."""
+    times, speeds = zip(*points, strict=True)
+    return np.interp(np.arange(0.0, times[-1] + STEP_S / 2, STEP_S), times, speeds).tolist()
+
+
+STOPPED: Final = ramp((0, 0), (10, 14), (40, 14), (50, 0), (70, 0), (80, 14), (130, 14), (140, 0))
+"""With a stand on the way."""
+
+
+def an_arm(*traces: list[float]) -> ArmResult:
+    """Vehicles on the way a, b, c with these speeds every half second."""
+    legs = tuple(_leg(i, trace) for i, trace in enumerate(traces))
+    nobody = Others(0, 0.0, 0.0, 0.0)
+    return ArmResult("x", 1, "B", 0.0, 3600.0, legs, (), (), nobody, 0, 0, 0, 0, None, 0)
+
+
+def _leg(number: int, trace: list[float]) -> DrivenLeg:
+    seconds = STEP_S * (len(trace) - 1)
+    alone = trace_energy(trace, STEP_S)
+    return DrivenLeg(
+        vehicle=f"van-{number}",
+        round=0,
+        leg=0,
+        due_s=0.0,
+        departed_s=10.0,
+        arrived_s=10.0 + seconds,
+        free_s=seconds,
+        distance_m=float(np.trapezoid(trace, dx=STEP_S)),
+        driven=alone,
+        alone=alone,
+        led_m=0.0,
+        followed_m=0.0,
+        stops=0,
+        waited_s=0.0,
+        turbulent_s=0.0,
+        path=("a", "b", "c"),
+        losses=losses(trace, STEP_S),
+    )
+
+
+def test_losses_add_up_to_the_traction_energy() -> None:
+    """From rest to rest nothing stays kinetic, whatever the speeds are."""
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        speeds = np.maximum(0.0, rng.normal(8.0, 4.0, 400).cumsum() % 15.0)
+        speeds[0] = speeds[-1] = 0.0
+        split = losses(speeds, STEP_S)
+        assert min(split) >= 0
+        assert sum(split) == pytest.approx(trace_energy(speeds, STEP_S).total_kwh)
+
+
+def test_braking_belongs_to_the_occasion_it_ends_with() -> None:
+    """Before the end, before a stand, or neither; a ripple of less than 1 m/s parts nothing."""
+    whole = stop_energy_kwh(14.0)
+    end = losses(ramp((0, 0), (10, 14), (40, 14), (50, 0)), STEP_S)
+    assert end.stands_kwh == end.slowing_kwh == 0.0
+    assert 0.8 * whole < end.arrival_kwh < whole
+    stand = losses(STOPPED, STEP_S)
+    assert stand.arrival_kwh == pytest.approx(end.arrival_kwh)
+    assert stand.stands_kwh == pytest.approx(end.arrival_kwh)
+    assert stand.slowing_kwh == 0.0
+    slow = losses(ramp((0, 0), (10, 14), (20, 14), (25, 7), (30, 14), (40, 14), (50, 0)), STEP_S)
+    assert slow.stands_kwh == 0.0
+    assert 0.6 * whole < slow.slowing_kwh < 0.75 * whole
+    rippled = losses(
+        ramp((0, 0), (10, 14), (20, 14), (25, 7), (26, 7.8), (31, 0), (40, 0), (50, 14), (60, 0)),
+        STEP_S,
+    )
+    assert rippled.slowing_kwh == 0.0
+    assert rippled.stands_kwh > 0.8 * whole
+    assert rippled.braking_kwh == pytest.approx(rippled.stands_kwh + rippled.arrival_kwh)
+
+
+def test_a_planned_drives_losses_are_those_of_its_trace() -> None:
+    """Sampling finds a drive's energy to a thousandth."""
+    drive = plan_drive([300.0, 200.0], [14.0, 8.0], DrivingStyle())
+    assert sum(drive_losses(drive)) == pytest.approx(
+        drive_energy(drive, [0.0, 0.0]).total_kwh, rel=1e-3
+    )
+
+
+def test_the_empty_road_has_turns_and_no_reds() -> None:
+    """A free drive slows down for the turn and the lower limit, and stands nowhere but at the end;
+    at half the pace everything is half as fast."""
+    drive = free_drive(("a", "b", "c"), ROADS)
+    split = drive_losses(drive)
+    assert split.stands_kwh == 0.0
+    assert split.slowing_kwh > 0.5 * (stop_energy_kwh(14.0) - stop_energy_kwh(6.0))
+    assert drive.length_m == 600 + 15 + 500 + 20 + 400
+    assert max(drive.speeds_mps) == 14.0
+    assert max(free_drive(("a", "b", "c"), ROADS, 0.5).speeds_mps) == 7.0
+    with pytest.raises(KeyError):
+        free_drive(("a", "c"), ROADS)
+
+
+def test_ceilings_are_bounds_in_their_order() -> None:
+    """Nothing that was driven needs less than its ceiling; taking more away leaves less."""
+    traces = [
+        STOPPED,
+        ramp((0, 0), (10, 14), (40, 14), (46, 5), (55, 14), (80, 14), (90, 0), (110, 0), (120, 14))
+        + ramp((0, 14), (20, 14), (30, 0))[1:],
+    ]
+    arm = an_arm(*traces)
+    found = ceilings(arm, ROADS)
+    exact = sum(trace_energy(trace, STEP_S, ETA_FOLLOWER).total_kwh for trace in traces)
+    assert found.driven.drafted_kwh <= exact <= 1.002 * found.driven.drafted_kwh
+    assert found.driven.alone_kwh == pytest.approx(sum(leg.alone.total_kwh for leg in arm.legs))
+    for ideal in (found.driven, found.free, found.free_in_time, found.steady):
+        assert ideal.drafted_kwh < ideal.alone_kwh
+    assert found.steady.alone_kwh < found.driven.alone_kwh
+    assert found.free.travel_s < found.driven.travel_s
+    assert found.free_in_time.travel_s == pytest.approx(found.driven.travel_s, rel=1e-3)
+    assert found.free_in_time.alone_kwh < found.free.alone_kwh < found.driven.alone_kwh
+    savings = found.savings()
+    assert all(0 < saving < 1 for saving in savings.values())
+    assert savings["no braking, drafting"] == max(savings.values())
+
+
+def test_an_arm_slower_than_the_empty_road_is_not_hurried() -> None:
+    """Where the arm was faster than the empty road at the limit, that is driven at the limit."""
+    hurried = an_arm(ramp((0, 0), (4, 25), (55, 25), (60, 0)))
+    found = ceilings(hurried, ROADS)
+    assert found.free_in_time.alone_kwh == pytest.approx(found.free.alone_kwh, rel=1e-4)
+
+
+def test_where_energy_goes_adds_up() -> None:
+    """Rolling, drag, deliveries, turns, stands and traffic make the whole, and a stand shows."""
+    arm = an_arm(STOPPED)
+    parts = where(arm, ROADS)
+    assert sum(vars(parts).values()) == pytest.approx(arm.legs[0].alone.total_kwh)
+    assert parts.turns == pytest.approx(
+        drive_losses(free_drive(("a", "b", "c"), ROADS)).slowing_kwh
+    )
+    assert parts.stands == pytest.approx(arm.legs[0].losses.stands_kwh)
+    assert parts.stands > 0
+
+
+def test_an_arm_without_legs_has_no_ceilings() -> None:
+    """There is nothing to be a share of."""
+    with pytest.raises(ValueError, match="without legs"):
+        ceilings(an_arm(), ROADS)
+    assert share_of_ceiling(0.1, 0.0) is None
+    assert share_of_ceiling(0.1, 0.2) == 0.5
+
+
+def test_a_motorways_follower_saves_an_eighth() -> None:
+    """13 % at 30 m/s, 6 % at 13.9 m/s (FINDINGS, "The paper", 7)."""
+    assert follower_saving(30.0) == pytest.approx(0.13, abs=0.002)
+    assert follower_saving(13.9) == pytest.approx(0.057, abs=0.001)
+    assert Losses(1.0, 1.0, 1.0, 2.0, 3.0).braking_kwh == 6.0
