@@ -38,6 +38,7 @@ class ArmOrder:
         net: other than the built-in one.
         fleet: settings of the deliveries, other than the scenario's.
         additional: further SUMO files, as another signal program.
+        history: what movements cost on another day; the lever "routes" needs it.
         begin_s: simulated, s since midnight; a multiple of 300.
         end_s: simulated.
         step_s: of the simulation; a second must be a multiple of it.
@@ -51,6 +52,7 @@ class ArmOrder:
     net: Path | None = None
     fleet: Path | None = None
     additional: tuple[Path, ...] = ()
+    history: Path | None = None
     begin_s: float = 0.0
     end_s: float = 86400.0
     step_s: float = STEP_S
@@ -58,6 +60,8 @@ class ArmOrder:
     def __post_init__(self) -> None:
         if self.begin_s % 300 or not 0 <= self.begin_s < self.end_s:
             raise ValueError("begin_s must be a multiple of 300 and before end_s")
+        if self.history is None and "routes" in self.policy.levers:
+            raise ValueError("the lever 'routes' needs a history")
 
 
 def run_arm(order: ArmOrder, progress: Progress | None = None) -> ArmResult:
@@ -83,9 +87,10 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         InputError: SUMO refuses a file.
     """
     # Imported here: they need libsumo, or what takes a second to load.
-    from simulation.closed_loop.conducting import conductor_of
+    from simulation.closed_loop.conducting import FleetConductor
     from simulation.closed_loop.dispatching import Dispatching
     from simulation.closed_loop.gates import Roadside
+    from simulation.closed_loop.history import History
     from simulation.closed_loop.rounds import Rounds
     from simulation.closed_loop.world import FleetWorld
     from simulation.sumo.session import Session
@@ -95,6 +100,7 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
     lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
     rounds = Rounds(draw_deliveries(scenario.fleet, network, order.seed), network)
     rounds.skip_before(order.begin_s)
+    history = None if order.history is None else History.load(order.history)
     roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
     day = DayOrder(
         scenario.net,
@@ -114,9 +120,9 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         legs = []
         gridlock = GridlockWatch()
         with Session(options, (day.net, day.routes, *day.additional)) as session:
-            conductor = conductor_of(policy, order.step_s, lengths_m, roadside)
+            conductor = FleetConductor(policy, scenario.net, order.step_s, lengths_m, roadside)
             world = FleetWorld(session, lengths_m, conductor, order.step_s, policy.pace)
-            dispatching = Dispatching(rounds, policy, order.seed, executor)
+            dispatching = Dispatching(rounds, policy, order.seed, executor, history)
             cycle_s = rounds.deliveries.settings.cycle_s
             while (now_s := session.time_s) < order.end_s:
                 if now_s % cycle_s == 0:

@@ -1,16 +1,90 @@
-"""The conductor of an arm, from its levers."""
+"""The conductor of an arm: platooning, speed advice and signal priority, brought together."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
-from simulation.closed_loop.conductor import Conductor, NoConductor
+import libsumo
+
+from simulation.closed_loop.advice.advisor import SpeedAdvisor
+from simulation.closed_loop.conductor import Drafting
 from simulation.closed_loop.gates import Roadside
+from simulation.closed_loop.platooning import Platooning
 from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.signals.priority import Priority
+from simulation.closed_loop.signals.timing import Signals
+from simulation.closed_loop.vehicle import LegOrder, VehicleState
 
 
-def conductor_of(
-    policy: Policy, step_s: float, lengths_m: Mapping[str, float], roadside: Roadside
-) -> Conductor:
-    """What tells the vehicles of an arm how to drive."""
-    return NoConductor()
+class FleetConductor:
+    """Sets the speeds of a running simulation's fleet, and asks its signals for green.
+
+    Args:
+        policy: of the arm; which advice a vehicle follows is in its plan.
+        net: the SUMO net.
+        step_s: of the simulation.
+        lengths_m: of its segments.
+        roadside: where platoons may form, and where the traffic is turbulent in truth.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        net: Path,
+        step_s: float,
+        lengths_m: Mapping[str, float],
+        roadside: Roadside,
+    ) -> None:
+        signals = Signals()
+        self._advisor = SpeedAdvisor(net, signals, step_s)
+        self._priority = Priority(signals, "priority" in policy.levers)
+        self._platooning = Platooning(
+            roadside.is_open,
+            roadside.is_turbulent,
+            step_s,
+            lengths_m,
+            enabled="platoons" in policy.levers,
+        )
+        self._held: set[str] = set()
+        self.signals = signals
+
+    @property
+    def disengagements(self) -> int:
+        """Platoons that had to part so far."""
+        return self._platooning.disengagements
+
+    def departed(self, name: str, order: LegOrder) -> None:
+        """A vehicle came onto the road, or was given another way on it."""
+        self._platooning.departed(name, order)
+        self._advisor.departed(name, order)
+        if order.advice.signal_priority:
+            self._priority.departed(name, order)
+
+    def ended(self, name: str) -> None:
+        """A vehicle is off the road."""
+        for part in (self._platooning, self._advisor, self._priority):
+            part.ended(name)
+        self._held.discard(name)
+
+    def control(self, now_s: float, states: Mapping[str, VehicleState]) -> Drafting:
+        """Before each step; the states are those after the last one."""
+        platoons = self._platooning.step(now_s, states)
+        for name, state in states.items():
+            cap = platoons.caps.get(name)
+            if name not in platoons.follows:
+                # A platoon goes through signals as one: its leader takes care of them all.
+                advised = self._advisor.cap_mps(name, now_s, state, platoons.tail_m.get(name, 0.0))
+                cap = min((c for c in (cap, advised) if c is not None), default=None)
+            self._hold(name, cap)
+        self._priority.step(now_s, states)
+        return Drafting(platoons.eta, platoons.follows, platoons.turbulent)
+
+    def _hold(self, name: str, cap: float | None) -> None:
+        """Have a vehicle drive at a speed; SUMO's own checks for safety stay on."""
+        if cap is not None:
+            libsumo.vehicle.setSpeed(name, cap)
+            self._held.add(name)
+        elif name in self._held:
+            libsumo.vehicle.setSpeed(name, -1)
+            self._held.discard(name)

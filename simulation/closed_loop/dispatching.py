@@ -9,11 +9,13 @@ from types import MappingProxyType
 
 from dispatcher_daemon.daemon import cycle_seed
 from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 from simulation.closed_loop.gates import WINDOW_S, Roadside
+from simulation.closed_loop.history import History
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import CycleRecord
 from simulation.closed_loop.rounds import Rounds
@@ -30,10 +32,23 @@ class Dispatching:
         policy: of the arm.
         seed: of the searches.
         executor: runs the search for base routes.
+        history: what movements cost on another day; for the lever "routes" alone.
     """
 
-    def __init__(self, rounds: Rounds, policy: Policy, seed: int, executor: Executor) -> None:
+    def __init__(
+        self,
+        rounds: Rounds,
+        policy: Policy,
+        seed: int,
+        executor: Executor,
+        history: History | None = None,
+    ) -> None:
         self._rounds, self._policy, self._seed, self._executor = rounds, policy, seed, executor
+        self._history = history if "routes" in policy.levers else None
+        self._time_worth_kw = (
+            0.0 if self._history is None else self._history.time_worth_kw(rounds.network)
+        )
+        self._expected: tuple[int, Expectations] | None = None
         self._settings = settings_of(policy)
         self._solve = evaluation_solve()
         self.cycles: list[CycleRecord] = []
@@ -47,7 +62,7 @@ class Dispatching:
             return
         number, now_ns = len(self.cycles), round(now_s * 1e9)
         result = run_cycle(
-            RoutingProblem(rounds.network, fleet),
+            self._problem(fleet),
             self.snapshot(now_s, roadside),
             self._settings,
             self._solve,
@@ -83,7 +98,25 @@ class Dispatching:
             round(now_s * 1e9),
             stale_after_s=1.5 * WINDOW_S,
         )
-        return snapshot if "platoons" in self._policy.levers else with_closed_gates(snapshot)
+        if "platoons" not in self._policy.levers:
+            snapshot = with_closed_gates(snapshot)
+        return replace(snapshot, expected=self._expectations(now_s))
+
+    def _problem(self, fleet: Fleet) -> RoutingProblem:
+        return RoutingProblem(
+            self._rounds.network,
+            fleet,
+            search=self._policy.search,
+            time_worth_kw=self._time_worth_kw,
+        )
+
+    def _expectations(self, now_s: float) -> Expectations | None:
+        if self._history is None:
+            return None
+        hour = int(now_s // 3600)
+        if self._expected is None or self._expected[0] != hour:
+            self._expected = hour, self._history.expectations(self._rounds.network, hour)
+        return self._expected[1]
 
 
 def settings_of(policy: Policy) -> DispatcherSettings:

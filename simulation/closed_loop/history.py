@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from dispatcher_daemon.paths import turns
 from dispatcher_daemon.traffic import Expectations, Movement
-from slipstream.energy import steady_energy_kwh
+from slipstream.energy import PAPER_CAR, steady_energy_kwh
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 
@@ -90,6 +90,20 @@ class History:
             dict(zip(pairs, loss.tolist(), strict=True)),
             dict(zip(pairs, seconds.tolist(), strict=True)),
         )
+
+    def time_worth_kw(self, network: RoadNetwork) -> float:
+        """What an hour is worth at least to those who drive at the limit, kWh.
+
+        With a factor f on all speeds, drag and braking grow with f² and time falls with 1/f, so
+        driving at the limit is best only if time costs 2 (E − E_rolling) / T. A way that takes less
+        time is worth that much: whoever takes it may drive slower for the rest.
+        """
+        passed = self.count.sum(axis=1)
+        length_m = np.array([network.segments[a].length_m for a, _ in self.movements])
+        rolling_j = PAPER_CAR.rolling_force_n * float(passed @ length_m)
+        beyond_kwh = float(self.loss_kwh.sum()) - PAPER_CAR.electrical_kwh(rolling_j)
+        hours = float(self.seconds.sum()) / 3600
+        return 2 * max(0.0, beyond_kwh) / hours if hours > 0 else 0.0
 
     @staticmethod
     def _taken(values: Array, at: npt.NDArray[np.int64]) -> Array:

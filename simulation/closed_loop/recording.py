@@ -43,19 +43,22 @@ def history_of(
     folder: Path,
     *,
     signals: SignalControl = "actuated",
+    begin_s: float = 0.0,
+    end_s: float = 86400.0,
     progress: Progress | None = None,
 ) -> Path:
-    """File with the history for days of a seed, recorded unless it is there.
+    """File with the history for days of a seed, or hours of them, recorded unless it is there.
 
     Its day has another seed, `seed + OTHER_DAY`, so nothing in it is known beforehand.
 
     Raises:
         InputError: SUMO refuses the day.
     """
-    path = folder / f"{scenario.name}-{seed}-{signals}-history.json"
+    hours = "" if end_s - begin_s >= 86400 else f"-{begin_s:.0f}-{end_s:.0f}"
+    path = folder / f"{scenario.name}-{seed}-{signals}{hours}-history.json"
     if not path.exists():
         background = prepare(scenario, seed + OTHER_DAY, folder)
-        day = order_day(scenario, background, folder, signals=signals)
+        day = order_day(scenario, background, folder, signals=signals, begin_s=begin_s, end_s=end_s)
         record_history(day, scenario.network, progress).save(path)
     return path
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from simulation.closed_loop.arm import STEP_S, ArmOrder, run_arm
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
+from simulation.closed_loop.recording import history_of
 from simulation.evaluation.ground import Ground, ground_of
 from simulation.evaluation.run import Told
 from simulation.scenarios.network import check_routes
@@ -105,11 +106,25 @@ class World:
             net=self._files.net,
             fleet=self._files.fleet,
             additional=additional,
+            history=self._history(seed) if "routes" in policy.levers else None,
             begin_s=begin_s,
             end_s=end_s,
             step_s=STEP_S,
         )
         return run_arm(order, told)
+
+    def _history(self, seed: int) -> Path:
+        """What movements cost on another day, recorded when the first arm of a seed needs it."""
+        begin_s, end_s = self._span_s
+        with self._lock:
+            return history_of(
+                self._scenario,
+                seed,
+                self._folder,
+                signals=self._signals,
+                begin_s=begin_s,
+                end_s=end_s,
+            )
 
     def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:
         """A seed's background and further files, made when the first arm of it needs them."""
