@@ -88,6 +88,24 @@ class World:
         """What its arms' results hang on."""
         return ground_of(self._scenario, self._files.routes, self._signals, self._span_s, STEP_S)
 
+    @property
+    def files(self) -> WorldFiles:
+        """As the user named them."""
+        return self._files
+
+    @property
+    def scenario(self) -> Scenario:
+        """The world itself."""
+        return self._scenario
+
+    def background(self, seed: int) -> Background:
+        """A seed's background, made when it is first needed.
+
+        Raises:
+            InputError: it cannot be made.
+        """
+        return self._background(seed)[0]
+
     def simulate(self, policy: Policy, seed: int, told: Told) -> ArmResult:
         """Simulate an arm in a process of its own.
 
