@@ -88,6 +88,7 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
     """
     # Imported here: they need libsumo, or what takes a second to load.
     from simulation.closed_loop.conducting import FleetConductor
+    from simulation.closed_loop.departing import Departing
     from simulation.closed_loop.dispatching import Dispatching
     from simulation.closed_loop.gates import Roadside
     from simulation.closed_loop.history import History
@@ -121,13 +122,20 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         gridlock = GridlockWatch()
         with Session(options, (day.net, day.routes, *day.additional)) as session:
             conductor = FleetConductor(policy, scenario.net, order.step_s, lengths_m, roadside)
-            world = FleetWorld(session, lengths_m, conductor, order.step_s, policy.pace)
             dispatching = Dispatching(rounds, policy, order.seed, executor, history)
+            departing = Departing(network, dispatching, roadside)
+            world = FleetWorld(
+                session, lengths_m, conductor, order.step_s, policy.pace, departing.leave
+            )
             cycle_s = rounds.deliveries.settings.cycle_s
             while (now_s := session.time_s) < order.end_s:
                 if now_s % cycle_s == 0:
                     for leg in dispatching.cycle(now_s, roadside):
                         world.send(leg)
+                    for name, (leg, state) in world.running().items():
+                        way = departing.other_way(leg, state, now_s)
+                        if way is not None:
+                            world.reroute(name, way)
                 if now_s % CHECK_S == 0 and now_s > order.begin_s:
                     tell(now_s)
                     if gridlock.look(now_s):

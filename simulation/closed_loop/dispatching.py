@@ -9,19 +9,21 @@ from types import MappingProxyType
 
 from dispatcher_daemon.daemon import cycle_seed
 from dispatcher_daemon.dispatch import run_cycle
-from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.travel import roads_of
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 from simulation.closed_loop.gates import WINDOW_S, Roadside
 from simulation.closed_loop.history import History
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import CycleRecord
+from simulation.closed_loop.rerouting import Ways
 from simulation.closed_loop.rounds import Rounds
 from simulation.closed_loop.vehicle import LegOrder
 from simulation.scenarios.fleet import fleet_at
-from slipstream.messages import DrivingAdvice
+from slipstream.messages import DrivingAdvice, SegmentState
 
 
 class Dispatching:
@@ -48,6 +50,7 @@ class Dispatching:
         self._time_worth_kw = (
             0.0 if self._history is None else self._history.time_worth_kw(rounds.network)
         )
+        self._ways: tuple[tuple[SegmentState, ...], Ways] | None = None
         self._expected: tuple[int, Expectations] | None = None
         self._settings = settings_of(policy)
         self._solve = evaluation_solve()
@@ -101,6 +104,17 @@ class Dispatching:
         if "platoons" not in self._policy.levers:
             snapshot = with_closed_gates(snapshot)
         return replace(snapshot, expected=self._expectations(now_s))
+
+    def ways(self, now_s: float, roadside: Roadside) -> Ways:
+        """The cheapest ways as the traffic is now, by the costs of the arm's routes."""
+        if self._ways is None or self._ways[0] is not roadside.states:
+            # A problem has somebody to serve; costs of roads do not hang on whom.
+            depots = self._rounds.deliveries.settings.depots
+            stop = Stop(id="anywhere", node=depots[0].node)
+            fleet = Fleet(depots=depots, stops=(stop,), vehicles=(Vehicle(id="anybody"),))
+            roads = roads_of(self._problem(fleet), self.snapshot(now_s, roadside))
+            self._ways = roadside.states, Ways(self._rounds.network, roads)
+        return self._ways[1]
 
     def _problem(self, fleet: Fleet) -> RoutingProblem:
         return RoutingProblem(

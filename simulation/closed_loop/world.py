@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -12,6 +13,8 @@ from simulation.closed_loop.record import DrivenLeg
 from simulation.closed_loop.vehicle import LegOrder, VehicleState, read_state
 from simulation.sumo.session import Session
 from slipstream.energy import ETA_ALONE, PAPER_CAR, VehicleParameters, trace_energy
+
+Leave = Callable[[LegOrder, float], tuple[LegOrder, float]]
 
 _STANDING_MPS: Final = 0.1
 _ROLLING_MPS: Final = 1.0
@@ -67,6 +70,7 @@ class FleetWorld:
         conductor: tells vehicles how to drive.
         step_s: of the simulation.
         pace: desired speed of the fleet's vehicles over the limit.
+        leave: asked once for each leg, when it is due: how to drive it, and when to leave.
         vehicle: whose energy is counted.
     """
 
@@ -77,11 +81,14 @@ class FleetWorld:
         conductor: Conductor,
         step_s: float,
         pace: float = 1.0,
+        leave: Leave | None = None,
         vehicle: VehicleParameters = PAPER_CAR,
     ) -> None:
         self._session, self._lengths_m, self._conductor = session, lengths_m, conductor
         self._step_s, self._pace, self._vehicle = step_s, pace, vehicle
         self._due: list[tuple[float, str, LegOrder]] = []
+        self._leave: Leave = leave or (lambda order, now_s: (order, now_s))
+        self._decided: dict[str, LegOrder] = {}
         self._entering: dict[str, LegOrder] = {}
         self._on_road: dict[str, _OnRoad] = {}
 
@@ -155,6 +162,13 @@ class FleetWorld:
         while self._due and self._due[0][0] <= now_s:
             order = heapq.heappop(self._due)[2]
             name = order.id
+            if name not in self._decided:
+                order, leave_s = self._leave(order, now_s)
+                self._decided[name] = order
+                if leave_s > now_s:
+                    heapq.heappush(self._due, (leave_s, name, order))
+                    continue
+            del self._decided[name]
 
             def add(name: str = name, order: LegOrder = order) -> None:
                 libsumo.route.add(name, list(order.path))

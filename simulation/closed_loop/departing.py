@@ -1,0 +1,45 @@
+"""The last look before a leg begins, and while it lasts: which way now, and at which second."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from simulation.closed_loop.dispatching import Dispatching
+from simulation.closed_loop.gates import Roadside
+from simulation.closed_loop.rounds import free_s
+from simulation.closed_loop.vehicle import LegOrder, VehicleState
+from slipstream.roads import RoadNetwork
+
+
+class Departing:
+    """Decides when a leg is due.
+
+    Args:
+        network: roads.
+        dispatching: knows what ways cost by now.
+        roadside: what RSUs report.
+    """
+
+    def __init__(self, network: RoadNetwork, dispatching: Dispatching, roadside: Roadside) -> None:
+        self._network, self._dispatching, self._roadside = network, dispatching, roadside
+
+    def leave(self, order: LegOrder, now_s: float) -> tuple[LegOrder, float]:
+        """The leg as it is to be driven, and when to leave; once a leg, when it is due.
+
+        Who is to drive in a platoon keeps to the plan.
+        """
+        if any(segment.platoon is not None for segment in order.planned):
+            return order, now_s
+        way = self._dispatching.ways(now_s, self._roadside).better(order.path)
+        if way is not None:
+            order = replace(order, path=way, free_s=free_s(self._network, way))
+        return order, now_s
+
+    def other_way(
+        self, order: LegOrder, state: VehicleState, now_s: float
+    ) -> tuple[str, ...] | None:
+        """A better way for a vehicle on the road; None if it is to stay on its own."""
+        ahead = order.path[state.number :]
+        if any(s.platoon is not None and s.segment in ahead for s in order.planned):
+            return None
+        return self._dispatching.ways(now_s, self._roadside).better(order.path, state.number)
