@@ -23,10 +23,10 @@ from slipstream.energy import PAPER_CAR, VehicleParameters, drag_saving_kwh
 FASTER: Final = 0.05
 """Most that a vehicle drives above its own speed: within what is tolerated over a limit."""
 
-SLOWER: Final = 0.05
-MARGIN_KWH: Final = 0.004
-"""What a manoeuvre must save at least: a twentieth of a stop from 13.9 m/s, some 100 m of
-drafting by two vehicles at 30 m/s."""
+SLOWER: Final = 0.10
+MARGIN_KWH: Final = 0.001
+"""What a manoeuvre must save at least: a fiftieth of a stop from 13.9 m/s, 30 m of drafting by two
+vehicles at 30 m/s."""
 
 LONGEST_S: Final = 300.0
 _CHOICES: Final = tuple(

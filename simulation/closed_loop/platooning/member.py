@@ -18,23 +18,29 @@ class Member:
 
     Attributes:
         order: what it was told.
+        numbers: of its path's segments.
         factor: its own speed factor.
         mode: see `Mode`.
         ahead: of the fleet, whom it follows or last followed.
-        parted_s: when it began to part.
+        since_s: when it took its mode.
         yields: share of its speed that it gives up for a vehicle that comes nearer from behind.
         hurry: factor on its speed factor.
         refused: segment on which the traffic parted it.
     """
 
     order: LegOrder
+    numbers: dict[str, int]
     factor: float
     mode: Mode = "alone"
     ahead: str | None = None
-    parted_s: float = 0.0
+    since_s: float = 0.0
     yields: float = 0.0
     hurry: float = 1.0
     refused: str | None = None
+
+    def turn(self, mode: Mode, now_s: float) -> None:
+        """Take a mode."""
+        self.mode, self.since_s = mode, now_s
 
 
 @dataclass(frozen=True)

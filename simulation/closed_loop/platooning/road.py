@@ -38,7 +38,7 @@ def add_follower_type() -> None:
     kinds.setDecel(FOLLOWER, alone.deceleration_mps2)
     kinds.setApparentDecel(FOLLOWER, alone.deceleration_mps2)
     kinds.setEmergencyDecel(FOLLOWER, 9.0)
-    kinds.setMinGap(FOLLOWER, 1.0)
+    kinds.setMinGap(FOLLOWER, 0.5)
     kinds.setTau(FOLLOWER, 0.02)
     kinds.setImperfection(FOLLOWER, 0.0)
     kinds.setSpeedFactor(FOLLOWER, 1.0)
@@ -48,7 +48,7 @@ def add_follower_type() -> None:
 def ahead(name: str) -> tuple[str, float] | None:
     """Who drives next on the lanes that a vehicle is about to use, and the gap to its rear, m."""
     found = libsumo.vehicle.getLeader(name, _LOOK_AHEAD_M)
-    if not found or not found[0]:
+    if not found or not found[0] or found[1] > _LOOK_AHEAD_M:
         return None
     return found[0], found[1] + libsumo.vehicle.getMinGap(name)
 

@@ -17,11 +17,16 @@ from slipstream.energy import PAPER_CAR
 ADVISED_GAP_M: Final = 1.5
 """Gap that drag reductions are credited for; see `DispatcherSettings.gap_m`."""
 
+SLOWEST_MPS: Final = 5.0
+"""Below this speed no drag reduction is credited: there is next to no drag."""
+
 _HARDEST_MPS2: Final = 9.0
 _GAIN_PER_S: Final = 0.4
 _OPENING_MPS: Final = 2.0
 _SOFT_MPS2: Final = 0.5
 _BRAKING_MPS2: Final = 2.5
+_STEADYING_MPS2: Final = 1.5
+_SHARE_LEFT: Final = 0.6
 _LEAST_GAP_M: Final = 0.5
 
 
@@ -71,39 +76,64 @@ def coasting_mps2(speed_mps: float) -> float:
     return (PAPER_CAR.rolling_force_n + PAPER_CAR.drag_force_n(speed_mps)) / PAPER_CAR.mass_kg
 
 
-def following_mps(own: Motion, ahead_mps: float, fastest_mps: float, step_s: float) -> float:
+def following_mps(
+    own: Motion, now_mps: float, coming_mps: float, fastest_mps: float, step_s: float
+) -> float:
     """Speed of a follower at the end of the coming step.
 
     Too far behind, it closes up no faster than it can slow down again by coasting, so that the
-    energy put into catching up is not braked away.
+    energy put into catching up is not braked away. It brakes by 1.5 m/s² more than the vehicle
+    ahead at most, unless what is left of the gap asks for more.
 
     Args:
         own: follower.
-        ahead_mps: speed that the vehicle ahead will have by then.
+        now_mps: speed of the vehicle ahead.
+        coming_mps: speed that it will have at the end of the step.
         fastest_mps: that the follower may drive.
         step_s: of the simulation.
     """
-    error_m = own.gap_m - followed_gap_m(step_s)
+    wanted_m = followed_gap_m(step_s)
+    error_m = own.gap_m - wanted_m
     closing = _GAIN_PER_S * error_m
+    braking = max(0.0, now_mps - coming_mps) / step_s + _STEADYING_MPS2
     if error_m > 0:
-        closing = min(closing, math.sqrt(2 * 0.9 * coasting_mps2(own.speed_mps) * error_m))
+        coasting = coasting_mps2(own.speed_mps)
+        closing = min(closing, math.sqrt(2 * 0.9 * coasting * error_m))
+        # From faster than that, no harder than needed to come down to the other's speed in time.
+        needed = max(0.0, own.speed_mps - now_mps) ** 2 / (2 * error_m)
+        if needed < _BRAKING_MPS2:
+            braking += min(0.0, max(coasting, needed) - _STEADYING_MPS2)
+    if own.gap_m < _SHARE_LEFT * wanted_m:
+        braking = _HARDEST_MPS2
     most = own.speed_mps + Idm().acceleration_mps2 * step_s
-    least = own.speed_mps - _HARDEST_MPS2 * step_s
-    return max(0.0, least, min(ahead_mps + closing, most, fastest_mps))
+    least = own.speed_mps - min(braking, _HARDEST_MPS2) * step_s
+    return max(0.0, least, min(coming_mps + closing, most, fastest_mps))
 
 
-def parting_mps(own: Motion, ahead_mps: float, step_s: float) -> float:
+def parting_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -> float:
     """Speed at the end of the coming step of a vehicle that opens its gap gently.
 
-    It falls back at 2 m/s, braking hardly more than it coasts; the full comfortable braking is for
-    whom it still comes nearer to, as after a cut-in.
+    It falls back at 2 m/s, braking hardly more than it coasts; comfortable braking is for whom it
+    still comes nearer to, as after a cut-in. It never drives faster than a follower would.
+
+    Args:
+        own: the vehicle.
+        now_mps: speed of the vehicle ahead.
+        coming_mps: speed that it will have at the end of the step.
+        step_s: of the simulation.
     """
-    asked = Idm().accelerates_mps2(own, ahead_mps)
-    slower = own.speed_mps <= ahead_mps + _SOFT_MPS2
+    asked = Idm().accelerates_mps2(own, now_mps)
+    slower = own.speed_mps <= now_mps + _SOFT_MPS2
     a = max(asked, -_SOFT_MPS2 if slower else -_BRAKING_MPS2)
-    if slower and own.gap_m > _LEAST_GAP_M and own.speed_mps < ahead_mps - _OPENING_MPS:
+    if slower and own.speed_mps < now_mps - _OPENING_MPS:
         a = max(a, 0.0)
-    return max(0.0, own.speed_mps + min(a, Idm().acceleration_mps2) * step_s)
+    gently = max(0.0, own.speed_mps + min(a, Idm().acceleration_mps2) * step_s)
+    return min(gently, following_mps(own, now_mps, coming_mps, own.desired_mps, step_s))
+
+
+def waiting_mps(speed_mps: float, target_mps: float, step_s: float) -> float:
+    """Speed at most of a vehicle that lets another one catch up: it only coasts down."""
+    return max(target_mps, speed_mps - 0.9 * coasting_mps2(speed_mps) * step_s)
 
 
 def is_parted(own: Motion, ahead_mps: float) -> bool:

@@ -2,10 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from simulation.closed_loop.vehicle import LegOrder, VehicleState
+from simulation.closed_loop.vehicle import VehicleState
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a vehicle is on its way.
+
+    Attributes:
+        path: its segments.
+        numbers: of the segments in the path, the last one of those that it drives twice.
+        state: of the vehicle.
+    """
+
+    path: tuple[str, ...]
+    numbers: Mapping[str, int]
+    state: VehicleState
+
+    def along_m(self, lengths: Mapping[str, float]) -> float:
+        """Of its front along the segment; in the junction behind it, beyond the segment's end."""
+        state = self.state
+        return state.front_m + (lengths[state.segment] if state.crossing else 0.0)
 
 
 @dataclass(frozen=True)
@@ -40,41 +60,30 @@ class SharedWay:
         return total
 
 
-def place_m(state: VehicleState, lengths: Mapping[str, float]) -> float:
-    """Of a front along its segment; in the junction behind it, beyond the segment's end."""
-    return state.front_m + (lengths[state.segment] if state.crossing else 0.0)
-
-
 def shared_way(
-    rear: tuple[LegOrder, VehicleState],
-    front: tuple[LegOrder, VehicleState],
-    lengths: Mapping[str, float],
-    farthest_m: float,
+    rear: Place, front: Place, lengths: Mapping[str, float], farthest_m: float
 ) -> SharedWay | None:
     """What a vehicle has in common with one ahead of it; None if it is not ahead or too far.
 
     Lengths of junctions are left out.
     """
-    rear_path, front_path = rear[0].path, front[0].path
-    start = rear[1].number
-    meets = _find(rear_path, start, front[1].segment)
-    if meets is None:
+    meets = rear.numbers.get(front.state.segment, -1)
+    start = rear.state.number
+    if meets < start:
         return None
-    end_m = -place_m(rear[1], lengths)
+    end_m = -rear.along_m(lengths)
     parts = []
-    for segment in rear_path[start:meets]:
+    for segment in rear.path[start:meets]:
         end_m += lengths[segment]
         parts.append((segment, end_m))
-    between_m = end_m + place_m(front[1], lengths)
+        if end_m > farthest_m:
+            return None
+    between_m = end_m + front.along_m(lengths)
     if not 0 < between_m <= farthest_m:
         return None
-    for mine, other in zip(rear_path[meets:], front_path[front[1].number :], strict=False):
+    for mine, other in zip(rear.path[meets:], front.path[front.state.number :], strict=False):
         if mine != other:
             break
         end_m += lengths[mine]
         parts.append((mine, end_m))
     return SharedWay(between_m, tuple(parts))
-
-
-def _find(path: Sequence[str], start: int, segment: str) -> int | None:
-    return next((i for i in range(start, len(path)) if path[i] == segment), None)

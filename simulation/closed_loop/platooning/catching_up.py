@@ -1,0 +1,82 @@
+"""Who hurries to catch up with whom, and who waits for it."""
+
+from __future__ import annotations
+
+from simulation.closed_loop.platooning import road
+from simulation.closed_loop.platooning.meeting import FASTER, Meeting, best_meeting
+from simulation.closed_loop.platooning.scene import Scene
+from simulation.closed_loop.platooning.spacing import SLOWEST_MPS, close_gap_m, followed_gap_m
+from simulation.closed_loop.platooning.ways import SharedWay
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
+
+
+def bring_together(scene: Scene) -> None:
+    """Choose meetings; each vehicle is caught up with by one at most.
+
+    Vehicles that catch up get their speed factor here; leaders that wait, what they yield.
+    """
+    members = scene.members
+    for member in members.values():
+        member.yields = 0.0
+    hurries: dict[str, float] = {}
+    behind = {m.ahead: name for name, m in members.items() if m.mode == "following"}
+    taken: set[str] = set()
+    for rear, member in members.items():
+        if member.mode == "parting" or (member.mode == "following" and _is_close(scene, rear)):
+            continue
+        found = _meeting(scene, rear, behind, taken)
+        if found is None:
+            continue
+        front, meeting = found
+        taken.add(front)
+        hurries[rear] = 1 + meeting.faster
+        leader = _leader(scene, front)
+        members[leader].yields = max(members[leader].yields, meeting.slower)
+    for name, member in members.items():
+        hurry = 1 + FASTER if member.mode == "following" else hurries.get(name, 1.0)
+        if hurry != member.hurry:
+            member.hurry = hurry
+            road.set_speed_factor(name, member.factor * hurry)
+
+
+def _is_close(scene: Scene, name: str) -> bool:
+    contact = scene.contacts.get(name)
+    return contact is not None and contact.gap_m <= close_gap_m(scene.step_s)
+
+
+def _leader(scene: Scene, name: str) -> str:
+    """Who sets the pace of a vehicle: itself, or the front of those that follow each other."""
+    seen = {name}
+    while scene.members[name].mode == "following":
+        ahead = scene.members[name].ahead
+        if ahead is None or ahead not in scene.members or ahead in seen:
+            break
+        name = ahead
+        seen.add(name)
+    return name
+
+
+def _meeting(
+    scene: Scene, rear: str, behind: dict[str | None, str], taken: set[str]
+) -> tuple[str, Meeting] | None:
+    """With the nearest vehicle ahead on the same way, if it pays."""
+    nearest: tuple[float, str, SharedWay] | None = None
+    for front in scene.members:
+        if front == rear or front in taken or behind.get(front, rear) != rear:
+            continue
+        way = scene.way(rear, front)
+        if way is not None and (nearest is None or way.between_m < nearest[0]):
+            nearest = way.between_m, front, way
+    if nearest is None:
+        return None
+    between_m, front, way = nearest
+    added = ETA_FOLLOWER - (ETA_LEADER if rear in behind else 0.0)
+    if scene.members[front].mode != "following":
+        added += ETA_LEADER
+    meeting = best_meeting(
+        max(0.0, between_m - road.length_m(front) - followed_gap_m(scene.step_s)),
+        max(SLOWEST_MPS, min(scene.desired_mps(rear), scene.desired_mps(front))),
+        lambda begin_m: way.open_beyond_m(begin_m, scene.is_open),
+        added,
+    )
+    return None if meeting is None else (front, meeting)

@@ -1,0 +1,114 @@
+"""Who follows closely, who opens the gap, who is on its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from simulation.closed_loop.platooning import road
+from simulation.closed_loop.platooning.meeting import FASTER, best_meeting
+from simulation.closed_loop.platooning.member import Contact
+from simulation.closed_loop.platooning.scene import Scene
+from simulation.closed_loop.platooning.spacing import (
+    SLOWEST_MPS,
+    close_gap_m,
+    followed_gap_m,
+    is_parted,
+    parting_way_m,
+)
+from slipstream.energy import ETA_FOLLOWER
+
+_LANE_S: Final = 3.0
+# SUMO now and then sees nobody ahead for a step, as where a lane begins.
+_SETTLE_S: Final = 2.0
+
+
+def disengage(scene: Scene, is_turbulent: Callable[[str], bool]) -> int:
+    """Part platoons with a vehicle on a segment that is turbulent in truth behind an open gate.
+
+    Returns:
+        How many.
+    """
+    parted = 0
+    for platoon in scene.platoons:
+        on = (scene.states[name].segment for name in platoon)
+        rough = next((s for s in on if is_turbulent(s) and scene.is_open(s)), None)
+        if rough is None:
+            continue
+        parted += 1
+        for name in platoon[1:]:
+            scene.members[name].refused = rough
+            scene.members[name].turn("parting", scene.now_s)
+    return parted
+
+
+def decide(scene: Scene, name: str) -> None:
+    """Whether a vehicle follows closely, opens its gap or is on its own, from what is ahead."""
+    member, contact = scene.members[name], scene.contacts.get(name)
+    if contact is not None and contact.ahead in scene.members:
+        keeps = member.mode == "following" and member.ahead == contact.ahead
+        if _is_welcome(scene, name) and _pays(scene, name, contact, keeps=keeps):
+            if member.mode == "alone":
+                member.hurry = 1 + FASTER
+                road.take_over(name, member.factor * member.hurry)
+            if not keeps:
+                member.turn("following", scene.now_s)
+                member.ahead = contact.ahead
+            return
+    if member.mode == "following":
+        member.turn("parting", scene.now_s)
+        _stay_behind(scene, name)
+    if member.mode == "parting" and _is_apart(scene, name):
+        road.hand_back(name, member.factor)
+        member.turn("alone", scene.now_s)
+        member.ahead, member.hurry = None, 1.0
+
+
+def _is_welcome(scene: Scene, name: str) -> bool:
+    """Whether the traffic that last parted it is behind it."""
+    member = scene.members[name]
+    if member.refused is not None:
+        if member.refused in member.order.path[scene.states[name].number :]:
+            return False
+        member.refused = None
+    return True
+
+
+def _pays(scene: Scene, name: str, contact: Contact, *, keeps: bool) -> bool:
+    """Whether gates are open for long enough."""
+    way = scene.way(name, contact.ahead)
+    run_m = 0.0 if way is None else way.open_run_m(scene.is_open)
+    if run_m <= 0:
+        return False
+    speed_mps, followed_m = scene.states[name].speed_mps, followed_gap_m(scene.step_s)
+    if keeps:
+        return run_m > parting_way_m(speed_mps, contact.gap_m)
+    cruise_mps = max(SLOWEST_MPS, scene.desired_mps(name))
+    drafted_m = run_m - parting_way_m(cruise_mps, followed_m)
+    if contact.gap_m <= close_gap_m(scene.step_s):
+        return drafted_m > 0
+    meeting = best_meeting(
+        contact.gap_m - followed_m,
+        cruise_mps,
+        lambda way_m: max(0.0, drafted_m - way_m),
+        ETA_FOLLOWER,
+    )
+    return meeting is not None
+
+
+def _stay_behind(scene: Scene, name: str) -> None:
+    """Follow a leader that has changed its lane."""
+    ahead = scene.members[name].ahead
+    if ahead is None or ahead not in scene.states:
+        return
+    own, other = scene.states[name], scene.states[ahead]
+    same = own.segment == other.segment and not own.crossing and not other.crossing
+    if same and own.lane != other.lane and own.front_m < other.front_m:
+        road.to_lane(name, other.lane, _LANE_S)
+
+
+def _is_apart(scene: Scene, name: str) -> bool:
+    if scene.now_s - scene.members[name].since_s < _SETTLE_S:
+        return False
+    contact = scene.contacts.get(name)
+    return contact is None or is_parted(scene.motion(name), contact.ahead_mps)
