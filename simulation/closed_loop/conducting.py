@@ -4,17 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Protocol
 
 import libsumo
 
 from simulation.closed_loop.advice.advisor import SpeedAdvisor
 from simulation.closed_loop.conductor import Drafting
-from simulation.closed_loop.gates import Roadside
 from simulation.closed_loop.platooning import Platooning
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.signals.priority import Priority
 from simulation.closed_loop.signals.timing import Signals
 from simulation.closed_loop.vehicle import LegOrder, VehicleState
+
+
+class Gates(Protocol):
+    """What is known of the traffic on a segment."""
+
+    def is_open(self, segment: str) -> bool:
+        """Whether close gaps are allowed there."""
+        ...
+
+    def is_turbulent(self, segment: str) -> bool:
+        """Whether platoons have to part there."""
+        ...
 
 
 class FleetConductor:
@@ -34,7 +46,7 @@ class FleetConductor:
         net: Path,
         step_s: float,
         lengths_m: Mapping[str, float],
-        roadside: Roadside,
+        roadside: Gates,
     ) -> None:
         signals = Signals()
         self._advisor = SpeedAdvisor(net, signals, step_s)
