@@ -8,13 +8,14 @@ import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.dispatch import form_of, run_cycle
-from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.guest.desk import Desk
 from dispatcher_daemon.guest.opening import open_desk
 from dispatcher_daemon.problem import RoutingProblem
@@ -23,7 +24,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.solvers.workers import WorkerExecutor
-from dispatcher_daemon.traffic import TrafficBook, Verdict, take_snapshot
+from dispatcher_daemon.traffic import TrafficBook, TrafficSnapshot, Verdict, take_snapshot
 from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -96,6 +97,7 @@ class Dispatcher:
         solve: solver pool.
         executor: for the search of the route form's base routes; None: the cycle's own thread.
         guest: the desk of a quantum device, which then solves in place of the pool.
+        fleet_file: asked for the fleet of each cycle; None: the problem's own, always.
     """
 
     def __init__(
@@ -107,12 +109,15 @@ class Dispatcher:
         solve: Solve,
         executor: Executor | None = None,
         guest: Desk | None = None,
+        fleet_file: FleetFile | None = None,
     ) -> None:
         self._executor = executor
         self._guest = guest
         self._stops: Mapping[str, tuple[str, ...]] = {}
         self._settings = settings
         self._problem = problem
+        self._fleet_file = fleet_file
+        self._bus = bus
         self._store = store
         self._solve = solve if guest is None else guest
         self._book = TrafficBook(problem.network, future_tolerance_s=settings.future_tolerance_s)
@@ -178,19 +183,25 @@ class Dispatcher:
             )
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
-            result = run_cycle(
-                self._problem,
-                snapshot,
-                self._settings,
-                self._solve,
-                now_ns,
-                number,
-                cycle_seed(self._settings.seed, number),
-                executor=self._executor,
-                start=self._stops or None,
-            )
-            report, plans = result.report, result.plans
-            self._stops = result.stops
+            if not self._has_orders():
+                report = idle_report(number, now_ns, time.monotonic() - began, snapshot)
+            else:
+                result = run_cycle(
+                    self._problem,
+                    snapshot,
+                    self._settings,
+                    self._solve,
+                    now_ns,
+                    number,
+                    cycle_seed(self._settings.seed, number),
+                    executor=self._executor,
+                    start=self._stops or None,
+                )
+                report, plans = result.report, result.plans
+                self._stops = result.stops
+        except InputError as error:
+            self._warn("input", f"cycle {number} failed: {error}")
+            report = failed_report(number, now_ns, time.monotonic() - began, str(error)[:500])
         except Exception as error:
             log.exception("cycle %d failed", number)
             report = failed_report(number, now_ns, time.monotonic() - began, _named(error))
@@ -204,10 +215,29 @@ class Dispatcher:
             self._report_unstored(report, error)
             return
         for plan in plans:
-            self._plan_outlets[plan.vehicle].put(plan)
+            self._outlet_of(plan.vehicle).put(plan)
         self._cycle_outlet.put(report)
         self._count(report)
         self._prune(now_ns)
+
+    def _has_orders(self) -> bool:
+        """Whether there is something to dispatch; takes in what the fleet's file says now.
+
+        Raises:
+            InputError: the file is gone or faulty.
+        """
+        if self._fleet_file is None:
+            return True
+        fleet = self._fleet_file.current()
+        if fleet is not None and fleet is not self._problem.fleet:
+            self._problem = replace(self._problem, fleet=fleet)
+            self._stops = {}
+        return fleet is not None
+
+    def _outlet_of(self, vehicle: str) -> Outlet:
+        if vehicle not in self._plan_outlets:
+            self._plan_outlets[vehicle] = self._bus.publisher(plan_key(vehicle))
+        return self._plan_outlets[vehicle]
 
     def _report_unstored(self, report: CycleReport, error: Exception) -> None:
         """Say on the bus that a cycle came to nothing: what is not stored is not sent."""
@@ -305,6 +335,15 @@ def cycle_seed(seed: int, cycle: int) -> int:
     return int(np.random.SeedSequence([seed, cycle]).generate_state(1)[0])
 
 
+def idle_report(
+    cycle: int, started_ns: int, wall_s: float, snapshot: TrafficSnapshot
+) -> CycleReport:
+    """The report of a cycle that had nothing to dispatch."""
+    return failed_report(cycle, started_ns, wall_s, "no open order, or no free vehicle").model_copy(
+        update={"status": "ok", "gates": snapshot.gates()}
+    )
+
+
 def failed_report(cycle: int, started_ns: int, wall_s: float, reason: str) -> CycleReport:
     """The report of a cycle that came to nothing."""
     return CycleReport(
@@ -346,7 +385,11 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     # The scheduler's own faults are counted and logged by CycleScheduler.
     logging.getLogger("apscheduler").setLevel(logging.CRITICAL)
     network = load_network(settings.network)
-    problem = RoutingProblem(network, load_fleet(settings.fleet, network))
+    fleet_file = FleetFile(settings.fleet, network)
+    fleet = fleet_file.current()
+    if fleet is None:
+        raise InputError(settings.fleet, "nothing to dispatch", "give stops and vehicles")
+    problem = RoutingProblem(network, fleet)
     # Blocks of a city are solved side by side; the arc form gives each solver one problem.
     in_routes = form_of(settings, problem.fleet) == "route"
     side_by_side = settings.city.search.workers if in_routes else 1
@@ -368,7 +411,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         guest = open_desk(settings, pool, database)
         if guest is not None:
             stack.enter_context(guest)
-        dispatcher = Dispatcher(settings, problem, bus, database, pool, executor, guest)
+        dispatcher = Dispatcher(settings, problem, bus, database, pool, executor, guest, fleet_file)
         bus.subscribe(ALL_STATES, dispatcher.on_state)
         scheduler = CycleScheduler(
             dispatcher.run_cycle,

@@ -1,0 +1,56 @@
+"""The fleet of a file that others write while the dispatcher runs: orders come, vehicles go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from dispatcher_daemon.fleet import DEMO_FLEET, Fleet, fleet_from, load_fleet
+from slipstream.config import read_data
+from slipstream.errors import InputError
+from slipstream.roads import RoadNetwork
+
+
+class FleetFile:
+    """A fleet that is read again whenever its file has changed.
+
+    Whoever writes it should write another file and rename it, so that no half of it is read.
+
+    Args:
+        reference: as for `load_fleet`.
+        network: roads that it must fit.
+
+    Raises:
+        InputError: the file is missing or faulty, or has nothing to dispatch yet.
+    """
+
+    def __init__(self, reference: str, network: RoadNetwork) -> None:
+        self._path = None if reference == DEMO_FLEET else Path(reference)
+        self._network = network
+        self._fleet: Fleet | None = load_fleet(reference, network)
+        self._stamp: tuple[int, int, int] | None = None
+
+    def current(self) -> Fleet | None:
+        """The fleet now; None if the file has no stop to drive to, or no vehicle to drive.
+
+        Raises:
+            InputError: the file is gone or faulty; the last good one is not dispatched again, as
+                its orders may be served.
+        """
+        if self._path is None:
+            return self._fleet
+        try:
+            found = self._path.stat()
+        except OSError as error:
+            problem = error.strerror or "not readable"
+            raise InputError(self._path, problem, "write it again") from None
+        stamp = found.st_mtime_ns, found.st_size, found.st_ino
+        if stamp != self._stamp:
+            data = read_data(self._path)
+            self._fleet = None if _is_empty(data) else fleet_from(data, self._network, self._path)
+            self._stamp = stamp
+        return self._fleet
+
+
+def _is_empty(data: object) -> bool:
+    return isinstance(data, Mapping) and (data.get("stops") == [] or data.get("vehicles") == [])
