@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dispatcher_daemon.appraisal import RouteEnergy, route_energy
+from dispatcher_daemon.on_road import RoadUser, joined_segments
 from dispatcher_daemon.plans import vehicle_plans
 from dispatcher_daemon.platoons import Passage, Place, form_platoons
 from dispatcher_daemon.problem import RoutingProblem
@@ -25,12 +26,14 @@ class Candidate:
         objective_kwh: H_cost − H_platoon, re-evaluated.
         plans: one for each vehicle that drives.
         energies: of these plans.
+        joined: places of vehicles on the road in platoons with those of the plans.
     """
 
     solver: str
     objective_kwh: float
     plans: tuple[VehiclePlan, ...]
     energies: tuple[RouteEnergy, ...]
+    joined: Mapping[Passage, Place] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class Cycle:
         seed: of everything random in it.
         reference_s: from its start to the moment that the fleet's times count from, when a vehicle
             that is ready at once leaves.
+        on_road: vehicles that earlier cycles sent.
     """
 
     problem: RoutingProblem
@@ -52,6 +56,7 @@ class Cycle:
     now_ns: int
     seed: int
     reference_s: float
+    on_road: tuple[RoadUser, ...] = ()
 
     def candidate(
         self,
@@ -71,7 +76,8 @@ class Cycle:
         window = settings.sync_window_s
         places: dict[Passage, Place] = {}
         if platooning:
-            places = form_platoons(routes, self.snapshot, window, self.number)
+            others = [p for user in self.on_road for p in user.passages()]
+            places = form_platoons(routes, self.snapshot, window, self.number, others)
         energies = tuple(route_energy(self.problem, route, places) for route in routes)
         plans = vehicle_plans(
             self.problem,
@@ -93,8 +99,13 @@ class Cycle:
             window,
             unserved=unserved or {},
             reference_s=self.reference_s,
+            joined=joined_segments(self.on_road, places, settings.gap_m),
         )
-        return faults[0] if faults else Candidate(solver, objective_kwh, plans, energies)
+        if faults:
+            return faults[0]
+        sent = {route.vehicle for route in routes}
+        joined = {passage: place for passage, place in places.items() if passage[0] not in sent}
+        return Candidate(solver, objective_kwh, plans, energies, joined)
 
 
 @dataclass(frozen=True)

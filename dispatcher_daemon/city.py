@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dispatcher_daemon.itineraries import Itinerary, Planner
+from dispatcher_daemon.on_road import RoadUser
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routability import unservable, without
 from dispatcher_daemon.settings import CitySettings, SearchSettings
@@ -65,6 +66,7 @@ def plan_city(
     seed: int,
     deadline_s: float = math.inf,
     reference_s: float = 0.0,
+    on_road: Sequence[RoadUser] = (),
     start: Mapping[str, Sequence[str]] | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> CityPlan:
@@ -76,6 +78,7 @@ def plan_city(
         seed: same input and seed give the same plan unless time runs out.
         deadline_s: for all of it; each stage takes its share and keeps what it has.
         reference_s: when a vehicle that is ready at once leaves.
+        on_road: vehicles sent earlier, to be met.
         start: routes to start from, as of the last cycle.
     """
     began = clock()
@@ -102,7 +105,15 @@ def plan_city(
     missing |= dict.fromkeys(routes.left, "no vehicle has room and time for it")
     stage("base")
     planner, begin, base, greedy = first_plans(
-        problem, snapshot, travel, routes.stops, missing, settings, sync_window_s, reference_s
+        problem,
+        snapshot,
+        travel,
+        routes.stops,
+        missing,
+        settings,
+        sync_window_s,
+        reference_s,
+        on_road,
     )
     stage("greedy")
     sweeping = Sweeping(planner, settings, solve, begin)
@@ -140,9 +151,10 @@ def first_plans(
     settings: CitySettings,
     sync_window_s: float,
     reference_s: float,
+    on_road: Sequence[RoadUser] = (),
 ) -> tuple[Planner, list[Itinerary], Choice, Choice]:
     """(planner, the better itineraries to begin with, everybody at once, scheduled greedily)."""
-    planner = Planner(problem, snapshot, [travel], sync_window_s, reference_s)
+    planner = Planner(problem, snapshot, [travel], sync_window_s, reference_s, on_road=on_road)
     alone = at_once(planner, routes, missing)
     planner.travels += (attracted(problem, travel, planner),)
     if sum(len(i.route.legs) for i in alone if i.route is not None) <= settings.ways_legs:

@@ -80,7 +80,7 @@ def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> lis
     Args:
         itineraries: one a vehicle, in the order in which they choose.
     """
-    meetings = Meetings(planner.shares, planner.sync_window_s)
+    meetings = planner.meetings()
     chosen = []
     for itinerary in itineraries:
         best = best_departure(planner, itinerary, meetings)

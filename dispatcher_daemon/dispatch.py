@@ -12,6 +12,8 @@ from dispatcher_daemon.appraisal import summarise
 from dispatcher_daemon.arc_cycle import ArcCycle
 from dispatcher_daemon.candidates import Candidate, Cycle, Found
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
+from dispatcher_daemon.on_road import RoadUser
+from dispatcher_daemon.platoons import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.rewards import JudgedPair
 from dispatcher_daemon.routability import servable_part
@@ -38,6 +40,7 @@ class CycleResult:
         arcs: the candidate arcs of the arc form.
         judged: every pair of arcs that share a watched segment, and why it platoons or not.
         stops: by vehicle, of the route form's plan, for the next cycle to start from.
+        joined: places of vehicles on the road in platoons with vehicles of these plans.
     """
 
     report: CycleReport
@@ -45,6 +48,7 @@ class CycleResult:
     arcs: tuple[RoutedArc, ...] = ()
     judged: tuple[JudgedPair, ...] = ()
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    joined: Mapping[Passage, Place] = field(default_factory=dict)
 
 
 def run_cycle(
@@ -60,6 +64,7 @@ def run_cycle(
     executor: Executor | None = None,
     start: Mapping[str, Sequence[str]] | None = None,
     reference_s: float | None = None,
+    on_road: Sequence[RoadUser] = (),
 ) -> CycleResult:
     """Run one dispatch cycle.
 
@@ -77,6 +82,8 @@ def run_cycle(
         start: routes by vehicle that this search starts from, as of the last cycle.
         reference_s: from the start of the cycle to the moment that the fleet's times count from;
             None: its deadline, so that plans are out before anybody leaves.
+        on_road: vehicles that earlier cycles sent. The route form plans to meet them; they stay
+            as they are, but for their places in platoons.
 
     Returns:
         The best verified plans of the solvers that answered; the baseline's if none did; a report
@@ -85,7 +92,7 @@ def run_cycle(
     began = clock()
     if reference_s is None:
         reference_s = settings.deadline_s
-    this = Cycle(problem, snapshot, settings, cycle, now_ns, seed, reference_s)
+    this = Cycle(problem, snapshot, settings, cycle, now_ns, seed, reference_s, tuple(on_road))
     arcs: tuple[RoutedArc, ...] = ()
     judged: tuple[JudgedPair, ...] = ()
     in_arcs = _in_arcs(this)
@@ -122,7 +129,8 @@ def run_cycle(
         }
     )
     plans = () if chosen is None else chosen.plans
-    return CycleResult(report, plans, arcs, judged, found.stops)
+    joined = {} if chosen is None else chosen.joined
+    return CycleResult(report, plans, arcs, judged, found.stops, joined)
 
 
 def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route"]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-from dispatcher_daemon.meetings import Passings, Shares, open_shares, passings
+from dispatcher_daemon.meetings import Meetings, Passings, Shares, open_shares, passings
+from dispatcher_daemon.on_road import RoadUser, passings_on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routes import Leg, Route, lateness_s, timed
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -53,6 +54,8 @@ class Planner:
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
         ways_per_leg: how many of the cheapest ways of each leg are worth looking at.
+        on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
+            are.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class Planner:
         sync_window_s: float,
         reference_s: float = 0.0,
         ways_per_leg: int = 1,
+        on_road: Sequence[RoadUser] = (),
     ) -> None:
         self.ways_per_leg = ways_per_leg
         self.problem, self.snapshot = problem, snapshot
@@ -70,6 +74,16 @@ class Planner:
         self.travels = tuple(travels)
         self.shares: Mapping[str, Shares] = open_shares(problem, snapshot)
         self.reference_s = reference_s
+        self.on_road = passings_on_road(on_road, self.shares)
+
+    def meetings(self) -> Meetings:
+        """The roads with nobody but those on them already, what these save among themselves being
+        no part of any change.
+        """
+        meetings = Meetings(self.shares, self.sync_window_s)
+        for way in self.on_road:
+            meetings.add(way)
+        return meetings
 
     def window_s(self, number: int) -> tuple[float, float]:
         """First and last moment at which a vehicle may leave."""

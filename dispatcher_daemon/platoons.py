@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -14,6 +14,11 @@ Passage = tuple[str, int, int]
 """One vehicle on one segment: (vehicle, leg, position in the leg)."""
 
 
+Who = TypeVar("Who", bound=tuple[Any, ...])
+Timed = tuple[float, float, Who]
+"""(entry, leaving, passage) on one segment, s; a passage begins with its vehicle."""
+
+
 @dataclass(frozen=True)
 class Place:
     """A vehicle's place in a platoon; 0 is the leader."""
@@ -23,13 +28,21 @@ class Place:
 
 
 def form_platoons(
-    routes: Sequence[Route], snapshot: TrafficSnapshot, sync_window_s: float, cycle: int
+    routes: Sequence[Route],
+    snapshot: TrafficSnapshot,
+    sync_window_s: float,
+    cycle: int,
+    on_road: Iterable[tuple[str, Timed[Passage]]] = (),
 ) -> dict[Passage, Place]:
     """Platoons of finished routes.
 
     On a segment whose gate is open, vehicles that enter within the window after the first of them
     drive as its platoon, in the order of their entries. They must also be due to leave it within
     the window and in that order: one that starts from a stop at its beginning does not keep up.
+
+    Args:
+        on_road: passages of vehicles on the road, each with its segment. Platoons of theirs alone
+            are left as they are.
 
     Returns:
         Places of all passages in a platoon; vehicles alone are left out. A platoon keeps its name
@@ -41,22 +54,21 @@ def form_platoons(
             if snapshot.segments[segment].open:
                 passage = (route.vehicle, leg, position)
                 passages.setdefault(segment, []).append((entry, leaving, passage))
+    sent = {route.vehicle for route in routes}
+    for segment, timed in on_road:
+        if segment in passages and snapshot.segments[segment].open:
+            passages[segment].append(timed)
     names: dict[tuple[str, ...], str] = {}
     places: dict[Passage, Place] = {}
     for segment in sorted(passages):
         for group in platoons_of(sorted(passages[segment]), sync_window_s):
-            if len(group) < 2:
-                continue
             members = tuple(passage[0] for _, _, passage in group)
+            if len(group) < 2 or sent.isdisjoint(members):
+                continue
             name = names.setdefault(members, f"c{cycle}-p{len(names) + 1}")
             for number, (_, _, passage) in enumerate(group):
                 places[passage] = Place(name, number)
     return places
-
-
-Who = TypeVar("Who", bound=tuple[Any, ...])
-Timed = tuple[float, float, Who]
-"""(entry, leaving, passage) on one segment, s; a passage begins with its vehicle."""
 
 
 def platoons_of(passages: Sequence[Timed[Who]], sync_window_s: float) -> Iterator[list[Timed[Who]]]:

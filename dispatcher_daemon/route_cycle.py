@@ -51,6 +51,7 @@ def route_cycle(
         seed=cycle.seed,
         deadline_s=settings.deadline_s,
         reference_s=cycle.reference_s,
+        on_road=cycle.on_road,
         start=start,
     )
     made_by = _made_by(plan)

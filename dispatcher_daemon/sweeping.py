@@ -15,7 +15,6 @@ from dispatcher_daemon.decode import violations
 from dispatcher_daemon.departures import best_departure, schedule_greedily
 from dispatcher_daemon.exchanges import best_exchanges
 from dispatcher_daemon.itineraries import Itinerary, Planner
-from dispatcher_daemon.meetings import Meetings
 from dispatcher_daemon.options import options_for
 from dispatcher_daemon.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.settings import CitySettings
@@ -71,7 +70,7 @@ class Sweep:
 
 def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
     """What itineraries cost and save together, evaluated from nothing."""
-    meetings = Meetings(planner.shares, planner.sync_window_s)
+    meetings = planner.meetings()
     saving = math.fsum(meetings.add(itinerary.way) for itinerary in itineraries)
     cost = math.fsum(itinerary.cost_kwh for itinerary in itineraries)
     return Choice(tuple(itineraries), cost, saving)
@@ -103,7 +102,7 @@ class Sweeping:
         self.planner, self.settings = planner, settings
         self.present = list(itineraries)
         self._solve = solve
-        self._meetings = Meetings(planner.shares, planner.sync_window_s)
+        self._meetings = planner.meetings()
         saving = math.fsum(self._meetings.add(i.way) for i in itineraries)
         self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
         self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}

@@ -27,6 +27,7 @@ def verify_plans(
     *,
     unserved: Collection[str] = (),
     reference_s: float = 0.0,
+    joined: Sequence[tuple[str, PlannedSegment]] = (),
 ) -> tuple[str, ...]:
     """Check the plans of one cycle.
 
@@ -37,6 +38,7 @@ def verify_plans(
         sync_window_s: largest difference of entry times within a platoon.
         unserved: stops that are said to be left out.
         reference_s: from the issue of the plans to the moment that the fleet's times count from.
+        joined: segments that vehicles on the road pass in platoons with those of the plans.
 
     Returns:
         What is wrong, one line each; empty if the plans may leave.
@@ -47,7 +49,7 @@ def verify_plans(
         *(f"{p.vehicle}: {f}" for p in plans for f in _stop_faults(p, fleet, unserved)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _path_faults(p, network)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _time_faults(p, network, fleet)),
-        *_platoon_faults(plans, open_segments, sync_window_s),
+        *_platoon_faults(plans, open_segments, sync_window_s, joined),
     )
 
 
@@ -186,23 +188,24 @@ def _time_faults(plan: VehiclePlan, network: RoadNetwork, fleet: Fleet) -> Itera
 
 
 def _platoon_faults(
-    plans: Sequence[VehiclePlan], open_segments: Collection[str], sync_window_s: float
+    plans: Sequence[VehiclePlan],
+    open_segments: Collection[str],
+    sync_window_s: float,
+    joined: Sequence[tuple[str, PlannedSegment]],
 ) -> Iterator[str]:
     groups: dict[tuple[str, str], list[tuple[str, PlannedSegment]]] = {}
-    for plan in plans:
-        for segment in plan.segments:
-            where = f"{plan.vehicle} on {segment.segment}"
-            if segment.platoon is None:
-                if segment.place is not None or segment.gap_m is not None:
-                    yield f"{where}: a place or gap without a platoon"
-                continue
-            if segment.segment not in open_segments:
-                yield f"{where}: platoon where the gate is closed"
-            if segment.place is None or (segment.place > 0) != (segment.gap_m is not None):
-                yield f"{where}: a gap is for followers, and for each of them"
-            groups.setdefault((segment.segment, segment.platoon), []).append(
-                (plan.vehicle, segment)
-            )
+    planned = [(plan.vehicle, segment) for plan in plans for segment in plan.segments]
+    for vehicle, segment in (*planned, *joined):
+        where = f"{vehicle} on {segment.segment}"
+        if segment.platoon is None:
+            if segment.place is not None or segment.gap_m is not None:
+                yield f"{where}: a place or gap without a platoon"
+            continue
+        if segment.segment not in open_segments:
+            yield f"{where}: platoon where the gate is closed"
+        if segment.place is None or (segment.place > 0) != (segment.gap_m is not None):
+            yield f"{where}: a gap is for followers, and for each of them"
+        groups.setdefault((segment.segment, segment.platoon), []).append((vehicle, segment))
     for (road, name), members in groups.items():
         yield from (f"platoon {name} on {road}: {f}" for f in _group_faults(members, sync_window_s))
 
