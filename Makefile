@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum
+.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
 
 setup: $(VENV)/.ready
 
@@ -62,6 +62,11 @@ bench-routing: setup
 # device that fails; about an hour on an idle machine, of which `SHORT=1` takes minutes.
 bench-quantum: setup
 	$(BIN)/python -m benchmarks.quantum $(if $(SHORT),--short)
+
+# The worlds: a day's background, an arm of the closed loop, the same seed twice, what is saved on
+# three seeds; hours on an idle machine, and gone on with if interrupted. `SHORT=1`: minutes.
+bench-world: setup
+	$(BIN)/python -m benchmarks.world $(if $(SHORT),--short)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv

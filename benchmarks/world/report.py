@@ -1,0 +1,82 @@
+"""The benchmark's report: what was measured beside what was aimed at."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from benchmarks.aims import Check, check_table
+from benchmarks.world.figures import (
+    Repeat,
+    Saved,
+    TimedRun,
+    repeat_checks,
+    saving_checks,
+    time_checks,
+)
+
+
+@dataclass(frozen=True)
+class Results:
+    """All that was measured.
+
+    Attributes:
+        runs: timed.
+        repeats: evaluations that were run twice.
+        saved: what evaluations came to.
+        tables: folders of those, which have the tables and figures.
+        missing: why something was not measured.
+    """
+
+    runs: tuple[TimedRun, ...] = ()
+    repeats: tuple[Repeat, ...] = ()
+    saved: tuple[Saved, ...] = ()
+    tables: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+
+
+def checks(results: Results) -> list[Check]:
+    """Each aim with what was measured."""
+    return [
+        *time_checks(results.runs),
+        *repeat_checks(results.repeats),
+        *saving_checks(results.saved),
+    ]
+
+
+def markdown(results: Results, about: Mapping[str, object]) -> str:
+    """The report as people read it."""
+    lines = ["# Worlds: how fast, how repeatable, what they save", ""]
+    lines += [f"- {name}: {value}" for name, value in about.items()]
+    lines += [f"- **not measured:** {why}" for why in results.missing]
+    lines += ["", *check_table(checks(results))]
+    if results.runs:
+        lines += ["", "## Times", "", *_run_table(results.runs)]
+    different = [f"{r.scenario}: {', '.join(r.different)}" for r in results.repeats if r.different]
+    if different:
+        lines += ["", "## Not the same bytes", "", *(f"- {line}" for line in different)]
+    if results.tables:
+        lines += ["", "## Tables", "", *(f"- {folder}/report.md" for folder in results.tables)]
+    return "\n".join(lines) + "\n"
+
+
+def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
+    """Write report.md and report.json into an existing folder."""
+    (folder / "report.md").write_text(markdown(results, about))
+    content = {"about": dict(about), "checks": [asdict(c) for c in checks(results)]}
+    content |= asdict(results)
+    (folder / "report.json").write_text(json.dumps(content, indent=1) + "\n")
+
+
+def _run_table(runs: Sequence[TimedRun]) -> list[str]:
+    return [
+        "| world | seed | what | hours | s | processor, s | peak, MB | others at once |",
+        "|---|--:|---|--:|--:|--:|--:|--:|",
+        *(
+            f"| {r.scenario} | {r.seed} | {r.what} | {r.hours:g} | {r.wall_s:.1f} | {r.cpu_s:.1f} "
+            f"| {r.peak_mb:.0f} | {r.beside} |"
+            for r in runs
+        ),
+    ]
