@@ -49,6 +49,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--rsus", type=int, default=2, metavar="N", help="RSUs with a camera (default 2)"
     )
     command.add_argument("--fps", type=float, default=10.0, help="pictures a second (default 10)")
+    command.add_argument(
+        "--priority", action="store_true", help="vehicles may ask signals for green"
+    )
     command.add_argument("--interval", type=float, default=60.0, help="seconds between cycles")
     command.add_argument("--seed", type=int, default=1, help="of traffic, orders and scenery")
     command.add_argument("--port", type=int, default=8080, help="dashboard's port (default 8080)")
@@ -118,6 +121,7 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             speed=options.speed,
             cameras=options.rsus,
             fps=options.fps,
+            priority=options.priority,
             seed=options.seed,
         )
         tally = Tally()
@@ -196,8 +200,9 @@ def _line(world: WorldProcess) -> str:
     assert counts is not None
     minutes = round(counts.time_s / 60)
     line = (
-        f"{minutes // 60:02}:{minutes % 60:02}, {counts.on_road} vehicles on the road, "
-        f"{counts.fleet_on_road} of the fleet; {counts.frames} pictures"
+        f"{minutes // 60:02}:{minutes % 60:02}, {counts.vehicles} vehicles on the road, "
+        f"{counts.fleet_on_road} of the fleet; {counts.rounds_begun} rounds begun, "
+        f"{counts.orders_waiting} orders wait; {counts.frames} pictures"
     )
     if counts.frames_skipped:
         line += f", {counts.frames_skipped} left out"

@@ -30,6 +30,8 @@ def write_world_settings(
     from dashboard.settings import DashboardSettings
     from dispatcher_daemon.settings import DispatcherSettings
     from edge_daemon.settings import EdgeSettings
+    from simulation.closed_loop.gates import WINDOW_S
+    from simulation.closed_loop.policy import Policy
 
     bus = {"connect": [bus_endpoint]}
     url = f"sqlite:///{(folder / 'slipstream.db').absolute()}"
@@ -42,6 +44,8 @@ def write_world_settings(
                     "rsu": camera.rsu,
                     "camera": camera.calibration.absolute(),
                     "source": {"url": camera.url},
+                    # In less, too few vehicles come by most of the day to tell anything.
+                    "window_s": WINDOW_S,
                     # Several cameras on one small machine: a thread each, not all cores for all.
                     "detector": {"threads": 1},
                     "bus": bus,
@@ -62,6 +66,11 @@ def write_world_settings(
                 "deadline_s": min(10.0, interval_s / 2),
                 "form": "route",
                 "solvers": ["exact"],
+                "advice": {
+                    "eco_approach": True,
+                    "coasting_budget": Policy("live").coasting_budget,
+                    "signal_priority": order.priority,
+                },
             }
         ),
     )

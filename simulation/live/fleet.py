@@ -8,6 +8,7 @@ from simulation.closed_loop.conductor import Conductor
 from simulation.closed_loop.rounds import Rounds
 from simulation.closed_loop.vehicle import LegOrder
 from simulation.closed_loop.world import FleetWorld
+from simulation.live.orders import open_since_s
 from simulation.live.plans import Waiting
 from simulation.scenarios.fleet import Deliveries
 from simulation.sumo.session import Session
@@ -40,6 +41,7 @@ class LiveFleet:
         lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
         self._world = FleetWorld(session, lengths_m, conductor, step_s)
         self.rounds = Rounds(deliveries, network)
+        self.rounds.skip_before(open_since_s(deliveries, now_s))
         self.rounds.idle = dict.fromkeys(deliveries.vehicles, now_s)
         self._waiting = Waiting(deliveries.vehicles, [order.id for order in deliveries.orders])
         self._cycle: dict[str, int] = {}
@@ -63,7 +65,7 @@ class LiveFleet:
         Raises:
             InputError: SUMO refuses a vehicle or a route.
         """
-        for plan in self._waiting.take(self.rounds.idle):
+        for plan in self._waiting.take(self.rounds.idle, self.rounds.taken):
             self._cycle[plan.vehicle] = plan.cycle
             self.begun += 1
             self._send(self.rounds.begin(plan))

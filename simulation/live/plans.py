@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import queue
 from collections.abc import Collection, Iterator, Mapping
 
-from slipstream.messages import VehiclePlan
+from slipstream.errors import InputError
+from slipstream.messages import VehiclePlan, decode
 
 
 def in_world_time(plan: VehiclePlan, issued_s: float) -> VehiclePlan:
@@ -45,11 +47,37 @@ def in_world_time(plan: VehiclePlan, issued_s: float) -> VehiclePlan:
     )
 
 
+class Mailbox:
+    """Plans from the bus's thread to the simulation's."""
+
+    def __init__(self, vehicles: Collection[str]) -> None:
+        self._vehicles = frozenset(vehicles)
+        self._plans: queue.SimpleQueue[VehiclePlan] = queue.SimpleQueue()
+
+    def take(self, key: str, payload: bytes) -> None:
+        """A message from `ALL_PLANS`; what is no plan, or for another fleet, is left out."""
+        try:
+            plan = decode(VehiclePlan, payload, key)
+        except InputError:
+            return
+        if plan.vehicle in self._vehicles:
+            self._plans.put(plan)
+
+    def news(self) -> Iterator[VehiclePlan]:
+        """What has come since the last call."""
+        while True:
+            try:
+                yield self._plans.get_nowait()
+            except queue.Empty:
+                return
+
+
 class Waiting:
     """Plans that have come, by vehicle, until it is free to follow one.
 
     A vehicle on its round finishes it first. One at its depot takes the newest plan, unless that
-    plan's departure had passed before the vehicle was back: it waits for the next one.
+    plan's departure had passed before the vehicle was back, or somebody else has taken one of its
+    orders: then it waits for the next one.
     """
 
     def __init__(self, vehicles: Collection[str], orders: Collection[str]) -> None:
@@ -58,17 +86,24 @@ class Waiting:
 
     def add(self, plan: VehiclePlan) -> None:
         """A plan has come, its times in simulated ns; one of another fleet is ignored."""
-        known = all(stop.stop in self._orders for stop in plan.stops[1:-1])
+        known = all(order in self._orders for order in _orders_of(plan))
         if plan.vehicle in self._vehicles and known and plan.segments:
             self._newest[plan.vehicle] = plan
 
-    def take(self, idle: Mapping[str, float]) -> Iterator[VehiclePlan]:
+    def take(self, idle: Mapping[str, float], taken: Collection[str]) -> Iterator[VehiclePlan]:
         """The plans to follow now; each is handed out once.
 
         Args:
-            idle: since when each free vehicle is at its depot, s.
+            idle: since when each free vehicle is at its depot, s; may change in between.
+            taken: orders that are served or on their way; may change in between.
         """
         for vehicle in sorted(self._newest.keys() & idle.keys()):
             plan = self._newest.pop(vehicle)
-            if plan.depart_ns >= idle[vehicle] * 1e9:
+            in_time = plan.depart_ns >= idle[vehicle] * 1e9
+            if in_time and not any(order in taken for order in _orders_of(plan)):
                 yield plan
+
+
+def _orders_of(plan: VehiclePlan) -> list[str]:
+    """The plan's stops but for the depot at both ends."""
+    return [stop.stop for stop in plan.stops[1:-1]]

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Final
 
 from simulation.live.order import WorldOrder
-from simulation.scenarios.fleet import Deliveries, draw_deliveries, fleet_at
+from simulation.live.orders import OrderFile, open_since_s
+from simulation.scenarios.fleet import draw_deliveries
 from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
 from simulation.scenarios.vehicle_types import TYPES
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 
-WARM_UP_S: Final = 600.0
+WARM_UP_S: Final = 300.0
 """Simulated before the world opens, so that the roads are not empty then."""
 
 
@@ -31,6 +32,7 @@ def prepare_world(
     speed: float,
     cameras: int,
     fps: float,
+    priority: bool = False,
     seed: int,
 ) -> WorldOrder:
     """Load a scenario and write the files that its world needs into a folder.
@@ -42,6 +44,8 @@ def prepare_world(
         speed: simulated seconds a second.
         cameras: RSUs that get one, the first ones of the scenario.
         fps: pictures a second.
+        priority: whether vehicles may ask signals for green.
+        seed: of traffic, orders and scenery.
 
     Raises:
         InputError: an unknown scenario, files that are malformed or do not fit each other, fewer
@@ -62,8 +66,12 @@ def prepare_world(
         types.write_text(f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n", encoding="utf-8")
         day = replace(day, additional=(*day.additional, types))
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, name)
+    old = {o.id for o in deliveries.orders if o.release_s < open_since_s(deliveries, begin_s)}
     orders = folder / "fleet.json"
-    _write_fleet(deliveries, begin_s, orders)
+    if not OrderFile(orders, deliveries).write(
+        begin_s, dict.fromkeys(deliveries.vehicles, begin_s), old
+    ):
+        raise InputError("--begin", "no order is open at this time of day", "begin in the daytime")
     return WorldOrder(
         day,
         begin_s,
@@ -73,17 +81,7 @@ def prepare_world(
         orders,
         bus,
         folder,
+        priority=priority,
         seed=seed,
         fps=fps,
     )
-
-
-def _write_fleet(deliveries: Deliveries, now_s: float, path: Path) -> None:
-    """The fleet at a time of day: all vehicles at their depots, the last wave's orders open."""
-    old = {o.id for o in deliveries.orders if o.release_s <= now_s - deliveries.settings.wave_s}
-    fleet = fleet_at(deliveries, now_s, dict.fromkeys(deliveries.vehicles, now_s), old)
-    if fleet is None:
-        raise InputError(
-            "--begin", "no order in the hour before this time of day", "begin in the daytime"
-        )
-    path.write_text(fleet.model_dump_json(indent=1), encoding="utf-8")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import queue
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -14,12 +13,15 @@ from typing import Final
 
 import libsumo
 
-from simulation.closed_loop.conductor import NoConductor
+from simulation.closed_loop.conducting import FleetConductor
+from simulation.closed_loop.policy import LEVERS, WITHOUT_PRIORITY, Policy
 from simulation.live.camera import Camera, CameraOrder
 from simulation.live.fleet import LiveFleet
+from simulation.live.gates import BusGates
 from simulation.live.order import WorldCounts, WorldOrder
+from simulation.live.orders import OrderFile
 from simulation.live.pace import Pace
-from simulation.live.plans import in_world_time
+from simulation.live.plans import Mailbox, in_world_time
 from simulation.live.sites import camera_site
 from simulation.live.views import RADIUS_M, Views
 from simulation.scenarios.day import sumo_options
@@ -28,46 +30,12 @@ from simulation.sumo.net import read_roads
 from simulation.sumo.pose import draw_pose
 from simulation.sumo.session import Session
 from simulation.sumo.settings import SumoClipSettings
-from slipstream.bus import Bus, Publisher
-from slipstream.errors import InputError
-from slipstream.messages import ALL_PLANS, VehiclePlan, decode, position_key
+from slipstream.bus import Bus
+from slipstream.messages import ALL_PLANS, ALL_STATES, position_key
 from slipstream.roads import RoadNetwork
 
-_STEP_S: Final = 0.1
 _WARM_STEP_S: Final = 10.0
 _TELL_S: Final = 0.5
-
-
-def steps_per_frame(speed: float, fps: float) -> tuple[int, float]:
-    """Steps from one picture to the next and their length, s of simulated time: at most 0.1 s."""
-    frame_s = speed / fps
-    count = max(1, round(frame_s / _STEP_S + 0.499))
-    return count, max(0.001, round(frame_s / count, 3))
-
-
-class Mailbox:
-    """Plans from the bus's thread to the simulation's."""
-
-    def __init__(self, vehicles: frozenset[str]) -> None:
-        self._vehicles = vehicles
-        self._plans: queue.SimpleQueue[VehiclePlan] = queue.SimpleQueue()
-
-    def take(self, key: str, payload: bytes) -> None:
-        """A message from `ALL_PLANS`; what is no plan, or for another fleet, is left out."""
-        try:
-            plan = decode(VehiclePlan, payload, key)
-        except InputError:
-            return
-        if plan.vehicle in self._vehicles:
-            self._plans.put(plan)
-
-    def news(self) -> Iterator[VehiclePlan]:
-        """What has come since the last call."""
-        while True:
-            try:
-                yield self._plans.get_nowait()
-            except queue.Empty:
-                return
 
 
 def run_world(order: WorldOrder, connection: Connection) -> None:
@@ -77,8 +45,7 @@ def run_world(order: WorldOrder, connection: Connection) -> None:
         InputError: SUMO refuses a file, or a camera's stretch cannot be watched.
         ChildProcessError: a camera died.
     """
-    per_frame, step_s = steps_per_frame(order.speed, order.fps)
-    day = replace(order.day, step_s=step_s)
+    day = replace(order.day, step_s=order.step_s)
     options = [
         *sumo_options(day),
         # Without a duration vehicles jump sideways from lane to lane, which no camera believes.
@@ -91,11 +58,85 @@ def run_world(order: WorldOrder, connection: Connection) -> None:
         cameras, views = _open_cameras(order, network, stack)
         connection.send(("cameras", [camera.place() for camera in cameras]))
         bus = stack.enter_context(Bus.open(order.bus))
-        mailbox = Mailbox(frozenset(order.deliveries.vehicles))
-        bus.subscribe(ALL_PLANS, mailbox.take)
-        outlets = {name: bus.publisher(position_key(name)) for name in order.deliveries.vehicles}
-        fleet = LiveFleet(session, order.deliveries, network, NoConductor(), step_s, session.time_s)
-        _run(order, connection, session, fleet, cameras, views, mailbox, outlets, per_frame, step_s)
+        _World(order, network, session, cameras, views, bus).run(connection)
+
+
+class _World:
+    """An open world, its roads full and its cameras running."""
+
+    def __init__(
+        self,
+        order: WorldOrder,
+        network: RoadNetwork,
+        session: Session,
+        cameras: list[Camera],
+        views: Views,
+        bus: Bus,
+    ) -> None:
+        self._order, self._session = order, session
+        self._cameras, self._views = cameras, views
+        vehicles = order.deliveries.vehicles
+        self._mailbox, gates = Mailbox(vehicles), BusGates()
+        bus.subscribe(ALL_PLANS, self._mailbox.take)
+        bus.subscribe(ALL_STATES, gates.take)
+        self._outlets = {name: bus.publisher(position_key(name)) for name in vehicles}
+        lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
+        policy = Policy("live", frozenset(LEVERS) if order.priority else WITHOUT_PRIORITY)
+        conductor = FleetConductor(policy, order.day.net, order.step_s, lengths_m, gates)
+        self._fleet = LiveFleet(
+            session, order.deliveries, network, conductor, order.step_s, session.time_s
+        )
+        self._orders = OrderFile(order.fleet, order.deliveries)
+        self._pace = Pace(order.step_s, order.speed, time.monotonic)
+
+    def run(self, connection: Connection) -> None:
+        """Step by step, until the other end says something or is gone."""
+        told_s = 0.0
+        while not connection.poll(self._pace.wait_s()):
+            self._take_plans()
+            self._fleet.step()
+            self._pace.stepped()
+            if self._pace.steps % self._order.steps_a_frame == 0:
+                taken_s = time.time()
+                for camera, scene in zip(self._cameras, self._views.look(), strict=True):
+                    camera.show(scene, taken_s)
+            if time.monotonic() - told_s >= _TELL_S:
+                told_s = time.monotonic()
+                self._tell(connection)
+
+    def _take_plans(self) -> None:
+        for plan in self._mailbox.news():
+            age_s = (time.time_ns() - plan.issued_ns) / 1e9
+            issued_s = self._session.time_s - self._order.speed * age_s
+            self._fleet.plan(in_world_time(plan, issued_s))
+
+    def _tell(self, connection: Connection) -> None:
+        """What vehicles, orders and the world itself have to say twice a second."""
+        for position in self._fleet.positions(time.time_ns()):
+            self._outlets[position.vehicle].put(position)
+        rounds = self._fleet.rounds
+        waiting = self._orders.write(self._session.time_s, rounds.idle, rounds.taken)
+        connection.send(("counts", self._counts(waiting)))
+
+    def _counts(self, waiting: int) -> WorldCounts:
+        fleet, pace = self._fleet, self._pace
+        return WorldCounts(
+            time_s=self._session.time_s,
+            simulated_s=self._session.time_s - self._order.begin_s,
+            steps=pace.steps,
+            late_steps=pace.late,
+            slipped_s=pace.slipped_s,
+            frames=sum(camera.frames for camera in self._cameras),
+            frames_skipped=sum(camera.skipped for camera in self._cameras),
+            vehicles=int(libsumo.vehicle.getIDCount()),
+            orders_waiting=waiting,
+            rounds_begun=fleet.begun,
+            rounds_finished=fleet.finished,
+            legs_driven=fleet.legs,
+            fleet_driven_m=fleet.driven_m,
+            fleet_on_road=fleet.on_road,
+            fleet_vehicles_driven=len(fleet.driven),
+        )
 
 
 def _warm_up(session: Session, order: WorldOrder, tell: Callable[[float], None]) -> None:
@@ -112,11 +153,9 @@ def _open_cameras(
     cameras, poses = [], []
     for number, rsu in enumerate(order.rsus):
         site = camera_site(rsu, network, order.width_px, order.height_px)
-        source = Path(rsu.id)
-        pose = draw_pose(site, order.seed + number, source)
-        clip = SumoClipSettings(
-            order.day.net, order.day.routes, source, fps=order.fps, seed=order.seed + number
-        )
+        source, seed = Path(rsu.id), order.seed + number
+        pose = draw_pose(site, seed, source)
+        clip = SumoClipSettings(order.day.net, order.day.routes, source, fps=order.fps, seed=seed)
         roads = read_roads(pose.x_m, pose.y_m, RADIUS_M)
         calibration = order.folder / f"{rsu.id}.camera.toml"
         camera = Camera(CameraOrder(site, pose, roads, clip, calibration, os.getpid()))
@@ -124,55 +163,3 @@ def _open_cameras(
         cameras.append(camera)
         poses.append(pose)
     return cameras, Views(poses)
-
-
-def _run(
-    order: WorldOrder,
-    connection: Connection,
-    session: Session,
-    fleet: LiveFleet,
-    cameras: list[Camera],
-    views: Views,
-    mailbox: Mailbox,
-    outlets: dict[str, Publisher],
-    per_frame: int,
-    step_s: float,
-) -> None:
-    pace = Pace(step_s, order.speed, time.monotonic)
-    told_s = 0.0
-    while not connection.poll(pace.wait_s()):
-        for plan in mailbox.news():
-            age_s = (time.time_ns() - plan.issued_ns) / 1e9
-            fleet.plan(in_world_time(plan, session.time_s - order.speed * age_s))
-        fleet.step()
-        pace.stepped()
-        if pace.steps % per_frame == 0:
-            taken_s = time.time()
-            for camera, scene in zip(cameras, views.look(), strict=True):
-                camera.show(scene, taken_s)
-        if time.monotonic() - told_s >= _TELL_S:
-            told_s = time.monotonic()
-            for position in fleet.positions(time.time_ns()):
-                outlets[position.vehicle].put(position)
-            connection.send(("counts", _counts(order, session, fleet, cameras, pace)))
-
-
-def _counts(
-    order: WorldOrder, session: Session, fleet: LiveFleet, cameras: list[Camera], pace: Pace
-) -> WorldCounts:
-    return WorldCounts(
-        time_s=session.time_s,
-        simulated_s=session.time_s - order.begin_s,
-        steps=pace.steps,
-        late_steps=pace.late,
-        slipped_s=pace.slipped_s,
-        frames=sum(camera.frames for camera in cameras),
-        frames_skipped=sum(camera.skipped for camera in cameras),
-        on_road=int(libsumo.vehicle.getIDCount()),
-        plans_followed=fleet.begun,
-        rounds_finished=fleet.finished,
-        legs_driven=fleet.legs,
-        driven_m=fleet.driven_m,
-        fleet_on_road=fleet.on_road,
-        vehicles_driven=len(fleet.driven),
-    )
