@@ -11,6 +11,8 @@ from dispatcher_daemon.drive import DrivingStyle, drive_energy, plan_drive
 from simulation.closed_loop.advice.road import Crossing, Roads
 from simulation.closed_loop.losses import Losses, drive_losses, losses
 from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
+from simulation.evaluation.arms import POLICIES
+from simulation.evaluation.ceiling_tables import ceiling_tables
 from simulation.evaluation.ceilings import (
     ceilings,
     follower_saving,
@@ -18,7 +20,10 @@ from simulation.evaluation.ceilings import (
     share_of_ceiling,
     where,
 )
+from simulation.evaluation.evaluation import Evaluation, collect
+from simulation.evaluation.store import Store
 from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
+from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 STEP_S: Final = 0.5
 ROADS: Final = Roads(
@@ -182,3 +187,41 @@ def test_a_motorways_follower_saves_an_eighth() -> None:
     assert follower_saving(30.0) == pytest.approx(0.13, abs=0.002)
     assert follower_saving(13.9) == pytest.approx(0.057, abs=0.001)
     assert Losses(1.0, 1.0, 1.0, 2.0, 3.0).braking_kwh == 6.0
+
+
+@pytest.fixture(scope="module")
+def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
+    """Made-up arms of two seeds."""
+    folder = tmp_path_factory.mktemp("evaluation")
+    names = ("B", "B-0.88", "C", "C+", "only-platoons", "only-coasting")
+    with Store(folder, GROUND, "code") as store:
+        for name in names:
+            for seed in (1, 2):
+                store.put(POLICIES[name], seed, make_arm(POLICIES[name], seed))
+        return collect(store, GROUND, (1, 2))
+
+
+def test_tables_hold_each_lever_against_its_ceiling(evaluation: Evaluation) -> None:
+    """Ceilings of the baseline, where its energy goes, and the share of each lever that is there:
+    drafting by what drag it saved, over 20 % of the baseline's drag."""
+    best, goes, reached = ceiling_tables(evaluation, ROADS)
+    assert len(best.rows) == 4
+    assert len(goes.rows) == 6
+    assert [row[0] for row in reached.rows] == [
+        "platoons alone, by drag",
+        "C, by drag",
+        "C+, by drag",
+        "coasting alone",
+        "C",
+        "C+",
+    ]
+    base = [make_arm(POLICIES["B"], seed) for seed in (1, 2)]
+    ours = [make_arm(POLICIES["only-platoons"], seed) for seed in (1, 2)]
+    shares = [
+        sum(leg.alone.total_kwh - leg.driven.total_kwh for leg in arm.legs)
+        / (0.2 * sum(leg.alone.drag_kwh for leg in of.legs))
+        for arm, of in zip(ours, base, strict=True)
+    ]
+    assert reached.rows[0][-1].startswith(f"{50 * sum(shares):.1f}")
+    with_none = Evaluation(GROUND, (1,), {}, {}, {})
+    assert ceiling_tables(with_none, ROADS) == ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 import pytest
@@ -15,11 +15,16 @@ from dispatcher_daemon.streets import street_network
 from edge_daemon.evaluation.windows import TrueWindow
 from simulation.closed_loop.dispatch_settings import evaluation_settings
 from simulation.closed_loop.policy import Gating, Policy
+from simulation.closed_loop.record import ArmResult
+from simulation.evaluation import exogenous_study as study
 from simulation.evaluation import recorded as recording
+from simulation.evaluation.evaluation import Evaluation
 from simulation.evaluation.exogenous import exogenous_day
+from simulation.evaluation.exogenous_study import ARMS, exogenous_evaluation, exogenous_tables
 from simulation.evaluation.passages import RecordedLeg, evaluate, turbulence_kwh
-from simulation.evaluation.recorded import Recorded, record_background, rsus_everywhere
+from simulation.evaluation.recorded import Recorded, Watched, record_background, rsus_everywhere
 from simulation.evaluation.roadside import Roadside
+from simulation.evaluation.world import World, WorldFiles
 from simulation.scenarios.day import DayOrder
 from simulation.scenarios.fleet import FleetSettings
 from simulation.scenarios.observer import Observation
@@ -27,6 +32,7 @@ from simulation.scenarios.record import Day, Statistics, Traffic
 from simulation.scenarios.scenario import Background, Scenario, any_demand
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, total
 from slipstream.roads import RoadNetwork
+from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 CALM: Final = TrueWindow(12.0, 0.0, 0.03, 0.4, 0.03, 30.0, 6, 1, False)
 ROUGH: Final = TrueWindow(5.0, -0.3, 0.1, 2.5, 1.5, None, 9, 0, False)
@@ -298,3 +304,46 @@ def test_slow_traffic_takes_longer(scenario: Scenario, calm_day: Recorded) -> No
     ratio = (crawl.travel_s / crawl.distance_m) / (fast.travel_s / fast.distance_m)
     assert 1.6 < ratio < 2.1
     assert total(leg.driven for leg in crawl.arm.legs).drag_kwh < 0.4 * fast.driven.drag_kwh
+
+
+def test_an_evaluations_exogenous_arms_are_kept_and_shown(
+    scenario: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each arm once, on a background that is there before it; a second call simulates nothing; the
+    tables stand beside the paper's."""
+    background = Background(tmp_path / "town-1.rou.xml", ())
+    seen: list[tuple[str, str]] = []
+
+    class Town:
+        ground = GROUND
+        files = WorldFiles("troy")
+
+        def background(self, seed: int) -> Background:
+            return background
+
+    def apart(
+        simulate: object, order: study.ExogenousOrder, source: str, end_s: float, told: object
+    ) -> ArmResult:
+        seen.append((order.watched, order.policy.name))
+        return make_arm(order.policy, order.seed)
+
+    monkeypatch.setattr(study, "run_apart", apart)
+    monkeypatch.setattr(study, "_recorded", lambda order: seen.append((order.watched, "")))
+
+    def evaluation(watched: Watched) -> Evaluation:
+        town = cast(World, Town())
+        return exogenous_evaluation(town, watched, (1,), tmp_path, 1, lambda done, whole: None)
+
+    near, everywhere = evaluation("rsus"), evaluation("everywhere")
+    for watched, names in ARMS.items():
+        mine = [name for where, name in seen if where == watched]
+        assert mine == [part for name in names for part in ("", name)]
+    seen.clear()
+    assert evaluation("rsus").runs == near.runs
+    assert seen == []
+    day, noise = exogenous_tables(None, near, everywhere)
+    assert len(day.columns) == 3 + 4 + 3 == len(day.rows[0])
+    assert day.rows[0][1:3] == ("1,420.5", "1,385.2")
+    assert "`exogenous-everywhere/arms/B-1.json`" in day.source
+    assert len(noise.rows) == 4
+    assert "exogenous-rsus/arms" in noise.source
