@@ -10,6 +10,7 @@ from types import MappingProxyType
 from dispatcher_daemon.daemon import cycle_seed
 from dispatcher_daemon.dispatch import run_cycle
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
+from dispatcher_daemon.on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
@@ -74,6 +75,7 @@ class Dispatching:
             cycle_seed(self._seed, number),
             executor=self._executor,
             reference_s=0.0,
+            on_road=on_road(rounds.plans(), now_ns, rounds.late_s()),
         )
         energy = result.report.energy
         open_, turbulent = roadside.open, roadside.is_turbulent

@@ -21,6 +21,7 @@ class _Round:
     plan: VehiclePlan
     legs: tuple[tuple[PlannedSegment, ...], ...]
     leg: int = 0
+    late_s: float = 0.0
 
 
 @dataclass
@@ -67,13 +68,20 @@ class Rounds:
         self._under_way[leg.vehicle].leg = leg.leg
         yield from self._serve(leg.vehicle, leg.arrived_s)
 
+    def plans(self) -> tuple[VehiclePlan, ...]:
+        """Plans of the vehicles under way."""
+        return tuple(own.plan for own in self._under_way.values())
+
+    def late_s(self) -> dict[str, float]:
+        """By how much each vehicle under way began its present leg later than planned."""
+        return {name: own.late_s for name, own in self._under_way.items()}
+
     def slack_s(self, vehicle: str, due_s: float) -> float:
         """By how much a vehicle may leave later than a moment without missing a delivery of its
         round, if the rest of it takes as long as planned; 0 where it is late already.
         """
         own = self._under_way[vehicle]
-        planned_s = own.plan.stops[own.leg].departure_ns / 1e9
-        shift = due_s - planned_s
+        shift = due_s - own.plan.stops[own.leg].departure_ns / 1e9
         spare = [
             self._orders[stop.stop].latest_s - stop.arrival_ns / 1e9 - shift
             for stop in own.plan.stops[own.leg + 1 : -1]
@@ -106,6 +114,7 @@ class Rounds:
         if not planned:  # two places at one junction
             yield from self._serve(vehicle, due_s)
             return
+        own.late_s = due_s - own.plan.stops[own.leg].departure_ns / 1e9
         path = tuple(segment.segment for segment in planned)
         yield LegOrder(
             vehicle,
