@@ -19,7 +19,15 @@ from benchmarks.world.figures import Repeat, Saved, TimedRun
 from benchmarks.world.report import Results
 from simulation.closed_loop.advice.road import read_roads
 from simulation.closed_loop.recording import history_of
-from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER, noisy
+from simulation.evaluation.arms import (
+    BASELINE,
+    COOPERATIVE,
+    EVERY_LEVER,
+    PACES,
+    SHORTEST,
+    noisy,
+    paced,
+)
 from simulation.evaluation.ceilings import ceilings
 from simulation.evaluation.compare import Spread
 from simulation.evaluation.evaluation import Evaluation, collect
@@ -53,7 +61,9 @@ class Form:
     same_span_h: tuple[float, float] = (7.0, 8.0)
     same_arms: str = "B,C,C+"
     saving_span_h: tuple[float, float] = (0.0, 24.0)
-    saving_arms: str = f"main,{noisy(_NOISE)}"
+    saving_arms: str = ",".join(
+        (SHORTEST, BASELINE, *map(paced, PACES), COOPERATIVE, EVERY_LEVER, noisy(_NOISE))
+    )
 
 
 FULL: Final = Form()

@@ -39,7 +39,8 @@ ROADS: Final = Roads(
 def ramp(*points: tuple[float, float]) -> list[float]:
     """Speeds every half second through (time, speed) points."""
     times, speeds = zip(*points, strict=True)
-    return np.interp(np.arange(0.0, times[-1] + STEP_S / 2, STEP_S), times, speeds).tolist()
+    at = np.arange(0.0, times[-1] + STEP_S / 2, STEP_S)
+    return [float(speed) for speed in np.interp(at, times, speeds)]
 
 
 STOPPED: Final = ramp((0, 0), (10, 14), (40, 14), (50, 0), (70, 0), (80, 14), (130, 14), (140, 0))

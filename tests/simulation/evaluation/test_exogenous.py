@@ -231,8 +231,8 @@ def test_vehicles_close_together_draft_on_open_segments_alone(network: RoadNetwo
     found = evaluate(legs, roadside, network, 3.0)
     first, second, third = found.legs
     together = sum(network.segments[name].length_m for name in path[1:3])
-    assert (first.led_m, first.followed_m) == (pytest.approx(together), 0.0)
-    assert (second.led_m, second.followed_m) == (0.0, pytest.approx(together))
+    assert first.led_m == second.followed_m == pytest.approx(together)
+    assert first.followed_m == second.led_m == 0.0
     assert third.led_m == third.followed_m == 0.0
     assert third.driven == third.alone
     for leg, eta in ((first, ETA_LEADER), (second, ETA_FOLLOWER)):
