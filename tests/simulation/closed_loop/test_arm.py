@@ -1,0 +1,82 @@
+"""A whole arm: Troy's morning, dispatched, advised and driven."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from simulation.closed_loop.arm import ArmOrder, run_arm
+from simulation.closed_loop.policy import LEVERS, Policy
+from simulation.closed_loop.record import ArmResult
+from simulation.scenarios.scenario import load_scenario, prepare
+from slipstream.errors import InputError
+
+BEGIN_S, END_S = 36000.0, 36900.0
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[ArmResult, ArmResult, ArmResult]:
+    """A quarter of an hour at ten o'clock: the baseline once, every lever twice."""
+    folder = tmp_path_factory.mktemp("arm")
+    scenario = load_scenario("troy")
+    background = prepare(scenario, 1, folder)
+    baseline = Policy("B")
+    every = Policy("C+", frozenset(LEVERS) - {"routes"})
+
+    def order(policy: Policy) -> ArmOrder:
+        return ArmOrder(
+            "troy", background.file, background.rsus, 1, policy, begin_s=BEGIN_S, end_s=END_S
+        )
+
+    with ThreadPoolExecutor(2) as threads:
+        first, again = threads.map(run_arm, (order(every), order(every)))
+    return run_arm(order(baseline)), first, again
+
+
+def test_the_same_order_gives_the_same_result(results: tuple[ArmResult, ...]) -> None:
+    """Every speed, energy and count of an arm is there again, to the last bit."""
+    _, first, again = results
+    assert first == again
+
+
+def test_a_baseline_delivers_alone(results: tuple[ArmResult, ...]) -> None:
+    """Vehicles leave the depots, need a car's energy, and nobody drafts or is hurt."""
+    baseline, _, _ = results
+    assert sum(service.begun_s is not None for service in baseline.services) >= 5
+    energy = sum(leg.driven.total_kwh for leg in baseline.legs)
+    assert 0.1 < 1000 * energy / sum(leg.distance_m for leg in baseline.legs) < 0.25
+    assert all(leg.driven == leg.alone and leg.led_m == 0 for leg in baseline.legs)
+    assert all(leg.departed_s >= leg.due_s for leg in baseline.legs)
+    assert all(leg.distance_m > 0 and leg.travel_s > 0 for leg in baseline.legs)
+    assert (baseline.teleports, baseline.collisions, baseline.emergency_stops) == (0, 0, 0)
+    (cycle, *_) = baseline.cycles
+    assert cycle.vehicles > 0
+    assert cycle.planned_platooned_m == 0
+
+
+def test_every_lever_saves_energy(results: tuple[ArmResult, ...]) -> None:
+    """With advice and priority the same town's deliveries need less for a kilometre."""
+    baseline, every, _ = results
+
+    def per_km(result: ArmResult) -> float:
+        energy = sum(leg.driven.total_kwh for leg in result.legs)
+        return 1000 * energy / sum(leg.distance_m for leg in result.legs)
+
+    assert per_km(every) < 0.95 * per_km(baseline)
+    assert (every.teleports, every.collisions, every.emergency_stops) == (0, 0, 0)
+
+
+def test_an_arm_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    """Routes by history without a history, hours that are none, a route file of another net."""
+    with pytest.raises(ValueError, match="needs a history"):
+        ArmOrder("troy", tmp_path / "r", (), 1, Policy("C", frozenset({"routes"})))
+    with pytest.raises(ValueError, match="multiple of 300"):
+        ArmOrder("troy", tmp_path / "r", (), 1, Policy("B"), begin_s=100.0)
+    routes = tmp_path / "r.rou.xml"
+    routes.write_text(
+        '<routes><vehicle id="a" depart="0"><route edges="elsewhere"/></vehicle></routes>'
+    )
+    with pytest.raises(InputError, match="elsewhere"):
+        run_arm(ArmOrder("troy", routes, (), 1, Policy("B"), end_s=60.0))
