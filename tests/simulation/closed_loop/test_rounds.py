@@ -21,11 +21,13 @@ S = 10**9
 
 @pytest.fixture(scope="module")
 def network() -> RoadNetwork:
+    """Roads to drive on."""
     return load_network("demo")
 
 
 @pytest.fixture
 def rounds(network: RoadNetwork) -> Rounds:
+    """One van and three orders."""
     places = list(network.junctions)[:3]
     orders = tuple(
         Order(id=f"o{i}", node=node, release_s=0.0, latest_s=900.0, service_s=60.0, parcels=1)
@@ -71,6 +73,7 @@ def plan(segment: str, *, second_leg: bool = True) -> VehiclePlan:
 
 
 def driven(order: LegOrder, arrived_s: float) -> DrivenLeg:
+    """A leg that ended when it did."""
     return DrivenLeg(
         vehicle=order.vehicle,
         round=order.round,
@@ -98,7 +101,8 @@ def test_a_round_is_driven_leg_by_leg_and_ends_at_the_depot(rounds: Rounds) -> N
     (first,) = rounds.begin(plan(segment))
     assert (first.due_s, first.path, first.id) == (100.0, (segment,), "cav/van/0/0")
     assert first.free_s == free_s(rounds.network, (segment,))
-    assert "van" not in rounds.idle and rounds.taken == {"o0", "o1"}
+    assert "van" not in rounds.idle
+    assert rounds.taken == {"o0", "o1"}
     (second,) = rounds.arrived(driven(first, 230.0))
     assert second.due_s == 290.0
     (third,) = rounds.arrived(driven(second, 400.0))
