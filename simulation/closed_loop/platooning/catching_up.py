@@ -5,7 +5,12 @@ from __future__ import annotations
 from simulation.closed_loop.platooning import road
 from simulation.closed_loop.platooning.meeting import FASTER, Meeting, best_meeting
 from simulation.closed_loop.platooning.scene import Scene
-from simulation.closed_loop.platooning.spacing import SLOWEST_MPS, close_gap_m, followed_gap_m
+from simulation.closed_loop.platooning.spacing import (
+    SLOWEST_MPS,
+    Idm,
+    close_gap_m,
+    followed_gap_m,
+)
 from simulation.closed_loop.platooning.ways import SharedWay
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 
@@ -22,7 +27,7 @@ def bring_together(scene: Scene) -> None:
     behind = {m.ahead: name for name, m in members.items() if m.mode == "following"}
     taken: set[str] = set()
     for rear, member in members.items():
-        if member.mode == "parting" or (member.mode == "following" and _is_close(scene, rear)):
+        if member.refused is not None or _is_there(scene, rear):
             continue
         found = _meeting(scene, rear, behind, taken)
         if found is None:
@@ -39,9 +44,20 @@ def bring_together(scene: Scene) -> None:
             road.set_speed_factor(name, member.factor * hurry)
 
 
-def _is_close(scene: Scene, name: str) -> bool:
-    contact = scene.contacts.get(name)
-    return contact is not None and contact.gap_m <= close_gap_m(scene.step_s)
+def _is_there(scene: Scene, name: str) -> bool:
+    """Whether a vehicle is as near to another one as it may be.
+
+    Alone behind a closed gate that is where its car-following model would hold it: whoever hurries
+    there overtakes.
+    """
+    member, contact = scene.members[name], scene.contacts.get(name)
+    if member.mode == "parting":
+        return True
+    if contact is None or contact.ahead not in scene.members:
+        return False
+    if member.mode == "following":
+        return contact.gap_m <= close_gap_m(scene.step_s)
+    return contact.gap_m <= 1.5 * Idm().wanted_gap_m(scene.states[name].speed_mps)
 
 
 def _leader(scene: Scene, name: str) -> str:

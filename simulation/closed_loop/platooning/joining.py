@@ -19,7 +19,8 @@ from simulation.closed_loop.platooning.spacing import (
 from slipstream.energy import ETA_FOLLOWER
 
 _LANE_S: Final = 3.0
-# SUMO now and then sees nobody ahead for a step, as where a lane begins.
+# SUMO sees nobody ahead for a step now and then, as where a lane begins.
+_BLINK_S: Final = 1.0
 _SETTLE_S: Final = 2.0
 
 
@@ -54,8 +55,12 @@ def decide(scene: Scene, name: str) -> None:
             if not keeps:
                 member.turn("following", scene.now_s)
                 member.ahead = contact.ahead
+            _keep_lane(scene, name, contact.ahead)
+            member.seen_s = scene.now_s
             return
     if member.mode == "following":
+        if contact is None and scene.now_s - member.seen_s < _BLINK_S:
+            return
         member.turn("parting", scene.now_s)
         _stay_behind(scene, name)
     if member.mode == "parting" and _is_apart(scene, name):
@@ -96,15 +101,22 @@ def _pays(scene: Scene, name: str, contact: Contact, *, keeps: bool) -> bool:
     return meeting is not None
 
 
+def _keep_lane(scene: Scene, name: str, ahead: str) -> None:
+    """Have a follower stay on its leader's lane: it goes the same way, so it loses nothing."""
+    member, own, other = scene.members[name], scene.states[name], scene.states[ahead]
+    due = scene.now_s >= member.lane_until_s or own.lane != other.lane
+    if due and own.segment == other.segment and not (own.crossing or other.crossing):
+        member.lane_until_s = scene.now_s + _LANE_S
+        road.to_lane(name, other.lane, _LANE_S + 1)
+
+
 def _stay_behind(scene: Scene, name: str) -> None:
     """Follow a leader that has changed its lane."""
     ahead = scene.members[name].ahead
-    if ahead is None or ahead not in scene.states:
-        return
-    own, other = scene.states[name], scene.states[ahead]
-    same = own.segment == other.segment and not own.crossing and not other.crossing
-    if same and own.lane != other.lane and own.front_m < other.front_m:
-        road.to_lane(name, other.lane, _LANE_S)
+    if ahead is not None and ahead in scene.states:
+        own, other = scene.states[name], scene.states[ahead]
+        if own.lane != other.lane and own.front_m < other.front_m:
+            _keep_lane(scene, name, ahead)
 
 
 def _is_apart(scene: Scene, name: str) -> bool:

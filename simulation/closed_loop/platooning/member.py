@@ -23,6 +23,8 @@ class Member:
         mode: see `Mode`.
         ahead: of the fleet, whom it follows or last followed.
         since_s: when it took its mode.
+        seen_s: when it was last seen directly behind another member.
+        lane_until_s: until when it is told to keep its lane.
         yields: share of its speed that it gives up for a vehicle that comes nearer from behind.
         hurry: factor on its speed factor.
         refused: segment on which the traffic parted it.
@@ -34,6 +36,8 @@ class Member:
     mode: Mode = "alone"
     ahead: str | None = None
     since_s: float = 0.0
+    seen_s: float = 0.0
+    lane_until_s: float = 0.0
     yields: float = 0.0
     hurry: float = 1.0
     refused: str | None = None

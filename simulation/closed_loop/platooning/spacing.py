@@ -27,6 +27,7 @@ _SOFT_MPS2: Final = 0.5
 _BRAKING_MPS2: Final = 2.5
 _STEADYING_MPS2: Final = 1.5
 _SHARE_LEFT: Final = 0.6
+_NOTABLE_MPS2: Final = 0.2
 _LEAST_GAP_M: Final = 0.5
 
 
@@ -48,13 +49,18 @@ class Idm:
     headway_s: float = 1.2
     min_gap_m: float = 2.5
 
+    def wanted_gap_m(self, speed_mps: float, approach_mps: float = 0.0) -> float:
+        """s* = s₀ + max(0, v T + v Δv / 2√(ab))."""
+        root = 2 * math.sqrt(self.acceleration_mps2 * self.deceleration_mps2)
+        dynamic = speed_mps * self.headway_s + speed_mps * approach_mps / root
+        return self.min_gap_m + max(0.0, dynamic)
+
     def accelerates_mps2(self, own: Motion, ahead_mps: float) -> float:
-        """a (1 − (v/v₀)⁴ − (s*/s)²), s* = s₀ + max(0, v T + v Δv / 2√(ab))."""
-        v, a, b = own.speed_mps, self.acceleration_mps2, self.deceleration_mps2
-        dynamic = v * self.headway_s + v * (v - ahead_mps) / (2 * math.sqrt(a * b))
-        wanted_m = self.min_gap_m + max(0.0, dynamic)
+        """a (1 − (v/v₀)⁴ − (s*/s)²)."""
+        v = own.speed_mps
+        wanted_m = self.wanted_gap_m(v, v - ahead_mps)
         free = (v / max(own.desired_mps, 0.1)) ** 4
-        return a * (1 - free - (wanted_m / max(own.gap_m, _LEAST_GAP_M)) ** 2)
+        return self.acceleration_mps2 * (1 - free - (wanted_m / max(own.gap_m, _LEAST_GAP_M)) ** 2)
 
 
 def followed_gap_m(step_s: float, advised_gap_m: float = ADVISED_GAP_M) -> float:
@@ -81,9 +87,9 @@ def following_mps(
 ) -> float:
     """Speed of a follower at the end of the coming step.
 
-    Too far behind, it closes up no faster than it can slow down again by coasting, so that the
-    energy put into catching up is not braked away. It brakes by 1.5 m/s² more than the vehicle
-    ahead at most, unless what is left of the gap asks for more.
+    Far behind, it closes up no faster than it can slow down again by coasting, so that the energy
+    put into catching up is not braked away, and brakes no more than it must. Close behind, it
+    brakes as the vehicle ahead does, and by 1.5 m/s² more at most unless most of the gap is gone.
 
     Args:
         own: follower.
@@ -95,19 +101,34 @@ def following_mps(
     wanted_m = followed_gap_m(step_s)
     error_m = own.gap_m - wanted_m
     closing = _GAIN_PER_S * error_m
-    braking = max(0.0, now_mps - coming_mps) / step_s + _STEADYING_MPS2
+    slowing = max(0.0, now_mps - coming_mps) / step_s
     if error_m > 0:
         coasting = coasting_mps2(own.speed_mps)
         closing = min(closing, math.sqrt(2 * 0.9 * coasting * error_m))
-        # From faster than that, no harder than needed to come down to the other's speed in time.
-        needed = max(0.0, own.speed_mps - now_mps) ** 2 / (2 * error_m)
-        if needed < _BRAKING_MPS2:
-            braking += min(0.0, max(coasting, needed) - _STEADYING_MPS2)
-    if own.gap_m < _SHARE_LEFT * wanted_m:
+        if own.gap_m > close_gap_m(step_s):
+            braking = _needed_mps2(own.speed_mps, now_mps, slowing, error_m)
+        else:
+            braking = slowing + _needed_mps2(own.speed_mps, now_mps, 0.0, error_m)
+        braking = max(coasting, braking)
+    elif own.gap_m >= _SHARE_LEFT * wanted_m:
+        braking = slowing + _STEADYING_MPS2
+    else:
         braking = _HARDEST_MPS2
     most = own.speed_mps + Idm().acceleration_mps2 * step_s
     least = own.speed_mps - min(braking, _HARDEST_MPS2) * step_s
     return max(0.0, least, min(coming_mps + closing, most, fastest_mps))
+
+
+def _needed_mps2(speed_mps: float, ahead_mps: float, slowing_mps2: float, room_m: float) -> float:
+    """Least deceleration that keeps out of the vehicle ahead.
+
+    It goes on at its speed, or slows on to a stand: the larger one of the two.
+    """
+    needed = max(0.0, speed_mps - ahead_mps) ** 2 / (2 * room_m)
+    if slowing_mps2 > _NOTABLE_MPS2:
+        stands_m = ahead_mps**2 / (2 * slowing_mps2)
+        needed = max(needed, speed_mps**2 / (2 * (room_m + stands_m)))
+    return needed
 
 
 def parting_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -> float:
@@ -147,8 +168,6 @@ def parting_way_m(speed_mps: float, gap_m: float) -> float:
     Falling back at u = 2 m/s, IDM's wanted gap is s₀ + v (T − u / 2√(ab)); at some 1.2 times of it
     the IDM hardly brakes.
     """
-    idm = Idm()
-    root = 2 * math.sqrt(idm.acceleration_mps2 * idm.deceleration_mps2)
-    wanted = 1.2 * (idm.min_gap_m + speed_mps * max(0.0, idm.headway_s - _OPENING_MPS / root))
+    wanted = 1.2 * Idm().wanted_gap_m(speed_mps, -_OPENING_MPS)
     seconds = max(0.0, wanted - gap_m) / _OPENING_MPS + 0.5 * _OPENING_MPS / _SOFT_MPS2
     return speed_mps * seconds

@@ -202,7 +202,7 @@ def test_turbulence_behind_an_open_gate_parts_a_platoon_once(files: tuple[Path, 
     exposed = [step.turbulent for step in found.steps if step.turbulent]
     assert {LEAD, REAR} in exposed
     on_b = [i for i, place in enumerate(found.places) if 3000 < place < 4500]
-    assert not any(found.steps[i].eta for i in on_b)
+    assert not any(found.steps[i].eta for i in on_b[1:])
     assert hardest(found.speeds[REAR]) < 0.6
 
 
