@@ -66,6 +66,7 @@ class Movements:
     def __init__(self) -> None:
         self._links = _links()
         self._lengths_m: dict[str, float] = {}
+        self._limits_mps: dict[str, float] = {}
         self._movements: dict[tuple[str, str], Movement] = {}
         self._onward: dict[str, dict[str, list[tuple[int, float, float, bool, bool]]]] = {}
 
@@ -95,6 +96,14 @@ class Movements:
         known = self._lengths_m.get(segment)
         if known is None:
             known = self._lengths_m[segment] = float(libsumo.lane.getLength(f"{segment}_0"))
+        return known
+
+    def limit_mps(self, segment: str) -> float:
+        """Allowed speed on a segment."""
+        known = self._limits_mps.get(segment)
+        if known is None:
+            known = float(libsumo.lane.getMaxSpeed(f"{segment}_0"))
+            self._limits_mps[segment] = known
         return known
 
     def begins_m(self, path: tuple[str, ...]) -> tuple[float, ...]:

@@ -89,19 +89,24 @@ class Program:
         return min(max(usual_s - owed_s, least_s), usual_s + MOST_RETURN_S)
 
     def course(
-        self, phase: int, end_s: float, owed_s: Mapping[int, float] = NOTHING_OWED
+        self,
+        phase: int,
+        end_s: float,
+        owed_s: Mapping[int, float] = NOTHING_OWED,
+        ahead_s: float | None = None,
     ) -> Iterator[tuple[int, float]]:
         """Phases from the running one on and when each ends, as far as the program fixes them.
 
-        Fixed times: two cycles. Actuated: the earliest ends, until it is open which phase follows.
+        Fixed times: as far as asked. Actuated: the earliest ends, until it is open what follows.
 
         Args:
             phase: that runs.
             end_s: its end; the earliest one if it is actuated.
             owed_s: see `greens`.
+            ahead_s: how far to look beyond that end; two cycles if not given.
         """
         owed = dict(owed_s)
-        until_s = end_s + _CYCLES * self.cycle_s
+        until_s = end_s + (_CYCLES * self.cycle_s if ahead_s is None else ahead_s)
         while True:
             yield phase, end_s
             if len(self.phases[phase].next) != 1 or end_s >= until_s:
@@ -121,6 +126,7 @@ class Program:
         begun_s: float,
         end_s: float,
         owed_s: Mapping[int, float] = NOTHING_OWED,
+        ahead_s: float | None = None,
     ) -> tuple[Green, ...]:
         """When a movement may go: all times of two cycles, or the next one of an actuated signal.
 
@@ -131,6 +137,7 @@ class Program:
             end_s: its end; the earliest one if it is actuated.
             owed_s: by phases that lasted longer than usual, less than nothing to those that were
                 cut; settled at their next turn. Programs of fixed times only.
+            ahead_s: how far to look in programs of fixed times, if not for two cycles.
         """
         if all(p.lets_go(link) for p in self.phases):
             free = all(p.state[link] in FREE for p in self.phases)
@@ -139,7 +146,7 @@ class Program:
         opened_s: float | None = None
         protected = True
         last_s = begun_s
-        for number, ends_s in self.course(phase, end_s, owed_s):
+        for number, ends_s in self.course(phase, end_s, owed_s, ahead_s):
             running = self.phases[number]
             if running.lets_go(link):
                 if opened_s is None:

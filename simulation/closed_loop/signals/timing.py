@@ -81,6 +81,16 @@ class Signals:
             running.greens[link] = greens
         return greens
 
+    def foreseen(self, tls: str, link: int, now_s: float, ahead_s: float) -> tuple[Green, ...]:
+        """`upcoming`, as far ahead as asked where times are fixed."""
+        running = self.running(tls, now_s)
+        if not running.program.fixed:
+            return self.upcoming(tls, link, now_s)
+        owed_s = self._owed_s.get(tls, NOTHING_OWED)
+        return running.program.greens(
+            link, running.phase, running.begun_s, running.end_s, owed_s, ahead_s
+        )
+
     def running(self, tls: str, now_s: float) -> Running:
         """What a signal does at a time, which must be the simulation's."""
         known = self._running.get(tls)
