@@ -88,7 +88,7 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
     """
     # Imported here: they need libsumo, or what takes a second to load.
     from simulation.closed_loop.conducting import FleetConductor
-    from simulation.closed_loop.departing import Departing
+    from simulation.closed_loop.departing import Departing, seconds_of
     from simulation.closed_loop.dispatching import Dispatching
     from simulation.closed_loop.gates import Roadside
     from simulation.closed_loop.history import History
@@ -123,7 +123,8 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         with Session(options, (day.net, day.routes, *day.additional)) as session:
             conductor = FleetConductor(policy, scenario.net, order.step_s, lengths_m, roadside)
             dispatching = Dispatching(rounds, policy, order.seed, executor, history)
-            departing = Departing(network, dispatching, roadside)
+            seconds = seconds_of(policy, conductor.signals, dispatching.time_worth_kw)
+            departing = Departing(network, dispatching, roadside, rounds, seconds)
             world = FleetWorld(
                 session, lengths_m, conductor, order.step_s, policy.pace, departing.leave
             )

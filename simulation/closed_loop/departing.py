@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 from simulation.closed_loop.dispatching import Dispatching
 from simulation.closed_loop.gates import Roadside
-from simulation.closed_loop.rounds import free_s
+from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.rounds import Rounds, free_s
+from simulation.closed_loop.signals.departure import Departures, DepartureSettings
+from simulation.closed_loop.signals.timing import Signals
 from simulation.closed_loop.vehicle import LegOrder, VehicleState
 from slipstream.roads import RoadNetwork
+
+TIME_W: Final = 10_000.0
+"""What an hour is worth to who drives in a city at the limit; see `History.time_worth_kw`."""
+
+
+def seconds_of(policy: Policy, signals: Signals, time_worth_kw: float) -> Departures | None:
+    """What chooses the seconds of an arm; standing at the kerb is priced like driving."""
+    if "departures" not in policy.levers:
+        return None
+    price_w = 1000 * time_worth_kw or TIME_W
+    return Departures(signals, settings=DepartureSettings(price_w=price_w, waiting_w=price_w))
 
 
 class Departing:
@@ -18,10 +33,20 @@ class Departing:
         network: roads.
         dispatching: knows what ways cost by now.
         roadside: what RSUs report.
+        rounds: know how long a vehicle may wait.
+        seconds: chooses the second; None: vehicles leave when they are due.
     """
 
-    def __init__(self, network: RoadNetwork, dispatching: Dispatching, roadside: Roadside) -> None:
+    def __init__(
+        self,
+        network: RoadNetwork,
+        dispatching: Dispatching,
+        roadside: Roadside,
+        rounds: Rounds,
+        seconds: Departures | None,
+    ) -> None:
         self._network, self._dispatching, self._roadside = network, dispatching, roadside
+        self._rounds, self._seconds = rounds, seconds
 
     def leave(self, order: LegOrder, now_s: float) -> tuple[LegOrder, float]:
         """The leg as it is to be driven, and when to leave; once a leg, when it is due.
@@ -33,7 +58,10 @@ class Departing:
         way = self._dispatching.ways(now_s, self._roadside).better(order.path)
         if way is not None:
             order = replace(order, path=way, free_s=free_s(self._network, way))
-        return order, now_s
+        if self._seconds is None:
+            return order, now_s
+        latest_s = now_s + self._rounds.slack_s(order.vehicle, now_s)
+        return order, self._seconds.best_second(order.path, now_s, latest_s)
 
     def other_way(
         self, order: LegOrder, state: VehicleState, now_s: float

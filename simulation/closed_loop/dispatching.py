@@ -48,7 +48,7 @@ class Dispatching:
     ) -> None:
         self._rounds, self._policy, self._seed, self._executor = rounds, policy, seed, executor
         self._history = history if "routes" in policy.levers else None
-        self._time_worth_kw = (
+        self.time_worth_kw = (
             0.0 if self._history is None else self._history.time_worth_kw(rounds.network)
         )
         self._ways: tuple[tuple[SegmentState, ...], Ways] | None = None
@@ -123,7 +123,7 @@ class Dispatching:
             self._rounds.network,
             fleet,
             search=self._policy.search,
-            time_worth_kw=self._time_worth_kw,
+            time_worth_kw=self.time_worth_kw,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:

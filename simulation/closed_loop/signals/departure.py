@@ -27,6 +27,7 @@ class DepartureSettings:
         step_s: between the seconds that are tried.
         most: how many are tried.
         price_w: of travel time.
+        waiting_w: of time until the second; 0 where waiting costs nobody anything.
         paces: share of the speed that traffic allows, each tried: a choice that one vehicle ahead
             can spoil is worth less than one that holds for all.
         longest_s: that a leg can last, for how far timing is looked up.
@@ -36,13 +37,14 @@ class DepartureSettings:
     step_s: float = 4.0
     most: int = 9
     price_w: float = 3000.0
+    waiting_w: float = 0.0
     paces: tuple[float, ...] = (0.94, 0.97, 1.0)
     longest_s: float = 1800.0
     manner: Manner = field(default_factory=Manner)
 
     def __post_init__(self) -> None:
-        if self.step_s <= 0 or self.most < 1 or self.price_w < 0:
-            raise ValueError("step_s and most must be > 0, price_w >= 0")
+        if self.step_s <= 0 or self.most < 1 or min(self.price_w, self.waiting_w) < 0:
+            raise ValueError("step_s and most must be > 0, price_w and waiting_w >= 0")
         if not self.paces or any(not 0 < pace <= 1 for pace in self.paces):
             raise ValueError("paces must be in (0, 1]")
 
