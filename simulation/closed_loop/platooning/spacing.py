@@ -22,8 +22,7 @@ SLOWEST_MPS: Final = 5.0
 
 _HARDEST_MPS2: Final = 9.0
 _GAIN_PER_S: Final = 0.4
-_OPENING_MPS: Final = 2.0
-_SOFT_MPS2: Final = 0.5
+_NEARER_MPS: Final = 0.5
 _BRAKING_MPS2: Final = 2.5
 _STEADYING_MPS2: Final = 1.5
 _SHARE_LEFT: Final = 0.6
@@ -132,10 +131,10 @@ def _needed_mps2(speed_mps: float, ahead_mps: float, slowing_mps2: float, room_m
 
 
 def parting_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -> float:
-    """Speed at the end of the coming step of a vehicle that opens its gap gently.
+    """Speed at the end of the coming step of a vehicle that opens its gap.
 
-    It falls back at 2 m/s, braking hardly more than it coasts; comfortable braking is for whom it
-    still comes nearer to, as after a cut-in. It never drives faster than a follower would.
+    It coasts; comfortable braking is for whom it still comes nearer to, as after a cut-in. It never
+    drives faster than a follower would.
 
     Args:
         own: the vehicle.
@@ -143,12 +142,10 @@ def parting_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -
         coming_mps: speed that it will have at the end of the step.
         step_s: of the simulation.
     """
-    asked = Idm().accelerates_mps2(own, now_mps)
-    slower = own.speed_mps <= now_mps + _SOFT_MPS2
-    a = max(asked, -_SOFT_MPS2 if slower else -_BRAKING_MPS2)
-    if slower and own.speed_mps < now_mps - _OPENING_MPS:
-        a = max(a, 0.0)
-    gently = max(0.0, own.speed_mps + min(a, Idm().acceleration_mps2) * step_s)
+    nearer = own.speed_mps > now_mps + _NEARER_MPS
+    least = -_BRAKING_MPS2 if nearer else -coasting_mps2(own.speed_mps)
+    a = min(max(Idm().accelerates_mps2(own, now_mps), least), Idm().acceleration_mps2)
+    gently = max(0.0, own.speed_mps + a * step_s)
     return min(gently, following_mps(own, now_mps, coming_mps, own.desired_mps, step_s))
 
 
@@ -158,16 +155,18 @@ def waiting_mps(speed_mps: float, target_mps: float, step_s: float) -> float:
 
 
 def is_parted(own: Motion, ahead_mps: float) -> bool:
-    """Whether the IDM can take over without braking noticeably."""
-    return Idm().accelerates_mps2(own, ahead_mps) >= -_SOFT_MPS2
+    """Whether the IDM can take over without braking: it slows no more than coasting does."""
+    return Idm().accelerates_mps2(own, ahead_mps) >= -coasting_mps2(own.speed_mps)
 
 
 def parting_way_m(speed_mps: float, gap_m: float) -> float:
     """Way that opening a gap at a speed takes, until `is_parted`, m.
 
-    Falling back at u = 2 m/s, IDM's wanted gap is s₀ + v (T − u / 2√(ab)); at some 1.2 times of it
-    the IDM hardly brakes.
+    Coasting at c, the gap grows by ½ c t² and the IDM's wanted one shrinks by v c t / 2√(ab); at
+    1.3 times the wanted one the IDM coasts too.
     """
-    wanted = 1.2 * Idm().wanted_gap_m(speed_mps, -_OPENING_MPS)
-    seconds = max(0.0, wanted - gap_m) / _OPENING_MPS + 0.5 * _OPENING_MPS / _SOFT_MPS2
-    return speed_mps * seconds
+    idm, c = Idm(), coasting_mps2(speed_mps)
+    shrinks = 1.3 * (idm.wanted_gap_m(speed_mps) - idm.wanted_gap_m(speed_mps, -1.0)) * c
+    lacks_m = max(0.0, 1.3 * idm.wanted_gap_m(speed_mps) - gap_m)
+    seconds = (math.sqrt(shrinks**2 + 2 * c * lacks_m) - shrinks) / c
+    return max(0.0, speed_mps * seconds - 0.5 * c * seconds**2)

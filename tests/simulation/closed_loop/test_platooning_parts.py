@@ -88,18 +88,18 @@ def test_a_platoon_of_five_brakes_without_touching(step_s: float, braking: float
 
 
 def test_a_gap_opens_gently_until_the_idm_can_take_over() -> None:
-    """Parting brakes hardly more than coasting, and takes about the way that is reckoned with."""
+    """Parting does not brake, and takes about the way that is reckoned with."""
     for v0, step_s in ((30.0, 0.5), (13.9, 0.5), (30.0, 0.1)):
         speed, gap, way = v0, followed_gap_m(step_s), 0.0
         assert not is_parted(Motion(speed, v0, gap), v0)
         while not is_parted(Motion(speed, v0, gap), v0):
             new = parting_mps(Motion(speed, v0, gap), v0, v0, step_s)
-            assert new >= speed - 0.5 * step_s - 1e-9
+            assert new >= speed - coasting_mps2(speed) * step_s - 1e-9
             gap += (v0 - new) * step_s
             speed, way = new, way + new * step_s
             assert way < 1000.0
-        assert way == pytest.approx(parting_way_m(v0, followed_gap_m(step_s)), rel=0.35)
-        assert speed > v0 - 3.0
+        assert way == pytest.approx(parting_way_m(v0, followed_gap_m(step_s)), rel=0.2)
+        assert speed > v0 - 4.0
 
 
 def test_parting_keeps_away_from_a_vehicle_that_brakes() -> None:
