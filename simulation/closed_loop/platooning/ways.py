@@ -79,7 +79,12 @@ def shared_way(
         if end_m > farthest_m:
             return None
     between_m = end_m + front.along_m(lengths)
-    if not 0 < between_m <= farthest_m:
+    if meets > start:
+        # The rear one may have come farther into the junction between than the front one beyond it.
+        between_m = max(between_m, 0.0)
+    elif between_m <= 0:
+        return None
+    if between_m > farthest_m:
         return None
     for mine, other in zip(rear.path[meets:], front.path[front.state.number :], strict=False):
         if mine != other:

@@ -130,6 +130,9 @@ def test_the_common_way_goes_from_the_rear_one_to_where_they_part() -> None:
     assert shared_way(front, rear, LENGTHS, 2000.0) is None
     assert shared_way(rear, front, LENGTHS, 150.0) is None
     assert shared_way(rear, place("xe", 1, 10.0), LENGTHS, 2000.0) is None
+    inside = shared_way(place("abc", 0, 9.0, crossing=True), place("abc", 1, 5.0), LENGTHS, 2000.0)
+    assert inside is not None
+    assert inside.between_m == 0.0
     crossing = shared_way(rear, place("abc", 0, 8.0, crossing=True), LENGTHS, 2000.0)
     assert crossing is not None
     assert crossing.between_m == pytest.approx(108.0)

@@ -30,7 +30,7 @@ def write_net(folder: Path) -> Path:
             f'shape="{begin},{3.2 * i} {begin + length},{3.2 * i}"/>'
             for i in range(2)
         )
-        one, other = ends[name]
+        one, other = tuple(ends[name])
         lines.append(f'<edge id="{name}" from="{one}" to="{other}" priority="1">{lanes}</edge>')
         begin += length
     at = 0.0
@@ -44,7 +44,7 @@ def write_net(folder: Path) -> Path:
             f'<junction id="{number}" type="{kind}" x="{at}" y="0" incLanes="{before}" '
             f'intLanes="" shape="{at},0 {at},6">{request if kind == "priority" else ""}</junction>'
         )
-    for one, other in ("ab", "bc"):
+    for one, other in (("a", "b"), ("b", "c")):
         lines += (
             f'<connection from="{one}" to="{other}" fromLane="{lane}" toLane="{lane}" '
             'dir="s" state="M"/>'
@@ -149,7 +149,7 @@ def drive(
 
 def _along(name: str) -> float:
     before = {"a": 0.0, "b": LENGTHS["a"], "c": LENGTHS["a"] + LENGTHS["b"]}
-    return before[libsumo.vehicle.getRoadID(name)] + libsumo.vehicle.getLanePosition(name)
+    return float(before[libsumo.vehicle.getRoadID(name)] + libsumo.vehicle.getLanePosition(name))
 
 
 def hardest(speeds: list[float], step_s: float = 0.5) -> float:
