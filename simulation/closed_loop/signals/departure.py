@@ -96,10 +96,11 @@ class Departures:
 
         def price_kwh(second_s: float) -> float:
             outlooks = [self._foresee(way, second_s, greens) for way in ways]
-            energy_kwh = sum(o.energy_kwh for o in outlooks)
-            time_j = settings.price_w * sum(o.duration_s for o in outlooks)
+            energy_kwh = sum(o.energy_kwh for o in outlooks) / len(outlooks)
+            driving_s = sum(o.duration_s for o in outlooks) / len(outlooks)
+            time_j = settings.price_w * driving_s + settings.waiting_w * (second_s - now_s)
             # Rounded, so that the first of equals wins.
-            return round((energy_kwh + time_j / JOULE_PER_KWH) / len(outlooks), 9)
+            return round(energy_kwh + time_j / JOULE_PER_KWH, 9)
 
         return min(tried, key=lambda second: (price_kwh(second), second))
 

@@ -98,6 +98,8 @@ def test_drives_go_as_foreseen_and_the_chosen_second_costs_less(tmp_path: Path) 
     with Session(options, (net, types)) as session:
         departures = Departures(Signals())
         libsumo.route.add("way", PATH)
+        dear = Departures(Signals(), settings=DepartureSettings(waiting_w=1e6))
+        assert dear.best_second(PATH, session.time_s, session.time_s + 32.0) == session.time_s
         for slack_s in (0.0, 32.0):
             # Programs repeat each 80 s.
             session.advance(math.ceil((session.time_s + 1) / 80) * 80 + 10.0)
