@@ -89,7 +89,7 @@ class FleetConductor:
                 advised = self._advisor.cap_mps(name, now_s, state, platoons.tail_m.get(name, 0.0))
                 cap = min((c for c in (cap, advised) if c is not None), default=None)
             self._hold(name, cap)
-        self._priority.step(now_s, states)
+        self._priority.step(now_s, states, platoons.tail_m)
         return Drafting(platoons.eta, platoons.follows, platoons.turbulent)
 
     def _hold(self, name: str, cap: float | None) -> None:
