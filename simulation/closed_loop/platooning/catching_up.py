@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from simulation.closed_loop.platooning import road
-from simulation.closed_loop.platooning.meeting import FASTER, Meeting, best_meeting
+from simulation.closed_loop.platooning.meeting import Meeting, best_meeting
 from simulation.closed_loop.platooning.scene import Scene
 from simulation.closed_loop.platooning.spacing import (
     SLOWEST_MPS,
@@ -16,14 +16,10 @@ from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 
 
 def bring_together(scene: Scene) -> None:
-    """Choose meetings; each vehicle is caught up with by one at most.
-
-    Vehicles that catch up get their speed factor here; leaders that wait, what they yield.
-    """
+    """Choose meetings, and what both sides gain and yield; one at most catches up with each."""
     members = scene.members
     for member in members.values():
-        member.yields = 0.0
-    hurries: dict[str, float] = {}
+        member.gains = member.yields = 0.0
     behind = {m.ahead: name for name, m in members.items() if m.mode == "following"}
     taken: set[str] = set()
     for rear, member in members.items():
@@ -34,14 +30,9 @@ def bring_together(scene: Scene) -> None:
             continue
         front, meeting = found
         taken.add(front)
-        hurries[rear] = 1 + meeting.faster
+        member.gains = meeting.faster
         leader = _leader(scene, front)
         members[leader].yields = max(members[leader].yields, meeting.slower)
-    for name, member in members.items():
-        hurry = 1 + FASTER if member.mode == "following" else hurries.get(name, 1.0)
-        if hurry != member.hurry:
-            member.hurry = hurry
-            road.set_speed_factor(name, member.factor * hurry)
 
 
 def _is_there(scene: Scene, name: str) -> bool:

@@ -1,9 +1,10 @@
-"""Speeds of those that follow, part or wait, in the coming step."""
+"""Speeds of those that follow or part, and speed factors of those that hurry or wait."""
 
 from __future__ import annotations
 
 from simulation.closed_loop.platooning import road
 from simulation.closed_loop.platooning.meeting import FASTER
+from simulation.closed_loop.platooning.member import Member
 from simulation.closed_loop.platooning.scene import Scene
 from simulation.closed_loop.platooning.spacing import (
     coasting_mps2,
@@ -13,8 +14,34 @@ from simulation.closed_loop.platooning.spacing import (
 )
 
 
+def set_factors(scene: Scene) -> None:
+    """Set the speed factors of the step.
+
+    Those who wait get a lower one, not a command: under a command SUMO brakes no harder than
+    comfortably, not even at signals.
+    """
+    for name, member in scene.members.items():
+        hurry = _hurry(scene, name, member)
+        if hurry != member.hurry:
+            member.hurry = hurry
+            road.set_speed_factor(name, member.factor * hurry)
+
+
+def _hurry(scene: Scene, name: str, member: Member) -> float:
+    if member.mode == "following":
+        return 1 + FASTER
+    if member.mode == "parting" or (member.gains <= 0 and member.yields <= 0):
+        return 1.0
+    if member.gains > 0:
+        return 1 + member.gains
+    desired_mps = scene.desired_mps(name)
+    target_mps = (1 - member.yields) * desired_mps
+    waiting = waiting_mps(scene.states[name].speed_mps, target_mps, scene.step_s)
+    return min(1.0, waiting / desired_mps)
+
+
 def commanded_mps(scene: Scene) -> dict[str, float]:
-    """Speeds at the end of the step, by vehicle; those that nobody commands are left out."""
+    """Speeds at the end of the step of those that follow or part."""
     return _Commands(scene).all()
 
 
@@ -28,7 +55,7 @@ class _Commands:
 
     def all(self) -> dict[str, float]:
         for name, member in self._scene.members.items():
-            if member.mode != "alone" or member.yields > 0:
+            if member.mode != "alone":
                 self._coming_mps(name)
         return self._caps
 
@@ -42,18 +69,14 @@ class _Commands:
             self._coming[name] = goes_on
             cap = self._cap_mps(name, now_mps) if name in scene.members else None
             if cap is not None:
-                self._caps[name] = cap
-                commanded = scene.members[name].mode != "alone"
-                self._coming[name] = cap if commanded else min(cap, goes_on)
+                self._caps[name] = self._coming[name] = cap
         return self._coming[name]
 
     def _cap_mps(self, name: str, now_mps: float) -> float | None:
         scene = self._scene
         member, contact = scene.members[name], scene.contacts.get(name)
         if member.mode == "alone":
-            if member.yields <= 0:
-                return None
-            return waiting_mps(now_mps, (1 - member.yields) * scene.desired_mps(name), scene.step_s)
+            return None
         if contact is None:
             return min(now_mps + coasting_mps2(now_mps) * scene.step_s, scene.desired_mps(name))
         motion = scene.motion(name)

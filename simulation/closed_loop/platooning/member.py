@@ -25,8 +25,9 @@ class Member:
         since_s: when it took its mode.
         seen_s: when it was last seen directly behind another member.
         lane_until_s: until when it is told to keep its lane.
-        yields: share of its speed that it gives up for a vehicle that comes nearer from behind.
-        hurry: factor on its speed factor.
+        gains: share of its speed that it adds to catch up.
+        yields: share of its speed that it gives up for one that catches up.
+        hurry: factor on its speed factor that is set.
         refused: segment on which the traffic parted it.
     """
 
@@ -38,6 +39,7 @@ class Member:
     since_s: float = 0.0
     seen_s: float = 0.0
     lane_until_s: float = 0.0
+    gains: float = 0.0
     yields: float = 0.0
     hurry: float = 1.0
     refused: str | None = None

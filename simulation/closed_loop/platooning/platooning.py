@@ -7,7 +7,7 @@ from typing import Final
 
 from simulation.closed_loop.platooning import road
 from simulation.closed_loop.platooning.catching_up import bring_together
-from simulation.closed_loop.platooning.driving import commanded_mps
+from simulation.closed_loop.platooning.driving import commanded_mps, set_factors
 from simulation.closed_loop.platooning.joining import decide, disengage
 from simulation.closed_loop.platooning.member import Member
 from simulation.closed_loop.platooning.scene import Scene
@@ -83,8 +83,6 @@ class Platooning:
         """Decide on the coming step, and set it in SUMO but for the speeds in `caps`."""
         members = self._members
         if len(members) < 2 and all(m.mode == "alone" and m.hurry == 1 for m in members.values()):
-            for member in members.values():
-                member.yields = 0.0
             return PlatoonStep()
         joins = now_s >= self._join_s
         scene = Scene(now_s, self._step_s, members, states, self._lengths, self._is_open)
@@ -98,18 +96,16 @@ class Platooning:
         if now_s >= self._meet_s:
             self._meet_s = now_s + _MEET_EVERY_S
             bring_together(scene)
-        caps = commanded_mps(scene)
-        return self._told(scene, caps)
+        set_factors(scene)
+        return self._told(scene, commanded_mps(scene))
 
     def _told(self, scene: Scene, caps: dict[str, float]) -> PlatoonStep:
         # Anew: who follows has changed since the disengagements.
         scene.__dict__.pop("platoons", None)
         eta: dict[str, float] = {}
         tail_m: dict[str, float] = {}
-        follows: list[str] = []
         for platoon in scene.platoons:
             leader, followers = platoon[0], platoon[1:]
-            follows += followers
             tail_m[leader] = road.length_m(leader) + sum(
                 scene.contacts[name].gap_m + road.length_m(name) for name in followers
             )
@@ -122,7 +118,7 @@ class Platooning:
         return PlatoonStep(
             eta=eta,
             leads=frozenset(tail_m),
-            follows=frozenset(follows),
+            follows=frozenset(n for n, m in self._members.items() if m.mode != "alone"),
             caps=caps,
             hurry={n: m.hurry for n, m in self._members.items() if m.hurry != 1},
             tail_m=tail_m,

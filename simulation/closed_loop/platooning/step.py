@@ -13,11 +13,11 @@ class PlatoonStep:
     Attributes:
         eta: drag reduction; vehicles that have none are left out.
         leads: at the front of a platoon, with somebody close behind.
-        follows: close behind another vehicle of the fleet, at any speed.
-        caps: speed to drive at most, m/s. Followers, and vehicles that open their gap, are to be
-            driven at it (`setSpeed`), as no car-following model keeps their distance.
-        hurry: factor on the vehicle's own speed factor, above 1 while it catches up or follows.
-            Platooning has set it in SUMO already, and takes it back.
+        follows: vehicles whose speed platooning commands: close behind another one of the fleet,
+            closing up to it, or opening the gap. No other advice is for them.
+        caps: the speeds that those are to be driven at (`setSpeed`), m/s.
+        hurry: factor on a vehicle's own speed factor: above 1 while it follows or catches up, below
+            1 while it waits. Platooning has set it in SUMO already, and takes it back.
         tail_m: of each leader, from its front to the rear of its last follower.
         turbulent: close together on a segment whose traffic is turbulent in truth.
     """
