@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -15,7 +15,9 @@ from slipstream_cli.progress import Progress
 if TYPE_CHECKING:
     from simulation.closed_loop.policy import Policy
     from simulation.evaluation.evaluation import Evaluation
+    from simulation.evaluation.recorded import Watched
     from simulation.evaluation.store import Store
+    from simulation.evaluation.words import Table
     from simulation.evaluation.world import World
 
 _EXIT_INTERRUPTED: Final = 130
@@ -43,7 +45,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--arms",
         default="all",
         metavar="NAME,NAME",
-        help="arms, or all, main, levers, gating, noise (default: all)",
+        help="arms, or all, main, levers, gating, noise, exogenous (default: all)",
     )
     command.add_argument(
         "--scenario",
@@ -81,36 +83,35 @@ def run(options: argparse.Namespace) -> int:
     span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
-    from simulation.evaluation.data import summary
     from simulation.evaluation.evaluation import collect
     from simulation.evaluation.ground import code_stamp
     from simulation.evaluation.report import printed
     from simulation.evaluation.store import Store
     from simulation.evaluation.world import World, WorldFiles
-    from simulation.evaluation.writing import as_json, write_results
+    from simulation.evaluation.writing import as_json, whole_summary, write_results
 
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
     files = WorldFiles(options.scenario, *parts)
     world = World(files, options.out / "background", options.signals, span_s)
     with Store(options.out, world.ground, code_stamp()) as store:
-        kept = None
-        if not options.stored:
-            try:
-                kept = _simulate(policies, seeds, span_s, store, world, workers)
-            except KeyboardInterrupt:
-                said = "interrupted; the same command goes on from what is stored in"
-                print(f"slipstream: {said} {options.out}", file=sys.stderr)
-                return _EXIT_INTERRUPTED
-        evaluation = collect(store, world.ground, seeds)
-        if not evaluation.arms:
-            raise InputError(
-                options.out, "no arm of these seeds is stored", "run it without --stored"
-            )
-        missing = write_results(options.out, evaluation)
+        try:
+            kept = 0 if options.stored else _simulate(policies, seeds, store, world, workers)
+            evaluation = collect(store, world.ground, seeds)
+            if not evaluation.arms:
+                raise InputError(
+                    options.out, "no arm of these seeds is stored", "run it without --stored"
+                )
+            exogenous = _exogenous(options, world, seeds, workers)
+            more = _further_tables(world, evaluation, exogenous)
+        except KeyboardInterrupt:
+            said = "interrupted; the same command goes on from what is stored in"
+            print(f"slipstream: {said} {options.out}", file=sys.stderr)
+            return _EXIT_INTERRUPTED
+        missing = write_results(options.out, evaluation, more, exogenous)
     if missing is not None:
         print(f"slipstream: {missing}", file=sys.stderr)
     if options.json:
-        print(as_json(summary(evaluation)), end="")
+        print(as_json(whole_summary(evaluation, more, exogenous)), end="")
     else:
         if kept:
             print(f"{kept} of {len(policies) * len(seeds)} arms were stored already")
@@ -121,29 +122,56 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _simulate(
-    policies: Sequence[Policy],
-    seeds: Sequence[int],
-    span_s: tuple[float, float],
-    store: Store,
-    world: World,
-    workers: int,
+    policies: Sequence[Policy], seeds: Sequence[int], store: Store, world: World, workers: int
 ) -> int:
     """Simulate what the store lacks; how many arms it had."""
     from simulation.evaluation.run import run_missing
     from simulation.evaluation.writing import write_run
 
+    span_s = world.ground.begin_s, world.ground.end_s
     with Progress("simulating", sys.stderr) as progress:
-        done = run_missing(
-            policies,
-            seeds,
-            span_s,
-            store,
-            world.simulate,
-            workers,
-            lambda passed_s, whole_s: progress.update(round(passed_s), round(whole_s)),
-        )
+        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, _told(progress))
     write_run(store.folder, done)
     return done.kept
+
+
+def _exogenous(
+    options: argparse.Namespace, world: World, seeds: Sequence[int], workers: int
+) -> dict[Watched, Evaluation]:
+    """The exogenous evaluation, if it is asked for or stored."""
+    from simulation.evaluation.arms import wants_exogenous
+    from simulation.evaluation.exogenous_study import ARMS, exogenous_evaluation
+
+    stored = options.stored or not wants_exogenous(options.arms)
+    found: dict[Watched, Evaluation] = {}
+    for watched in ARMS:
+        if stored and not (options.out / f"exogenous-{watched}").is_dir():
+            continue
+        with Progress(f"on recorded traffic, watched: {watched}", sys.stderr) as progress:
+            evaluation = exogenous_evaluation(
+                world, watched, seeds, options.out, workers, _told(progress), stored=stored
+            )
+        if evaluation.arms:
+            found[watched] = evaluation
+    return found
+
+
+def _further_tables(
+    world: World, evaluation: Evaluation, exogenous: Mapping[Watched, Evaluation]
+) -> tuple[Table, ...]:
+    """Ceilings, and the exogenous evaluation where there is one."""
+    from simulation.closed_loop.advice.road import read_roads
+    from simulation.evaluation.ceiling_tables import ceiling_tables
+    from simulation.evaluation.exogenous_study import exogenous_tables
+
+    tables = ceiling_tables(evaluation, read_roads(world.scenario.net))
+    if {"rsus", "everywhere"} <= set(exogenous):
+        tables += exogenous_tables(evaluation, exogenous["rsus"], exogenous["everywhere"])
+    return tables
+
+
+def _told(progress: Progress) -> Callable[[float, float], None]:
+    return lambda passed_s, whole_s: progress.update(round(passed_s), round(whole_s))
 
 
 def _refuse_gridlock(evaluation: Evaluation) -> None:

@@ -17,6 +17,9 @@ PACES: Final = (0.88, 0.94, 1.06)
 
 NOISES: Final = (0.1, 0.2, 0.3)
 
+EXOGENOUS: Final = "exogenous"
+"""Asks for the paper's kind of evaluation too: `simulation.evaluation.exogenous_study`."""
+
 _GATINGS: Final[tuple[Gating, ...]] = ("open", "random")
 
 
@@ -84,14 +87,19 @@ def choose(asked: str) -> tuple[Policy, ...]:
         InputError: an unknown name, or none at all.
     """
     names = [name.strip() for name in asked.split(",") if name.strip()]
-    known = {**{name: (name,) for name in POLICIES}, **SELECTIONS}
+    known = {**{name: (name,) for name in POLICIES}, **SELECTIONS, EXOGENOUS: ()}
     strange = next((name for name in names if name not in known), None)
     if strange is not None or not names:
         raise InputError(
             "evaluate",
             f"no arm {strange!r}" if strange else "no arm named",
-            f"give some of: {', '.join((*SELECTIONS, *POLICIES))}",
+            f"give some of: {', '.join((*SELECTIONS, EXOGENOUS, *POLICIES))}",
             key="--arms",
         )
     wanted = {BASELINE, *(arm for name in names for arm in known[name])}
     return tuple(policy for name, policy in POLICIES.items() if name in wanted)
+
+
+def wants_exogenous(asked: str) -> bool:
+    """Whether such a list asks for the exogenous evaluation too; `all` and `main` do."""
+    return not {name.strip() for name in asked.split(",")}.isdisjoint({EXOGENOUS, "all", "main"})

@@ -70,6 +70,8 @@ def exogenous_evaluation(
     folder: Path,
     workers: int,
     progress: Callable[[float, float], None],
+    *,
+    stored: bool = False,
 ) -> Evaluation:
     """Evaluate what the folder lacks, and collect all that it has.
 
@@ -77,6 +79,7 @@ def exogenous_evaluation(
         folder: of the evaluation; these arms lie in `exogenous-rsus` and `exogenous-everywhere`.
         workers: arms at once.
         progress: told how much simulated time is done, of how much.
+        stored: nothing is simulated, what is there is collected.
 
     Raises:
         InputError: a background is not fit, or the folder is of another evaluation.
@@ -104,7 +107,8 @@ def exogenous_evaluation(
 
     policies = [POLICIES[name] for name in ARMS[watched]]
     with Store(folder / f"exogenous-{watched}", ground, code_stamp()) as store:
-        run_missing(policies, seeds, span_s, store, simulate, workers, progress)
+        if not stored:
+            run_missing(policies, seeds, span_s, store, simulate, workers, progress)
         return collect(store, ground, seeds)
 
 

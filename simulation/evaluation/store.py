@@ -18,7 +18,7 @@ from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.ground import Ground
 from slipstream.errors import InputError
 
-_NEW_FOLDER: Final = "give another folder, or delete its folder arms and simulate all anew"
+_NEW_FOLDER: Final = "give another folder, or empty this one to simulate all anew"
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,7 @@ class World:
         self._span_s = span_s
         self._scenario = files.load()
         self._lock = threading.Lock()
+        self._recording: dict[int, threading.Lock] = {}
         self._backgrounds: dict[int, tuple[Background, tuple[Path, ...]]] = {}
 
     @property
@@ -124,17 +125,19 @@ class World:
             net=self._files.net,
             fleet=self._files.fleet,
             additional=additional,
-            history=self._history(seed) if "routes" in policy.levers else None,
+            history=self._history(seed, told) if "routes" in policy.levers else None,
             begin_s=begin_s,
             end_s=end_s,
             step_s=STEP_S,
         )
         return run_arm(order, told)
 
-    def _history(self, seed: int) -> Path:
+    def _history(self, seed: int, told: Told) -> Path:
         """What movements cost on another day, recorded when the first arm of a seed needs it."""
         begin_s, end_s = self._span_s
         with self._lock:
+            lock = self._recording.setdefault(seed, threading.Lock())
+        with lock:  # not all of them: other seeds, and arms without a history, go on
             return history_of(
                 self._scenario,
                 seed,
@@ -142,6 +145,7 @@ class World:
                 signals=self._signals,
                 begin_s=begin_s,
                 end_s=end_s,
+                progress=lambda *_: told(begin_s, end_s),
             )
 
     def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:

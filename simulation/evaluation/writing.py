@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from simulation.evaluation.curves import BIN_S, HOUR_S
 from simulation.evaluation.data import arms_csv, course_csv, summary
 from simulation.evaluation.evaluation import Evaluation
 from simulation.evaluation.figures import SHOWN, draw
+from simulation.evaluation.recorded import Watched
 from simulation.evaluation.report import report
 from simulation.evaluation.run import Done
 from simulation.evaluation.store import not_writable, write_whole
@@ -20,13 +22,19 @@ from simulation.evaluation.words import Table
 _NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream[dev]'"
 
 
-def write_results(folder: Path, evaluation: Evaluation, more: Sequence[Table] = ()) -> str | None:
+def write_results(
+    folder: Path,
+    evaluation: Evaluation,
+    more: Sequence[Table] = (),
+    exogenous: Mapping[Watched, Evaluation] | None = None,
+) -> str | None:
     """Write tables, figures, their data and the report; returns why there are no pictures, if so.
 
     The same arms give the same bytes.
 
     Args:
         more: further tables for the report.
+        exogenous: evaluations whose figures are written in their own folders.
 
     Raises:
         InputError: a file cannot be written.
@@ -34,6 +42,8 @@ def write_results(folder: Path, evaluation: Evaluation, more: Sequence[Table] = 
     names = [name for name in SHOWN if name in evaluation]
     try:
         write_whole(folder / "arms.csv", arms_csv(evaluation))
+        for watched, found in (exogenous or {}).items():
+            write_whole(folder / f"exogenous-{watched}" / "arms.csv", arms_csv(found))
         cumulative = course_csv(evaluation, [n for n in names if n != SHORTEST], BIN_S)
         write_whole(folder / "cumulative.csv", cumulative)
         write_whole(folder / "hourly.csv", course_csv(evaluation, names, HOUR_S))
@@ -46,10 +56,23 @@ def write_results(folder: Path, evaluation: Evaluation, more: Sequence[Table] = 
                 raise
             missing = _NO_PICTURES
         write_whole(folder / "report.md", report(evaluation, pictures, missing, more))
-        write_whole(folder / "report.json", as_json(summary(evaluation)))
+        write_whole(folder / "report.json", as_json(whole_summary(evaluation, more, exogenous)))
     except OSError as error:
         raise not_writable(Path(error.filename or folder), error) from None
     return missing
+
+
+def whole_summary(
+    evaluation: Evaluation,
+    more: Sequence[Table] = (),
+    exogenous: Mapping[Watched, Evaluation] | None = None,
+) -> dict[str, Any]:
+    """Means and spreads of all arms, and further tables as the report has them."""
+    return {
+        **summary(evaluation),
+        "exogenous": {name: summary(found) for name, found in (exogenous or {}).items()},
+        "tables": [asdict(table) for table in more],
+    }
 
 
 def write_run(folder: Path, done: Done) -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from simulation.closed_loop.arm import ArmOrder
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation import world, writing
+from simulation.evaluation import exogenous_study, world, writing
+from simulation.evaluation.exogenous_study import ExogenousOrder
 from simulation.scenarios.scenario import Background, Scenario
 from slipstream_cli.main import main
 from tests.simulation.evaluation.fakes import make_arm
@@ -34,6 +35,7 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmOrder]:
 
     monkeypatch.setattr(world, "run_arm", run_arm)
     monkeypatch.setattr(world, "prepare", prepare)
+    monkeypatch.setattr(world, "history_of", lambda scenario, seed, folder, **_: folder / "history")
     monkeypatch.setattr(writing, "draw", lambda evaluation, folder: ())
     return ordered
 
@@ -71,6 +73,32 @@ def test_arms_are_simulated_once_and_reported_again(
     printed = capsys.readouterr().out
     assert "2 of 2 arms were stored already" in printed
     assert str(tmp_path / "report.md") in printed
+
+
+def test_ceilings_and_the_papers_way_join_the_report(
+    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Asked for once, they are simulated once; stored, they are in every later report."""
+    driven: list[str] = []
+
+    def run_apart(_: object, order: ExogenousOrder, *__: object) -> ArmResult:
+        driven.append(order.policy.name)
+        return make_arm(order.policy, order.seed)
+
+    monkeypatch.setattr(exogenous_study, "run_apart", run_apart)
+    monkeypatch.setattr(exogenous_study, "_recorded", lambda order: None)
+    first = evaluate(capsys, tmp_path, "--arms", "C,exogenous", "--seeds", "1")
+    assert set(driven) >= {"B", "C"}
+    assert first["exogenous"]["everywhere"]["arms"]["C"]["against_baseline"]["saving"]["mean"] > 0
+    text = (tmp_path / "report.md").read_text()
+    titles = [table["title"] for table in first["tables"]]
+    assert any(title.startswith("Ceilings") for title in titles)
+    assert any(title.startswith("The paper's way") for title in titles)
+    assert all(f"## {title}" in text for title in titles)
+    assert (tmp_path / "exogenous-rsus" / "arms.csv").is_file()
+    count = len(driven)
+    assert evaluate(capsys, tmp_path, "--arms", "C", "--seeds", "1") == first
+    assert len(driven) == count
 
 
 def test_fixed_signals_and_files_of_ones_own_reach_the_arm(

@@ -59,7 +59,7 @@ def make_arm(policy: Policy, seed: int, legs: int = 24, **changes: Any) -> ArmRe
                 stops=round(3 * (1 - saved)),
                 waited_s=20.0 * (1 - saved),
                 turbulent_s=0.0 if policy.gating == "rsu" else 5.0,
-                path=("a", "b"),
+                path=("e0_main", "e1_leave", "e1_mid"),  # of the corridor
                 losses=Losses(rolling, drag, braking / 4, braking / 2, braking / 4),
             )
         )
