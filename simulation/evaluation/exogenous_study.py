@@ -25,6 +25,7 @@ from simulation.evaluation.words import NOTHING, Table, count, number, percent
 from simulation.evaluation.world import World, WorldFiles
 from simulation.scenarios.apart import run_apart
 from simulation.scenarios.scenario import Background, SignalControl
+from slipstream.energy import ETA_FOLLOWER
 
 ARMS: Final[Mapping[Watched, tuple[str, ...]]] = {
     "rsus": (
@@ -218,7 +219,21 @@ def _day_table(closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluati
             "RSUs watch. Everywhere: on every segment with 60 m and more before its queue. "
             "Platoons: within the synchronization window at the times driven, on gates as they "
             "are then; no distance to form up, no one in between.",
+            *_drag_note(rsus),
         ),
+    )
+
+
+def _drag_note(study: Evaluation) -> tuple[str, ...]:
+    """What the paper's platooned distance can save by drag alone."""
+    drag = study.figure(BASELINE, lambda m: m.driven.drag_kwh / m.energy_kwh)
+    if drag is None:
+        return ()
+    share = PAPER_COOPERATIVE.platooned_km / PAPER_COOPERATIVE.distance_km
+    return (
+        f"Drag is {percent(drag.mean)} of the baseline's energy. With the paper's "
+        f"{percent(share)} of the distance in platoons, and everybody there following, drafting "
+        f"saves {percent(share * ETA_FOLLOWER * drag.mean, 2)}.",
     )
 
 
