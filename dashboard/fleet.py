@@ -40,6 +40,8 @@ class FleetLayer:
         self._canvas = canvas
         self._depots = frozenset(depots)
         self._lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.55 * canvas.unit_m)
+        x_min, y_min, x_max, y_max = canvas.network.bounds_m()
+        self._apart_m = max(8 * canvas.unit_m, 0.05 * max(x_max - x_min, y_max - y_min))
         self._routes: list[tuple[object, ...]] = []
         self._stops: tuple[tuple[str, str], ...] = ()
         self._stop_labels = 0
@@ -74,11 +76,13 @@ class FleetLayer:
         if stops == self._stops:
             return
         places = [junctions[node] for _, node in stops]
-        labelled = len(stops) if len(stops) <= MAX_LABELS else 0
-        for index in range(labelled, self._stop_labels):
+        # Nor would labels of stops at neighbouring junctions of a large net be told apart.
+        near = geometry.near_each_other(np.array(places).reshape(-1, 2), self._apart_m)
+        groups = near if len(near) <= MAX_LABELS else []
+        for index in range(len(groups), self._stop_labels):
             self._canvas.scene.remove_by_name(f"/stop_{index}")
-        for index in range(labelled):
-            stop, place = stops[index][0], places[index]
+        for index, group in enumerate(groups):
+            stop, place = _together([stops[member][0] for member in group]), places[group[0]]
             north = place[1] >= self._canvas.centre_m[1]
             self._canvas.label(
                 f"/stop_{index}",
@@ -91,7 +95,7 @@ class FleetLayer:
             self._canvas.points("/stops", places, _DARK, 0.9, "circle")
         else:
             self._canvas.scene.remove_by_name("/stops")
-        self._stops, self._stop_labels = stops, labelled
+        self._stops, self._stop_labels = stops, len(groups)
 
     def _update_routes(self, vehicles: Sequence[VehicleView]) -> None:
         routes: list[tuple[object, ...]] = [(van.route, van.rgb, van.expired) for van in vehicles]
@@ -169,13 +173,11 @@ class FleetLayer:
 
     def _label_vans(self, places_m: Array, names: Sequence[str]) -> None:
         # Vans of one platoon share a label; theirs would lie on top of each other.
-        groups = geometry.near_each_other(places_m, 8 * self._canvas.unit_m)
+        groups = geometry.near_each_other(places_m, self._apart_m)
         if len(groups) > MAX_LABELS:
             groups = []
         for index, group in enumerate(groups):
-            text = " + ".join(names[member] for member in group[:3])
-            if len(group) > 3:
-                text += f" + {len(group) - 3} more"
+            text = _together([names[member] for member in group])
             place = places_m[group[0]]
             if index == len(self._labels):
                 name = f"/van_label_{index}"
@@ -190,6 +192,12 @@ class FleetLayer:
         for label in self._labels[len(groups) :]:
             label.remove()
         del self._labels[len(groups) :]
+
+
+def _together(names: Sequence[str]) -> str:
+    """One label for several things."""
+    more = f" + {len(names) - 3} more" if len(names) > 3 else ""
+    return " + ".join(names[:3]) + more
 
 
 def _only(drawing: Drawing, chosen: npt.NDArray[np.bool_]) -> Drawing:

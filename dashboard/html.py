@@ -45,7 +45,7 @@ def about() -> str:
         (markup.shape_svg('<path d="M17 0l6 6-6 6-6-6z" fill="#1d2733"/>'), "Roadside camera"),
         (
             markup.shape_svg('<circle cx="17" cy="6" r="5.5" fill="#005ab5"/>'),
-            "Van, where its plan puts it now",
+            "Van, where it says it is, or its plan puts it",
         ),
         (
             markup.shape_svg(
@@ -141,7 +141,7 @@ def vehicles(views: Sequence[VehicleView]) -> str:
     ]
     idle = sum(van.idle for van in views)
     title = f"Vans ({len(views)}, {idle} idle)" if idle else "Vans"
-    header = [title, "By the plan", "Stops", "km", "km in a<br>platoon", "kWh"]
+    header = [title, "Now", "Stops", "km", "km in a<br>platoon", "kWh"]
     return markup.table(header, rows, len(views), "No plan has been sent yet.", "l", "l")
 
 

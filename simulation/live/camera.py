@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -20,6 +20,9 @@ from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 
 JPEG_QUALITY: Final = 85
+_HELD: Final = 0.6
+"""Share of the time between two pictures after which each is served: however long it was painted,
+so that the times of arrival, which are all that a receiver has, are as even as the simulation."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +76,12 @@ class Camera:
         assert isinstance(place, CameraPlace)
         return place
 
-    def show(self, vehicles: list[Vehicle], taken_s: float) -> None:
+    def show(self, vehicles: list[Vehicle], due_s: float) -> None:
         """Have a picture painted, unless the one before is not done.
 
         Args:
             vehicles: around the camera.
-            taken_s: now, s since 1970.
+            due_s: the moment that they are seen at, by the monotonic clock.
 
         Raises:
             ChildProcessError: the process died.
@@ -93,7 +96,7 @@ class Camera:
             self.skipped += 1
             return
         try:
-            self._connection.send((vehicles, taken_s))
+            self._connection.send((vehicles, due_s))
         except OSError:
             raise ChildProcessError(f"camera {self._name} ended") from None
         self._busy = True
@@ -121,7 +124,6 @@ def _serve(connection: Connection, order: CameraOrder) -> None:
     """Run in the other process: paint what comes until nothing does."""
     die_with_parent(order.parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(1)  # the simulation and the daemons keep time first
     import cv2
 
     from simulation.live.stream import LatestPicture, MjpegServer
@@ -138,19 +140,21 @@ def _serve(connection: Connection, order: CameraOrder) -> None:
     server = MjpegServer(latest)
     segments = tuple(stretch.segment_id for stretch in renderer.stretches)
     connection.send(CameraPlace(order.site.name, segments, server.url, order.calibration))
-    taken_s = 0.0
+    held_s = _HELD / order.clip.fps
+    due_s = 0.0
 
     def scenes() -> Iterator[list[Vehicle]]:
-        nonlocal taken_s
+        nonlocal due_s
         while True:
             try:
-                vehicles, taken_s = connection.recv()
+                vehicles, due_s = connection.recv()
             except (EOFError, OSError):
                 return
             yield vehicles
 
     for image, _ in renderer.paint(scenes()):
         _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        latest.put(jpeg.tobytes(), taken_s)
         connection.send(None)
+        time.sleep(max(0.0, due_s + held_s - time.monotonic()))
+        latest.put(jpeg.tobytes(), time.time() - (time.monotonic() - due_s))
     server.close()

@@ -42,9 +42,14 @@ class Pace:
         """Wall time from one step to the next."""
         return self.step_s / self.speed
 
+    @property
+    def due_s(self) -> float:
+        """When the last step was due, by the clock: what it shows is of that moment."""
+        return self._began_s + self.steps * self.wall_step_s
+
     def wait_s(self) -> float:
         """How long the next step is not yet due, 0 if it is; call it once before each step."""
-        behind_s = self.clock() - self._due_s()
+        behind_s = self.clock() - self.due_s - self.wall_step_s
         if behind_s > SLIP_S:
             self.slipped_s += behind_s
             self._began_s += behind_s
@@ -54,6 +59,3 @@ class Pace:
     def stepped(self) -> None:
         """One step has been done."""
         self.steps += 1
-
-    def _due_s(self) -> float:
-        return self._began_s + (self.steps + 1) * self.wall_step_s

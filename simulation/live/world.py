@@ -97,9 +97,8 @@ class _World:
             self._fleet.step()
             self._pace.stepped()
             if self._pace.steps % self._order.steps_a_frame == 0:
-                taken_s = time.time()
                 for camera, scene in zip(self._cameras, self._views.look(), strict=True):
-                    camera.show(scene, taken_s)
+                    camera.show(scene, self._pace.due_s)
             if time.monotonic() - told_s >= _TELL_S:
                 told_s = time.monotonic()
                 self._tell(connection)
