@@ -11,6 +11,7 @@ from simulation.closed_loop.platooning.member import Contact
 from simulation.closed_loop.platooning.scene import Scene
 from simulation.closed_loop.platooning.spacing import (
     SLOWEST_MPS,
+    Idm,
     close_gap_m,
     followed_gap_m,
     is_parted,
@@ -18,6 +19,9 @@ from simulation.closed_loop.platooning.spacing import (
 )
 from slipstream.energy import ETA_FOLLOWER
 
+_START_M: Final = 10.0
+_JOINS_SPACINGS: Final = 2.0
+_KEEPS_SPACINGS: Final = 3.0
 _LANE_S: Final = 3.0
 # SUMO sees nobody ahead for a step now and then, as where a lane begins.
 _BLINK_S: Final = 1.0
@@ -86,6 +90,9 @@ def _pays(scene: Scene, name: str, contact: Contact, *, keeps: bool) -> bool:
     if run_m <= 0:
         return False
     speed_mps, followed_m = scene.states[name].speed_mps, followed_gap_m(scene.step_s)
+    # From farther away the car-following model does better, with signals and others in between.
+    if contact.gap_m > (_KEEPS_SPACINGS if keeps else _JOINS_SPACINGS) * _spacing_m(speed_mps):
+        return False
     if keeps:
         return run_m > parting_way_m(speed_mps, contact.gap_m)
     cruise_mps = max(SLOWEST_MPS, scene.desired_mps(name))
@@ -99,6 +106,11 @@ def _pays(scene: Scene, name: str, contact: Contact, *, keeps: bool) -> bool:
         ETA_FOLLOWER,
     )
     return meeting is not None
+
+
+def _spacing_m(speed_mps: float) -> float:
+    """Between vehicles alone at a speed, with some more for those that just start."""
+    return _START_M + Idm().wanted_gap_m(speed_mps)
 
 
 def _keep_lane(scene: Scene, name: str, ahead: str) -> None:

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from simulation.scenarios.vehicle_types import TYPES
 from slipstream.energy import PAPER_CAR
 
 ADVISED_GAP_M: Final = 1.5
@@ -20,10 +21,11 @@ ADVISED_GAP_M: Final = 1.5
 SLOWEST_MPS: Final = 5.0
 """Below this speed no drag reduction is credited: there is next to no drag."""
 
+_CAV: Final = TYPES["cav"]
 _HARDEST_MPS2: Final = 9.0
 _GAIN_PER_S: Final = 0.4
 _NEARER_MPS: Final = 0.5
-_BRAKING_MPS2: Final = 2.5
+_BRAKING_MPS2: Final = _CAV.deceleration_mps2
 _STEADYING_MPS2: Final = 1.5
 _SHARE_LEFT: Final = 0.6
 _NOTABLE_MPS2: Final = 0.2
@@ -43,10 +45,10 @@ class Motion:
 class Idm:
     """The car-following model that vehicles alone have (Treiber, Hennecke, Helbing 2000)."""
 
-    acceleration_mps2: float = 1.8
-    deceleration_mps2: float = 2.5
-    headway_s: float = 1.2
-    min_gap_m: float = 2.5
+    acceleration_mps2: float = _CAV.acceleration_mps2
+    deceleration_mps2: float = _CAV.deceleration_mps2
+    headway_s: float = _CAV.headway_s
+    min_gap_m: float = _CAV.min_gap_m
 
     def wanted_gap_m(self, speed_mps: float, approach_mps: float = 0.0) -> float:
         """s* = s₀ + max(0, v T + v Δv / 2√(ab))."""
