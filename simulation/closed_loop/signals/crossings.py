@@ -65,10 +65,23 @@ class Movements:
 
     def __init__(self) -> None:
         self._links = _links()
+        self._approaches: dict[str, dict[int, tuple[str, ...]]] = {}
         self._lengths_m: dict[str, float] = {}
         self._limits_mps: dict[str, float] = {}
         self._movements: dict[tuple[str, str], Movement] = {}
         self._onward: dict[str, dict[str, list[tuple[int, float, float, bool, bool]]]] = {}
+
+    def lanes(self, tls: str) -> dict[int, tuple[str, ...]]:
+        """The lanes before a signal by the movements that they belong to."""
+        known = self._approaches.get(tls)
+        if known is None:
+            found: dict[int, list[str]] = {}
+            for (lane, _), link in self._links.items():
+                if link.tls == tls:
+                    found.setdefault(link.number, []).append(lane)
+            known = {number: tuple(lanes) for number, lanes in found.items()}
+            self._approaches[tls] = known
+        return known
 
     def movement(self, before: str, after: str) -> Movement | None:
         """The movement between two segments; None if no lane of the first leads to the second."""

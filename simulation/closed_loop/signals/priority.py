@@ -79,18 +79,21 @@ class Priority:
         self._signals = signals
         self._enabled = enabled
         self._settings = settings or PrioritySettings()
+        self._movements: Movements | None = None
         self._asking: Asking | None = None
         self._grants: dict[str, _Grant] = {}
         self._paused_s: dict[str, float] = {}
         self._owed_s: dict[str, dict[int, float]] = {}
         self._settled_s: dict[str, float] = {}
+        self._next_s = -math.inf
         self.counts = Counts()
 
     def departed(self, name: str, order: LegOrder) -> None:
         """A vehicle that may ask came onto the road, or was given another way on it."""
         if self._enabled:
-            if self._asking is None:
-                self._asking = Asking(self._signals, Movements(), self._settings)
+            if self._movements is None or self._asking is None:
+                self._movements = Movements()
+                self._asking = Asking(self._signals, self._movements, self._settings)
             self._asking.departed(name, order)
 
     def ended(self, name: str) -> None:
@@ -104,15 +107,16 @@ class Priority:
         states: Mapping[str, VehicleState],
         tails_m: Mapping[str, float] = _NONE,
     ) -> None:
-        """Before each step: hear the vehicles, then act at the signals.
+        """Before each step: once a second, hear the vehicles, then act at the signals.
 
         Args:
             now_s: simulated time.
             states: of the vehicles on the road after the last step.
             tails_m: from a leader's front to the end of its platoon.
         """
-        if self._asking is None:
+        if self._asking is None or now_s < self._next_s:
             return
+        self._next_s = math.floor(now_s) + 1.0
         requests = self._asking.at_signals(now_s, states, tails_m)
         self.counts.requests += sum(
             r.first_s == now_s for group in requests.values() for r in group
@@ -176,7 +180,11 @@ class Priority:
         base_s = grant.base_s.setdefault(running.begun_s, running.end_s)
         if not phase.lets_go(grant.request.link):
             action = self._decide(running, grant.request, base_s)
-            if isinstance(action, Cut) and self._cut(tls, running, action.at_s, now_s):
+            if (
+                isinstance(action, Cut)
+                and self._may_cut(tls, grant, running)
+                and self._cut(tls, running, action.at_s, now_s)
+            ):
                 self.counts.early_greens += not grant.cut
                 grant.cut = True
                 self._count(grant.request)
@@ -191,6 +199,16 @@ class Priority:
                 self._count(request)
         if grant.held:
             self._end_at(tls, running, end_s, now_s)
+
+    def _may_cut(self, tls: str, grant: _Grant, running: Running) -> bool:
+        """Whether the streets that lose green are not full."""
+        if grant.cut or self._movements is None:
+            return True
+        phase = running.program.phases[running.phase]
+        lanes = self._movements.lanes(tls)
+        losing = {n for link, names in lanes.items() if phase.lets_go(link) for n in names}
+        count: int = sum(libsumo.lane.getLastStepVehicleNumber(name) for name in sorted(losing))
+        return count <= self._settings.most_losing
 
     def _count(self, request: Request) -> None:
         self.counts.served += not request.served

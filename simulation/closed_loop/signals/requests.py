@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
 
 import libsumo
 
@@ -12,8 +11,6 @@ from simulation.closed_loop.signals.crossings import Crossing, Movements
 from simulation.closed_loop.signals.rules import PrioritySettings, free_drive_s
 from simulation.closed_loop.signals.timing import Signals
 from simulation.closed_loop.vehicle import LegOrder, VehicleState
-
-_FASTEST_MPS: Final = 40.0
 
 
 @dataclass
@@ -92,7 +89,7 @@ class Asking:
                 continue
             known = self._open.get(name, {})
             asking: dict[str, Request] = {}
-            for crossing, arrival_s in self._ahead(name, route, state, now_s):
+            for crossing, arrival_s in self._ahead(route, state, now_s):
                 link = crossing.link(state.lane if crossing.number == state.number else -1)
                 request = known.get(crossing.tls)
                 if request is None or request.crossing != crossing.number:
@@ -106,22 +103,21 @@ class Asking:
         return found
 
     def _ahead(
-        self, name: str, route: _Route, state: VehicleState, now_s: float
+        self, route: _Route, state: VehicleState, now_s: float
     ) -> Iterator[tuple[Crossing, float]]:
         """Signals in reach and when the vehicle can be there, up to the first that is not green."""
         place_m = route.begins_m[state.number] + state.front_m
         if state.crossing:
             place_m += self._movements.length_m(route.path[state.number])
         passed = state.number + state.crossing
-        limit_mps: float | None = None
+        limit_mps = self._movements.limit_mps(route.path[state.number])
+        reach_m = self._settings.horizon_s * max(limit_mps, state.speed_mps)
         for crossing in route.crossings:
-            distance_m = crossing.line_m - place_m
             if crossing.number < passed:
                 continue
-            if distance_m > self._settings.horizon_s * _FASTEST_MPS:
+            distance_m = crossing.line_m - place_m
+            if distance_m > reach_m:
                 return
-            if limit_mps is None:
-                limit_mps = max(libsumo.vehicle.getAllowedSpeed(name), 1.0)
             drive_s = free_drive_s(max(distance_m, 0.0), state.speed_mps, limit_mps)
             if drive_s > self._settings.horizon_s:
                 return

@@ -27,6 +27,8 @@ class PrioritySettings:
         passing_mps: at which the rest of its platoon follows.
         queue_s: what each vehicle that stands before the stop line adds to the lead.
         most_extension_s: of a green beyond the end that it had.
+        most_losing: vehicles before the signal on the lanes that would lose their green, at which
+            it is still cut.
         pause_cycles: usual cycles from the end of a grant until the signal gives the next one.
     """
 
@@ -36,6 +38,7 @@ class PrioritySettings:
     passing_mps: float = 8.0
     queue_s: float = 2.0
     most_extension_s: float = 15.0
+    most_losing: float = 1000
     pause_cycles: float = 1.0
 
     def __post_init__(self) -> None:
