@@ -26,7 +26,7 @@ _HARDEST_MPS2: Final = 9.0
 _GAIN_PER_S: Final = 0.4
 _NEARER_MPS: Final = 0.5
 _BRAKING_MPS2: Final = _CAV.deceleration_mps2
-_STEADYING_MPS2: Final = 1.5
+_STEADYING_MPS2: Final = 1.0
 _SHARE_LEFT: Final = 0.6
 _NOTABLE_MPS2: Final = 0.2
 _LEAST_GAP_M: Final = 0.5
@@ -90,7 +90,7 @@ def following_mps(
 
     Far behind, it closes up no faster than it can slow down again by coasting, so that the energy
     put into catching up is not braked away, and brakes no more than it must. Close behind, it
-    brakes as the vehicle ahead does, and by 1.5 m/s² more at most unless most of the gap is gone.
+    brakes as the vehicle ahead does, and by 1 m/s² more at most unless most of the gap is gone.
 
     Args:
         own: follower.
