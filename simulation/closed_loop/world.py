@@ -118,7 +118,9 @@ class FleetWorld:
             return False
         number = own.state.number
         self._session.run(lambda: libsumo.vehicle.setRoute(name, list(path[number:])))
-        own.order, own.behind = replace(own.order, path=path), number
+        # SUMO may keep what lies behind; both ways end at the same place.
+        own.behind = len(path) - len(libsumo.vehicle.getRoute(name))
+        own.order = replace(own.order, path=path)
         self._conductor.departed(name, own.order)
         return True
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import traceback
 from collections.abc import Callable
 from importlib.util import find_spec
 from multiprocessing import get_context
@@ -35,6 +36,7 @@ def run_apart(
 
     Raises:
         InputError: what `simulate` raises, or SUMO died.
+        RuntimeError: `simulate` raised something else.
         ModuleNotFoundError: libsumo is not installed.
     """
     if find_spec("libsumo") is None:
@@ -80,3 +82,5 @@ def _serve(
         outbox.send(("fault", error))
     except (BrokenPipeError, ConnectionResetError):
         return  # nobody wants the rest
+    except Exception:
+        outbox.send(("fault", RuntimeError(f"the simulation failed:\n{traceback.format_exc()}")))
