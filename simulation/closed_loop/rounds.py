@@ -4,13 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from dispatcher_daemon.drive import DrivingStyle, plan_drive
-from simulation.closed_loop.record import DrivenLeg, Service
+from simulation.closed_loop.record import Service
 from simulation.closed_loop.vehicle import LegOrder
 from simulation.scenarios.fleet import Deliveries, Order
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
+
+
+class Arrival(Protocol):
+    """What is told of a leg that ended."""
+
+    @property
+    def vehicle(self) -> str:
+        """Of the fleet."""
+        ...
+
+    @property
+    def leg(self) -> int:
+        """Its number in the round."""
+        ...
+
+    @property
+    def arrived_s(self) -> float:
+        """When, s since midnight."""
+        ...
 
 
 @dataclass
@@ -63,7 +83,7 @@ class Rounds:
         self._begun[plan.vehicle] += 1
         yield from self._next(plan.vehicle, plan.depart_ns / 1e9)
 
-    def arrived(self, leg: DrivenLeg) -> Iterator[LegOrder]:
+    def arrived(self, leg: Arrival) -> Iterator[LegOrder]:
         """A vehicle ended a leg; the next one to drive, none at its depot."""
         self._under_way[leg.vehicle].leg = leg.leg
         yield from self._serve(leg.vehicle, leg.arrived_s)

@@ -9,22 +9,28 @@ vehicles in the way, forming up, and what the fleet does to the traffic.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import heapq
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from dispatcher_daemon.daemon import cycle_seed
 from dispatcher_daemon.dispatch import run_cycle
 from dispatcher_daemon.drive import DrivingStyle, plan_drive
+from dispatcher_daemon.on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 from simulation.closed_loop.policy import Policy
-from simulation.closed_loop.record import ArmResult, CycleRecord, Others, Service
+from simulation.closed_loop.record import ArmResult, CycleRecord, Others
+from simulation.closed_loop.rounds import Rounds
+from simulation.closed_loop.vehicle import LegOrder
 from simulation.evaluation.passages import RecordedLeg, evaluate
 from simulation.evaluation.recorded import Recorded
 from simulation.evaluation.roadside import Roadside
 from simulation.scenarios.apart import Progress
-from simulation.scenarios.fleet import Deliveries, draw_deliveries, fleet_at
+from simulation.scenarios.fleet import draw_deliveries, fleet_at
 from simulation.scenarios.scenario import Scenario
 from slipstream.energy import Energy, total
 from slipstream.messages import VehiclePlan
@@ -104,11 +110,11 @@ def exogenous_day(
     settings = settings or evaluation_settings()
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, scenario.name)
     roadside = Roadside(recorded, scenario.network, policy, seed)
-    rounds = _Rounds(scenario, deliveries, roadside, settings, seed)
+    day = _FleetDay(Rounds(deliveries, scenario.network), roadside, settings, seed)
     begin_s, end_s = recorded.traffic.begin_s, recorded.end_s
-    rounds.run(begin_s, end_s, progress)
+    day.run(begin_s, end_s, progress)
     roadside.until(end_s)
-    driven = evaluate(rounds.legs, roadside, scenario.network, settings.sync_window_s)
+    driven = evaluate(day.legs, roadside, scenario.network, settings.sync_window_s)
     arm = ArmResult(
         scenario=scenario.name,
         seed=seed,
@@ -116,12 +122,8 @@ def exogenous_day(
         begin_s=begin_s,
         end_s=end_s,
         legs=driven.legs,
-        services=tuple(
-            Service(order.id, order.latest_s, rounds.begun_s.get(order.id))
-            for order in deliveries.orders
-            if begin_s <= order.release_s < end_s
-        ),
-        cycles=tuple(rounds.cycles),
+        services=day.rounds.services(end_s),
+        cycles=tuple(day.cycles),
         others=_NOTHING_HAPPENED,
         disengagements=driven.partings,
         teleports=0,
@@ -134,77 +136,72 @@ def exogenous_day(
 
 
 @dataclass
-class _Rounds:
-    """The fleet's rounds as the day goes on."""
+class _FleetDay:
+    """The fleet's day, cycle by cycle."""
 
-    scenario: Scenario
-    deliveries: Deliveries
+    rounds: Rounds
     roadside: Roadside
     settings: DispatcherSettings
     seed: int
     legs: list[RecordedLeg] = field(default_factory=list)
-    begun_s: dict[str, float] = field(default_factory=dict)
     cycles: list[CycleRecord] = field(default_factory=list)
-    rounds: dict[str, int] = field(default_factory=dict)
+    _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
     def run(self, begin_s: float, end_s: float, progress: Progress | None) -> None:
-        """Dispatch cycle by cycle; orders released before the begin are another day's, and those
-        that nobody can serve in time any more are given up.
-        """
-        solve, orders = evaluation_solve(), self.deliveries.orders
-        back_s = dict.fromkeys(self.deliveries.vehicles, begin_s)
-        gone = {order.id for order in orders if order.release_s < begin_s}
-        cycle_s, now_s = self.deliveries.settings.cycle_s, begin_s
+        """Dispatch until the end; rounds that are under way then are driven home."""
+        rounds, solve = self.rounds, evaluation_solve()
+        rounds.skip_before(begin_s)
+        deliveries, now_s = rounds.deliveries, begin_s
         while now_s < end_s:
-            gone.update(order.id for order in orders if order.latest_s < now_s)
-            idle = {name: now_s for name, at in back_s.items() if at <= now_s}
-            fleet = fleet_at(self.deliveries, now_s, idle, gone)
+            self._drive_until(now_s)
+            idle = {name: at for name, at in rounds.idle.items() if at <= now_s}
+            fleet = fleet_at(deliveries, now_s, idle, rounds.taken)
             if fleet is not None:
-                snapshot = self.roadside.snapshot(now_s)
+                number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
                 result = run_cycle(
-                    RoutingProblem(self.scenario.network, fleet, style=_STYLE),
+                    RoutingProblem(rounds.network, fleet, style=_STYLE),
                     snapshot,
                     self.settings,
                     solve,
                     snapshot.now_ns,
-                    round(now_s / cycle_s),
-                    self.seed,
+                    number,
+                    cycle_seed(self.seed, number),
                     reference_s=0.0,
+                    on_road=on_road(rounds.plans(), snapshot.now_ns, rounds.late_s()),
                 )
                 for plan in result.plans:
-                    gone.update(stop.stop for stop in plan.stops[1:-1])
-                    back_s[plan.vehicle] = self._drive(plan, fleet.service_s)
+                    self._start(rounds.begin(plan))
                 self._note(now_s, result.report.status, result.plans)
-            now_s += cycle_s
+            now_s += deliveries.settings.cycle_s
             if progress is not None:
                 progress(min(now_s, end_s), end_s)
+        self._drive_until(math.inf)
 
-    def _drive(self, plan: VehiclePlan, service_s: Callable[[str], float]) -> float:
-        """Drive a round at the speeds that each leg finds; returns when the vehicle is back."""
-        count = self.rounds.get(plan.vehicle, 0)
-        self.rounds[plan.vehicle] = count + 1
-        clock_s = plan.depart_ns / 1e9
-        for number, stop in enumerate(plan.stops[1:]):
-            path = tuple(s.segment for s in plan.segments if s.leg == number)
-            if path:
-                leg = self._leg((plan.vehicle, count, number), path, clock_s)
-                self.legs.append(leg)
-                clock_s += leg.drive.duration_s
-            if number < len(plan.stops) - 2:
-                self.begun_s[stop.stop] = clock_s
-                clock_s += service_s(stop.stop)
-        return clock_s
+    def _drive_until(self, now_s: float) -> None:
+        """End the legs that end by a time, and begin those that follow."""
+        while self._under_way and self._under_way[0][0] <= now_s:
+            self._start(self.rounds.arrived(heapq.heappop(self._under_way)[2]))
 
-    def _leg(self, name: tuple[str, int, int], path: tuple[str, ...], due_s: float) -> RecordedLeg:
-        segments = [self.scenario.network.segments[segment] for segment in path]
-        lengths = [segment.length_m for segment in segments]
-        speeds = [self.roadside.speed_mps(segment, due_s) for segment in path]
-        free = plan_drive(lengths, [segment.speed_limit_mps for segment in segments], _STYLE)
-        return RecordedLeg(*name, path, due_s, plan_drive(lengths, speeds, _STYLE), free.duration_s)
+    def _start(self, orders: Iterable[LegOrder]) -> None:
+        """Drive legs at the speeds that they find when they begin."""
+        for order in orders:
+            lengths = [self.rounds.network.segments[segment].length_m for segment in order.path]
+            speeds = [self.roadside.speed_mps(segment, order.due_s) for segment in order.path]
+            leg = RecordedLeg(
+                order.vehicle,
+                order.round,
+                order.leg,
+                order.path,
+                order.due_s,
+                plan_drive(lengths, speeds, _STYLE),
+                order.free_s,
+            )
+            self.legs.append(leg)
+            heapq.heappush(self._under_way, (leg.arrived_s, order.id, leg))
 
     def _note(self, now_s: float, status: str, plans: Sequence[VehiclePlan]) -> None:
         watched, judged, opened, wrong = self.roadside.counts()
-        segments = self.scenario.network.segments
+        segments = self.rounds.network.segments
         platooned_m = sum(
             segments[planned.segment].length_m
             for plan in plans

@@ -36,7 +36,7 @@ class RecordedLeg:
     Attributes:
         vehicle: of the fleet.
         round: number of its round in the day.
-        number: of the leg in the round.
+        leg: number of the leg in the round.
         path: segments.
         due_s: its departure; times of the drive count from it.
         drive: at the speeds that the background had then.
@@ -45,11 +45,16 @@ class RecordedLeg:
 
     vehicle: str
     round: int
-    number: int
+    leg: int
     path: tuple[str, ...]
     due_s: float
     drive: Drive
     free_s: float
+
+    @property
+    def arrived_s(self) -> float:
+        """When it ends."""
+        return self.due_s + self.drive.duration_s
 
 
 @dataclass(frozen=True)
@@ -188,10 +193,10 @@ def _driven_leg(
     return DrivenLeg(
         vehicle=leg.vehicle,
         round=leg.round,
-        leg=leg.number,
+        leg=leg.leg,
         due_s=leg.due_s,
         departed_s=leg.due_s,
-        arrived_s=leg.due_s + leg.drive.duration_s,
+        arrived_s=leg.arrived_s,
         free_s=leg.free_s,
         distance_m=leg.drive.length_m,
         driven=driven,
