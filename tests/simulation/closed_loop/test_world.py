@@ -1,0 +1,123 @@
+"""The fleet's vehicles on Troy's empty roads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
+from dispatcher_daemon.paths import least_cost_paths
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.traffic import take_snapshot
+from dispatcher_daemon.travel import roads_of
+from simulation.closed_loop.conductor import NoConductor
+from simulation.closed_loop.record import DrivenLeg
+from simulation.closed_loop.rerouting import Ways
+from simulation.closed_loop.rounds import free_s
+from simulation.closed_loop.vehicle import LegOrder
+from simulation.closed_loop.world import FleetWorld
+from simulation.scenarios.scenario import Scenario, load_scenario
+from simulation.scenarios.vehicle_types import TYPES
+from simulation.sumo.session import Session
+from slipstream.messages import DrivingAdvice
+
+STEP_S = 0.5
+
+
+@pytest.fixture(scope="module")
+def troy() -> Scenario:
+    """Its roads."""
+    return load_scenario("troy")
+
+
+@pytest.fixture
+def session(troy: Scenario, tmp_path: Path) -> Iterator[Session]:
+    """SUMO without a background."""
+    routes = tmp_path / "types.rou.xml"
+    routes.write_text(f"<routes>{TYPES['cav'].xml()}</routes>")
+    options = [
+        *("--net-file", str(troy.net), "--route-files", str(routes)),
+        *("--step-length", str(STEP_S), "--no-step-log", "true", "--xml-validation", "never"),
+    ]
+    with Session(options, (troy.net, routes)) as running:
+        yield running
+
+
+def shortest(troy: Scenario, start: str, end: str) -> tuple[str, ...]:
+    """The shortest way between two junctions."""
+    cost = {name: segment.length_m for name, segment in troy.network.segments.items()}
+    return least_cost_paths(troy.network, cost, [start], [end])[start, end]
+
+
+def blocked(troy: Scenario, segments: tuple[str, ...]) -> Ways:
+    """Ways of least time while some segments crawl."""
+    depot, stop = Depot(node="vand_campbell"), Stop(id="a", node="3rd_broadway")
+    fleet = Fleet(depots=(depot,), stops=(stop,), vehicles=(Vehicle(id="van"),))
+    free = take_snapshot(troy.network, (), 0, stale_after_s=1.0)
+    slow = {name: replace(free.segments[name], speed_mps=1.0) for name in segments}
+    snapshot = replace(free, segments={**free.segments, **slow})
+    problem = RoutingProblem(troy.network, fleet, search="time")
+    return Ways(troy.network, roads_of(problem, snapshot))
+
+
+def order(troy: Scenario, path: tuple[str, ...]) -> LegOrder:
+    """A leg that is due after ten seconds."""
+    return LegOrder("van", 0, 0, path, 10.0, free_s(troy.network, path), (), DrivingAdvice())
+
+
+def length_m(troy: Scenario, path: tuple[str, ...]) -> float:
+    """Of a way, its junctions apart."""
+    return sum(troy.network.segments[name].length_m for name in path)
+
+
+def drive(world: FleetWorld, steps: int) -> list[DrivenLeg]:
+    """The legs that end within some steps."""
+    return [leg for _ in range(steps) for leg in world.step()]
+
+
+def test_a_leg_goes_from_rest_to_rest(troy: Scenario, session: Session) -> None:
+    """It leaves when it is due, drives its way, needs traction for it and is gone at the end."""
+    path = shortest(troy, "vand_campbell", "4th_madison")
+    lengths = {name: segment.length_m for name, segment in troy.network.segments.items()}
+    world = FleetWorld(session, lengths, NoConductor(), STEP_S)
+    world.send(order(troy, path))
+    assert not drive(world, 19)
+    assert world.unfinished == 0
+    (leg,) = drive(world, 1200)
+    assert world.unfinished == 0
+    assert 10.0 <= leg.departed_s <= 11.0
+    assert leg.path == path
+    assert leg.distance_m == pytest.approx(length_m(troy, path), rel=0.1)
+    assert leg.free_s < leg.arrived_s - leg.departed_s < 3 * leg.free_s
+    assert leg.driven == leg.alone
+    assert 0.05 < 1000 * leg.driven.total_kwh / leg.distance_m < 0.3
+    assert sum(leg.losses) == pytest.approx(leg.alone.total_kwh, rel=1e-6)
+
+
+def test_a_leg_is_put_off_and_sent_another_way(troy: Scenario, session: Session) -> None:
+    """Whoever is asked when it is due may hold it; on the road it can turn off ahead, twice."""
+    path = shortest(troy, "vand_campbell", "3rd_broadway")
+    lengths = {name: segment.length_m for name, segment in troy.network.segments.items()}
+
+    def later(leg: LegOrder, now_s: float) -> tuple[LegOrder, float]:
+        return replace(leg, free_s=1.0), now_s + 20.0
+
+    world = FleetWorld(session, lengths, NoConductor(), STEP_S, leave=later)
+    world.send(order(troy, path))
+    ended = drive(world, 100)
+    taken, turned = path, 0
+    while turned < 2:
+        ((leg, state),) = world.running().values()
+        ahead = taken[state.number + 2 : state.number + 4]
+        other = blocked(troy, ahead).better(taken, state.number)
+        if other is not None and world.reroute(leg.id, other):
+            assert other != taken
+            taken, turned = other, turned + 1
+        ended += drive(world, 40)
+    (arrived,) = ended + drive(world, 2400)
+    assert arrived.departed_s >= 30.0
+    assert (arrived.path, arrived.free_s) == (taken, 1.0)
+    assert arrived.distance_m == pytest.approx(length_m(troy, taken), rel=0.1)
