@@ -194,6 +194,14 @@ class SearchSettings(Settings):
         ge=1,
         description="Most of the first search, which ends with the first routes that are feasible.",
     )
+    most_penalty_kwh: float = Field(
+        default=0.1,
+        gt=0,
+        le=1000,
+        allow_inf_nan=False,
+        description="Most that a unit of load too many, or 0.1 s of lateness, counts for on the "
+        "way to feasible routes; where vehicles carry few units, some detours' energy is needed.",
+    )
     part_stops: int = Field(
         default=250, ge=10, description="A round searches parts of so many stops side by side."
     )

@@ -29,15 +29,18 @@ from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.travel import Travel
-from dispatcher_daemon.vrp_model import NEVER_MWH, StopsOf, Visits, VrpModel
+from dispatcher_daemon.vrp_model import MWH_PER_KWH, NEVER_MWH, StopsOf, Visits, VrpModel
 
 log = logging.getLogger(__name__)
 
 
 _STRICT: Final = pyvrp.PenaltyParams(max_penalty=1e9)
 """Half of this is where it starts: more than leaving a stop out costs, for one unit too many."""
-_LOOSE: Final = pyvrp.PenaltyParams()
-"""PyVRP's own: passing through routes that are too full or late, the search gets further."""
+
+
+def _loose(settings: SearchSettings) -> pyvrp.PenaltyParams:
+    """Passing through routes that are too full or late, the search gets further."""
+    return pyvrp.PenaltyParams(max_penalty=settings.most_penalty_kwh * MWH_PER_KWH)
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def base_routes(
                 settings.iterations_per_stop * max(1, len(own)),
                 limit_s,
                 seed + number,
-                _LOOSE if required else _STRICT,
+                _loose(settings) if required else _STRICT,
             )
             for model, (_, own) in zip(models, parts, strict=True)
         ]
@@ -151,7 +154,7 @@ def _first_routes(
     data = model.data(required)
     begin = None if start is None else model.visits(start)
     # From where loose penalties lead first, rounds get further.
-    for penalty in (_LOOSE, _STRICT) if required else (_STRICT,):
+    for penalty in (_loose(settings), _STRICT) if required else (_STRICT,):
         most, limit_s = settings.iterations_to_feasible, settings.time_limit_s / 8
         found, cut = _search(data, begin, most, limit_s, seed, penalty, first=True)
         if found is not None:

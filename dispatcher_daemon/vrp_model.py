@@ -17,7 +17,7 @@ from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.travel import Travel
 
-_MWH = 1e6
+MWH_PER_KWH = 1e6
 _TENTHS = 10.0
 NEVER_MWH = 10**12
 """Stands for a way that does not exist: 1 GWh. Whole plans cost less."""
@@ -98,7 +98,7 @@ class VrpModel:
         seconds = self._travel.duration_s[np.ix_(rows, rows)]
         ways = np.isfinite(energy)
         # PyVRP's type hints know no array of two dimensions.
-        distance: Any = np.where(ways, np.rint(np.where(ways, energy, 0) * _MWH), NEVER_MWH)
+        distance: Any = np.where(ways, np.rint(np.where(ways, energy, 0) * MWH_PER_KWH), NEVER_MWH)
         tenths: Any = np.where(ways, np.ceil(np.where(ways, seconds, 0) * _TENTHS), 0)
         for number, kind in enumerate(self._starts, starts):
             distance[:, number] = NEVER_MWH

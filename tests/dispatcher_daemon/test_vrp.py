@@ -242,3 +242,17 @@ def test_routes_of_the_last_cycle_are_where_the_search_starts(town: Town) -> Non
     assert found == {("p0", "p1"), ("p2", "p3")}
     better = routed(made, start=last)
     assert cost_kwh(made, better.stops) < cost_kwh(made, kept.stops)
+
+
+def test_few_large_parcels_need_a_penalty_above_a_detour() -> None:
+    """Where a vehicle carries few units, routes that are too full cost less than a detour under
+    small penalties, and the search finds nothing better than its first routes; larger ones help.
+    """
+    shape = CityShape(depots=1, capacity_ratio=1.05, window_share=0.0)
+    city = generate_city(2, vehicles=8, stops=32, segments=200, shape=shape)
+    made = city.problem, city.snapshot
+    low, high = (
+        routed(made, SHORT.model_copy(update={"most_penalty_kwh": kwh})) for kwh in (1e-3, 10.0)
+    )
+    assert not high.left
+    assert cost_kwh(made, high.stops) < 0.99 * cost_kwh(made, low.stops)
