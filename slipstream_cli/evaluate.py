@@ -126,12 +126,11 @@ def _simulate(
 ) -> int:
     """Simulate what the store lacks; how many arms it had."""
     from simulation.evaluation.run import run_missing
-    from simulation.evaluation.writing import write_run
 
     span_s = world.ground.begin_s, world.ground.end_s
     with Progress("simulating", sys.stderr) as progress:
-        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, _told(progress))
-    write_run(store.folder, done)
+        told = _told(progress)
+        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, told)
     return done.kept
 
 

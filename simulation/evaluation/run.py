@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from pathlib import Path
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation.store import Store
+from simulation.evaluation.store import Store, write_whole
 
 Told = Callable[[float, float], None]
 """Told the simulated time and the end, s since midnight; what it raises ends the arm."""
@@ -79,6 +81,7 @@ def run_missing(
         with lock:
             store.put(policy, seed, result)
             wall_s[policy.name, seed] = time.monotonic() - began
+            note_wall(store.folder, policy.name, seed, wall_s[policy.name, seed])
             passed_s[policy.name, seed] = end_s - begin_s
             progress(sum(passed_s.values()), whole_s)
 
@@ -95,3 +98,18 @@ def run_missing(
         if not future.cancelled() and not isinstance(future.exception(), _Stop | None):
             future.result()
     return Done(len(wanted) - len(missing), wall_s)
+
+
+def note_wall(folder: Path, name: str, seed: int, wall_s: float) -> None:
+    """Add what an arm took to `run.json`, which is no part of the results.
+
+    Raises:
+        OSError: the disk is full.
+    """
+    path = folder / "run.json"
+    try:
+        known = dict(json.loads(path.read_text(encoding="utf-8"))["wall_s"])
+    except (OSError, ValueError, KeyError, TypeError):
+        known = {}
+    known[f"{name}-{seed}"] = round(wall_s, 1)
+    write_whole(path, json.dumps({"wall_s": dict(sorted(known.items()))}, indent=1) + "\n")

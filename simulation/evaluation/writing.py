@@ -15,7 +15,6 @@ from simulation.evaluation.evaluation import Evaluation
 from simulation.evaluation.figures import SHOWN, draw
 from simulation.evaluation.recorded import Watched
 from simulation.evaluation.report import report
-from simulation.evaluation.run import Done
 from simulation.evaluation.store import not_writable, write_whole
 from simulation.evaluation.words import Table
 
@@ -73,24 +72,6 @@ def whole_summary(
         "exogenous": {name: summary(found) for name, found in (exogenous or {}).items()},
         "tables": [asdict(table) for table in more],
     }
-
-
-def write_run(folder: Path, done: Done) -> None:
-    """Add what the arms took to those of earlier runs.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    path = folder / "run.json"
-    try:
-        known = json.loads(path.read_text(encoding="utf-8"))["wall_s"]
-    except (OSError, ValueError, KeyError, TypeError):
-        known = {}
-    took = {f"{name}-{seed}": round(wall_s, 1) for (name, seed), wall_s in done.wall_s.items()}
-    try:
-        write_whole(path, as_json({"wall_s": dict(sorted({**known, **took}.items()))}))
-    except OSError as error:
-        raise not_writable(path, error) from None
 
 
 def as_json(document: Any) -> str:

@@ -8,15 +8,18 @@ from typing import Any
 
 import pytest
 
+from simulation.closed_loop.advice import road
 from simulation.closed_loop.arm import ArmOrder
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation import exogenous_study, world, writing
+from simulation.evaluation import ceiling_tables, exogenous_study, world, writing
 from simulation.evaluation.exogenous_study import ExogenousOrder
 from simulation.scenarios.scenario import Background, Scenario
 from slipstream_cli.main import main
 from tests.simulation.evaluation.fakes import make_arm
 
 Capture = pytest.CaptureFixture[str]
+
+READ_ROADS, CEILING_TABLES = road.read_roads, ceiling_tables.ceiling_tables
 
 MORNING = ("--scenario", "corridor", "--begin", "6", "--hours", "3")
 
@@ -37,6 +40,9 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmOrder]:
     monkeypatch.setattr(world, "prepare", prepare)
     monkeypatch.setattr(world, "history_of", lambda scenario, seed, folder, **_: folder / "history")
     monkeypatch.setattr(writing, "draw", lambda evaluation, folder: ())
+    # Ceilings take a second, which only their own test need wait for.
+    monkeypatch.setattr(road, "read_roads", lambda net: None)
+    monkeypatch.setattr(ceiling_tables, "ceiling_tables", lambda evaluation, roads: ())
     return ordered
 
 
@@ -79,6 +85,8 @@ def test_ceilings_and_the_papers_way_join_the_report(
     capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Asked for once, they are simulated once; stored, they are in every later report."""
+    monkeypatch.setattr(road, "read_roads", READ_ROADS)
+    monkeypatch.setattr(ceiling_tables, "ceiling_tables", CEILING_TABLES)
     driven: list[str] = []
 
     def run_apart(_: object, order: ExogenousOrder, *__: object) -> ArmResult:

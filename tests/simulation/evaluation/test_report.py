@@ -18,9 +18,9 @@ from simulation.evaluation import writing
 from simulation.evaluation.arms import POLICIES, choose
 from simulation.evaluation.evaluation import Evaluation, collect
 from simulation.evaluation.report import printed
-from simulation.evaluation.run import Done
+from simulation.evaluation.run import note_wall
 from simulation.evaluation.store import Store
-from simulation.evaluation.writing import write_results, write_run
+from simulation.evaluation.writing import write_results
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 SEEDS = (1, 2, 3)
@@ -129,7 +129,7 @@ def test_the_figures_data_end_at_the_days_energy(whole: Path) -> None:
 def test_the_same_arms_give_the_same_bytes(whole: Path, tmp_path: Path) -> None:
     """Tables, figures' data and report do not depend on when and where they are made."""
     shutil.copytree(whole / "arms", tmp_path / "arms")
-    write_run(tmp_path, Done(0, {("B", 1): 12.34}))
+    note_wall(tmp_path, "B", 1, 12.34)
     write_results(tmp_path, read(tmp_path))
     made = sorted(path.name for path in whole.iterdir() if path.is_file())
     assert made == [
@@ -184,14 +184,3 @@ def test_arms_of_different_code_are_not_mixed_silently(tmp_path: Path) -> None:
     assert "different code" in text
     assert "C has no seed 2" in text
     assert "different code" in printed(evaluation)
-
-
-def test_wall_times_are_kept_apart_and_added_up(tmp_path: Path) -> None:
-    """A second run adds its arms to the first one's; a damaged file is begun anew."""
-    write_run(tmp_path, Done(0, {("B", 1): 10.04}))
-    write_run(tmp_path, Done(1, {("C", 1): 20.0}))
-    path = tmp_path / "run.json"
-    assert json.loads(path.read_text()) == {"wall_s": {"B-1": 10.0, "C-1": 20.0}}
-    path.write_text("{")
-    write_run(tmp_path, Done(0, {("A", 1): 1.0}))
-    assert json.loads(path.read_text()) == {"wall_s": {"A-1": 1.0}}

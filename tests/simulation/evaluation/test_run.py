@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.run import Done, Simulate, Told, run_missing
+from simulation.evaluation.run import Done, Simulate, Told, note_wall, run_missing
 from simulation.evaluation.store import Store
 from slipstream.errors import InputError
 from tests.simulation.evaluation.fakes import GROUND, make_arm
@@ -82,5 +83,17 @@ def test_a_fault_keeps_what_is_finished_and_ends_what_runs(
         run(tmp_path, simulate, workers=2)
     assert stopped.is_set()
     assert [path.name for path in (tmp_path / "arms").glob("*.json")] == ["B-1.json"]
+    assert list(json.loads((tmp_path / "run.json").read_text())["wall_s"]) == ["B-1"]
     done, _ = run(tmp_path, lambda policy, seed, _: make_arm(policy, seed))
     assert done.kept == 1
+
+
+def test_wall_times_are_added_up_over_runs(tmp_path: Path) -> None:
+    """A later arm joins the earlier ones; a damaged file is begun anew."""
+    note_wall(tmp_path, "B", 1, 10.04)
+    note_wall(tmp_path, "C", 1, 20.0)
+    path = tmp_path / "run.json"
+    assert json.loads(path.read_text()) == {"wall_s": {"B-1": 10.0, "C-1": 20.0}}
+    path.write_text("{")
+    note_wall(tmp_path, "A", 1, 1.0)
+    assert json.loads(path.read_text()) == {"wall_s": {"A-1": 1.0}}
