@@ -29,6 +29,8 @@ def bring_together(scene: Scene) -> None:
         if found is None:
             continue
         front, meeting = found
+        if _is_blocked(scene, rear, front):
+            continue
         taken.add(front)
         member.gains = meeting.faster
         leader = _leader(scene, front)
@@ -49,6 +51,13 @@ def _is_there(scene: Scene, name: str) -> bool:
     if member.mode == "following":
         return contact.gap_m <= close_gap_m(scene.step_s)
     return contact.gap_m <= 1.5 * Idm().wanted_gap_m(scene.states[name].speed_mps)
+
+
+def _is_blocked(scene: Scene, rear: str, front: str) -> bool:
+    """Whether others drive between: hurrying up to them wins nothing but braking."""
+    contact = scene.contacts.get(rear)
+    ahead = road.ahead(rear) if contact is None else (contact.ahead, contact.gap_m)
+    return ahead is not None and ahead[0] != front
 
 
 def _leader(scene: Scene, name: str) -> str:
