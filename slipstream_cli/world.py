@@ -17,6 +17,7 @@ from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream_cli.local import check_port_is_free, http_status, locked
+from slipstream_cli.movement import Movement
 from slipstream_cli.progress import Progress
 from slipstream_cli.supervisor import Supervisor
 from slipstream_cli.tally import Tally
@@ -103,9 +104,10 @@ def time_of_day_s(text: str) -> float:
 
 def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event) -> int:
     from simulation.live.prepare import prepare_world
-    from simulation.live.process import WorldProcess
+    from simulation.live.process import WorldProcess, check_simulator
     from slipstream_cli.world_daemons import write_world_settings
 
+    check_simulator()
     supervisor = Supervisor(sys.stderr)
     with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
         prepared = prepare_world(
@@ -124,9 +126,10 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             priority=options.priority,
             seed=options.seed,
         )
-        tally = Tally()
+        tally, movement = Tally(), Movement()
         tally.listen(bus)
-        supervisor.say("slipstream", f"filling the roads of {options.scenario}, as seconds do")
+        movement.listen(bus)
+        supervisor.say("slipstream", f"filling the roads of {options.scenario}")
         with WorldProcess(prepared) as world, Progress("filling the roads", sys.stderr) as bar:
             cameras = world.open(stopping.is_set, lambda share: bar.update(round(100 * share), 100))
             if stopping.is_set():
@@ -153,6 +156,7 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
         counts = world.counts
     if options.json:
         figures = tally.summary() | {
+            **movement.summary(),
             "dashboard_http": status,
             "processes_restarted": supervisor.restarted,
             "world": None if counts is None else asdict(counts),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -9,6 +10,7 @@ from typing import Final
 from simulation.live.order import WorldOrder
 from simulation.live.orders import OrderFile, open_since_s
 from simulation.scenarios.fleet import draw_deliveries
+from simulation.scenarios.rsus import Rsu
 from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
 from simulation.scenarios.vehicle_types import TYPES
 from slipstream.config import BusSettings
@@ -52,26 +54,24 @@ def prepare_world(
             RSUs than cameras, or no order at that time of day.
     """
     scenario = load_scenario(name, net=net, demand=demand, rsus=rsus, fleet=fleet)
+    deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, name)
     folder.mkdir(parents=True, exist_ok=True)
+    orders = folder / "fleet.json"
+    old = {o.id for o in deliveries.orders if o.release_s < open_since_s(deliveries, begin_s)}
+    idle = dict.fromkeys(deliveries.vehicles, begin_s)
+    if not OrderFile(orders, deliveries).write(begin_s, idle, old):
+        raise InputError("--begin", "no order is open at this time of day", "begin in the daytime")
+    if scenario.rsus is not None:
+        _check_count(name, scenario.rsus, cameras)
     background = (
         prepare(scenario, seed, folder) if routes is None else own_background(scenario, routes)
     )
-    if len(background.rsus) < cameras:
-        raise InputError(
-            name, f"{len(background.rsus)} RSUs for {cameras} cameras", "give --rsus or --rsu-file"
-        )
+    _check_count(name, background.rsus, cameras)
     day = order_day(scenario, background, folder, begin_s=max(0.0, begin_s - WARM_UP_S))
     if routes is not None:
         types = folder / "fleet.add.xml"
         types.write_text(f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n", encoding="utf-8")
         day = replace(day, additional=(*day.additional, types))
-    deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, name)
-    old = {o.id for o in deliveries.orders if o.release_s < open_since_s(deliveries, begin_s)}
-    orders = folder / "fleet.json"
-    if not OrderFile(orders, deliveries).write(
-        begin_s, dict.fromkeys(deliveries.vehicles, begin_s), old
-    ):
-        raise InputError("--begin", "no order is open at this time of day", "begin in the daytime")
     return WorldOrder(
         day,
         begin_s,
@@ -85,3 +85,10 @@ def prepare_world(
         seed=seed,
         fps=fps,
     )
+
+
+def _check_count(name: str, rsus: Sequence[Rsu], cameras: int) -> None:
+    if len(rsus) < cameras:
+        raise InputError(
+            name, f"{len(rsus)} RSUs for {cameras} cameras", "give --rsus or --rsu-file"
+        )

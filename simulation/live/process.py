@@ -22,6 +22,16 @@ _STOP_S: Final = 5.0
 _POLL_S: Final = 0.2
 
 
+def check_simulator() -> None:
+    """Make sure that SUMO is installed.
+
+    Raises:
+        ModuleNotFoundError: libsumo is not.
+    """
+    if find_spec("libsumo") is None:
+        raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
+
+
 class WorldProcess:
     """A running world as a context manager: `with WorldProcess(order) as world`.
 
@@ -34,8 +44,7 @@ class WorldProcess:
     """
 
     def __init__(self, order: WorldOrder) -> None:
-        if find_spec("libsumo") is None:
-            raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
+        check_simulator()
         check_files(order.day.net, (order.day.routes, *order.day.additional))
         self._order = order
         self.counts: WorldCounts | None = None
