@@ -16,6 +16,7 @@ from simulation.closed_loop.advice.approach import (
 )
 from simulation.closed_loop.advice.coasting import Rolling, braked_mps
 from simulation.closed_loop.advice.price import leg_price_w
+from simulation.closed_loop.advice.radar import Radar, Seen, closes_in, look_ahead, waiting
 from simulation.closed_loop.advice.road import LegRoad, Roads, StopLine, leg_road, read_roads
 from simulation.closed_loop.vehicle import LegOrder, VehicleState
 from slipstream.energy import PAPER_CAR, VehicleParameters
@@ -44,6 +45,7 @@ class Driving:
     """
 
     braking_mps2: float = 1.5
+    closing_mps2: float = 0.3
     slowing_mps2: float = 1.5
     acceleration_mps2: float = 1.3
     margins: Margins = field(default_factory=Margins)
@@ -54,7 +56,10 @@ class _Leg:
     order: LegOrder
     road: LegRoad
     price_w: float
-    left_s: float
+    budget_s: float
+    spent_s: float
+    leader: str = ""
+    leader_mps: float = 0.0
 
 
 class SpeedAdvisor:
@@ -75,6 +80,7 @@ class SpeedAdvisor:
         step_s: float,
         vehicle: VehicleParameters = PAPER_CAR,
         driving: Driving | None = None,
+        radar: Radar = look_ahead,
     ) -> None:
         self._roads = net if isinstance(net, Roads) else read_roads(net)
         self._signals = signals
@@ -82,10 +88,11 @@ class SpeedAdvisor:
         self._vehicle = vehicle
         self._rolling = Rolling.of(vehicle)
         self._driving = driving or Driving()
+        self._radar = radar
         self._legs: dict[str, _Leg] = {}
 
     def departed(self, name: str, order: LegOrder) -> None:
-        """A vehicle came onto the road."""
+        """A vehicle came onto the road, or was given another way on it: it keeps its account."""
         if not (order.advice.eco_approach or order.advice.coasting_budget > 0):
             return
         road = leg_road(self._roads, order.path)
@@ -93,7 +100,9 @@ class SpeedAdvisor:
         price_w = leg_price_w(
             road, budget_s, self._rolling, self._driving.braking_mps2, self._vehicle
         )
-        self._legs[name] = _Leg(order, road, price_w, budget_s)
+        known = self._legs.get(name)
+        spent_s = 0.0 if known is None else known.spent_s
+        self._legs[name] = _Leg(order, road, price_w, budget_s, spent_s)
 
     def ended(self, name: str) -> None:
         """A vehicle left the road."""
@@ -114,11 +123,17 @@ class SpeedAdvisor:
         if leg is None:
             return None
         place_m = leg.road.place_m(state)
+        seen = self._radar(name)
         cap = math.inf
         if leg.order.advice.eco_approach and not state.crossing:
-            cap = self._for_signal(leg, now_s, state, place_m, tail_m)
-        if leg.left_s > 0 and state.speed_mps > 0:
+            cap = self._for_signal(leg, now_s, state, place_m, tail_m, seen)
+        if leg.spent_s < leg.budget_s and state.speed_mps > 0:
             cap = min(cap, self._rolling_out(leg, state, place_m))
+        if seen is not None:
+            steady = seen.name == leg.leader and seen.speed_mps <= leg.leader_mps + 0.05
+            leg.leader, leg.leader_mps = seen.name, seen.speed_mps
+            if steady and closes_in(seen, state.speed_mps, self._driving.closing_mps2):
+                cap = min(cap, self._rolling.after(state.speed_mps, self._step_s))
         return None if cap == math.inf else cap
 
     def _rolling_out(self, leg: _Leg, state: VehicleState, place_m: float) -> float:
@@ -132,12 +147,18 @@ class SpeedAdvisor:
             if ahead_m <= self._rolling.approach_m(speed, slow.speed_mps, leg.price_w, braking):
                 unhindered = min(limit, braked_mps(ahead_m, slow.speed_mps, braking))
                 if unhindered > speed:
-                    leg.left_s -= self._step_s * (1 - speed / unhindered)
+                    leg.spent_s += self._step_s * (1 - speed / unhindered)
                 return max(slow.speed_mps, self._rolling.after(speed, self._step_s))
         return math.inf
 
     def _for_signal(
-        self, leg: _Leg, now_s: float, state: VehicleState, place_m: float, tail_m: float
+        self,
+        leg: _Leg,
+        now_s: float,
+        state: VehicleState,
+        place_m: float,
+        tail_m: float,
+        seen: Seen | None,
     ) -> float:
         """The speed that reaches the next stop line at green."""
         line = self._line(leg, state, place_m)
@@ -149,7 +170,9 @@ class SpeedAdvisor:
         windows = self._signals.upcoming(line.tls, line.link, now_s)
         earliest_s = now_s + free_arrival_s(ahead_m, speed, limit, self._driving.acceleration_mps2)
         tail_s = tail_m / line.passing_mps
-        arrive_s = choose_arrival_s(windows, now_s, earliest_s, tail_s, 0, margins)
+        arrive_s = choose_arrival_s(
+            windows, now_s, earliest_s, tail_s, waiting(seen, ahead_m), margins
+        )
         if arrive_s is None or arrive_s <= earliest_s:
             return math.inf
         step_s = self._step_s

@@ -6,9 +6,16 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from simulation.closed_loop.vehicle import VehicleState
+
+YIELDING_MPS: Final = 4.0
+"""Who has to give way sees 4.5 m before the line, SUMO's measure, whether somebody comes, and must
+be able to stop there: √(2 · 2.5 m/s² · 4.5 m) = 4.7 m/s, less what a step takes."""
+
+_YIELDING: Final = "msw="
+"""Letters of SUMO's connections that give way: minor, stop, all-way stop, equal."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +25,7 @@ class Crossing:
     Attributes:
         length_m: of the lanes through the junction; 0 where there are none.
         speed_mps: the lowest of their limits: the turn's.
+        yields: whether it gives way by the rules of the road, without signals.
         tls: the signals that it obeys; None: none.
         link: its index there.
     """
@@ -26,6 +34,12 @@ class Crossing:
     speed_mps: float
     tls: str | None
     link: int
+    yields: bool = False
+
+    @property
+    def passing_mps(self) -> float:
+        """How fast it is driven into when nobody comes."""
+        return min(self.speed_mps, YIELDING_MPS) if self.yields else self.speed_mps
 
 
 @dataclass(frozen=True)
@@ -71,6 +85,7 @@ def read_roads(net: Path) -> Roads:
                         ),
                         tls,
                         int(connection.getTLLinkIndex()) if tls else -1,
+                        tls is None and connection.getState() in _YIELDING,
                     ),
                 )
     return Roads(
@@ -179,8 +194,8 @@ def leg_road(roads: Roads, path: Sequence[str], lanes: Mapping[int, int] | None 
         way = roads.crossing(segment, path[number + 1], lanes.get(number, 0))
         if way.tls is not None:
             lines.append(StopLine(at, way.tls, way.link, min(limit, way.speed_mps)))
-        if way.speed_mps < limit:
-            slow.append(Slow(at, way.speed_mps))
+        if way.passing_mps < limit:
+            slow.append(Slow(at, way.passing_mps))
         at += way.length_m
         onward = roads.limit_mps[path[number + 1]]
         if onward < min(limit, way.speed_mps):

@@ -5,11 +5,19 @@ from dataclasses import dataclass, replace
 import pytest
 
 from simulation.closed_loop.advice.advisor import SpeedAdvisor
+from simulation.closed_loop.advice.radar import Radar, Seen
 from simulation.closed_loop.advice.road import Crossing, Roads
 from simulation.closed_loop.vehicle import LegOrder, VehicleState
 from slipstream.messages import DrivingAdvice
 
 LIMIT = 13.4
+
+
+def nobody(name: str) -> Seen | None:
+    """A radar before an empty road."""
+    return None
+
+
 ROADS = Roads(
     {"a": 400.0, "b": 600.0},
     {"a": LIMIT, "b": LIMIT},
@@ -45,10 +53,10 @@ def order(*, eco: bool = False, coasting: float = 0.0) -> LegOrder:
 
 
 def drive(
-    leg: LegOrder, timing: Timing, *, tail_m: float = 0.0
+    leg: LegOrder, timing: Timing, *, tail_m: float = 0.0, radar: Radar = nobody
 ) -> tuple[list[float], list[float], dict[str, float]]:
     """Drive a leg by its advice alone; speeds, places and times at the stop line and the end."""
-    advisor = SpeedAdvisor(ROADS, timing, 0.5)
+    advisor = SpeedAdvisor(ROADS, timing, 0.5, radar=radar)
     advisor.departed(leg.id, leg)
     now = place = speed = 0.0
     speeds, places = [speed], [place]
@@ -72,7 +80,7 @@ def drive(
 
 def test_no_advice_is_free_driving() -> None:
     """Without either part, and for vehicles that never departed, there is no cap."""
-    advisor = SpeedAdvisor(ROADS, Timing(), 0.5)
+    advisor = SpeedAdvisor(ROADS, Timing(), 0.5, radar=nobody)
     leg = order()
     advisor.departed(leg.id, leg)
     state = VehicleState("a", 0, False, 0, 10.0, 5.0, 10.0)
@@ -112,3 +120,60 @@ def test_with_no_seconds_left_nobody_coasts() -> None:
     """An account that is empty at the begin gives no advice."""
     leg = replace(order(coasting=0.1), free_s=0.0)
     assert drive(leg, Timing()) == drive(order(), Timing())
+
+
+def test_another_way_keeps_the_account() -> None:
+    """A vehicle that is given another way does not get its budget of seconds again."""
+    leg = order(coasting=0.02)
+    advisor = SpeedAdvisor(ROADS, Timing(), 0.5, radar=nobody)
+    advisor.departed(leg.id, leg)
+
+    def advised() -> int:
+        state = VehicleState("b", 1, False, 0, 570.0, 9.0, 990.0)
+        caps = [advisor.cap_mps(leg.id, 0.0, state) for _ in range(200)]
+        return sum(cap is not None for cap in caps)
+
+    assert 0 < advised() < 200
+    advisor.departed(leg.id, leg)
+    assert advised() == 0
+    advisor.ended(leg.id)
+    advisor.departed(leg.id, leg)
+    assert advised() > 0
+
+
+def test_a_queue_at_the_line_is_given_time_to_leave() -> None:
+    """Who sees vehicles wait at the stop line approaches more slowly than an empty one."""
+
+    def queue(name: str) -> Seen | None:
+        return Seen("ahead", 70.0, 0.0)
+
+    def cap_mps(radar: Radar) -> float:
+        advisor = SpeedAdvisor(ROADS, Timing((Green(40.0, 80.0),)), 0.5, radar=radar)
+        leg = order(eco=True)
+        advisor.departed(leg.id, leg)
+        state = VehicleState("a", 0, False, 0, 300.0, 9.0, 300.0)
+        cap = advisor.cap_mps(leg.id, 30.0, state)
+        assert cap is not None
+        return cap
+
+    assert cap_mps(queue) < cap_mps(nobody) - 0.3
+
+
+def test_nobody_speeds_up_behind_a_slower_vehicle() -> None:
+    """A vehicle that closes in on a slower one rolls; one that falls back is left alone."""
+
+    def cap(ahead_mps: float) -> float | None:
+        def slower(name: str) -> Seen | None:
+            return Seen("ahead", 30.0, ahead_mps)
+
+        advisor = SpeedAdvisor(ROADS, Timing(), 0.5, radar=slower)
+        leg = order(eco=True)
+        advisor.departed(leg.id, leg)
+        state = VehicleState("a", 0, False, 0, 100.0, 12.0, 100.0)
+        advisor.cap_mps(leg.id, 10.0, state)
+        return advisor.cap_mps(leg.id, 10.5, state)
+
+    behind = cap(7.0)
+    assert behind is not None
+    assert 11.8 < behind < 12.0
+    assert cap(12.5) is None

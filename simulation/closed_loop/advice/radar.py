@@ -1,0 +1,62 @@
+"""The vehicle ahead, as a radar sees it: how far, how fast, and how many wait at the line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+_RANGE_M: Final = 100.0
+_STANDING_GAP_M: Final = 2.5
+_CAR_M: Final = 4.6
+_HEADWAY_S: Final = 1.2
+_WAITING_MPS: Final = 1.0
+
+
+class Seen(NamedTuple):
+    """The vehicle ahead.
+
+    Attributes:
+        name: of its track.
+        gap_m: from the own standing gap to its back.
+        speed_mps: its.
+    """
+
+    name: str
+    gap_m: float
+    speed_mps: float
+
+
+Radar = Callable[[str], Seen | None]
+
+
+def look_ahead(name: str) -> Seen | None:
+    """What a vehicle of the running simulation sees ahead on its way."""
+    import libsumo
+
+    found = libsumo.vehicle.getLeader(name, _RANGE_M)
+    if not found or not found[0] or found[1] > _RANGE_M:
+        return None
+    return Seen(found[0], float(found[1]), float(libsumo.vehicle.getSpeed(found[0])))
+
+
+def waiting(seen: Seen | None, line_m: float) -> int:
+    """Vehicles that wait at a stop line, of which the last one is seen.
+
+    Args:
+        seen: the vehicle ahead.
+        line_m: distance to the stop line.
+    """
+    if seen is None or seen.speed_mps > _WAITING_MPS:
+        return 0
+    before_m = line_m - seen.gap_m - _STANDING_GAP_M - _CAR_M
+    if before_m < -_CAR_M:
+        return 0
+    return 1 + max(0, round(before_m / (_CAR_M + _STANDING_GAP_M)))
+
+
+def closes_in(seen: Seen, speed_mps: float, slowing_mps2: float) -> bool:
+    """Whether slowing gently from now on would not be too early to fall in behind a slower one."""
+    faster = speed_mps - seen.speed_mps
+    if faster <= 0:
+        return False
+    return seen.gap_m - _HEADWAY_S * seen.speed_mps <= 0.5 * faster * faster / slowing_mps2
