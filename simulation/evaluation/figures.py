@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil, floor
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ from simulation.evaluation.curves import BIN_S, HOUR_S, Array
 from simulation.evaluation.data import courses_of
 from simulation.evaluation.evaluation import Evaluation
 from simulation.evaluation.words import percent
+from simulation.scenarios.gates import clock
 
 SHOWN: Final = (SHORTEST, BASELINE, COOPERATIVE, EVERY_LEVER)
 """Policies of the hourly figure; the cumulative one leaves out the first."""
@@ -30,6 +32,9 @@ _LABELS: Final = {
     COOPERATIVE: "C: cooperative",
     EVERY_LEVER: "C+: with signal priority",
 }
+
+
+_TICKS_S: Final = (300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 10800.0)
 
 
 def draw(evaluation: Evaluation, folder: Path) -> tuple[str, ...]:
@@ -63,10 +68,10 @@ def cumulative(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Pat
         if name != BASELINE and saved is not None:
             label += f" ({percent(saved.mean)} saved)"
         _band(above, hours, energy, name, label)
-        if platooned.any():
+        if name != BASELINE:
             _band(below, hours, platooned, name, None)
     above.set(ylabel="energy so far, kWh", ylim=(0, None))
-    above.legend(frameon=False, loc="upper left")
+    above.legend(frameon=False, loc="lower right")
     below.set(ylabel="platooned so far, km", xlabel="hour of the day", ylim=(0, None))
     _hours(below, evaluation)
     for axes in (above, below):
@@ -78,10 +83,11 @@ def cumulative(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Pat
 def hourly(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Path) -> None:
     """Energy of each hour by policy; means over the seeds, lines from the least to the most."""
     figure, axes = plt.subplots(figsize=(9.0, 4.0), layout="constrained")
-    width = 0.84 / len(names)
     for place, name in enumerate(names):
         courses = courses_of(evaluation, name, HOUR_S)
-        middle = np.ceil(courses[0].ends_s / HOUR_S) - 0.5
+        ends = courses[0].ends_s / HOUR_S
+        starts = np.concatenate([[evaluation.ground.begin_s / HOUR_S], ends[:-1]])
+        middle, width = (starts + ends) / 2, 0.84 / len(names) * (ends - starts)
         at = middle + (place - (len(names) - 1) / 2) * width
         energy = np.array([c.energy_kwh for c in courses])
         axes.bar(at, energy.mean(axis=0), width, color=_COLOURS[name], label=_LABELS[name])
@@ -110,11 +116,13 @@ def _band(axes: Any, hours: Array, values: Array, name: str, label: str | None) 
 
 
 def _hours(axes: Any, evaluation: Evaluation) -> None:
-    begin, end = evaluation.ground.begin_s / HOUR_S, evaluation.ground.end_s / HOUR_S
-    first, last = int(np.floor(begin)), int(np.ceil(end))
-    step = 1 if last - first <= 12 else 3
-    axes.set_xticks(range(first, last + 1, step))
-    axes.set_xlim(first, last)
+    """Ticks at round times of the simulated part of the day."""
+    begin_s, end_s = evaluation.ground.begin_s, evaluation.ground.end_s
+    step_s = next((s for s in _TICKS_S if end_s - begin_s <= 8 * s), _TICKS_S[-1])
+    times = [t * step_s for t in range(ceil(begin_s / step_s), floor(end_s / step_s) + 1)]
+    words = [f"{t / HOUR_S:g}" if step_s >= HOUR_S else clock(t) for t in times]
+    axes.set_xticks([t / HOUR_S for t in times], words)
+    axes.set_xlim(begin_s / HOUR_S, end_s / HOUR_S)
 
 
 def _tidy(axes: Any) -> None:
