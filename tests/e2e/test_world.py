@@ -83,7 +83,7 @@ def test_plans_move_vehicles_before_cameras_that_rsus_watch(
     up; then Ctrl-C ends all of it within seconds and leaves no process.
     """
     world = start("--json")
-    line = world.says("pictures at", 180)
+    line = world.says("pictures at", 300)
     assert SEGMENT in line
     url = line.rsplit(" ", 1)[1]
     world.says("ready", 120)
@@ -94,7 +94,7 @@ def test_plans_move_vehicles_before_cameras_that_rsus_watch(
     plans = world.says("plans by", 120)
     assert " ok: 0 plans" not in plans
     world.says("edge rsu-01 INFO ready", 120)
-    time.sleep(4.0)
+    time.sleep(8.0)
     children = psutil.Process(world.process.pid).children(recursive=True)
     began = time.monotonic()
     os.kill(world.process.pid, signal.SIGINT)
