@@ -29,7 +29,7 @@ def test_beyond_its_ends_the_curve_flatters_the_baseline_and_says_so() -> None:
     assert (faster.energy, faster.extrapolated) == (pytest.approx(7.0), "faster")
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(
     st.lists(
         st.tuples(st.floats(100, 1000), st.floats(1, 100)), min_size=2, max_size=5,
