@@ -53,6 +53,18 @@ def _is_there(scene: Scene, name: str) -> bool:
     return contact.gap_m <= 1.5 * Idm().wanted_gap_m(scene.states[name].speed_mps)
 
 
+def _is_worth_speed(scene: Scene, way: SharedWay) -> bool:
+    """Whether a speed that is gained here lasts to where the gates are open.
+
+    From a ramp or a side street it does not: at its end everybody slows down to turn.
+    """
+    here = way.parts[0][0]
+    first = next((segment for segment, _ in way.parts if scene.is_open(segment)), None)
+    if first is None:
+        return False
+    return first == here or scene.limit_mps(here) >= scene.limit_mps(first)
+
+
 def _is_blocked(scene: Scene, rear: str, front: str) -> bool:
     """Whether others drive between: hurrying up to them wins nothing but braking."""
     contact = scene.contacts.get(rear)
@@ -86,6 +98,8 @@ def _meeting(
     if nearest is None:
         return None
     between_m, front, way = nearest
+    if not _is_worth_speed(scene, way):
+        return None
     added = ETA_FOLLOWER - (ETA_LEADER if rear in behind else 0.0)
     if scene.members[front].mode != "following":
         added += ETA_LEADER

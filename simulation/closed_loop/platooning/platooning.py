@@ -55,6 +55,7 @@ class Platooning:
         self._step_s, self._lengths = step_s, segment_lengths
         self._enabled = enabled
         self._members: dict[str, Member] = {}
+        self._limits: dict[str, float] = {}
         self._join_s = self._meet_s = 0.0
         self._disengagements = 0
 
@@ -85,7 +86,9 @@ class Platooning:
         if len(members) < 2 and all(m.mode == "alone" and m.hurry == 1 for m in members.values()):
             return PlatoonStep()
         joins = now_s >= self._join_s
-        scene = Scene(now_s, self._step_s, members, states, self._lengths, self._is_open)
+        scene = Scene(
+            now_s, self._step_s, members, states, self._lengths, self._is_open, self._limits
+        )
         scene.look(everybody=joins)
         self._disengagements += disengage(scene, self._is_turbulent)
         for name, member in members.items():

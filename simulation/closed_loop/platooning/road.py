@@ -112,3 +112,8 @@ def to_lane(name: str, lane: int, seconds: float) -> None:
 def length_m(name: str) -> float:
     """Of any vehicle."""
     return float(libsumo.vehicle.getLength(name))
+
+
+def limit_mps(segment: str) -> float:
+    """Speed limit of a segment."""
+    return float(libsumo.lane.getMaxSpeed(f"{segment}_0"))

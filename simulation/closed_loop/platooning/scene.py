@@ -31,6 +31,7 @@ class Scene:
         states: theirs.
         lengths: of segments, m.
         is_open: whether a segment's gate is.
+        limits: of segments, m/s, as far as they were asked for.
         contacts: whom members are directly behind, of those that were asked for.
     """
 
@@ -40,6 +41,7 @@ class Scene:
     states: Mapping[str, VehicleState]
     lengths: Mapping[str, float]
     is_open: Callable[[str], bool]
+    limits: dict[str, float]
     contacts: dict[str, Contact] = field(default_factory=dict)
     _places: dict[str, Place] = field(default_factory=dict)
 
@@ -72,6 +74,12 @@ class Scene:
     def desired_mps(self, name: str) -> float:
         """What a vehicle would drive here if it did not hurry."""
         return road.desired_mps(name) / self.members[name].hurry
+
+    def limit_mps(self, segment: str) -> float:
+        """Speed limit of a segment."""
+        if segment not in self.limits:
+            self.limits[segment] = road.limit_mps(segment)
+        return self.limits[segment]
 
     def motion(self, name: str) -> Motion:
         """Of a vehicle that is behind another one."""
