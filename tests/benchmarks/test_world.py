@@ -10,7 +10,7 @@ import pytest
 from benchmarks.aims import Check
 from benchmarks.world import __main__ as command
 from benchmarks.world import bench
-from benchmarks.world.bench import BenchSettings, compare_folders, run_bench
+from benchmarks.world.bench import BenchSettings, compare_folders, read_saved, run_bench
 from benchmarks.world.figures import (
     Repeat,
     Saved,
@@ -20,6 +20,11 @@ from benchmarks.world.figures import (
     time_checks,
 )
 from benchmarks.world.report import Results, checks, markdown
+from simulation.closed_loop.advice.road import Crossing, Roads
+from simulation.evaluation.arms import POLICIES
+from simulation.evaluation.store import Store
+from simulation.evaluation.world import World, WorldFiles
+from tests.simulation.evaluation.fakes import make_arm
 
 DAY = TimedRun("background", "troy", 1, 24.0, 100.0, 90.0, 400.0)
 ARM = TimedRun("C+", "troy", 1, 24.0, 500.0, 480.0, 400.0)
@@ -114,3 +119,34 @@ def test_slips_are_told_in_one_line(
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert key in error
+
+
+def test_savings_are_read_from_an_evaluations_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At equal travel time, the noisy arm's beside it, and the drafting ceiling from the legs of
+    the baseline."""
+    roads = Roads(
+        {"a": 500.0, "b": 500.0},
+        {"a": 14.0, "b": 14.0},
+        {("a", "b"): {0: Crossing(0, 9, None, -1)}},
+    )
+    monkeypatch.setattr(bench, "read_roads", lambda net: roads)
+    world = World(WorldFiles("troy"), tmp_path, "actuated", (7 * 3600.0, 8 * 3600.0))
+    with Store(tmp_path, world.ground, "code") as store:
+        for name in ("B", "B-0.88", "C", "C+", "C-noise-20"):
+            arm = make_arm(POLICIES[name], 1)
+            legs = tuple(replace(leg, path=("a", "b")) for leg in arm.legs)
+            store.put(POLICIES[name], 1, replace(arm, legs=legs))
+    found = read_saved("troy", tmp_path, (7.0, 8.0), (1,))
+    assert (found.scenario, found.hours, found.seeds, found.refused) == ("troy", 1.0, (1,), ())
+    assert found.every is not None
+    assert found.without_priority is not None
+    assert found.every > found.without_priority > 0
+    assert found.lost_by_noise is not None
+    assert 0 < found.lost_by_noise < 1
+    legs = make_arm(POLICIES["B"], 1).legs
+    drag = sum(leg.alone.drag_kwh for leg in legs) / sum(leg.alone.total_kwh for leg in legs)
+    assert found.drafting_ceiling == pytest.approx(0.2 * drag)
+    assert found.of_drafting is not None
+    assert 0 < found.of_drafting < 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -198,7 +199,9 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
     with Store(folder, GROUND, "code") as store:
         for name in names:
             for seed in (1, 2):
-                store.put(POLICIES[name], seed, make_arm(POLICIES[name], seed))
+                arm = make_arm(POLICIES[name], seed)
+                legs = tuple(replace(leg, path=("a", "b", "c")) for leg in arm.legs)
+                store.put(POLICIES[name], seed, replace(arm, legs=legs))
         return collect(store, GROUND, (1, 2))
 
 
