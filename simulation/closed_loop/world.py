@@ -18,6 +18,9 @@ Leave = Callable[[LegOrder, float], tuple[LegOrder, float]]
 
 _STANDING_MPS: Final = 0.1
 _ROLLING_MPS: Final = 1.0
+# All of SUMO's checks but one: a vehicle that is told its speed would else brake no harder than is
+# comfortable, even for a red light or for somebody who cuts in.
+_BRAKING_FREELY: Final = 0b11011
 # The IDM comes ever nearer to the end of a leg and ever slower: the last metres would take minutes.
 _THERE_M: Final = 5.0
 _THERE_MPS: Final = 1.0
@@ -185,6 +188,7 @@ class FleetWorld:
                     arrivalSpeed="0",
                 )
                 libsumo.vehicle.setSpeedFactor(name, self._pace)
+                libsumo.vehicle.setSpeedMode(name, _BRAKING_FREELY)
 
             self._session.run(add)
             self._entering[name] = order
