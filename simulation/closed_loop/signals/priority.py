@@ -183,7 +183,7 @@ class Priority:
             if (
                 isinstance(action, Cut)
                 and self._may_cut(tls, grant, running)
-                and self._cut(tls, running, action.at_s, now_s)
+                and self._cut(tls, running, action.at_s, base_s, now_s)
             ):
                 self.counts.early_greens += not grant.cut
                 grant.cut = True
@@ -205,8 +205,13 @@ class Priority:
         if grant.cut or self._movements is None:
             return True
         phase = running.program.phases[running.phase]
-        lanes = self._movements.lanes(tls)
-        losing = {n for link, names in lanes.items() if phase.lets_go(link) for n in names}
+        following = running.program.phases[phase.next[0]]
+        losing = {
+            name
+            for link, names in self._movements.lanes(tls).items()
+            if phase.lets_go(link) and not following.lets_go(link)
+            for name in names
+        }
         count: int = sum(libsumo.lane.getLastStepVehicleNumber(name) for name in sorted(losing))
         return count <= self._settings.most_losing
 
@@ -214,10 +219,10 @@ class Priority:
         self.counts.served += not request.served
         request.served = True
 
-    def _cut(self, tls: str, running: Running, at_s: float, now_s: float) -> bool:
+    def _cut(self, tls: str, running: Running, at_s: float, base_s: float, now_s: float) -> bool:
         """End a phase early, as a fixed time to come or, if it is actuated, when it is due."""
         if running.program.fixed:
-            self._end_at(tls, running, math.ceil(at_s), now_s)
+            self._end_at(tls, running, min(math.ceil(at_s), base_s), now_s)
             return True
         if at_s > now_s:
             return False

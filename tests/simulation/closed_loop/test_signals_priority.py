@@ -69,6 +69,37 @@ def test_a_free_drive_is_that_of_constant_acceleration_up_to_the_limit() -> None
     assert free_drive_s(22.5, 0.0, 18.0) == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize("waiting", [0, 1])
+def test_no_green_is_cut_where_the_streets_that_lose_it_are_full(
+    tmp_path: Path, waiting: int
+) -> None:
+    """With nobody on the cross street a signal turns early, with one vehicle there it does not."""
+    from simulation.closed_loop.signals.priority import Priority
+    from simulation.closed_loop.signals.timing import Signals
+
+    order = LegOrder("v", 0, 0, PATH, 25200.0, 60.0, (), DrivingAdvice(signal_priority=True))
+    with _troy(tmp_path, fixed=True) as session:
+        priority = Priority(Signals(), True, PrioritySettings(most_losing=0))
+        # The cross street's green begins at 25280, before the vehicle comes near.
+        session.advance(25270.0)
+        libsumo.route.add(order.id, PATH)
+        libsumo.vehicle.add(order.id, order.id, typeID="cav", departSpeed="0")
+        libsumo.route.add("cross", ["hoosick_15th-hoosick_10th", "hoosick_10th-hoosick_8th"])
+        if waiting:
+            libsumo.vehicle.add("other", "cross", departSpeed="0")
+            libsumo.vehicle.setSpeed("other", 0.0)
+        session.advance()
+        priority.departed(order.id, order)
+        state = read_state(order.id, order)
+        while state.number == 0 and not state.crossing:
+            if waiting and "other" not in libsumo.vehicle.getIDList():
+                libsumo.vehicle.add("other", "cross", departSpeed="0")
+            priority.step(session.time_s, {order.id: state})
+            session.advance()
+            state = read_state(order.id, order)
+        assert priority.counts.early_greens == 1 - waiting
+
+
 def test_settings_out_of_range_are_refused() -> None:
     """Times are not negative."""
     with pytest.raises(ValueError, match="signal priority"):
@@ -79,6 +110,19 @@ PATH = (
     *("10th_oakwood-hoosick_10th", "hoosick_10th-hoosick_8th", "hoosick_8th-hoosick_6th"),
     *("hoosick_6th-hoosick_5th", "hoosick_5th-hoosick_river", "hoosick_river-king_river"),
 )
+
+
+def _troy(folder: Path, fixed: bool) -> Session:
+    """Troy's roads at seven with nobody on them."""
+    net = load_scenario("troy").net
+    types = folder / "types.rou.xml"
+    types.write_text(f"<routes>{TYPES['cav'].xml()}</routes>")
+    options = ["--net-file", str(net), "--route-files", str(types), "--step-length", "0.5"]
+    options += ["--no-step-log", "true", "--no-warnings", "true", "--begin", "25200"]
+    if fixed:
+        write_fixed_time(net, folder / "fixed.add.xml")
+        options += ["--additional-files", str(folder / "fixed.add.xml")]
+    return Session(options, (net, types))
 
 
 @dataclass(frozen=True)
@@ -109,17 +153,9 @@ def _drive(folder: Path, fixed: bool, enabled: bool) -> Driven:
     from simulation.closed_loop.signals.priority import Priority
     from simulation.closed_loop.signals.timing import Signals
 
-    net = load_scenario("troy").net
-    types = folder / "types.rou.xml"
-    types.write_text(f"<routes>{TYPES['cav'].xml()}</routes>")
-    options = ["--net-file", str(net), "--route-files", str(types), "--step-length", "0.5"]
-    options += ["--no-step-log", "true", "--no-warnings", "true", "--begin", "25200"]
-    if fixed:
-        write_fixed_time(net, folder / "fixed.add.xml")
-        options += ["--additional-files", str(folder / "fixed.add.xml")]
     order = LegOrder("v", 0, 0, PATH, 25200.0, 60.0, (), DrivingAdvice(signal_priority=True))
     states: dict[str, list[str]] = {}
-    with Session(options, (net, types)) as session:
+    with _troy(folder, fixed) as session:
         priority = Priority(Signals(), enabled)
         watched = [crossing.tls for crossing in Movements().crossings(PATH)]
         libsumo.route.add(order.id, PATH)
