@@ -9,10 +9,12 @@ from pathlib import Path
 from simulation.closed_loop.arm import STEP_S, ArmOrder, run_arm
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.closed_loop.recording import history_of
+from simulation.closed_loop.recording import history_of, record_history
 from simulation.evaluation.ground import Ground, ground_of
 from simulation.evaluation.run import Told
+from simulation.scenarios.demand import DAY_S
 from simulation.scenarios.network import check_routes
+from simulation.scenarios.record import HOUR_S
 from simulation.scenarios.scenario import (
     Background,
     Scenario,
@@ -133,20 +135,42 @@ class World:
         return run_arm(order, told)
 
     def _history(self, seed: int, told: Told) -> Path:
-        """What movements cost on another day, recorded when the first arm of a seed needs it."""
+        """What movements cost in these hours of another day, recorded when an arm needs it.
+
+        Of the user's own routes there is no other day: they are what is learned from.
+        """
         begin_s, end_s = self._span_s
+        hours_s = begin_s // HOUR_S * HOUR_S, min(-(-end_s // HOUR_S) * HOUR_S, DAY_S)
+        own = self._files.routes is not None
         with self._lock:
-            lock = self._recording.setdefault(seed, threading.Lock())
+            lock = self._recording.setdefault(0 if own else seed, threading.Lock())
+
+        def progress(*_: float) -> None:
+            told(begin_s, end_s)
+
         with lock:  # not all of them: other seeds, and arms without a history, go on
-            return history_of(
-                self._scenario,
-                seed,
-                self._folder,
-                signals=self._signals,
-                begin_s=begin_s,
-                end_s=end_s,
-                progress=lambda *_: told(begin_s, end_s),
-            )
+            if not own:
+                return history_of(
+                    self._scenario,
+                    seed,
+                    self._folder,
+                    signals=self._signals,
+                    begin_s=hours_s[0],
+                    end_s=hours_s[1],
+                    progress=progress,
+                )
+            path = self._folder / f"{self._files.name}-routes-{self._signals}-history.json"
+            if not path.exists():
+                day = order_day(
+                    self._scenario,
+                    self._background(seed)[0],
+                    self._folder,
+                    signals=self._signals,
+                    begin_s=hours_s[0],
+                    end_s=hours_s[1],
+                )
+                record_history(day, self._scenario.network, progress).save(path)
+            return path
 
     def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:
         """A seed's background and further files, made when the first arm of it needs them."""
