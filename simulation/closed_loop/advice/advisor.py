@@ -39,12 +39,14 @@ class Driving:
 
     Attributes:
         braking_mps2: comfortable deceleration before turns and stops.
+        hard_mps2: deceleration up to which a vehicle stops for a yellow light; SUMO's `decel`.
         slowing_mps2: deceleration towards the speed for a signal that is far off.
         acceleration_mps2: in predictions.
         margins: at signals.
     """
 
     braking_mps2: float = 1.5
+    hard_mps2: float = 2.5
     closing_mps2: float = 0.3
     slowing_mps2: float = 1.5
     acceleration_mps2: float = 1.3
@@ -123,6 +125,8 @@ class SpeedAdvisor:
         if leg is None:
             return None
         place_m = leg.road.place_m(state)
+        if not state.crossing and self._is_committed(leg, now_s, state, place_m):
+            return None
         seen = self._radar(name)
         cap = math.inf
         if leg.order.advice.eco_approach and not state.crossing:
@@ -135,6 +139,22 @@ class SpeedAdvisor:
             if steady and closes_in(seen, state.speed_mps, self._driving.closing_mps2):
                 cap = min(cap, self._rolling.after(state.speed_mps, self._step_s))
         return None if cap == math.inf else cap
+
+    def _is_committed(self, leg: _Leg, now_s: float, state: VehicleState, place_m: float) -> bool:
+        """Whether the light ahead is no longer green and the vehicle too near to stop for it.
+
+        SUMO lets such a vehicle go on while it is yellow; advice to slow down would bring it to
+        the line when it is red.
+        """
+        line = self._line(leg, state, place_m)
+        if line is None:
+            return False
+        speed = state.speed_mps
+        stopping_m = speed**2 / (2 * self._driving.hard_mps2) + speed * self._step_s
+        if line.at_m - place_m > stopping_m:
+            return False
+        windows = self._signals.upcoming(line.tls, line.link, now_s)
+        return not windows or windows[0].begin_s > now_s
 
     def _rolling_out(self, leg: _Leg, state: VehicleState, place_m: float) -> float:
         """The speed of rolling, if it is time to roll towards a place where speed must be lower."""

@@ -177,3 +177,19 @@ def test_nobody_speeds_up_behind_a_slower_vehicle() -> None:
     assert behind is not None
     assert 11.8 < behind < 12.0
     assert cap(12.5) is None
+
+
+def test_who_cannot_stop_for_a_yellow_light_is_not_told_to_slow_down() -> None:
+    """Near the line the advice to roll on to the next green would end in the red one."""
+    leg = order(eco=True, coasting=0.06)
+    advisor = SpeedAdvisor(ROADS, Timing((Green(40.0, 80.0),)), 0.5, radar=nobody)
+    advisor.departed(leg.id, leg)
+
+    def cap(ahead_m: float) -> float | None:
+        place_m = 400.0 - ahead_m
+        return advisor.cap_mps(leg.id, 20.0, VehicleState("a", 0, False, 0, place_m, 12.0, place_m))
+
+    assert cap(30.0) is None
+    slowed = cap(60.0)
+    assert slowed is not None
+    assert slowed < 12.0
