@@ -7,13 +7,15 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Final
 
 from edge_daemon.frame import Frame
 from edge_daemon.sources.protocol import SourceCounters
 
 log = logging.getLogger(__name__)
 
-_MOST_WAITING = 16
+MOST_WAITING: Final = 16
+"""A third of a second at 45 frames a second."""
 
 Offer = Callable[[Frame], None]
 Capture = Callable[[Offer, threading.Event, SourceCounters], None]
@@ -58,7 +60,7 @@ class LiveSource:
 
     def _offer(self, frame: Frame) -> None:
         with self._changed:
-            if len(self._waiting) >= _MOST_WAITING:
+            if len(self._waiting) >= MOST_WAITING:
                 # A hiccup is caught up with; who is slower than the camera gets the newest.
                 self.counters.skipped += len(self._waiting)
                 frame = replace(

@@ -112,7 +112,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     start: Callable[..., Run], browser: Any, tmp_path: Path
 ) -> None:
     """Video becomes flags, flags gate platoons, plans go out, and the page tells all of it."""
-    run = start("--seconds", "90", "--interval", "12", "--json")
+    run = start("--seconds", "70", "--interval", "10", "--json")
     run.says(lambda line: "the dashboard is at" in line, 240)
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.goto(f"http://127.0.0.1:{run.port}")

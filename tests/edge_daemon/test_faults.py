@@ -24,7 +24,7 @@ from edge_daemon.pipeline import Pipeline
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, SourceCounters
 from edge_daemon.sources.camera import open_camera
-from edge_daemon.sources.live import LiveSource
+from edge_daemon.sources.live import MOST_WAITING, LiveSource
 from edge_daemon.watch import Watch, WatchSettings
 from slipstream.config import ServiceSettings
 from slipstream.messages import RsuHealth, SegmentState
@@ -320,7 +320,7 @@ def test_what_was_skipped_keeps_its_marks(
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
         frame = Frame(picture, 0.0, 0, 0.0)
         offer(replace(frame, clock_jump=True, cut=True))
-        for _ in range(8):
+        for _ in range(MOST_WAITING):
             offer(frame)
         offered.set()
 
