@@ -1,16 +1,21 @@
-"""What commands that run everything on one machine have in common: its port, its state folder."""
+"""What commands that run everything on one machine share: port, state folder, the watch."""
 
 from __future__ import annotations
 
 import fcntl
 import socket
+import threading
+import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from slipstream.errors import InputError
+from slipstream_cli.supervisor import Supervisor
+
+_POLL_S = 0.1
 
 
 def http_status(address: str) -> int | None:
@@ -64,3 +69,37 @@ def locked(folder: Path) -> Iterator[None]:
                 folder, "another run uses it", "stop that one or choose --state"
             ) from None
         yield
+
+
+def watch(
+    supervisor: Supervisor,
+    address: str,
+    seconds: float | None,
+    stopping: threading.Event,
+    look: Callable[[float], None] = lambda elapsed_s: None,
+) -> int | None:
+    """Look after the daemons until the end; returns the page's last HTTP status.
+
+    Args:
+        address: of the page.
+        seconds: until the end; None: until `stopping` is set.
+        look: called each time with the seconds that have passed.
+    """
+    began = time.monotonic()
+    status: int | None = None
+    announced = False
+    asked_s = 0.0
+    while not stopping.is_set() and supervisor.refused is None:
+        elapsed = time.monotonic() - began
+        if seconds is not None and elapsed >= seconds:
+            return http_status(address)
+        if not announced and elapsed - asked_s >= 1.0:
+            asked_s = elapsed
+            status = http_status(address)
+            if status == 200:
+                announced = True
+                supervisor.say("slipstream", f"the dashboard is at {address} (Ctrl-C stops all)")
+        supervisor.poll()
+        look(elapsed)
+        stopping.wait(_POLL_S)
+    return status

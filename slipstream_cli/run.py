@@ -7,18 +7,15 @@ import json
 import signal
 import sys
 import threading
-import time
 from pathlib import Path
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings, check
 from slipstream.errors import InputError
 from slipstream_cli.demo import make_clips, write_settings
-from slipstream_cli.local import check_port_is_free, http_status, locked
+from slipstream_cli.local import check_port_is_free, locked, watch
 from slipstream_cli.supervisor import Supervisor
 from slipstream_cli.tally import Tally
-
-_POLL_S = 0.1
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -82,7 +79,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
         try:
             for name, (command, path) in files.items():
                 supervisor.start(name, (command, "--config", str(path)))
-            status = _watch(supervisor, address, options.seconds, stopping)
+            status = watch(supervisor, address, options.seconds, stopping)
         finally:
             supervisor.stop()
     if options.json:
@@ -94,26 +91,3 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     if supervisor.refused:
         return 2
     return 1 if supervisor.given_up else 0
-
-
-def _watch(
-    supervisor: Supervisor, address: str, seconds: float | None, stopping: threading.Event
-) -> int | None:
-    """Look after the processes until the end; returns the page's last HTTP status."""
-    began = time.monotonic()
-    status: int | None = None
-    announced = False
-    asked_s = 0.0
-    while not stopping.is_set() and supervisor.refused is None:
-        elapsed = time.monotonic() - began
-        if seconds is not None and elapsed >= seconds:
-            return http_status(address)
-        if not announced and elapsed - asked_s >= 1.0:
-            asked_s = elapsed
-            status = http_status(address)
-            if status == 200:
-                announced = True
-                supervisor.say("slipstream", f"the dashboard is at {address} (Ctrl-C stops all)")
-        supervisor.poll()
-        stopping.wait(_POLL_S)
-    return status

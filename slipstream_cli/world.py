@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import threading
-import time
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
-from slipstream_cli.local import check_port_is_free, http_status, locked
+from slipstream_cli.local import check_port_is_free, locked, watch
 from slipstream_cli.movement import Movement
 from slipstream_cli.progress import Progress
 from slipstream_cli.supervisor import Supervisor
@@ -25,7 +25,6 @@ from slipstream_cli.tally import Tally
 if TYPE_CHECKING:
     from simulation.live.process import WorldProcess
 
-_POLL_S = 0.1
 _TELL_S = 60.0
 
 
@@ -150,7 +149,8 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             try:
                 for name, (command, path) in files.items():
                     supervisor.start(name, (command, "--config", str(path)))
-                status = _watch(supervisor, world, address, options.seconds, stopping)
+                look = _looking_at(world, supervisor)
+                status = watch(supervisor, address, options.seconds, stopping, look)
             finally:
                 supervisor.stop()
         counts = world.counts
@@ -167,35 +167,18 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
     return 1 if supervisor.given_up else 0
 
 
-def _watch(
-    supervisor: Supervisor,
-    world: WorldProcess,
-    address: str,
-    seconds: float | None,
-    stopping: threading.Event,
-) -> int | None:
-    """Look after the world and the daemons until the end; returns the page's last HTTP status."""
-    began = time.monotonic()
-    status: int | None = None
-    announced = False
-    asked_s = told_s = 0.0
-    while not stopping.is_set() and supervisor.refused is None:
-        elapsed = time.monotonic() - began
-        if seconds is not None and elapsed >= seconds:
-            return http_status(address)
-        if not announced and elapsed - asked_s >= 1.0:
-            asked_s = elapsed
-            status = http_status(address)
-            if status == 200:
-                announced = True
-                supervisor.say("slipstream", f"the dashboard is at {address} (Ctrl-C stops all)")
-        supervisor.poll()
+def _looking_at(world: WorldProcess, supervisor: Supervisor) -> Callable[[float], None]:
+    """Takes in what the world tells, and says it once a minute."""
+    told_s = 0.0
+
+    def look(elapsed_s: float) -> None:
+        nonlocal told_s
         world.poll()
-        if elapsed - told_s >= _TELL_S and world.counts is not None:
-            told_s = elapsed
+        if elapsed_s - told_s >= _TELL_S and world.counts is not None:
+            told_s = elapsed_s
             supervisor.say("world", _line(world))
-        stopping.wait(_POLL_S)
-    return status
+
+    return look
 
 
 def _line(world: WorldProcess) -> str:
