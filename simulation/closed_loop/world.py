@@ -91,7 +91,7 @@ class FleetWorld:
         self._step_s, self._pace, self._vehicle = step_s, pace, vehicle
         self._due: list[tuple[float, str, LegOrder]] = []
         self._leave: Leave = leave or (lambda order, now_s: (order, now_s))
-        self._decided: dict[str, LegOrder] = {}
+        self._decided: set[str] = set()
         self._entering: dict[str, LegOrder] = {}
         self._on_road: dict[str, _OnRoad] = {}
 
@@ -169,11 +169,11 @@ class FleetWorld:
             name = order.id
             if name not in self._decided:
                 order, leave_s = self._leave(order, now_s)
-                self._decided[name] = order
                 if leave_s > now_s:
+                    self._decided.add(name)
                     heapq.heappush(self._due, (leave_s, name, order))
                     continue
-            del self._decided[name]
+            self._decided.discard(name)
 
             def add(name: str = name, order: LegOrder = order) -> None:
                 libsumo.route.add(name, list(order.path))
