@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import psutil
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,36 @@ def check_table(checks: Iterable[Check]) -> list[str]:
         "|---|--:|--:|---|",
         *(f"| {c.what} | {c.measured} | {c.aim} | {words[c.reached]} |" for c in checks),
     ]
+
+
+@dataclass(frozen=True)
+class Load:
+    """How busy the machine was with other things, from when this was made.
+
+    Attributes:
+        before: load average then.
+        stolen_s: processor time that the host of a virtual machine had kept for others by then.
+        total_s: processor time of all kinds by then.
+    """
+
+    before: float = field(default_factory=lambda: os.getloadavg()[0])
+    stolen_s: float = field(default_factory=lambda: _times_s()[0])
+    total_s: float = field(default_factory=lambda: _times_s()[1])
+
+    def told(self) -> dict[str, str]:
+        """Until now, as lines of a report."""
+        stolen_s, total_s = _times_s()
+        share = (stolen_s - self.stolen_s) / max(total_s - self.total_s, 1e-9)
+        return {
+            "load before and after": f"{self.before:.2f}, {os.getloadavg()[0]:.2f}",
+            "processor time that the host kept for others": f"{100 * share:.1f} %",
+        }
+
+
+def _times_s() -> tuple[float, float]:
+    """Stolen, and in all: seconds of all cores since the machine came up."""
+    times = psutil.cpu_times()
+    return getattr(times, "steal", 0.0), sum(times) - getattr(times, "guest", 0.0)
 
 
 def machine() -> str:

@@ -7,6 +7,7 @@ import logging
 import math
 import time
 from collections import deque
+from collections.abc import Iterator
 from contextlib import closing
 
 import cv2
@@ -125,6 +126,7 @@ class EdgeDaemon:
         gc.collect()
         gc.freeze()
         due_s = preview_due_s = -math.inf
+        telling: Iterator[None] = iter(())
         pauses = self._pauses
         with (
             pauses.of_garbage_collector(),
@@ -141,16 +143,21 @@ class EdgeDaemon:
                     if frame is not None and found is not None:
                         self._take(frame, found)
                 now = self._now_s(frame)
-                if now >= due_s:
-                    with pauses.of("states"):
-                        self._tell("ok" if frame is not None else "no_signal")
-                    due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
+                with pauses.of("states"):
+                    if now >= due_s:
+                        _finish(telling)
+                        telling = self._tell("ok" if frame is not None else "no_signal")
+                        due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
+                    # One segment a frame: all at once would keep the next frames waiting.
+                    next(telling, None)
+                    if frame is None:
+                        _finish(telling)
                 if frame is not None and now >= preview_due_s:
                     with pauses.of("preview"):
                         self._show(frame)
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
                 done_s = time.monotonic()
-        self._tell("ended")
+        _finish(self._tell("ended"))
 
     def _now_s(self, frame: Frame | None) -> float:
         """What the once-a-second beat follows: a fast clip's own time, else the wall's."""
@@ -198,16 +205,21 @@ class EdgeDaemon:
         metrics.FRAMES.inc()
         metrics.LATENCY.observe(done - frame.captured_s)
 
-    def _tell(self, status: str) -> None:
+    def _tell(self, status: str) -> Iterator[None]:
+        """Tell the bus of one segment at each step and, at the last, how the daemon is."""
+        fault = self._fault
         last = self._last_frame
         now = time.monotonic()
         idle_s = now - last.captured_s if last and status != "ok" else 0.0
         time_ns = last.captured_ns if last and status == "ok" else time.time_ns()
-        for state in self._pipeline.states(time_ns, idle_s, self._fault):
+        for state in self._pipeline.iter_states(time_ns, idle_s, fault):
+            if self._fault != fault:
+                break
             self._state_publishers[state.segment].put(state)
             self._latest[state.segment] = state
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()
+            yield
         if status == "no_signal" and self._limiter.allow("no signal"):
             log.warning("no picture %s", f"for {idle_s:.0f} s" if last else "yet")
         health = self._health(status)
@@ -273,3 +285,9 @@ class EdgeDaemon:
         ok, data = cv2.imencode(".jpg", picture, quality)
         if ok:
             publisher.put(data.tobytes())
+
+
+def _finish(steps: Iterator[None]) -> None:
+    """Take all steps that are left."""
+    for _ in steps:
+        pass

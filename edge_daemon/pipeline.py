@@ -6,6 +6,7 @@ No I/O and no clock of its own: the same frames give the same states.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from edge_daemon.camera import Camera, WatchedSegment
@@ -27,6 +28,17 @@ _LEAD_S = 3.0  # what was seen before the window helps to smooth its beginning
 class _Seen:
     time_s: float
     gap_s: float
+
+
+@dataclass(frozen=True)
+class _Window:
+    """What the states of one moment rest on."""
+
+    sightings: Sightings | None
+    begin_s: float
+    observed_s: float
+    coverage: float
+    frames: int
 
 
 class Pipeline:
@@ -120,7 +132,15 @@ class Pipeline:
     def states(
         self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
     ) -> list[SegmentState]:
-        """The state of each segment over the window that ends now.
+        """The state of each segment over the window that ends now; arguments of `iter_states`."""
+        return list(self.iter_states(time_ns, idle_s, fault))
+
+    def iter_states(
+        self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
+    ) -> Iterator[SegmentState]:
+        """The same states, each worked out when it is asked for.
+
+        All are over the window that ends at this call, whatever frames are taken in between.
 
         Args:
             time_ns: UTC of the last frame, or of now if none has come.
@@ -132,26 +152,27 @@ class Pipeline:
             self._forget(begin_s)
         # A frame stands for the time since the one before it, unless the source paused.
         observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _LONGEST_GAP_S)
-        coverage = min(1.0, observed_s / self._window_s)
-        sightings = self._sightings.all()
-        return [
-            self._state(segment, sightings, time_ns, begin_s, observed_s, coverage, fault)
-            for segment in self._camera.segments
-        ]
+        window = _Window(
+            self._sightings.all(),
+            begin_s,
+            observed_s,
+            coverage=min(1.0, observed_s / self._window_s),
+            frames=len(self._frames),
+        )
+        return (self._state(each, window, time_ns, fault) for each in self._camera.segments)
 
     def _state(
         self,
         segment: WatchedSegment,
-        sightings: Sightings | None,
+        window: _Window,
         time_ns: int,
-        begin_s: float,
-        observed_s: float,
-        coverage: float,
         fault: UnknownReason | None,
     ) -> SegmentState:
         measured = (
-            self._kinematics[segment.id].features(sightings, begin_s, observed_s)
-            if fault is None and sightings is not None and observed_s > 0
+            self._kinematics[segment.id].features(
+                window.sightings, window.begin_s, window.observed_s
+            )
+            if fault is None and window.sightings is not None and window.observed_s > 0
             else None
         )
         features = measured.features if measured else None
@@ -161,8 +182,8 @@ class Pipeline:
             classify(
                 features,
                 vehicles,
-                len(self._frames),
-                coverage,
+                window.frames,
+                window.coverage,
                 self._stability,
                 was_stable=segment.id in self._stable,
             )
@@ -184,6 +205,6 @@ class Pipeline:
             y_e=flag.y_e,
             reason=flag.reason,
             vehicles=vehicles,
-            frames=len(self._frames),
-            coverage=coverage,
+            frames=window.frames,
+            coverage=window.coverage,
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.aims import machine
+from benchmarks.aims import Load, machine
 from benchmarks.perception import report
 from benchmarks.perception.daemons import DaemonRun, run_daemons
 from benchmarks.perception.report import (
@@ -77,7 +76,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
     log = settings.out / "runs.log"
     log.unlink(missing_ok=True)
     _render(settings, say)
-    load_before = os.getloadavg()[0]
+    load = Load()
     missing: list[str] = []
     peer = _peer(settings, missing)
     rounds = []
@@ -109,7 +108,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
             warm_up_s=min(SETTLING_S, settings.memory_s / 3),
         )
     results = Results(tuple(rounds), cameras, fast, tuple(dict.fromkeys(missing)))
-    report.write(settings.out, results, _about(settings, load_before))
+    report.write(settings.out, results, _about(settings, load))
     return results
 
 
@@ -185,10 +184,10 @@ def _measured_peer(settings: BenchSettings, python: Path, options: list[str], lo
     return speed_of(told["done_s"], [], told["cpu_s"], told["vehicles"], told["rss_mb"])
 
 
-def _about(settings: BenchSettings, load_before: float) -> dict[str, object]:
+def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
     return {
         "machine": machine(),
-        "load before and after": f"{load_before:.2f}, {os.getloadavg()[0]:.2f}",
+        **load.told(),
         "clip": f"{settings.clip}, 1280×720",
         "rounds": f"{settings.rounds} of {settings.frames} frames; peers a quarter of them",
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),

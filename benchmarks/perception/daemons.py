@@ -115,20 +115,32 @@ def run_daemons(
             on_progress(now_s - up_s)
             time.sleep(max(0.0, 1.0 - (clock() - now_s)))
     for rsu, daemon in daemons.items():
-        _write_series(folder / f"{rsu}-memory.csv", daemon)
+        _write_memory(folder / f"{rsu}-memory.csv", daemon)
+        _write_frames(folder / f"{rsu}-frames.csv", observer.rsus[rsu])
     return [
         _judged(rsu, daemon, observer.rsus[rsu], up_s + warm_up_s)
         for rsu, daemon in daemons.items()
     ]
 
 
-def _write_series(path: Path, daemon: _Daemon) -> None:
+def _write_memory(path: Path, daemon: _Daemon) -> None:
     """Resident memory second by second, so that the verdict can be checked."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time_s", "rss_mb"])
         for row in zip(daemon.times_s, daemon.rss_mb, strict=True):
             writer.writerow([f"{value:.3f}" for value in row])
+
+
+def _write_frames(path: Path, heard: Sequence[tuple[float, RsuHealth]]) -> None:
+    """Frames second by second: when they were skipped says why."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time_s", "time_ns", "frames", "skipped", "latency_ms_p95"])
+        for at_s, health in heard:
+            latency = "" if health.latency_ms_p95 is None else f"{health.latency_ms_p95:.1f}"
+            row = (f"{at_s:.3f}", health.time_ns, health.frames, health.frames_skipped, latency)
+            writer.writerow(row)
 
 
 @contextmanager

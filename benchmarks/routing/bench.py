@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,7 +9,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from benchmarks.aims import machine
+from benchmarks.aims import Load, machine
 from benchmarks.routing import report
 from benchmarks.routing.figures import CityRun, Gap
 from benchmarks.routing.instances import measure_instances
@@ -183,12 +182,12 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
             raise InputError(folder, f"{error.strerror}", "choose another folder") from None
     bench = _Bench(settings, say)
     bench.log.unlink(missing_ok=True)
-    load_before = os.getloadavg()[0]
+    load = Load()
     results = Results()
     for part in settings.parts:
         results = _PARTS[part](bench, results)
         results = replace(results, missing=tuple(bench.missing))
-        report.write(settings.out, results, _about(settings, load_before))
+        report.write(settings.out, results, _about(settings, load))
     draw(results, settings.plots or settings.out)
     return results
 
@@ -244,11 +243,11 @@ _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
 }
 
 
-def _about(settings: BenchSettings, load_before: float) -> dict[str, object]:
+def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: smaller than the aims ask"}.get(settings.form, "own")
     return {
         "machine": machine(),
-        "load before and after": f"{load_before:.2f}, {os.getloadavg()[0]:.2f}",
+        **load.told(),
         "form": form,
         "parts": ", ".join(settings.parts),
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.aims import machine
+from benchmarks.aims import Load, machine
 from benchmarks.routing.watch import watched
 from benchmarks.world import report
 from benchmarks.world.figures import Repeat, Saved, TimedRun
@@ -184,12 +184,12 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
         raise InputError(settings.out, f"{error.strerror}", "choose another folder") from None
     bench = _Bench(settings, say)
     bench.log.unlink(missing_ok=True)
-    load_before = os.getloadavg()[0]
+    load = Load()
     results = Results()
     for part in settings.parts:
         results = _PARTS[part](bench, results)
         results = replace(results, missing=tuple(bench.missing))
-        report.write(settings.out, results, _about(settings, load_before))
+        report.write(settings.out, results, _about(settings, load))
     return results
 
 
@@ -325,11 +325,11 @@ _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
 }
 
 
-def _about(settings: BenchSettings, load_before: float) -> Mapping[str, Any]:
+def _about(settings: BenchSettings, load: Load) -> Mapping[str, Any]:
     form = {FULL: "full", SHORT: "short: minutes, which no aim is judged by"}
     return {
         "machine": machine(),
-        "load before and after": f"{load_before:.2f}, {os.getloadavg()[0]:.2f}",
+        **load.told(),
         "form": form.get(settings.form, "own"),
         "parts": ", ".join(settings.parts),
         "seeds": ", ".join(map(str, settings.seeds)),

@@ -24,8 +24,8 @@ Capture = Callable[[Offer, threading.Event, SourceCounters], None]
 class LiveSource:
     """Runs a capture function in a thread and hands on what it offers.
 
-    A few frames may wait for a reader that was busy for a moment; when more would, all but the
-    newest are skipped.
+    A few frames may wait for a reader that was busy for a moment; when more would, the oldest is
+    skipped. So a reader who is slower than the camera lags behind it by those few, and no further.
     """
 
     def __init__(self, capture: Capture, name: str) -> None:
@@ -61,14 +61,15 @@ class LiveSource:
     def _offer(self, frame: Frame) -> None:
         with self._changed:
             if len(self._waiting) >= MOST_WAITING:
-                # A hiccup is caught up with; who is slower than the camera gets the newest.
-                self.counters.skipped += len(self._waiting)
-                frame = replace(
-                    frame,
-                    cut=frame.cut or any(old.cut for old in self._waiting),
-                    clock_jump=frame.clock_jump or any(old.clock_jump for old in self._waiting),
+                # Singly, so that a tracker has gaps of one frame rather than of many.
+                lost = self._waiting.popleft()
+                heir = self._waiting[0]
+                self._waiting[0] = replace(
+                    heir,
+                    cut=heir.cut or lost.cut,
+                    clock_jump=heir.clock_jump or lost.clock_jump,
                 )
-                self._waiting.clear()
+                self.counters.skipped += 1
             self._waiting.append(frame)
             self._changed.notify()
 

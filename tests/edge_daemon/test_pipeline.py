@@ -99,6 +99,27 @@ def test_the_same_video_gives_the_same_state(street_clips: dict[str, Path]) -> N
     assert watch(street_clips["stable"]) == watch(street_clips["stable"])
 
 
+def test_states_taken_one_by_one_are_of_the_moment_when_they_were_begun(
+    street_clips: dict[str, Path],
+) -> None:
+    """Frames that come while the segments are told do not change what is told of them."""
+    folder = street_clips["stable"]
+    camera = load_camera(folder / "camera.toml")
+    pipelines = [a_pipeline(camera, open_detector(DetectorSettings())) for _ in range(2)]
+    source = open_source(SourceSettings(clip=folder / "video.mp4", pace="fast"))
+    frames = [frame for frame in source.frames() if frame is not None]
+    for pipeline in pipelines:
+        for frame in frames[:-20]:
+            pipeline.process(frame)
+    expected = pipelines[0].states(1)
+    begun = pipelines[1].iter_states(1)
+    for frame in frames[-20:]:
+        pipelines[1].process(frame)
+    assert list(begun) == expected
+    assert expected[0].features is not None
+    assert pipelines[1].states(1)[0].features != expected[0].features
+
+
 def blank(time_s: float, *, cut: bool = False) -> Frame:
     """A black picture."""
     return Frame(np.zeros((720, 1280, 3), np.uint8), time_s, 0, 0.0, cut)
