@@ -14,8 +14,11 @@ from edge_daemon.sources.protocol import SourceCounters
 
 log = logging.getLogger(__name__)
 
-MOST_WAITING: Final = 16
-"""A third of a second at 45 frames a second."""
+MOST_WAITING: Final = 45
+"""A second at 45 frames a second."""
+
+MOST_WAITING_BYTES: Final = 128_000_000
+"""46 pictures of 720p, 20 of 1080p."""
 
 Offer = Callable[[Frame], None]
 Capture = Callable[[Offer, threading.Event, SourceCounters], None]
@@ -24,8 +27,8 @@ Capture = Callable[[Offer, threading.Event, SourceCounters], None]
 class LiveSource:
     """Runs a capture function in a thread and hands on what it offers.
 
-    A few frames may wait for a reader that was busy for a moment; when more would, the oldest is
-    skipped. So a reader who is slower than the camera lags behind it by those few, and no further.
+    Frames may wait for a reader that was busy for a moment; when too many would, the oldest is
+    skipped. So a reader who is slower than the camera lags behind it by those, and no further.
     """
 
     def __init__(self, capture: Capture, name: str) -> None:
@@ -60,7 +63,8 @@ class LiveSource:
 
     def _offer(self, frame: Frame) -> None:
         with self._changed:
-            if len(self._waiting) >= MOST_WAITING:
+            room = MOST_WAITING_BYTES // max(1, frame.image.nbytes)
+            if len(self._waiting) >= max(2, min(MOST_WAITING, room)):
                 # Singly, so that a tracker has gaps of one frame rather than of many.
                 lost = self._waiting.popleft()
                 heir = self._waiting[0]
