@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import signal
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.command import Measured, report, say, start
 from benchmarks.perception.bench import BenchSettings, run_bench
 from benchmarks.perception.report import checks
 from slipstream.errors import InputError
@@ -31,7 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=_DEFAULTS.out, help="folder for the report")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(arguments)
-    try:
+
+    def measure() -> Measured:
         for name in ("rounds", "frames"):
             if getattr(options, name) < 1:
                 raise InputError(f"--{name}", "is less than 1", "give 1 or more")
@@ -44,19 +44,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             cameras_s=60 * options.minutes,
             memory_s=60 * options.memory_minutes,
         )
-        results = run_bench(settings, lambda text: print(text, file=sys.stderr, flush=True))
-    except InputError as error:
-        print(f"bench-perception: {error}", file=sys.stderr)
-        return 2
-    except RuntimeError as error:
-        print(f"bench-perception: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return 130
-    print((settings.out / ("report.json" if options.json else "report.md")).read_text(), end="")
-    return 1 if any(check.reached is False for check in checks(results)) else 0
+        # Peers that are not installed are no fault.
+        return Measured(settings.out, checks(run_bench(settings, say)))
+
+    return report("bench-perception", measure, as_json=options.json)
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(main())
+    start(main)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import signal
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.command import Measured, report, say, start
 from benchmarks.routing.bench import FULL, PARTS, SHORT, BenchSettings, parts_of, run_bench
 from benchmarks.routing.report import checks
-from slipstream.errors import InputError
 
 _DEFAULTS = BenchSettings()
 
@@ -24,24 +22,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--plots", type=Path, help="folder for the plots (default: --out)")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(arguments)
-    try:
+
+    def measure() -> Measured:
         settings = BenchSettings(
             out=options.out,
             plots=options.plots,
             form=SHORT if options.short else FULL,
             parts=tuple(parts_of(options.only)),
         )
-        results = run_bench(settings, lambda text: print(text, file=sys.stderr, flush=True))
-    except InputError as error:
-        print(f"bench-routing: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-    print((settings.out / ("report.json" if options.json else "report.md")).read_text(), end="")
-    missed = any(check.reached is False for check in checks(results))
-    return 1 if missed or results.missing else 0
+        results = run_bench(settings, say)
+        return Measured(settings.out, checks(results), results.missing)
+
+    return report("bench-routing", measure, as_json=options.json)
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(main())
+    start(main)

@@ -19,6 +19,7 @@ from typing import Any, Final
 
 import psutil
 
+from benchmarks.aims import Load
 from benchmarks.soak import report
 from benchmarks.soak.observer import Observer
 from benchmarks.soak.processes import ProcessTree, Sample
@@ -73,7 +74,7 @@ def run_soak(
         InputError: the daemons did not come up, or the output folder cannot be used.
     """
     state = _prepare(settings)
-    load_before = os.getloadavg()
+    load = Load()
     samples: list[Sample] = []
     with _run(settings, state) as running:
         configs = _wait_for_daemons(running, settings)
@@ -113,7 +114,7 @@ def run_soak(
         "duration": f"{settings.seconds:g} s, a sample each {settings.period_s:g} s",
         "machine": f"{os.cpu_count()} cores, {psutil.virtual_memory().total / 1e9:.1f} GB, "
         f"{platform.platform()}, Python {platform.python_version()}",
-        "load before and after": f"{load_before[0]:.2f}, {os.getloadavg()[0]:.2f}",
+        **load.told(),
         "slipstream": __version__,
         "the run's own figures": json.dumps(figures),
     }

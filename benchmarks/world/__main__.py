@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import signal
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from benchmarks.command import Measured, report, say, start
 from benchmarks.world.bench import FULL, PARTS, SHORT, BenchSettings, Form, parts_of, run_bench
 from benchmarks.world.report import checks
 from slipstream.errors import InputError
@@ -28,22 +27,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=_DEFAULTS.out, help="folder for all results")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(arguments)
-    try:
+
+    def measure() -> Measured:
         settings = BenchSettings(
             out=options.out,
             form=_form(options),
             seeds=_seeds(options.seeds or ("1" if options.short else "1,2,3")),
             parts=parts_of(options.only),
         )
-        results = run_bench(settings, lambda text: print(text, file=sys.stderr, flush=True))
-    except InputError as error:
-        print(f"bench-world: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-    print((settings.out / ("report.json" if options.json else "report.md")).read_text(), end="")
-    missed = any(check.reached is False for check in checks(results))
-    return 1 if missed or results.missing else 0
+        results = run_bench(settings, say)
+        return Measured(settings.out, checks(results), results.missing)
+
+    return report("bench-world", measure, as_json=options.json)
 
 
 def _form(options: argparse.Namespace) -> Form:
@@ -77,5 +72,4 @@ def _seeds(text: str) -> tuple[int, ...]:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(main())
+    start(main)

@@ -1,0 +1,63 @@
+"""How a benchmark ends as a command: its report on the output, its aims in the exit status."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.aims import Check
+from slipstream.errors import InputError
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a benchmark came to.
+
+    Attributes:
+        folder: with report.md and report.json.
+        checks: its aims.
+        missing: what could not be measured though it should have been.
+    """
+
+    folder: Path
+    checks: Sequence[Check]
+    missing: Sequence[str] = ()
+
+
+def say(text: str) -> None:
+    """Progress, beside the report."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def report(name: str, measure: Callable[[], Measured], *, as_json: bool) -> int:
+    """Measure and print the report.
+
+    Args:
+        name: of the benchmark's make target.
+        measure: may raise InputError for bad input, RuntimeError where a run of ours failed.
+        as_json: print report.json, else report.md.
+
+    Returns:
+        Exit status: 0 where all aims that were measured are reached and nothing is missing, 2 on
+        bad input, 130 after an interruption, else 1.
+    """
+    try:
+        measured = measure()
+    except (InputError, RuntimeError) as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 1
+    except KeyboardInterrupt:
+        return 130
+    file = measured.folder / ("report.json" if as_json else "report.md")
+    print(file.read_text(encoding="utf-8"), end="")
+    missed = any(check.reached is False for check in measured.checks)
+    return 1 if missed or measured.missing else 0
+
+
+def start(main: Callable[[], int]) -> None:
+    """Run a command's main; being told to end is an interruption to it."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    sys.exit(main())
