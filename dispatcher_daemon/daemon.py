@@ -8,13 +8,13 @@ import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.dispatch import form_of, run_cycle
+from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.guest.desk import Desk
 from dispatcher_daemon.guest.opening import open_desk
@@ -40,7 +40,7 @@ from slipstream.messages import (
     plan_key,
     state_key,
 )
-from slipstream.roads import load_network
+from slipstream.roads import RoadNetwork, load_network
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from storage import open_database
 
@@ -91,19 +91,21 @@ class Dispatcher:
 
     Args:
         settings: checked settings.
-        problem: roads and fleet.
+        network: roads.
+        fleet: what is dispatched; None: nothing until `fleet_file` has something.
         bus: to publish through.
         store: database.
         solve: solver pool.
         executor: for the search of the route form's base routes; None: the cycle's own thread.
         guest: the desk of a quantum device, which then solves in place of the pool.
-        fleet_file: asked for the fleet of each cycle; None: the problem's own, always.
+        fleet_file: asked for the fleet of each cycle; None: it is `fleet`, always.
     """
 
     def __init__(
         self,
         settings: DispatcherSettings,
-        problem: RoutingProblem,
+        network: RoadNetwork,
+        fleet: Fleet | None,
         bus: Inlet,
         store: CycleStore,
         solve: Solve,
@@ -115,14 +117,16 @@ class Dispatcher:
         self._guest = guest
         self._stops: Mapping[str, tuple[str, ...]] = {}
         self._settings = settings
-        self._problem = problem
+        self._network = network
+        self._problem = None if fleet is None else RoutingProblem(network, fleet)
         self._fleet_file = fleet_file
         self._bus = bus
         self._store = store
         self._solve = solve if guest is None else guest
-        self._book = TrafficBook(problem.network, future_tolerance_s=settings.future_tolerance_s)
+        self._book = TrafficBook(network, future_tolerance_s=settings.future_tolerance_s)
         self._limiter = LogLimiter()
-        self._plan_outlets = {v.id: bus.publisher(plan_key(v.id)) for v in problem.fleet.vehicles}
+        vehicles = () if fleet is None else fleet.vehicles
+        self._plan_outlets = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
         self._cycle_outlet = bus.publisher(CYCLE_KEY)
         self._health_outlet = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._cycle = store.next_cycle_number()
@@ -174,7 +178,7 @@ class Dispatcher:
             self._guest.begin_cycle(number)
         try:
             snapshot = take_snapshot(
-                self._problem.network,
+                self._network,
                 self._book.latest(),
                 now_ns,
                 stale_after_s=self._settings.stale_after_s,
@@ -183,11 +187,12 @@ class Dispatcher:
             )
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
-            if not self._has_orders():
+            problem = self._problem_now()
+            if problem is None:
                 report = idle_report(number, now_ns, time.monotonic() - began, snapshot)
             else:
                 result = run_cycle(
-                    self._problem,
+                    problem,
                     snapshot,
                     self._settings,
                     self._solve,
@@ -220,19 +225,21 @@ class Dispatcher:
         self._count(report)
         self._prune(now_ns)
 
-    def _has_orders(self) -> bool:
-        """Whether there is something to dispatch; takes in what the fleet's file says now.
+    def _problem_now(self) -> RoutingProblem | None:
+        """What there is to dispatch by what the fleet's file says now; None: nothing.
 
         Raises:
             InputError: the file is gone or faulty.
         """
         if self._fleet_file is None:
-            return True
+            return self._problem
         fleet = self._fleet_file.current()
-        if fleet is not None and fleet is not self._problem.fleet:
-            self._problem = replace(self._problem, fleet=fleet)
+        if fleet is None:
+            return None
+        if self._problem is None or fleet is not self._problem.fleet:
+            self._problem = RoutingProblem(self._network, fleet)
             self._stops = {}
-        return fleet is not None
+        return self._problem
 
     def _outlet_of(self, vehicle: str) -> Outlet:
         if vehicle not in self._plan_outlets:
@@ -387,11 +394,9 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     network = load_network(settings.network)
     fleet_file = FleetFile(settings.fleet, network)
     fleet = fleet_file.current()
-    if fleet is None:
-        raise InputError(settings.fleet, "nothing to dispatch", "give stops and vehicles")
-    problem = RoutingProblem(network, fleet)
+    form = settings.form if fleet is None else form_of(settings, fleet)
     # Blocks of a city are solved side by side; the arc form gives each solver one problem.
-    in_routes = form_of(settings, problem.fleet) == "route"
+    in_routes = form != "arc"
     side_by_side = settings.city.search.workers if in_routes else 1
     workers: dict[str, int] = dict.fromkeys(settings.city.solvers, side_by_side)
     executor = WorkerExecutor(settings.city.search.workers)
@@ -411,7 +416,9 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         guest = open_desk(settings, pool, database)
         if guest is not None:
             stack.enter_context(guest)
-        dispatcher = Dispatcher(settings, problem, bus, database, pool, executor, guest, fleet_file)
+        dispatcher = Dispatcher(
+            settings, network, fleet, bus, database, pool, executor, guest, fleet_file
+        )
         bus.subscribe(ALL_STATES, dispatcher.on_state)
         scheduler = CycleScheduler(
             dispatcher.run_cycle,

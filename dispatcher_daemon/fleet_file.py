@@ -21,13 +21,13 @@ class FleetFile:
         network: roads that it must fit.
 
     Raises:
-        InputError: the file is missing or faulty, or has nothing to dispatch yet.
+        InputError: the file is missing or faulty.
     """
 
     def __init__(self, reference: str, network: RoadNetwork) -> None:
         self._path = None if reference == DEMO_FLEET else Path(reference)
         self._network = network
-        self._fleet: Fleet | None = load_fleet(reference, network)
+        self._fleet = load_fleet(reference, network) if self._path is None else self._read()
         self._stamp: tuple[int, int, int] | None = None
 
     def current(self) -> Fleet | None:
@@ -46,10 +46,14 @@ class FleetFile:
             raise InputError(self._path, problem, "write it again") from None
         stamp = found.st_mtime_ns, found.st_size, found.st_ino
         if stamp != self._stamp:
-            data = read_data(self._path)
-            self._fleet = None if _is_empty(data) else fleet_from(data, self._network, self._path)
+            self._fleet = self._read()
             self._stamp = stamp
         return self._fleet
+
+    def _read(self) -> Fleet | None:
+        assert self._path is not None
+        data = read_data(self._path)
+        return None if _is_empty(data) else fleet_from(data, self._network, self._path)
 
 
 def _is_empty(data: object) -> bool:

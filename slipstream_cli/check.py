@@ -94,7 +94,7 @@ def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
 
 
 def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
-    from dispatcher_daemon.fleet import load_fleet
+    from dispatcher_daemon.fleet_file import FleetFile
     from dispatcher_daemon.problem import RoutingProblem
     from dispatcher_daemon.routability import unservable
     from dispatcher_daemon.traffic import take_snapshot
@@ -102,8 +102,11 @@ def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
     from slipstream.roads import load_network
 
     roads = load_network(network)
+    fleet = FleetFile(str(path), roads).current()
+    if fleet is None:
+        return {}
     free_flow = take_snapshot(roads, (), 0, stale_after_s=STALE_AFTER_S)
-    return unservable(RoutingProblem(roads, load_fleet(path, roads)), free_flow)
+    return unservable(RoutingProblem(roads, fleet), free_flow)
 
 
 def _check_instance(path: Path, _: str) -> Mapping[str, str]:

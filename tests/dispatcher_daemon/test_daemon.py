@@ -87,7 +87,9 @@ class _Outlet:
 
 def make(demo: RoutingProblem, log: Log, solve: Solve | None = None) -> Dispatcher:
     """A dispatcher on a written-down bus."""
-    return Dispatcher(SETTINGS, demo, log, log, solve or solve_here([ExactSolver()]))
+    return Dispatcher(
+        SETTINGS, demo.network, demo.fleet, log, log, solve or solve_here([ExactSolver()])
+    )
 
 
 def feed(dispatcher: Dispatcher, state: State, segment: str, y_e: int | None) -> None:

@@ -43,12 +43,9 @@ def path(tmp_path: Path) -> Path:
 
 def _dispatcher(demo: RoutingProblem, path: Path) -> tuple[Dispatcher, Log]:
     fleet_file = FleetFile(str(path), demo.network)
-    fleet = fleet_file.current()
-    assert fleet is not None
-    log = Log()
-    problem = RoutingProblem(demo.network, fleet)
+    fleet, log = fleet_file.current(), Log()
     solve = solve_here([ExactSolver()])
-    return Dispatcher(SETTINGS, problem, log, log, solve, fleet_file=fleet_file), log
+    return Dispatcher(SETTINGS, demo.network, fleet, log, log, solve, fleet_file=fleet_file), log
 
 
 def test_new_orders_and_vehicles_are_dispatched(demo: RoutingProblem, path: Path) -> None:
@@ -65,11 +62,14 @@ def test_new_orders_and_vehicles_are_dispatched(demo: RoutingProblem, path: Path
     assert {stop.stop for stop in second.stops} == {"depot", "c2", "c3"}
 
 
+@pytest.mark.parametrize("begins_so", [False, True])
 @pytest.mark.parametrize(("vehicles", "stops"), [([], ["c1"]), (["van-1"], [])])
 def test_nothing_to_dispatch_is_no_fault(
-    demo: RoutingProblem, path: Path, vehicles: list[str], stops: list[str]
+    demo: RoutingProblem, path: Path, vehicles: list[str], stops: list[str], begins_so: bool
 ) -> None:
-    """Without a stop or a vehicle a cycle makes no plan and says so; orders may come again."""
+    """Without a stop or a vehicle, at the start or later, a cycle says so; orders may come."""
+    if begins_so:
+        _write(path, vehicles, stops)
     dispatcher, log = _dispatcher(demo, path)
     _write(path, vehicles, stops)
     dispatcher.run_cycle()

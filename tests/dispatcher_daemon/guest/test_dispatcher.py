@@ -87,7 +87,9 @@ def test_the_dispatcher_solves_through_the_desk(demo: RoutingProblem) -> None:
     log, guest = Log(), Guest()
     settings = DispatcherSettings(solvers=("exact", "lc-qaoa"))
     solve = solve_here([])
-    dispatcher = Dispatcher(settings, demo, log, log, solve, guest=cast(Desk, guest))
+    dispatcher = Dispatcher(
+        settings, demo.network, demo.fleet, log, log, solve, guest=cast(Desk, guest)
+    )
     for _ in range(2):
         dispatcher.run_cycle()
     dispatcher.publish_health(None)
@@ -104,7 +106,7 @@ def test_the_dispatcher_solves_through_the_desk(demo: RoutingProblem) -> None:
     )
     (health,) = (m for m in log.messages if isinstance(m, DispatcherHealth))
     assert health.hardware == HEALTH
-    plain = Dispatcher(settings, demo, plain_log := Log(), plain_log, solve)
+    plain = Dispatcher(settings, demo.network, demo.fleet, plain_log := Log(), plain_log, solve)
     plain.publish_health(None)
     assert plain_log.messages[0].hardware is None
 
@@ -115,7 +117,13 @@ def test_a_fault_in_the_health_ends_no_dispatcher(
     """It is logged, once a minute; the next one is published again."""
     log, guest = Log(), Guest()
     dispatcher = Dispatcher(
-        DispatcherSettings(), demo, log, log, solve_here([]), guest=cast(Desk, guest)
+        DispatcherSettings(),
+        demo.network,
+        demo.fleet,
+        log,
+        log,
+        solve_here([]),
+        guest=cast(Desk, guest),
     )
     health = guest.health
 
