@@ -69,7 +69,7 @@ def best_departure(
 ) -> Itinerary:
     """The same route when it saves most with those on the road: as it is or otherwise timed."""
     candidates = [itinerary, *alternatives(planner, itinerary, meetings, most)]
-    return max(candidates, key=lambda c: meetings.gain_kwh(c.way))
+    return max(candidates, key=lambda c: meetings.gain_kwh(c.way) - c.cost_kwh)
 
 
 def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> list[Itinerary]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Final
 
 from dispatcher_daemon.meetings import Meetings, Passings, Shares, open_shares, passings
 from dispatcher_daemon.on_road import RoadUser, passings_on_road
@@ -13,6 +14,8 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routes import Leg, Route, lateness_s, timed
 from dispatcher_daemon.traffic import TrafficSnapshot
 from dispatcher_daemon.travel import Travel
+
+_S_PER_H: Final = 3600.0
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Itinerary:
         number: of the vehicle in the fleet.
         stops: served in order; none: the vehicle stays idle.
         route: with its timetable; None for an idle vehicle.
-        cost_kwh: Σ segment costs, platooning apart.
+        cost_kwh: Σ segment costs, platooning apart, and what waiting at the depot counts for.
         way: passages of open segments.
     """
 
@@ -128,5 +131,7 @@ class Planner:
         # A departure computed from a meeting may miss its window by rounding.
         if lateness_s(self.problem, vehicle, route, self.reference_s) > 1e-6:
             return None
+        waits_s = route.visits[0].departure_s - self.window_s(number)[0]
         cost = sum(leg.cost_kwh for leg in legs)
+        cost += self.problem.waiting_worth_kw * max(0.0, waits_s) / _S_PER_H
         return Itinerary(number, stops, route, cost, passings(number, route, self.shares))

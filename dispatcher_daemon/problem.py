@@ -23,6 +23,8 @@ class RoutingProblem:
         search: what routes are to be short in. Reports tell energies either way.
         time_worth_kw: with "energy", what an hour on the road counts for beside it, kWh. With
             "time" an hour counts for 1 kWh and energy for nothing.
+        waiting_worth_kw: what an hour at the depot counts for that a vehicle waits to meet others,
+            kWh; 0: departure windows alone bound it.
     """
 
     network: RoadNetwork
@@ -31,10 +33,13 @@ class RoutingProblem:
     style: DrivingStyle = field(default_factory=DrivingStyle)
     search: Literal["energy", "time"] = "energy"
     time_worth_kw: float = 0.0
+    waiting_worth_kw: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.time_worth_kw) and self.time_worth_kw >= 0):
-            raise ValueError(f"time_worth_kw must be >= 0, got {self.time_worth_kw}")
+        for name in ("time_worth_kw", "waiting_worth_kw"):
+            worth = getattr(self, name)
+            if not (math.isfinite(worth) and worth >= 0):
+                raise ValueError(f"{name} must be >= 0, got {worth}")
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
-from dispatcher_daemon.departures import alternatives, meeting_departures, schedule_greedily
+from dispatcher_daemon.departures import (
+    alternatives,
+    best_departure,
+    meeting_departures,
+    schedule_greedily,
+)
 from dispatcher_daemon.itineraries import Itinerary, Planner
 from dispatcher_daemon.meetings import Meetings
 from dispatcher_daemon.problem import RoutingProblem
@@ -17,10 +23,14 @@ Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 
 
 def planned(
-    town: Town, vehicles: Sequence[dict[str, float]], stops: Sequence[object] = ("33",) * 4
+    town: Town,
+    vehicles: Sequence[dict[str, float]],
+    stops: Sequence[object] = ("33",) * 4,
+    waiting_worth_kw: float = 0.0,
 ) -> tuple[Planner, list[Itinerary]]:
     """Each vehicle on its way to a stop of its own, as soon as it is ready."""
     problem, snapshot = town(stops, vehicles)
+    problem = replace(problem, waiting_worth_kw=waiting_worth_kw)
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0, 10.0)
     itineraries = []
     for number in range(len(vehicles)):
@@ -41,6 +51,23 @@ def test_who_can_wait_leaves_with_the_one_that_comes_later(town: Town) -> None:
     best = max(alternatives(planner, early, meetings), key=lambda i: meetings.gain_kwh(i.way))
     together = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in late.way)
     assert meetings.gain_kwh(best.way) == pytest.approx(together)
+
+
+@pytest.mark.parametrize(("share", "waits"), [(0.9, True), (1.1, False)])
+def test_nobody_waits_for_what_is_worth_less_than_the_time(
+    town: Town, share: float, waits: bool
+) -> None:
+    """40 s at the depot are worth the drafting that they bring, or a little more than that."""
+    vans = [{"depart_by_s": 100.0}, {"ready_s": 40.0}]
+    planner, (_, late) = planned(town, vans)
+    gain = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in late.way)
+    planner, (early, late) = planned(town, vans, waiting_worth_kw=share * gain * 3600 / 40)
+    assert early.cost_kwh == sum(leg.cost_kwh for leg in planner.legs(0, early.stops) or ())
+    meetings = Meetings(planner.shares, 3.0)
+    meetings.add(late.way)
+    best = best_departure(planner, early, meetings)
+    assert (best.depart_s == pytest.approx(50.0)) == waits
+    assert best.cost_kwh == pytest.approx(early.cost_kwh + waits * share * gain)
 
 
 def test_departures_stay_within_the_window(town: Town) -> None:
