@@ -15,10 +15,10 @@ from slipstream_cli.progress import Progress
 if TYPE_CHECKING:
     from simulation.closed_loop.policy import Policy
     from simulation.evaluation.evaluation import Evaluation
-    from simulation.evaluation.recorded import Watched
     from simulation.evaluation.store import Store
     from simulation.evaluation.words import Table
     from simulation.evaluation.world import World
+    from simulation.exogenous.recorded import Watched
 
 _EXIT_INTERRUPTED: Final = 130
 _GRID_S: Final = 300

@@ -90,7 +90,7 @@ class FleetConductor:
                 cap = min((c for c in (cap, advised) if c is not None), default=None)
             self._hold(name, cap)
         self._priority.step(now_s, states, platoons.tail_m)
-        return Drafting(platoons.eta, platoons.follows, platoons.turbulent)
+        return Drafting(platoons.eta, platoons.turbulent)
 
     def _hold(self, name: str, cap: float | None) -> None:
         """Have a vehicle drive at a speed; SUMO's own checks for safety stay on."""

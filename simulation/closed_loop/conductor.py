@@ -15,12 +15,11 @@ class Drafting:
 
     Attributes:
         eta: drag reduction by vehicle; those alone are left out.
-        follows: vehicles behind another one of their platoon.
-        turbulent: vehicles in a platoon where the traffic is turbulent in truth.
+        turbulent: vehicles close behind or before another one, parting included, where the traffic
+            is turbulent in truth.
     """
 
     eta: Mapping[str, float] = field(default_factory=dict)
-    follows: frozenset[str] = frozenset()
     turbulent: frozenset[str] = frozenset()
 
 

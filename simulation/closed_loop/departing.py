@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
-from simulation.closed_loop.dispatching import Dispatching
+from simulation.closed_loop.dispatching import TIME_KW, Dispatching
 from simulation.closed_loop.gates import Roadside
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.rounds import Rounds, free_s
@@ -14,15 +13,12 @@ from simulation.closed_loop.signals.timing import Signals
 from simulation.closed_loop.vehicle import LegOrder, VehicleState
 from slipstream.roads import RoadNetwork
 
-TIME_W: Final = 10_000.0
-"""What an hour is worth to who drives in a city at the limit; see `History.time_worth_kw`."""
-
 
 def seconds_of(policy: Policy, signals: Signals, time_worth_kw: float) -> Departures | None:
     """What chooses the seconds of an arm; standing at the kerb is priced like driving."""
     if "departures" not in policy.levers:
         return None
-    price_w = 1000 * time_worth_kw or TIME_W
+    price_w = 1000 * (time_worth_kw or TIME_KW)
     return Departures(signals, settings=DepartureSettings(price_w=price_w, waiting_w=price_w))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Final
 
 from dispatcher_daemon.daemon import cycle_seed
 from dispatcher_daemon.dispatch import run_cycle
@@ -25,6 +26,9 @@ from simulation.closed_loop.rounds import Rounds
 from simulation.closed_loop.vehicle import LegOrder
 from simulation.scenarios.fleet import fleet_at
 from slipstream.messages import DrivingAdvice, SegmentState
+
+TIME_KW: Final = 10.0
+"""What an hour is worth to who drives in a city at the limit; see `History.time_worth_kw`."""
 
 
 class Dispatching:
@@ -78,7 +82,7 @@ class Dispatching:
             on_road=on_road(rounds.plans(), now_ns, rounds.late_s()),
         )
         energy = result.report.energy
-        open_, turbulent = roadside.open, roadside.is_turbulent
+        open_, judged, turbulent = roadside.open, roadside.judged, roadside.is_turbulent
         self.cycles.append(
             CycleRecord(
                 time_s=now_s,
@@ -86,8 +90,8 @@ class Dispatching:
                 vehicles=len(result.plans),
                 planned_kwh=sum(plan.energy_kwh for plan in result.plans),
                 planned_platooned_m=0.0 if energy is None else energy.platooned_distance_m,
-                open=len(open_),
-                judged=roadside.judged,
+                open=len(open_ & judged),
+                judged=len(judged),
                 watched=len(roadside.watched),
                 open_turbulent=sum(turbulent(segment) for segment in open_),
             )
@@ -104,7 +108,9 @@ class Dispatching:
             stale_after_s=1.5 * WINDOW_S,
         )
         if "platoons" not in self._policy.levers:
-            snapshot = with_closed_gates(snapshot)
+            snapshot = with_gates(snapshot, frozenset())
+        elif self._policy.gating != "rsu":
+            snapshot = with_gates(snapshot, roadside.open)
         return replace(snapshot, expected=self._expectations(now_s))
 
     def ways(self, now_s: float, roadside: Roadside) -> Ways:
@@ -124,6 +130,7 @@ class Dispatching:
             fleet,
             search=self._policy.search,
             time_worth_kw=self.time_worth_kw,
+            waiting_worth_kw=self.time_worth_kw or TIME_KW,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:
@@ -146,10 +153,14 @@ def settings_of(policy: Policy) -> DispatcherSettings:
     return evaluation_settings().model_copy(update={"advice": advice})
 
 
-def with_closed_gates(snapshot: TrafficSnapshot) -> TrafficSnapshot:
-    """The same traffic without any platooning: the paper's baseline."""
-    closed = {
-        name: replace(traffic, open=False, reason=traffic.reason or "not asked for")
+def with_gates(snapshot: TrafficSnapshot, open_: frozenset[str]) -> TrafficSnapshot:
+    """The same traffic with other gates: with none open it is the paper's baseline."""
+    gated = {
+        name: replace(
+            traffic,
+            open=name in open_,
+            reason=None if name in open_ else traffic.reason or "not asked for",
+        )
         for name, traffic in snapshot.segments.items()
     }
-    return replace(snapshot, segments=MappingProxyType(closed))
+    return replace(snapshot, segments=MappingProxyType(gated))

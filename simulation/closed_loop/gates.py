@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
 
+from edge_daemon.evaluation.windows import TrueWindow
 from edge_daemon.stability import StabilitySettings
 from simulation.closed_loop.policy import Gating
 from simulation.scenarios.observer import Observation, Observer
@@ -19,6 +20,7 @@ WINDOW_S: Final = 60.0
 
 _LOOK_EVERY_S: Final = 1.0
 _STREAM: Final = 3000
+_FEWEST: Final = StabilitySettings().min_vehicles
 
 
 class Roadside:
@@ -56,9 +58,9 @@ class Roadside:
         return self._open
 
     @property
-    def judged(self) -> int:
+    def judged(self) -> frozenset[str]:
         """Watched segments whose y_e is known."""
-        return len({state.segment for state in self.states if state.y_e is not None})
+        return frozenset(state.segment for state in self.states if state.y_e is not None)
 
     def look(self, now_s: float) -> None:
         """After each step; a window ends at each full minute."""
@@ -70,25 +72,36 @@ class Roadside:
             self._report(self._observer.observe(now_s), now_s)
 
     def _report(self, observations: Sequence[Observation], now_s: float) -> None:
-        states = [self._reporter.report(observation) for observation in observations]
-        self.states = tuple(self._gated(states, now_s))
+        self.states = tuple(self._reporter.report(observation) for observation in observations)
         closed = {s.segment for s in self.states if s.y_e == 0}
-        self._open = frozenset(s.segment for s in self.states if s.y_e == 1) - closed
-        self._turbulent = frozenset(
-            o.segment for o in observations if o.truth is not None and o.truth.y_e == 0
-        )
-
-    def _gated(self, states: list[SegmentState], now_s: float) -> list[SegmentState]:
-        if self._gating == "rsu":
-            return states
-        if self._gating == "open":
-            return [_flagged(state, 1) for state in states]
-        # As many gates as are reported stable, on any of the watched segments.
-        rng = np.random.default_rng([self._seed, _STREAM, round(now_s)])
-        flags = rng.permutation([state.y_e == 1 for state in states])
-        return [_flagged(s, 1 if flag else 0) for s, flag in zip(states, flags, strict=True)]
+        reported = {s.segment for s in self.states if s.y_e == 1} - closed
+        self._open = gates(self._gating, self.watched, reported, self._seed)
+        self._turbulent = frozenset(o.segment for o in observations if is_turbulent(o.truth))
 
 
-def _flagged(state: SegmentState, y_e: int) -> SegmentState:
-    """A state with a flag that no traffic stands behind."""
-    return state.model_copy(update={"y_e": y_e, "reason": None})
+def gates(
+    gating: Gating, watched: Collection[str], reported: Collection[str], seed: int
+) -> frozenset[str]:
+    """The segments whose gates are open.
+
+    Args:
+        gating: `random` gives each watched segment the gate that another one is reported to have,
+            always the same other one, so that as many gates are open, and for as long.
+        watched: by an RSU.
+        reported: stable by the RSUs.
+        seed: of who has whose gate.
+    """
+    if gating == "open":
+        return frozenset(watched)
+    if gating == "rsu":
+        return frozenset(reported)
+    names = sorted(watched)
+    others = np.random.default_rng([seed, _STREAM]).permutation(len(names))
+    return frozenset(
+        name for name, other in zip(names, others, strict=True) if names[other] in reported
+    )
+
+
+def is_turbulent(truth: TrueWindow | None) -> bool:
+    """Whether traffic was turbulent in truth; one or two vehicles that brake are no traffic."""
+    return truth is not None and truth.y_e == 0 and truth.vehicles >= _FEWEST

@@ -16,7 +16,9 @@ class DrivenLeg:
         vehicle: of the fleet.
         round: number of its round in the day, from 0.
         leg: number of the leg in the round, from 0.
-        due_s: when it should have left, s since midnight.
+        ready_s: when it could have left: its plan was made, or the delivery before it was done; s
+            since midnight.
+        due_s: when it should have left by the plan.
         departed_s: when it came onto the road.
         arrived_s: when it stood at the next place.
         free_s: what the leg takes at the limit on an empty road, as the dispatcher plans it.
@@ -27,7 +29,8 @@ class DrivenLeg:
         followed_m: distance behind somebody in a platoon.
         stops: times that it came to a stand on the road, its arrival apart.
         waited_s: time below 0.1 m/s on the road.
-        turbulent_s: time in a platoon on a segment whose traffic was turbulent in truth.
+        turbulent_s: time close behind or before another one, parting included, on a segment whose
+            traffic was turbulent in truth.
         path: its segments.
         losses: where the energy of `alone` went.
     """
@@ -35,6 +38,7 @@ class DrivenLeg:
     vehicle: str
     round: int
     leg: int
+    ready_s: float
     due_s: float
     departed_s: float
     arrived_s: float
@@ -52,8 +56,10 @@ class DrivenLeg:
 
     @property
     def travel_s(self) -> float:
-        """From the planned departure to the arrival: waiting to get onto the road counts."""
-        return self.arrived_s - self.due_s
+        """From when it could have left to the arrival: waiting for others to meet counts, and
+        waiting to get onto the road.
+        """
+        return self.arrived_s - self.ready_s
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ class CycleRecord:
         vehicles: sent.
         planned_kwh: energy of its plans, as the dispatcher expects it.
         planned_platooned_m: distance in platoons, as planned.
-        open: watched segments whose gate was open.
+        open: judged segments whose gate was open.
         judged: watched segments whose y_e was known.
         watched: segments that an RSU watches.
         open_turbulent: open gates of segments whose traffic was turbulent in truth.

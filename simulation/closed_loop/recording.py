@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
@@ -54,13 +55,40 @@ def history_of(
     Raises:
         InputError: SUMO refuses the day.
     """
-    hours = "" if end_s - begin_s >= 86400 else f"-{begin_s:.0f}-{end_s:.0f}"
-    path = folder / f"{scenario.name}-{seed}-{signals}{hours}-history.json"
+    path = history_file(
+        folder,
+        f"{scenario.name}-{seed}",
+        signals,
+        (begin_s, end_s),
+        (scenario.net.read_bytes(), scenario.demand.model_dump_json().encode()),
+    )
     if not path.exists():
         background = prepare(scenario, seed + OTHER_DAY, folder)
         day = order_day(scenario, background, folder, signals=signals, begin_s=begin_s, end_s=end_s)
         record_history(day, scenario.network, progress).save(path)
     return path
+
+
+def history_file(
+    folder: Path,
+    name: str,
+    signals: SignalControl,
+    span_s: tuple[float, float],
+    stands_on: Iterable[bytes],
+) -> Path:
+    """Where a history lies: another net or other traffic has another name.
+
+    Args:
+        name: of the scenario and what its traffic is of.
+        span_s: begin and end of what was recorded, s since midnight.
+        stands_on: contents of the net and of what the traffic is made from.
+    """
+    begin_s, end_s = span_s
+    hours = "" if end_s - begin_s >= 86400 else f"-{begin_s:.0f}-{end_s:.0f}"
+    digest = sha256()
+    for part in stands_on:
+        digest.update(sha256(part).digest())
+    return folder / f"{name}-{signals}{hours}-{digest.hexdigest()[:8]}-history.json"
 
 
 def record_history(

@@ -81,7 +81,7 @@ class Rounds:
         self.taken.update(stop.stop for stop in plan.stops[1:-1])
         self._under_way[plan.vehicle] = _Round(self._begun[plan.vehicle], plan, legs)
         self._begun[plan.vehicle] += 1
-        yield from self._next(plan.vehicle, plan.depart_ns / 1e9)
+        yield from self._next(plan.vehicle, plan.issued_ns / 1e9, plan.depart_ns / 1e9)
 
     def arrived(self, leg: Arrival) -> Iterator[LegOrder]:
         """A vehicle ended a leg; the next one to drive, none at its depot."""
@@ -126,9 +126,10 @@ class Rounds:
             return
         order = self._orders[own.plan.stops[own.leg].stop]
         self._served[order.id] = now_s
-        yield from self._next(vehicle, now_s + order.service_s)
+        done_s = now_s + order.service_s
+        yield from self._next(vehicle, done_s, done_s)
 
-    def _next(self, vehicle: str, due_s: float) -> Iterator[LegOrder]:
+    def _next(self, vehicle: str, ready_s: float, due_s: float) -> Iterator[LegOrder]:
         own = self._under_way[vehicle]
         planned = own.legs[own.leg]
         if not planned:  # two places at one junction
@@ -141,6 +142,7 @@ class Rounds:
             own.number,
             own.leg,
             path,
+            ready_s,
             due_s,
             free_s(self.network, path),
             planned,

@@ -11,6 +11,10 @@ from typing import Final
 
 from slipstream.messages import DrivingAdvice, PlannedSegment
 
+SPEED_CHECKS: Final = 0b11011
+"""All of SUMO's checks but one: a vehicle that is told its speed would else brake no harder than is
+comfortable, even for a red light, for somebody who cuts in, or behind another one that does."""
+
 PREFIX: Final = "cav/"
 """SUMO ids of the fleet's vehicles begin with it; no id of the background does."""
 
@@ -24,7 +28,8 @@ class LegOrder:
         round: number of its round in the day, from 0.
         leg: number in the round, from 0.
         path: segments, the first one left from its beginning, the last one driven to its end.
-        due_s: when to leave, s since midnight.
+        ready_s: from when on it could have left, s since midnight; travel time counts from then.
+        due_s: when to leave, later where the plan has it wait to meet others.
         free_s: what the leg takes at the limit on an empty road.
         planned: the plan's segments of this leg, in order, with platoons and entry times.
         advice: how to drive.
@@ -34,6 +39,7 @@ class LegOrder:
     round: int
     leg: int
     path: tuple[str, ...]
+    ready_s: float
     due_s: float
     free_s: float
     planned: tuple[PlannedSegment, ...]

@@ -10,17 +10,14 @@ from typing import Final
 from simulation.closed_loop.conductor import Conductor, Drafting
 from simulation.closed_loop.losses import losses
 from simulation.closed_loop.record import DrivenLeg
-from simulation.closed_loop.vehicle import LegOrder, VehicleState, read_state
+from simulation.closed_loop.vehicle import SPEED_CHECKS, LegOrder, VehicleState, read_state
 from simulation.sumo.session import Session
-from slipstream.energy import ETA_ALONE, PAPER_CAR, VehicleParameters, trace_energy
+from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, PAPER_CAR, VehicleParameters, trace_energy
 
 Leave = Callable[[LegOrder, float], tuple[LegOrder, float]]
 
 _STANDING_MPS: Final = 0.1
 _ROLLING_MPS: Final = 1.0
-# All of SUMO's checks but one: a vehicle that is told its speed would else brake no harder than is
-# comfortable, even for a red light or for somebody who cuts in.
-_BRAKING_FREELY: Final = 0b11011
 # The IDM comes ever nearer to the end of a leg and ever slower: the last metres would take minutes.
 _THERE_M: Final = 5.0
 _THERE_MPS: Final = 1.0
@@ -47,12 +44,11 @@ class _OnRoad:
         """Take in what a step brought."""
         name, way_m = self.order.id, state.driven_m - self.state.driven_m
         eta = drafting.eta.get(name, ETA_ALONE)
-        if eta > 0:
-            if name in drafting.follows:
-                self.followed_m += way_m
-            else:
-                self.led_m += way_m
-            self.turbulent_s += step_s if name in drafting.turbulent else 0.0
+        if eta >= ETA_FOLLOWER:
+            self.followed_m += way_m
+        elif eta > 0:
+            self.led_m += way_m
+        self.turbulent_s += step_s if name in drafting.turbulent else 0.0
         self.speeds_mps.append(state.speed_mps)
         self.eta.append(eta)
         self.state = state
@@ -188,7 +184,7 @@ class FleetWorld:
                     arrivalSpeed="0",
                 )
                 libsumo.vehicle.setSpeedFactor(name, self._pace)
-                libsumo.vehicle.setSpeedMode(name, _BRAKING_FREELY)
+                libsumo.vehicle.setSpeedMode(name, SPEED_CHECKS)
 
             self._session.run(add)
             self._entering[name] = order
@@ -209,6 +205,7 @@ class FleetWorld:
             vehicle=order.vehicle,
             round=order.round,
             leg=order.leg,
+            ready_s=order.ready_s,
             due_s=order.due_s,
             departed_s=own.departed_s,
             arrived_s=now_s,

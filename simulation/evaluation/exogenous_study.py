@@ -13,16 +13,16 @@ from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, NOISES, POLICIES, gated, noisy
 from simulation.evaluation.cells import files, saving
 from simulation.evaluation.evaluation import Evaluation, collect
-from simulation.evaluation.exogenous import exogenous_day
 from simulation.evaluation.ground import code_stamp
 from simulation.evaluation.measures import Measures
 from simulation.evaluation.paper import PAPER_BASELINE, PAPER_COOPERATIVE, PaperDay
-from simulation.evaluation.recorded import Recorded, Watched, record_background
 from simulation.evaluation.run import Told, run_missing
 from simulation.evaluation.store import Store
 from simulation.evaluation.studies import noise_table
 from simulation.evaluation.words import NOTHING, Table, count, number, percent
 from simulation.evaluation.world import World, WorldFiles
+from simulation.exogenous.day import exogenous_day
+from simulation.exogenous.recorded import Recorded, Watched, record_background
 from simulation.scenarios.apart import run_apart
 from simulation.scenarios.scenario import Background, SignalControl
 from slipstream.energy import ETA_FOLLOWER

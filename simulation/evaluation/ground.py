@@ -10,13 +10,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
+from simulation.scenarios.perception import measured_errors
 from simulation.scenarios.scenario import Scenario, SignalControl
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
 _SIMULATE: Final = ("slipstream", "edge_daemon", "dispatcher_daemon", "simulation")
-_NOT: Final = ("evaluation", "training", "streetdrive", "live")
+_NOT: Final = frozenset(
+    f"simulation/{part}" for part in ("evaluation", "training", "streetdrive", "live")
+)
+"""What only renders, shows or reports."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,7 @@ class Ground:
         demand: of the settings of the background; of its route file where that is the user's.
         rsus: of the RSUs' places; empty where they are found by the traffic.
         fleet: of the delivery business.
+        perception: of the errors that RSUs make.
         signals: how signals are run.
         begin_s: simulated, s since midnight.
         end_s: simulated.
@@ -41,6 +46,7 @@ class Ground:
     demand: str
     rsus: str
     fleet: str
+    perception: str
     signals: SignalControl
     begin_s: float
     end_s: float
@@ -72,6 +78,7 @@ def ground_of(
         if rsus is None
         else _digest(json.dumps([rsu.model_dump(mode="json") for rsu in rsus]).encode()),
         _digest(scenario.fleet.model_dump_json().encode()),
+        _digest(measured_errors().model_dump_json().encode()),
         signals,
         *span_s,
         step_s,
@@ -85,7 +92,7 @@ def code_stamp() -> str:
         root = Path(str(files(package)))
         for path in sorted(root.rglob("*.py")):
             inside = path.relative_to(root)
-            if inside.parts[0] not in _NOT:
+            if f"{package}/{inside.parts[0]}" not in _NOT:
                 digest.update(f"{package}/{inside.as_posix()}\n".encode())
                 digest.update(path.read_bytes())
     return (

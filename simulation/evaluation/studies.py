@@ -93,16 +93,10 @@ def noise_table(evaluation: Evaluation) -> Table | None:
     levels = [level for level in (0.0, *NOISES) if noisy(level) in evaluation]
     if not any(levels):
         return None
-    exact = evaluation.against(COOPERATIVE, lambda c: c.saving)
     rows = []
     for level in levels:
         name, paper = noisy(level), PAPER_NOISE[level]
         found = evaluation.against(name, lambda c: c.saving)
-        kept = (
-            found.mean / exact.mean
-            if found is not None and exact is not None and exact.mean > 0
-            else None
-        )
         rows.append(
             (
                 f"{level:.0%}",
@@ -116,7 +110,7 @@ def noise_table(evaluation: Evaluation) -> Table | None:
                 percent(found, 2),
                 equal_time(evaluation, name),
                 percent(paper.saving / PAPER_NOISE[0.0].saving),
-                percent(kept),
+                percent(_kept(evaluation, name)),
             )
         )
     columns = [
@@ -136,3 +130,11 @@ def noise_table(evaluation: Evaluation) -> Table | None:
             "noiseless state.",
         ),
     )
+
+
+def _kept(evaluation: Evaluation, name: str) -> float | None:
+    """Share of the cooperative arm's saving that another arm has, on the seeds of both."""
+    mine, exact = evaluation.compared.get(name, {}), evaluation.compared.get(COOPERATIVE, {})
+    both = mine.keys() & exact.keys()
+    whole = sum(exact[seed].saving for seed in both)
+    return sum(mine[seed].saving for seed in both) / whole if whole > 0 else None

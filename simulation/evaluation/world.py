@@ -9,7 +9,7 @@ from pathlib import Path
 from simulation.closed_loop.arm import STEP_S, ArmOrder, run_arm
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.closed_loop.recording import history_of, record_history
+from simulation.closed_loop.recording import history_file, history_of, record_history
 from simulation.evaluation.ground import Ground, ground_of
 from simulation.evaluation.run import Told
 from simulation.scenarios.demand import DAY_S
@@ -159,11 +159,15 @@ class World:
                     end_s=hours_s[1],
                     progress=progress,
                 )
-            path = self._folder / f"{self._files.name}-routes-{self._signals}-history.json"
+            background = self._background(seed)[0]
+            stands_on = (self._scenario.net.read_bytes(), background.file.read_bytes())
+            path = history_file(
+                self._folder, f"{self._files.name}-routes", self._signals, hours_s, stands_on
+            )
             if not path.exists():
                 day = order_day(
                     self._scenario,
-                    self._background(seed)[0],
+                    background,
                     self._folder,
                     signals=self._signals,
                     begin_s=hours_s[0],

@@ -13,10 +13,10 @@ from simulation.evaluation.curves import BIN_S, HOUR_S
 from simulation.evaluation.data import arms_csv, course_csv, summary
 from simulation.evaluation.evaluation import Evaluation
 from simulation.evaluation.figures import SHOWN, draw
-from simulation.evaluation.recorded import Watched
 from simulation.evaluation.report import report
 from simulation.evaluation.store import not_writable, write_whole
 from simulation.evaluation.words import Table
+from simulation.exogenous.recorded import Watched
 
 _NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream[dev]'"
 

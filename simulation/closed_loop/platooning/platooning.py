@@ -117,7 +117,8 @@ class Platooning:
                 fast = min(state.speed_mps for state in states) >= SLOWEST_MPS
                 if fast and self._is_open(states[1].segment):
                     eta[name] = ETA_FOLLOWER
-                    eta.setdefault(front, ETA_LEADER)
+                    if self._is_open(states[0].segment):
+                        eta.setdefault(front, ETA_LEADER)
         return PlatoonStep(
             eta=eta,
             leads=frozenset(tail_m),

@@ -6,16 +6,13 @@ from typing import Final
 
 import libsumo
 
+from simulation.closed_loop.vehicle import SPEED_CHECKS
 from simulation.scenarios.vehicle_types import TYPES
 
 FOLLOWER: Final = "cav-platoon"
 ALONE: Final = "cav"
 
 _LOOK_AHEAD_M: Final = 120.0
-# Safe speeds and right of way count; comfortable braking does not bound what a follower is told,
-# because SUMO would hold it to that even where the vehicle ahead brakes harder.
-_SPEED_CHECKS: Final = 0b11011
-_ALL_CHECKS: Final = 0b11111
 # Lanes are changed for the route and for others, not for speed nor to keep right.
 _BEHIND_LEADER: Final = 0b011000000101
 _AS_DRIVERS_DO: Final = 0b011001010101
@@ -87,7 +84,7 @@ def take_over(name: str, factor: float) -> None:
     vehicle = libsumo.vehicle
     vehicle.setType(name, FOLLOWER)
     vehicle.setSpeedFactor(name, factor)
-    vehicle.setSpeedMode(name, _SPEED_CHECKS)
+    vehicle.setSpeedMode(name, SPEED_CHECKS)
     vehicle.setLaneChangeMode(name, _BEHIND_LEADER)
 
 
@@ -100,7 +97,6 @@ def hand_back(name: str, factor: float) -> None:
     vehicle = libsumo.vehicle
     vehicle.setType(name, ALONE)
     vehicle.setSpeedFactor(name, factor)
-    vehicle.setSpeedMode(name, _ALL_CHECKS)
     vehicle.setLaneChangeMode(name, _AS_DRIVERS_DO)
 
 

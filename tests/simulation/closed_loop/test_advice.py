@@ -49,7 +49,7 @@ class Timing:
 def order(*, eco: bool = False, coasting: float = 0.0) -> LegOrder:
     """A leg over both segments."""
     advice = DrivingAdvice(eco_approach=eco, coasting_budget=coasting)
-    return LegOrder("van", 0, 0, ("a", "b"), 0.0, 76.0, (), advice)
+    return LegOrder("van", 0, 0, ("a", "b"), 0.0, 0.0, 76.0, (), advice)
 
 
 def drive(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -10,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simulation.closed_loop import recording
 from simulation.closed_loop.history import HOURS, History
 from simulation.closed_loop.recording import Passages, Trace, history_of, record_history
 from simulation.scenarios.day import DayOrder
-from simulation.scenarios.scenario import load_scenario
+from simulation.scenarios.scenario import Background, load_scenario
 from simulation.scenarios.vehicle_types import TYPES
 from slipstream.energy import steady_energy_kwh, stop_energy_kwh, trace_energy
 from slipstream.errors import InputError
@@ -172,10 +174,22 @@ def test_a_day_is_recorded(tmp_path: Path) -> None:
         assert 0.9 * segment.free_flow_s < seconds < segment.free_flow_s + 90.0
 
 
-def test_a_recorded_history_is_not_recorded_again(tmp_path: Path) -> None:
-    """A file that is there is taken as it is."""
+def test_a_recorded_history_is_not_recorded_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that is there is taken as it is, but none of other traffic or another net."""
     troy = load_scenario("troy")
-    path = tmp_path / "troy-3-fixed-history.json"
-    known(troy.network, [], 0.0).save(path)
+    recorded: list[object] = []
+
+    def record(order: DayOrder, *_: object) -> History:
+        recorded.append(order)
+        return known(troy.network, [], 0.0)
+
+    monkeypatch.setattr(recording, "record_history", record)
+    monkeypatch.setattr(recording, "prepare", lambda *_: Background(tmp_path / "r.xml", ()))
+    path = history_of(troy, 3, tmp_path, signals="fixed")
     assert history_of(troy, 3, tmp_path, signals="fixed") == path
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert len(recorded) == 1
+    busier = replace(troy, demand=load_scenario("corridor").demand)
+    assert history_of(busier, 3, tmp_path, signals="fixed") != path
+    assert len(recorded) == 2

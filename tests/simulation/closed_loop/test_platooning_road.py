@@ -120,7 +120,7 @@ def drive(
             vehicle.add(
                 name, name, "cav", "now", "0", f"{begin_m}", f"{speed_mps}", arrivalSpeed="0"
             )
-            orders[name] = LegOrder(name, 0, 0, path, 0.0, 1.0, (), DrivingAdvice())
+            orders[name] = LegOrder(name, 0, 0, path, 0.0, 0.0, 1.0, (), DrivingAdvice())
         session.advance()
         for name, order in orders.items():
             platooning.departed(name, order)

@@ -78,6 +78,7 @@ def driven(order: LegOrder, arrived_s: float) -> DrivenLeg:
         vehicle=order.vehicle,
         round=order.round,
         leg=order.leg,
+        ready_s=order.ready_s,
         due_s=order.due_s,
         departed_s=order.due_s,
         arrived_s=arrived_s,
@@ -104,7 +105,7 @@ def test_a_round_is_driven_leg_by_leg_and_ends_at_the_depot(rounds: Rounds) -> N
     assert "van" not in rounds.idle
     assert rounds.taken == {"o0", "o1"}
     (second,) = rounds.arrived(driven(first, 230.0))
-    assert second.due_s == 290.0
+    assert (second.ready_s, second.due_s) == (290.0, 290.0)
     (third,) = rounds.arrived(driven(second, 400.0))
     assert not [*rounds.arrived(driven(third, 555.0))]
     assert rounds.idle == {"van": 555.0}
@@ -114,6 +115,13 @@ def test_a_round_is_driven_leg_by_leg_and_ends_at_the_depot(rounds: Rounds) -> N
     )
     (again,) = rounds.begin(plan(segment))
     assert again.round == 1
+
+
+def test_waiting_to_meet_others_is_travel_time(rounds: Rounds) -> None:
+    """Planned at 0 s to leave at 100 s, an arrival at 230 s took 230 s."""
+    (first,) = rounds.begin(plan(next(iter(rounds.network.segments))))
+    assert (first.ready_s, first.due_s) == (0.0, 100.0)
+    assert driven(first, 230.0).travel_s == 230.0
 
 
 def test_two_stops_at_one_junction_need_no_drive_between_them(rounds: Rounds) -> None:

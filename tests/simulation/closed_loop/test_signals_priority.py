@@ -77,7 +77,9 @@ def test_no_green_is_cut_where_the_streets_that_lose_it_are_full(
     from simulation.closed_loop.signals.priority import Priority
     from simulation.closed_loop.signals.timing import Signals
 
-    order = LegOrder("v", 0, 0, PATH, 25200.0, 60.0, (), DrivingAdvice(signal_priority=True))
+    order = LegOrder(
+        "v", 0, 0, PATH, 25200.0, 25200.0, 60.0, (), DrivingAdvice(signal_priority=True)
+    )
     with _troy(tmp_path, fixed=True) as session:
         priority = Priority(Signals(), True, PrioritySettings(most_losing=0))
         # The cross street's green begins at 25280, before the vehicle comes near.
@@ -153,7 +155,9 @@ def _drive(folder: Path, fixed: bool, enabled: bool) -> Driven:
     from simulation.closed_loop.signals.priority import Priority
     from simulation.closed_loop.signals.timing import Signals
 
-    order = LegOrder("v", 0, 0, PATH, 25200.0, 60.0, (), DrivingAdvice(signal_priority=True))
+    order = LegOrder(
+        "v", 0, 0, PATH, 25200.0, 25200.0, 60.0, (), DrivingAdvice(signal_priority=True)
+    )
     states: dict[str, list[str]] = {}
     with _troy(folder, fixed) as session:
         priority = Priority(Signals(), enabled)

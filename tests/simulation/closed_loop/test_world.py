@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,15 +13,16 @@ from dispatcher_daemon.paths import least_cost_paths
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import take_snapshot
 from dispatcher_daemon.travel import roads_of
-from simulation.closed_loop.conductor import NoConductor
+from simulation.closed_loop.conductor import Drafting, NoConductor
 from simulation.closed_loop.record import DrivenLeg
 from simulation.closed_loop.rerouting import Ways
 from simulation.closed_loop.rounds import free_s
-from simulation.closed_loop.vehicle import LegOrder
+from simulation.closed_loop.vehicle import LegOrder, VehicleState
 from simulation.closed_loop.world import FleetWorld
 from simulation.scenarios.scenario import Scenario, load_scenario
 from simulation.scenarios.vehicle_types import TYPES
 from simulation.sumo.session import Session
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 from slipstream.messages import DrivingAdvice
 
 STEP_S = 0.5
@@ -65,7 +66,7 @@ def blocked(troy: Scenario, segments: tuple[str, ...]) -> Ways:
 
 def order(troy: Scenario, path: tuple[str, ...]) -> LegOrder:
     """A leg that is due after ten seconds."""
-    return LegOrder("van", 0, 0, path, 10.0, free_s(troy.network, path), (), DrivingAdvice())
+    return LegOrder("van", 0, 0, path, 10.0, 10.0, free_s(troy.network, path), (), DrivingAdvice())
 
 
 def length_m(troy: Scenario, path: tuple[str, ...]) -> float:
@@ -95,6 +96,29 @@ def test_a_leg_goes_from_rest_to_rest(troy: Scenario, session: Session) -> None:
     assert leg.driven == leg.alone
     assert 0.05 < 1000 * leg.driven.total_kwh / leg.distance_m < 0.3
     assert sum(leg.losses) == pytest.approx(leg.alone.total_kwh, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("eta", "led", "followed"), [(0.0, 0, 0), (ETA_LEADER, 1, 0), (ETA_FOLLOWER, 0, 1)]
+)
+def test_what_is_driven_in_platoons_is_counted(
+    troy: Scenario, session: Session, eta: float, led: int, followed: int
+) -> None:
+    """Distances by the drag reduction that is credited; exposure with and without one."""
+
+    class Told(NoConductor):
+        def control(self, now_s: float, states: Mapping[str, VehicleState]) -> Drafting:
+            return Drafting({n: eta for n in states if eta}, turbulent=frozenset(states))
+
+    path = shortest(troy, "vand_campbell", "4th_madison")
+    lengths = {name: segment.length_m for name, segment in troy.network.segments.items()}
+    world = FleetWorld(session, lengths, Told(), STEP_S)
+    world.send(order(troy, path))
+    (leg,) = drive(world, 1219)
+    assert leg.turbulent_s == pytest.approx(leg.arrived_s - leg.departed_s, abs=1.0)
+    assert leg.led_m == pytest.approx(led * leg.distance_m, rel=0.01)
+    assert leg.followed_m == pytest.approx(followed * leg.distance_m, rel=0.01)
+    assert (leg.driven.drag_kwh < leg.alone.drag_kwh) == (eta > 0)
 
 
 def test_a_leg_is_put_off_and_sent_another_way(troy: Scenario, session: Session) -> None:

@@ -13,7 +13,9 @@ from simulation.closed_loop.record import ArmResult, CycleRecord, DrivenLeg, Oth
 from simulation.evaluation.ground import Ground
 from slipstream.energy import Energy
 
-GROUND = Ground("toy", "n" * 64, "d" * 64, "", "f" * 64, "actuated", 6 * 3600.0, 9 * 3600.0, 0.5)
+GROUND = Ground(
+    "toy", "n" * 64, "d" * 64, "", "f" * 64, "p" * 64, "actuated", 6 * 3600.0, 9 * 3600.0, 0.5
+)
 
 _SAVES = {
     "routes": 0.02,
@@ -47,6 +49,7 @@ def make_arm(policy: Policy, seed: int, legs: int = 24, **changes: Any) -> ArmRe
                 vehicle=f"van-{number % 4:02}",
                 round=number // 4,
                 leg=0,
+                ready_s=due_s,
                 due_s=due_s,
                 departed_s=due_s + 1.0,
                 arrived_s=due_s + travel_s,

@@ -62,6 +62,7 @@ def _leg(number: int, trace: list[float]) -> DrivenLeg:
         vehicle=f"van-{number}",
         round=0,
         leg=0,
+        ready_s=0.0,
         due_s=0.0,
         departed_s=10.0,
         arrived_s=10.0 + seconds,

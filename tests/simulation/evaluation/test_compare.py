@@ -27,7 +27,7 @@ def test_figures_are_sums_over_legs_services_and_cycles() -> None:
     assert sum(found.losses) == pytest.approx(found.alone.total_kwh)
     assert found.distance_km == pytest.approx(sum(leg.distance_m for leg in result.legs) / 1000)
     assert found.travel_h == pytest.approx(
-        sum(leg.arrived_s - leg.due_s for leg in result.legs) / 3600
+        sum(leg.arrived_s - leg.ready_s for leg in result.legs) / 3600
     )
     assert found.platooned_share == pytest.approx(0.5)
     assert (found.open, found.judged, found.open_share) == (8 * 36, 360, 0.8)

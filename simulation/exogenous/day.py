@@ -22,13 +22,14 @@ from dispatcher_daemon.on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
+from simulation.closed_loop.dispatching import TIME_KW
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, Others
 from simulation.closed_loop.rounds import Rounds
 from simulation.closed_loop.vehicle import LegOrder
-from simulation.evaluation.passages import RecordedLeg, evaluate
-from simulation.evaluation.recorded import Recorded
-from simulation.evaluation.roadside import Roadside
+from simulation.exogenous.passages import RecordedLeg, evaluate
+from simulation.exogenous.recorded import Recorded
+from simulation.exogenous.roadside import Roadside
 from simulation.scenarios.apart import Progress
 from simulation.scenarios.fleet import draw_deliveries, fleet_at
 from simulation.scenarios.scenario import Scenario
@@ -159,7 +160,7 @@ class _FleetDay:
             if fleet is not None:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
                 result = run_cycle(
-                    RoutingProblem(rounds.network, fleet, style=_STYLE),
+                    RoutingProblem(rounds.network, fleet, style=_STYLE, waiting_worth_kw=TIME_KW),
                     snapshot,
                     self.settings,
                     solve,
@@ -192,6 +193,7 @@ class _FleetDay:
                 order.round,
                 order.leg,
                 order.path,
+                order.ready_s,
                 order.due_s,
                 plan_drive(lengths, speeds, _STYLE),
                 order.free_s,

@@ -17,14 +17,14 @@ from simulation.closed_loop.dispatch_settings import evaluation_settings
 from simulation.closed_loop.policy import Gating, Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation import exogenous_study as study
-from simulation.evaluation import recorded as recording
 from simulation.evaluation.evaluation import Evaluation
-from simulation.evaluation.exogenous import exogenous_day
 from simulation.evaluation.exogenous_study import ARMS, exogenous_evaluation, exogenous_tables
-from simulation.evaluation.passages import RecordedLeg, evaluate, turbulence_kwh
-from simulation.evaluation.recorded import Recorded, Watched, record_background, rsus_everywhere
-from simulation.evaluation.roadside import Roadside
 from simulation.evaluation.world import World, WorldFiles
+from simulation.exogenous import recorded as recording
+from simulation.exogenous.day import exogenous_day
+from simulation.exogenous.passages import RecordedLeg, evaluate, turbulence_kwh
+from simulation.exogenous.recorded import Recorded, Watched, record_background, rsus_everywhere
+from simulation.exogenous.roadside import Roadside
 from simulation.scenarios.day import DayOrder
 from simulation.scenarios.fleet import FleetSettings
 from simulation.scenarios.observer import Observation
@@ -108,7 +108,7 @@ def legs_on(
     speeds = [network.segments[name].speed_limit_mps for name in path]
     drive = plan_drive(lengths, speeds, STYLE)
     return [
-        RecordedLeg(f"van-{i}", 0, 0, path, due_s, drive, drive.duration_s)
+        RecordedLeg(f"van-{i}", 0, 0, path, due_s, due_s, drive, drive.duration_s)
         for i, due_s in enumerate(departures_s)
     ]
 

@@ -12,9 +12,10 @@ from dispatcher_daemon.costs import segment_cost_kwh
 from dispatcher_daemon.drive import Drive, drive_energies
 from dispatcher_daemon.platoons import Timed, platoons_of
 from dispatcher_daemon.traffic import SegmentTraffic
+from simulation.closed_loop.gates import is_turbulent
 from simulation.closed_loop.losses import drive_losses
 from simulation.closed_loop.record import DrivenLeg
-from simulation.evaluation.roadside import Roadside
+from simulation.exogenous.roadside import Roadside
 from slipstream.energy import (
     ETA_ALONE,
     ETA_FOLLOWER,
@@ -38,6 +39,7 @@ class RecordedLeg:
         round: number of its round in the day.
         leg: number of the leg in the round.
         path: segments.
+        ready_s: when it could have left.
         due_s: its departure; times of the drive count from it.
         drive: at the speeds that the background had then.
         free_s: what it takes at the limit.
@@ -47,6 +49,7 @@ class RecordedLeg:
     round: int
     leg: int
     path: tuple[str, ...]
+    ready_s: float
     due_s: float
     drive: Drive
     free_s: float
@@ -106,7 +109,7 @@ def evaluate(
             if len(group) < 2:
                 continue
             truth = roadside.truth(segment, group[0][0])
-            turbulent = truth is not None and truth.y_e == 0
+            turbulent = is_turbulent(truth)
             partings += turbulent
             violations += turbulent * len(group)
             violated_m += turbulent * len(group) * length
@@ -135,7 +138,7 @@ def turbulence_kwh(
     in the drive already.
     """
     truth = roadside.truth(segment, entry_s)
-    if truth is None or truth.y_e == 1 or exit_s <= entry_s:
+    if truth is None or not is_turbulent(truth) or exit_s <= entry_s:
         return 0.0
     road = network.segments[segment]
     speed = road.length_m / (exit_s - entry_s)
@@ -194,6 +197,7 @@ def _driven_leg(
         vehicle=leg.vehicle,
         round=leg.round,
         leg=leg.leg,
+        ready_s=leg.ready_s,
         due_s=leg.due_s,
         departed_s=leg.due_s,
         arrived_s=leg.arrived_s,

@@ -6,22 +6,19 @@ from bisect import bisect_right
 from dataclasses import replace
 from itertools import groupby
 from types import MappingProxyType
-from typing import Final
 
 import numpy as np
 
 from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot, take_snapshot
 from edge_daemon.evaluation.windows import TrueWindow
+from simulation.closed_loop.gates import gates, is_turbulent
 from simulation.closed_loop.policy import Policy
-from simulation.evaluation.recorded import WINDOW_S, Recorded
+from simulation.exogenous.recorded import WINDOW_S, Recorded
 from simulation.scenarios.demand import Array
 from simulation.scenarios.perception import Reporter, measured_errors
 from simulation.scenarios.record import Traffic
 from slipstream.messages import SegmentState
 from slipstream.roads import RoadNetwork
-
-_STREAM: Final = 6100
-"""Of the random gates; other draws of a seed have streams of their own."""
 
 
 class Roadside:
@@ -99,12 +96,14 @@ class Roadside:
         return self._truths[row].get(segment)
 
     def counts(self) -> tuple[int, int, int, int]:
-        """(watched, judged, open, open but turbulent in truth) segments of the last report."""
+        """Segments of the last report: watched, judged, judged and open, open but turbulent in
+        truth.
+        """
         known = {state.segment for state in self._states if state.y_e is not None}
         opened = self._open[-1] if self._open else frozenset()
         truths = self._truths[-1] if self._truths else {}
-        wrong = sum(name in truths and truths[name].y_e == 0 for name in opened)
-        return len(self.watched), len(known), len(opened), wrong
+        wrong = sum(is_turbulent(truths.get(name)) for name in opened)
+        return len(self.watched), len(known), len(opened & known), wrong
 
     def _judged(self, now_s: float) -> TrafficSnapshot:
         now_ns = round(now_s * 1e9)
@@ -115,15 +114,8 @@ class Roadside:
         policy = self._policy
         if "platoons" not in policy.levers:
             return frozenset()
-        if policy.gating == "open":
-            return self.watched
         reported = {name for name, t in self._judged(time_s).segments.items() if t.open}
-        if policy.gating == "rsu":
-            return frozenset(reported)
-        rng = np.random.default_rng([self._seed, _STREAM, round(time_s)])
-        drawn = rng.choice(len(self.watched), size=len(reported), replace=False)
-        names = sorted(self.watched)
-        return frozenset(names[i] for i in drawn)
+        return gates(policy.gating, self.watched, reported, self._seed)
 
 
 def _planning_speeds(traffic: Traffic, network: RoadNetwork) -> Array:
