@@ -56,6 +56,7 @@ class _Daemon:
     process: subprocess.Popen[bytes]
     times_s: list[float]
     rss_mb: list[float]
+    shared_mb: list[float]
     cpu_s: list[float]
 
     def sample(self, at_s: float) -> None:
@@ -63,7 +64,9 @@ class _Daemon:
         with process.oneshot():
             used = process.cpu_times()
             self.times_s.append(at_s)
-            self.rss_mb.append(process.memory_info().rss / 1e6)
+            memory = process.memory_info()
+            self.rss_mb.append(memory.rss / 1e6)
+            self.shared_mb.append(memory.shared / 1e6)
             self.cpu_s.append(used.user + used.system)
 
 
@@ -124,11 +127,11 @@ def run_daemons(
 
 
 def _write_memory(path: Path, daemon: _Daemon) -> None:
-    """Resident memory second by second, so that the verdict can be checked."""
+    """Resident memory second by second, and what of it is pages of files, as of libraries."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["time_s", "rss_mb"])
-        for row in zip(daemon.times_s, daemon.rss_mb, strict=True):
+        writer.writerow(["time_s", "rss_mb", "shared_mb"])
+        for row in zip(daemon.times_s, daemon.rss_mb, daemon.shared_mb, strict=True):
             writer.writerow([f"{value:.3f}" for value in row])
 
 
@@ -162,7 +165,7 @@ def _daemon(clip: Path, folder: Path, rsu: str, pace: str, endpoint: str) -> Ite
             env=os.environ | {"PYTHONUNBUFFERED": "1"},
         )
         try:
-            yield _Daemon(process, [], [], [])
+            yield _Daemon(process, [], [], [], [])
         finally:
             process.terminate()
             try:
