@@ -157,6 +157,7 @@ class EdgeDaemon:
                         self._show(frame)
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
                 done_s = time.monotonic()
+        _finish(telling)
         _finish(self._tell("ended"))
 
     def _now_s(self, frame: Frame | None) -> float:
@@ -213,13 +214,13 @@ class EdgeDaemon:
         idle_s = now - last.captured_s if last and status != "ok" else 0.0
         time_ns = last.captured_ns if last and status == "ok" else time.time_ns()
         for state in self._pipeline.iter_states(time_ns, idle_s, fault):
-            if self._fault != fault:
-                break
             self._state_publishers[state.segment].put(state)
             self._latest[state.segment] = state
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()
             yield
+            if self._fault != fault:
+                break  # before the next one is judged by what is not trusted any more
         if status == "no_signal" and self._limiter.allow("no signal"):
             log.warning("no picture %s", f"for {idle_s:.0f} s" if last else "yet")
         health = self._health(status)

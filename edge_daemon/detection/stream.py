@@ -35,8 +35,9 @@ def detect_stream(
     """Detect in each frame, several at a time, and hand them on in order, each exactly once.
 
     A frame is taken from the source only when a request is free for it, so that a live source
-    offers its newest, and handed on as soon as its vehicles are known, whether or not another frame
-    has come. Close the generator to stop early; it then waits for the source's next answer.
+    knows how far behind its reader is, and handed on as soon as its vehicles are known, whether or
+    not another frame has come. Close the generator to stop early; it then waits for the source's
+    next answer.
 
     Args:
         frames: the source; its None (nothing has come) is handed on as (None, None).

@@ -1,4 +1,4 @@
-"""A source with a capture thread: nothing queues up, and what is skipped is counted."""
+"""A source with a capture thread: little queues up, and what is skipped is counted."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from edge_daemon.sources.protocol import SourceCounters
 
 log = logging.getLogger(__name__)
 
-MOST_WAITING: Final = 45
-"""A second at 45 frames a second."""
+LONGEST_WAIT_S: Final = 1.0
 
 MOST_WAITING_BYTES: Final = 128_000_000
 """46 pictures of 720p, 20 of 1080p."""
@@ -27,8 +26,8 @@ Capture = Callable[[Offer, threading.Event, SourceCounters], None]
 class LiveSource:
     """Runs a capture function in a thread and hands on what it offers.
 
-    Frames may wait for a reader that was busy for a moment; when too many would, the oldest is
-    skipped. So a reader who is slower than the camera lags behind it by those, and no further.
+    Frames may wait up to a second for a reader that was busy for a moment, then the oldest is
+    skipped. So a reader who is slower than the camera lags behind it by that second at most.
     """
 
     def __init__(self, capture: Capture, name: str) -> None:
@@ -63,9 +62,9 @@ class LiveSource:
 
     def _offer(self, frame: Frame) -> None:
         with self._changed:
-            room = MOST_WAITING_BYTES // max(1, frame.image.nbytes)
-            if len(self._waiting) >= max(2, min(MOST_WAITING, room)):
-                # Singly, so that a tracker has gaps of one frame rather than of many.
+            self._waiting.append(frame)
+            # Singly, so that a tracker has gaps of one frame rather than of many.
+            while len(self._waiting) > 1 and self._is_too_much(frame):
                 lost = self._waiting.popleft()
                 heir = self._waiting[0]
                 self._waiting[0] = replace(
@@ -74,8 +73,12 @@ class LiveSource:
                     clock_jump=heir.clock_jump or lost.clock_jump,
                 )
                 self.counters.skipped += 1
-            self._waiting.append(frame)
             self._changed.notify()
+
+    def _is_too_much(self, newest: Frame) -> bool:
+        waits_s = newest.captured_s - self._waiting[0].captured_s
+        held = len(self._waiting) * newest.image.nbytes
+        return waits_s > LONGEST_WAIT_S or held > MOST_WAITING_BYTES
 
     def frames(self) -> Iterator[Frame | None]:
         """Frames as they come; None once a second while there is none.

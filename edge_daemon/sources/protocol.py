@@ -44,7 +44,7 @@ class SourceCounters:
     """What happened to the frames of a source since its start.
 
     Attributes:
-        skipped: frames that a newer one replaced before they were processed.
+        skipped: frames for which there was no time, and those that came in a burst after a stall.
         decode_errors: pictures or clip ends that could not be used.
         reconnects: times that the camera was lost.
         misfit_s: monotonic time of the last picture that had not the calibrated size.
@@ -59,7 +59,7 @@ class SourceCounters:
 
 
 class FrameSource(Protocol):
-    """An endless or finite stream of frames, newest first where the reader is too slow."""
+    """An endless or finite stream of frames in order; a live one skips where its reader is slow."""
 
     counters: SourceCounters
 

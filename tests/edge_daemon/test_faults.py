@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from edge_daemon.pipeline import Pipeline
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, SourceCounters
 from edge_daemon.sources.camera import open_camera
-from edge_daemon.sources.live import MOST_WAITING, LiveSource
+from edge_daemon.sources.live import LONGEST_WAIT_S, LiveSource
 from edge_daemon.watch import Watch, WatchSettings
 from slipstream.config import ServiceSettings
 from slipstream.messages import RsuHealth, SegmentState
@@ -262,6 +263,60 @@ def test_pictures_of_another_size_are_corrupt_until_they_fit_again(
     assert "corrupt" in {health.fault for health in recorder.health}
 
 
+def with_segments(camera: Camera, count: int) -> Camera:
+    """The same camera with its first segment watched so many times."""
+    several = copy(camera)
+    first = camera.segments[0]
+    several.segments = tuple(replace(first, id=f"s{n}") for n in range(count))
+    return several
+
+
+@pytest.mark.parametrize("step", [1, 5], ids=["15 a second", "3 a second"])
+def test_segments_told_between_frames_are_all_told(
+    calm: tuple[Camera, list[Picture], list[Detections]], step: int
+) -> None:
+    """Each of three segments at every beat, fewer frames than segments or not; health as often."""
+    camera, pictures, seen = calm
+    told = {id(p): s for p, s in zip(pictures, seen, strict=True)}
+    frames = [
+        Frame(pictures[n], n / FPS, n * 10**9 // FPS, time.monotonic())
+        for n in range(0, len(pictures), step)
+    ]
+    daemon, recorder, _ = a_daemon(with_segments(camera, 3), Reel(frames), Still(told), "fast")
+    daemon.run()
+    *beats, last = [recorder.states[n : n + 3] for n in range(0, len(recorder.states), 3)]
+    assert {tuple(state.segment for state in beat) for beat in [*beats, last]} == {
+        ("s0", "s1", "s2")
+    }
+    assert all(len({state.time_ns for state in beat}) == 1 for beat in beats)
+    assert len(beats) == pytest.approx(min(4, FPS / step) * len(pictures) / FPS, abs=2)
+    assert abs(len(recorder.health) - len(beats)) <= 1
+    same = {"segment", "sequence"}
+    for beat in beats:
+        assert len({state.model_dump_json(exclude=same) for state in beat}) == 1
+
+
+def test_no_segment_is_judged_by_what_a_fault_made_untrusted(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+) -> None:
+    """A fault between two segments of a beat ends the beat; none tells a flag after it began."""
+    camera, pictures, seen = calm
+    pictures = [*pictures[: 6 * FPS], *(np.zeros_like(p) for p in pictures[6 * FPS :])]
+    told = {id(p): s for p, s in zip(pictures, seen, strict=True)}
+    frames = [
+        Frame(picture, n / FPS, n * 10**9 // FPS, time.monotonic())
+        for n, picture in enumerate(pictures)
+    ]
+    daemon, recorder, _ = a_daemon(with_segments(camera, 9), Reel(frames), Still(told), "fast")
+    daemon.run()
+    flags = [state.y_e for state in recorder.states]
+    began = next(n for n, state in enumerate(recorder.states) if state.reason == "dark")
+    assert 1 in flags[:began]
+    assert set(flags[began:]) == {None}
+    assert began % 9 != 0
+    assert recorder.states[began].segment == "s0"
+
+
 def test_a_live_camera_goes_through_every_fault_and_is_trusted_again(
     calm: tuple[Camera, list[Picture], list[Detections]], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -320,13 +375,13 @@ def test_what_was_skipped_keeps_its_marks(
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
         frame = Frame(picture, 0.0, 0, 0.0)
         offer(replace(frame, clock_jump=True, cut=True))
-        for _ in range(MOST_WAITING):
-            offer(frame)
+        offer(replace(frame, captured_s=0.5 * LONGEST_WAIT_S))
+        offer(replace(frame, captured_s=1.1 * LONGEST_WAIT_S))
         offered.set()
 
     source = LiveSource(capture, "test")  # type: ignore[arg-type]
     assert offered.wait(5)
     frames = list(source.frames())
     marks = [(frame.clock_jump, frame.cut) for frame in frames if frame is not None]
-    assert marks == [(True, True)] + [(False, False)] * (MOST_WAITING - 1)
+    assert marks == [(True, True), (False, False)]
     assert source.counters.skipped == 1

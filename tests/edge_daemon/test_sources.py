@@ -16,7 +16,7 @@ from edge_daemon.frame import Frame
 from edge_daemon.sources import FrameSource, SourceSettings, open_source
 from edge_daemon.sources.camera import open_camera, without_password
 from edge_daemon.sources.clip import ClipFrame, open_clip, paced_clip
-from edge_daemon.sources.live import MOST_WAITING, LiveSource
+from edge_daemon.sources.live import LiveSource
 from slipstream.config import check
 from slipstream.errors import InputError
 
@@ -72,17 +72,20 @@ def test_real_time_plays_at_the_clips_own_speed(clip: Path) -> None:
     assert len(frames) + source.counters.skipped == FRAMES
 
 
-@pytest.mark.parametrize(("shape", "room"), [((4, 4, 3), MOST_WAITING), ((1080, 1920, 3), 20)])
+@pytest.mark.parametrize(
+    ("shape", "fps", "room"),
+    [((4, 4, 3), 40.0, 41), ((4, 4, 3), 8.0, 9), ((1080, 1920, 3), 40.0, 20)],
+)
 def test_a_slow_reader_lags_by_a_few_frames_and_the_skipped_are_counted(
-    shape: tuple[int, int, int], room: int
+    shape: tuple[int, int, int], fps: float, room: int
 ) -> None:
-    """Realtime over completeness: few may wait, fewer of large ones, and the oldest is skipped."""
+    """Realtime over completeness: a second may wait, less of large ones; the oldest is skipped."""
     image = np.zeros(shape, np.uint8)
     offered = threading.Event()
 
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
         for number in range(60):
-            offer(Frame(image, float(number), 0, 0.0))
+            offer(Frame(image, float(number), 0, number / fps))
         offered.set()
 
     source = LiveSource(capture, "test")
