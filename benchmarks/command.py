@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,9 +47,13 @@ def report(name: str, measure: Callable[[], Measured], *, as_json: bool) -> int:
     """
     try:
         measured = measure()
-    except (InputError, RuntimeError) as error:
+    except InputError as error:
         print(f"{name}: {error}", file=sys.stderr)
-        return 2 if isinstance(error, InputError) else 1
+        return 2
+    except RuntimeError as error:
+        traceback.print_exc()
+        print(f"{name}: {error}", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         return 130
     file = measured.folder / ("report.json" if as_json else "report.md")

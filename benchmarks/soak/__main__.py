@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.command import start
 from benchmarks.soak.soak import SoakSettings, run_soak
 from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
@@ -51,5 +51,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(main())
+    start(main)
