@@ -31,7 +31,7 @@ class Choice:
 
     Attributes:
         itineraries: by vehicle number.
-        cost_kwh: H_cost, each vehicle alone.
+        cost_kwh: H_cost, each vehicle alone, and what waiting at depots counts for.
         saving_kwh: H_platoon, platoons counted once.
     """
 

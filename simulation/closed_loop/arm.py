@@ -123,7 +123,7 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         with Session(options, (day.net, day.routes, *day.additional)) as session:
             conductor = FleetConductor(policy, scenario.net, order.step_s, lengths_m, roadside)
             dispatching = Dispatching(rounds, policy, order.seed, executor, history)
-            seconds = seconds_of(policy, conductor.signals, dispatching.time_worth_kw)
+            seconds = seconds_of(policy, conductor.signals, dispatching.waiting_worth_kw)
             departing = Departing(network, dispatching, roadside, rounds, seconds)
             world = FleetWorld(
                 session, lengths_m, conductor, order.step_s, policy.pace, departing.leave

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from simulation.closed_loop.dispatching import TIME_KW, Dispatching
+from simulation.closed_loop.dispatching import Dispatching
 from simulation.closed_loop.gates import Roadside
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.rounds import Rounds, free_s
@@ -14,11 +14,11 @@ from simulation.closed_loop.vehicle import LegOrder, VehicleState
 from slipstream.roads import RoadNetwork
 
 
-def seconds_of(policy: Policy, signals: Signals, time_worth_kw: float) -> Departures | None:
+def seconds_of(policy: Policy, signals: Signals, waiting_worth_kw: float) -> Departures | None:
     """What chooses the seconds of an arm; standing at the kerb is priced like driving."""
     if "departures" not in policy.levers:
         return None
-    price_w = 1000 * (time_worth_kw or TIME_KW)
+    price_w = 1000 * waiting_worth_kw
     return Departures(signals, settings=DepartureSettings(price_w=price_w, waiting_w=price_w))
 
 

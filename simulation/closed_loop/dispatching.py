@@ -27,7 +27,7 @@ from simulation.closed_loop.vehicle import LegOrder
 from simulation.scenarios.fleet import fleet_at
 from slipstream.messages import DrivingAdvice, SegmentState
 
-TIME_KW: Final = 10.0
+DEFAULT_TIME_WORTH_KW: Final = 10.0
 """What an hour is worth to who drives in a city at the limit; see `History.time_worth_kw`."""
 
 
@@ -124,13 +124,18 @@ class Dispatching:
             self._ways = roadside.states, Ways(self._rounds.network, roads)
         return self._ways[1]
 
+    @property
+    def waiting_worth_kw(self) -> float:
+        """What an hour at the depot or at the kerb counts for."""
+        return self.time_worth_kw or DEFAULT_TIME_WORTH_KW
+
     def _problem(self, fleet: Fleet) -> RoutingProblem:
         return RoutingProblem(
             self._rounds.network,
             fleet,
             search=self._policy.search,
             time_worth_kw=self.time_worth_kw,
-            waiting_worth_kw=self.time_worth_kw or TIME_KW,
+            waiting_worth_kw=self.waiting_worth_kw,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:

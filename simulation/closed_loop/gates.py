@@ -69,24 +69,24 @@ class Roadside:
         self._observer.look()
         self._looked += 1
         if now_s % WINDOW_S == 0 and self._looked >= WINDOW_S / _LOOK_EVERY_S:
-            self._report(self._observer.observe(now_s), now_s)
+            self._report(self._observer.observe(now_s))
 
-    def _report(self, observations: Sequence[Observation], now_s: float) -> None:
+    def _report(self, observations: Sequence[Observation]) -> None:
         self.states = tuple(self._reporter.report(observation) for observation in observations)
         closed = {s.segment for s in self.states if s.y_e == 0}
         reported = {s.segment for s in self.states if s.y_e == 1} - closed
-        self._open = gates(self._gating, self.watched, reported, self._seed)
+        self._open = open_gates(self._gating, self.watched, reported, self._seed)
         self._turbulent = frozenset(o.segment for o in observations if is_turbulent(o.truth))
 
 
-def gates(
+def open_gates(
     gating: Gating, watched: Collection[str], reported: Collection[str], seed: int
 ) -> frozenset[str]:
     """The segments whose gates are open.
 
     Args:
-        gating: `random` gives each watched segment the gate that another one is reported to have,
-            always the same other one, so that as many gates are open, and for as long.
+        gating: `random` deals the reported gates out anew, once for all day, so that as many are
+            open, and for as long; by chance a segment may keep its own.
         watched: by an RSU.
         reported: stable by the RSUs.
         seed: of who has whose gate.

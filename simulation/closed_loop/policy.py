@@ -23,8 +23,8 @@ and stops, within a time budget; priority: asking signals for green."""
 WITHOUT_PRIORITY: Final = frozenset(LEVERS) - {"priority"}
 
 Gating = Literal["rsu", "open", "random"]
-"""Which segments platoons may form on: those that RSUs report as stable; all that are watched;
-watched ones drawn as often as RSUs report stable ones."""
+"""Which segments platoons may form on: those that RSUs report as stable; all that are watched; as
+many as are reported, elsewhere (see `gates.open_gates`)."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ class Measures:
         losses: what `alone` went into.
         legs: driven to their end.
         distance_km: of all of them.
-        travel_h: from planned departures to arrivals, service left out.
+        travel_h: from when legs could begin to their arrivals, service left out.
         led_km: at the front of platoons.
         followed_km: behind somebody.
         stops: on the road.
@@ -32,10 +32,10 @@ class Measures:
         planned_kwh: what their plans expected to need.
         watched: segments that RSUs watch, summed over cycles, as the next three.
         judged: those whose y_e was known.
-        open: those whose gate was open.
+        open: judged ones whose gate was open.
         open_turbulent: open gates of traffic that was turbulent in truth.
         disengagements: platoons that had to part as the traffic was turbulent in truth.
-        turbulent_s: time in platoons in such traffic.
+        turbulent_s: time close behind or before another one in such traffic, parting included.
         others: the background's trips.
         unfinished: vehicles on the road at the end.
         faults: why no figure of this arm counts; nothing if it is sound.

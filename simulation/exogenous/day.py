@@ -22,7 +22,7 @@ from dispatcher_daemon.on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
-from simulation.closed_loop.dispatching import TIME_KW
+from simulation.closed_loop.dispatching import DEFAULT_TIME_WORTH_KW
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, Others
 from simulation.closed_loop.rounds import Rounds
@@ -160,7 +160,9 @@ class _FleetDay:
             if fleet is not None:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
                 result = run_cycle(
-                    RoutingProblem(rounds.network, fleet, style=_STYLE, waiting_worth_kw=TIME_KW),
+                    RoutingProblem(
+                        rounds.network, fleet, style=_STYLE, waiting_worth_kw=DEFAULT_TIME_WORTH_KW
+                    ),
                     snapshot,
                     self.settings,
                     solve,

@@ -11,7 +11,7 @@ import numpy as np
 
 from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot, take_snapshot
 from edge_daemon.evaluation.windows import TrueWindow
-from simulation.closed_loop.gates import gates, is_turbulent
+from simulation.closed_loop.gates import is_turbulent, open_gates
 from simulation.closed_loop.policy import Policy
 from simulation.exogenous.recorded import WINDOW_S, Recorded
 from simulation.scenarios.demand import Array
@@ -115,7 +115,7 @@ class Roadside:
         if "platoons" not in policy.levers:
             return frozenset()
         reported = {name for name, t in self._judged(time_s).segments.items() if t.open}
-        return gates(policy.gating, self.watched, reported, self._seed)
+        return open_gates(policy.gating, self.watched, reported, self._seed)
 
 
 def _planning_speeds(traffic: Traffic, network: RoadNetwork) -> Array:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import logging
 import os
 import signal
@@ -279,6 +280,7 @@ if __name__ == "__main__":
         DispatcherSettings(
             bus=BusSettings(connect=(sys.argv[1],)),
             database_url=f"sqlite:///{sys.argv[2]}",
+            fleet=sys.argv[3],
             interval_s=3.0,
             deadline_s=2.5,
             stale_after_s=30.0,
@@ -294,6 +296,39 @@ def endpoint() -> Iterator[str]:
         yield router.endpoint
 
 
+def test_a_daemon_started_between_two_waves_waits_for_orders(tmp_path: Path, endpoint: str) -> None:
+    """The real process: an order file with nothing to do is a cycle without plans, then plans."""
+    script, orders = tmp_path / "run.py", tmp_path / "orders.json"
+    script.write_text(RUN)
+    fleet = {"depots": [{"node": "depot"}], "stops": [], "vehicles": [{"id": "van-1"}]}
+    orders.write_text(json.dumps(fleet))
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, str(script), endpoint, str(tmp_path / "c.db"), str(orders)]
+    reports: list[CycleReport] = []
+    with (
+        Bus.open(BusSettings(connect=(endpoint,))) as bus,
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as daemon,
+    ):
+        try:
+            bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
+            ends = time.monotonic() + 120
+            while time.monotonic() < ends and daemon.poll() is None:
+                if reports and reports[-1].plans:
+                    break
+                if reports and not fleet["stops"]:
+                    fleet["stops"] = [{"id": "s1", "node": "c1"}]
+                    part = orders.with_suffix(".part")
+                    part.write_text(json.dumps(fleet))
+                    part.replace(orders)
+                time.sleep(0.2)
+        finally:
+            daemon.terminate()
+            _, log = daemon.communicate(timeout=30)
+    assert daemon.returncode == 0, log
+    assert (reports[0].status, reports[0].plans) == ("ok", 0)
+    assert reports[-1].plans == 1
+
+
 def test_the_daemon_turns_states_into_stored_plans(
     tmp_path: Path, endpoint: str, state: State
 ) -> None:
@@ -301,7 +336,7 @@ def test_the_daemon_turns_states_into_stored_plans(
     script, database = tmp_path / "run.py", tmp_path / "cycles.db"
     script.write_text(RUN)
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, str(script), endpoint, str(database)]
+    command = [sys.executable, str(script), endpoint, str(database), "demo"]
     reports: list[CycleReport] = []
     plans: list[VehiclePlan] = []
     health: list[DispatcherHealth] = []

@@ -108,6 +108,8 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
         f"{whole}: valid instance",
         f"{whole}: stop s2 cannot be served: {reason}",
     ]
+    vans.write_text(tomli_w.dumps(fleet | {"stops": []}))
+    assert slipstream("check", str(vans)).stdout.splitlines() == [f"{vans}: valid fleet"]
     fleet["stops"][0]["node"] = "c9"
     vans.write_text(tomli_w.dumps(fleet))
     assert f"{vans}: stops.s1.node: unknown node 'c9'" in one_line(slipstream("check", str(vans)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from edge_daemon.evaluation.windows import TrueWindow
-from simulation.closed_loop.gates import gates, is_turbulent
+from simulation.closed_loop.gates import is_turbulent, open_gates
 
 WATCHED = [f"s{number}" for number in range(40)]
 
@@ -15,19 +15,19 @@ def window(vehicles: int, y_e: int) -> TrueWindow:
 
 def test_open_and_reported_gates() -> None:
     """All that are watched, or those that are reported."""
-    assert gates("open", WATCHED, {"s1"}, 1) == frozenset(WATCHED)
-    assert gates("rsu", WATCHED, {"s1"}, 1) == {"s1"}
+    assert open_gates("open", WATCHED, {"s1"}, 1) == frozenset(WATCHED)
+    assert open_gates("rsu", WATCHED, {"s1"}, 1) == {"s1"}
 
 
 def test_random_gates_are_open_as_often_and_as_long_but_elsewhere() -> None:
     """Each segment has another one's gate all day, so a gate that lasts is one that lasts."""
-    first = gates("random", WATCHED, {"s1", "s2", "s3"}, 1)
-    second = gates("random", WATCHED, {"s2", "s3", "s4"}, 1)
+    first = open_gates("random", WATCHED, {"s1", "s2", "s3"}, 1)
+    second = open_gates("random", WATCHED, {"s2", "s3", "s4"}, 1)
     assert len(first) == len(second) == 3
     assert len(first & second) == 2
     assert first != {"s1", "s2", "s3"}
-    assert first != gates("random", WATCHED, {"s1", "s2", "s3"}, 2)
-    assert gates("random", WATCHED, WATCHED, 1) == frozenset(WATCHED)
+    assert first != open_gates("random", WATCHED, {"s1", "s2", "s3"}, 2)
+    assert open_gates("random", WATCHED, WATCHED, 1) == frozenset(WATCHED)
 
 
 def test_one_or_two_vehicles_that_brake_are_no_turbulent_traffic() -> None:

@@ -195,6 +195,28 @@ def test_a_platoon_parts_before_the_gate_that_is_closed(files: tuple[Path, Path]
     assert found.types[-1] == "cav"
 
 
+def test_a_leader_beyond_a_gate_that_has_just_closed_is_not_credited(
+    files: tuple[Path, Path],
+) -> None:
+    """From the step on in which the gate of its segment closes."""
+    on_b: list[bool] = []
+
+    def look(_: float) -> None:
+        on_b.append(libsumo.vehicle.getRoadID(LEAD) == "b")
+
+    found = drive(
+        files,
+        step_s=0.1,
+        seconds=115.0,
+        is_open=lambda segment: segment != "b" or not any(on_b),
+        lead_told=look,
+    )
+    closes = on_b.index(True)
+    assert found.steps[closes].eta == {LEAD: ETA_LEADER, REAR: ETA_FOLLOWER}
+    assert found.places[closes] < LENGTHS["a"]
+    assert not any(LEAD in step.eta for step in found.steps[closes + 1 :])
+
+
 def test_turbulence_behind_an_open_gate_parts_a_platoon_once(files: tuple[Path, Path]) -> None:
     """The platoon is counted, exposed while it opens its gap, and does not form again there."""
     found = drive(files, seconds=150.0, is_turbulent=lambda segment: segment == "b")
