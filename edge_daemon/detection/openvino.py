@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -40,7 +41,7 @@ class OpenVinoDetector:
         Raises:
             InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
         """
-        self._core = ov.Core()
+        self._core = _runtime()
         try:
             self._model = self._core.read_model(path)
         except RuntimeError:
@@ -214,3 +215,13 @@ def _with_preprocessing(model: ov.Model) -> ov.Model:
         ColorFormat.RGB
     ).scale(255.0)
     return steps.build()
+
+
+@cache
+def _runtime() -> ov.Core:
+    """One for the process, and for good.
+
+    The CPU plugin gives the thread that loads it a stack for its signals, and frees it when it is
+    unloaded, by whichever thread: the next signal then kills the process.
+    """
+    return ov.Core()

@@ -271,3 +271,34 @@ def test_nothing_is_told_to_anybody(tmp_path: Path) -> None:
         [sys.executable, "-c", code], check=True, env=os.environ | {"HOME": str(tmp_path)}
     )
     assert list(tmp_path.iterdir()) == []
+
+
+DROPPED = """
+import gc, os, signal, threading
+import numpy as np
+from edge_daemon.detection import DetectorSettings, open_detector
+
+held = [open_detector(DetectorSettings())]
+held[0].detect(np.zeros((720, 1280, 3), np.uint8))
+
+
+def drop():
+    held.clear()
+    gc.collect()
+
+
+signal.signal(signal.SIGTERM, lambda *_: print("heard"))
+other = threading.Thread(target=drop)
+other.start()
+other.join()
+fresh = [bytearray(1 << 14) for _ in range(4000)]
+os.kill(os.getpid(), signal.SIGTERM)
+"""
+
+
+def test_signals_are_heard_after_a_detector_was_dropped_by_another_thread() -> None:
+    """OpenVINO unloaded there would take this thread's signal stack with it."""
+    done = subprocess.run(
+        [sys.executable, "-c", DROPPED], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stdout) == (0, "heard\n"), done.stderr
