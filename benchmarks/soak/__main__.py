@@ -7,7 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.command import start
+from benchmarks.aims import Check
+from benchmarks.command import Measured, report, start
 from benchmarks.soak.soak import SoakSettings, run_soak
 from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
@@ -28,7 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--interval", type=float, default=30.0, help="seconds between cycles")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(arguments)
-    try:
+
+    def measure() -> Measured:
         if not options.minutes >= _SHORTEST_MIN:
             raise InputError(
                 "--minutes", f"{options.minutes:g} is too short", f"give {_SHORTEST_MIN:g} or more"
@@ -41,13 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         with Progress("soaking", sys.stderr) as progress:
             verdict = run_soak(settings, progress.update)
-    except InputError as error:
-        print(f"soak: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-    print((settings.out / ("report.json" if options.json else "report.md")).read_text(), end="")
-    return 0 if verdict.green else 1
+        colour = "green" if verdict.green else "red"
+        return Measured(settings.out, [Check("the soak", colour, "green", verdict.green)])
+
+    return report("soak", measure, as_json=options.json)
 
 
 if __name__ == "__main__":

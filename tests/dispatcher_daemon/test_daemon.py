@@ -3,13 +3,14 @@ from __future__ import annotations
 import json
 import logging
 import os
-import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -296,35 +297,56 @@ def endpoint() -> Iterator[str]:
         yield router.endpoint
 
 
-def test_a_daemon_started_between_two_waves_waits_for_orders(tmp_path: Path, endpoint: str) -> None:
-    """The real process: an order file with nothing to do is a cycle without plans, then plans."""
-    script, orders = tmp_path / "run.py", tmp_path / "orders.json"
+@dataclass
+class Running:
+    """The daemon's process, and its end once it has been told to."""
+
+    process: subprocess.Popen[str]
+    bus: Bus
+    log: str = ""
+    stopping_s: float = inf
+
+
+@contextmanager
+def running(folder: Path, endpoint: str, fleet: str) -> Iterator[Running]:
+    """The real process on a database in a folder; it is stopped at the end."""
+    script = folder / "run.py"
     script.write_text(RUN)
-    fleet = {"depots": [{"node": "depot"}], "stops": [], "vehicles": [{"id": "van-1"}]}
-    orders.write_text(json.dumps(fleet))
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, str(script), endpoint, str(tmp_path / "c.db"), str(orders)]
-    reports: list[CycleReport] = []
+    command = [sys.executable, str(script), endpoint, str(folder / "cycles.db"), fleet]
     with (
         Bus.open(BusSettings(connect=(endpoint,))) as bus,
-        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as daemon,
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process,
     ):
+        daemon = Running(process, bus)
         try:
-            bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
-            ends = time.monotonic() + 120
-            while time.monotonic() < ends and daemon.poll() is None:
-                if reports and reports[-1].plans:
-                    break
-                if reports and not fleet["stops"]:
-                    fleet["stops"] = [{"id": "s1", "node": "c1"}]
-                    part = orders.with_suffix(".part")
-                    part.write_text(json.dumps(fleet))
-                    part.replace(orders)
-                time.sleep(0.2)
+            yield daemon
         finally:
-            daemon.terminate()
-            _, log = daemon.communicate(timeout=30)
-    assert daemon.returncode == 0, log
+            began = time.monotonic()
+            process.terminate()
+            _, daemon.log = process.communicate(timeout=30)
+            daemon.stopping_s = time.monotonic() - began
+
+
+def test_a_daemon_started_between_two_waves_waits_for_orders(tmp_path: Path, endpoint: str) -> None:
+    """The real process: an order file with nothing to do is a cycle without plans, then plans."""
+    orders = tmp_path / "orders.json"
+    fleet = {"depots": [{"node": "depot"}], "stops": [], "vehicles": [{"id": "van-1"}]}
+    orders.write_text(json.dumps(fleet))
+    reports: list[CycleReport] = []
+    with running(tmp_path, endpoint, str(orders)) as daemon:
+        daemon.bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
+        ends = time.monotonic() + 120
+        while time.monotonic() < ends and daemon.process.poll() is None:
+            if reports and reports[-1].plans:
+                break
+            if reports and not fleet["stops"]:
+                fleet["stops"] = [{"id": "s1", "node": "c1"}]
+                part = orders.with_suffix(".part")
+                part.write_text(json.dumps(fleet))
+                part.replace(orders)
+            time.sleep(0.2)
+    assert daemon.process.returncode == 0, daemon.log
     assert (reports[0].status, reports[0].plans) == ("ok", 0)
     assert reports[-1].plans == 1
 
@@ -333,48 +355,36 @@ def test_the_daemon_turns_states_into_stored_plans(
     tmp_path: Path, endpoint: str, state: State
 ) -> None:
     """The real process: states in over zenoh, plans out, every one of them in the database."""
-    script, database = tmp_path / "run.py", tmp_path / "cycles.db"
-    script.write_text(RUN)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, str(script), endpoint, str(database), "demo"]
     reports: list[CycleReport] = []
     plans: list[VehiclePlan] = []
     health: list[DispatcherHealth] = []
-    with (
-        Bus.open(BusSettings(connect=(endpoint,))) as bus,
-        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as daemon,
-    ):
-        try:
-            bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
-            bus.subscribe(ALL_PLANS, lambda k, b: plans.append(decode(VehiclePlan, b, k)))
-            bus.subscribe(
-                DISPATCHER_HEALTH_KEY,
-                lambda k, b: health.append(decode(DispatcherHealth, b, k)),
-            )
-            segments = ("avenue_east", "avenue_west")
-            outlets = {s: bus.publisher(state_key(f"rsu-{s}", s)) for s in segments}
-            ends = time.monotonic() + 120
-            while time.monotonic() < ends and daemon.poll() is None:
-                for segment, outlet in outlets.items():
-                    outlet.put(state(segment, 1, time_ns=time.time_ns()))
-                outlets["avenue_east"].put(b"not a state")
-                if health and health[-1].cycles >= 2 and any(p.cycle >= 2 for p in plans):
-                    break
-                time.sleep(0.2)
-        finally:
-            began = time.monotonic()
-            daemon.send_signal(signal.SIGTERM)
-            _, errors = daemon.communicate(timeout=30)
-    assert daemon.returncode == 0, errors
-    assert time.monotonic() - began < 10
-    assert "Traceback" not in errors
+    with running(tmp_path, endpoint, "demo") as daemon:
+        bus = daemon.bus
+        bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
+        bus.subscribe(ALL_PLANS, lambda k, b: plans.append(decode(VehiclePlan, b, k)))
+        bus.subscribe(
+            DISPATCHER_HEALTH_KEY, lambda k, b: health.append(decode(DispatcherHealth, b, k))
+        )
+        segments = ("avenue_east", "avenue_west")
+        outlets = {s: bus.publisher(state_key(f"rsu-{s}", s)) for s in segments}
+        ends = time.monotonic() + 120
+        while time.monotonic() < ends and daemon.process.poll() is None:
+            for segment, outlet in outlets.items():
+                outlet.put(state(segment, 1, time_ns=time.time_ns()))
+            outlets["avenue_east"].put(b"not a state")
+            if health and health[-1].cycles >= 2 and any(p.cycle >= 2 for p in plans):
+                break
+            time.sleep(0.2)
+    assert daemon.process.returncode == 0, daemon.log
+    assert daemon.stopping_s < 10
+    assert "Traceback" not in daemon.log
     last = reports[-1]
-    assert last.status == "ok", errors
+    assert last.status == "ok", daemon.log
     assert [s.solver for s in last.solvers] == ["exact", "lc-qaoa"]
     assert {g.segment: g.open for g in last.gates} == dict.fromkeys(segments, True)
     crossing = {p.vehicle: p.stops[2].stop for p in plans if p.cycle == last.cycle}
     assert crossing == {"van-a": "c4", "van-b": "c2"}
     assert health[-1].bad_messages > 0
-    with open_reader(f"sqlite:///{database}") as reader:
+    with open_reader(f"sqlite:///{tmp_path / 'cycles.db'}") as reader:
         stored = {report.cycle for report in reader.cycles(limit=100)}
     assert {report.cycle for report in reports} <= stored
