@@ -15,7 +15,7 @@ from edge_daemon.frame import Frame
 from edge_daemon.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
 from edge_daemon.measurement import to_road_points
 from edge_daemon.memory import Memory
-from edge_daemon.stability import Flag, StabilitySettings, classify
+from edge_daemon.stability import StabilityJudge, StabilitySettings
 from edge_daemon.tracking import Sightings, Track, Tracker, TrackerSettings
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState, UnknownReason
@@ -57,12 +57,11 @@ class Pipeline:
         self._camera = camera
         self._detector = detector
         self._tracker = Tracker(tracker)
-        self._stability = stability
+        self._judge = StabilityJudge(stability)
         self._window_s = window_s
         self._sightings = Memory()
         self._frames: deque[_Seen] = deque()
         self._sequence = 0
-        self._stable: set[str] = set()
         self._kinematics = {
             segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
         }
@@ -120,7 +119,7 @@ class Pipeline:
     def forget(self) -> None:
         """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
         self._tracker.reset()
-        self._stable.clear()
+        self._judge.forget()
         self._sightings = Memory()
         self._frames.clear()
 
@@ -179,21 +178,12 @@ class Pipeline:
         self._windows[segment.id] = measured
         vehicles = len(measured.vehicles) if measured else 0
         flag = (
-            classify(
-                features,
-                vehicles,
-                window.frames,
-                window.coverage,
-                self._stability,
-                was_stable=segment.id in self._stable,
+            self._judge.judge(
+                segment.id, time_ns, features, vehicles, window.frames, window.coverage
             )
             if fault is None
-            else Flag(None, fault)
+            else self._judge.distrust(segment.id, fault)
         )
-        if flag.y_e == 1:
-            self._stable.add(segment.id)
-        else:
-            self._stable.discard(segment.id)
         self._sequence += 1
         return SegmentState(
             rsu=self._rsu,

@@ -2,19 +2,24 @@
 
 The paper's rule (section V-A): stable if CV = σ_v/v̄ ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴. A flag is only
 given where the data carry it: everything else is unknown, which gates like turbulent. Hysteresis
-makes the rule stricter, never looser: stable always means that the paper's rule holds.
+makes the rule stricter, never looser: stable always means that the paper's rule holds, or, with
+`keep_s`, that it held when traffic was last dense enough to tell.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, inf, isinf
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
 from slipstream.config import Settings
 from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
+
+_AS_FAST: Final = 0.7
+"""A kept flag ends with a vehicle slower than this share of the speed that it was judged at: one
+that stands on an empty road is no thin traffic."""
 
 
 class StabilitySettings(Settings):
@@ -36,10 +41,15 @@ class StabilitySettings(Settings):
         default=1.0,
         description="Standard errors that must lie between value and threshold; 0: none.",
     )
+    keep_s: Annotated[float, Field(ge=0, le=3600)] = Field(
+        default=0.0,
+        description="How long a segment stays stable while too few vehicles come by to judge it "
+        "anew; 0: not at all.",
+    )
 
     def bare(self) -> StabilitySettings:
         """The paper's rule as it stands in the paper: no hysteresis, no regard for errors."""
-        return self.model_copy(update={"hysteresis": 0.0, "sure_sigmas": 0.0})
+        return self.model_copy(update={"hysteresis": 0.0, "sure_sigmas": 0.0, "keep_s": 0.0})
 
 
 @dataclass(frozen=True)
@@ -48,6 +58,70 @@ class Flag:
 
     y_e: Literal[0, 1] | None
     reason: UnknownReason | None
+
+
+@dataclass(frozen=True)
+class _Stable:
+    """When a segment was last judged stable, and how fast its traffic was then."""
+
+    judged_ns: int
+    speed_mps: float
+
+
+class StabilityJudge:
+    """The flags of an RSU's segments from window to window."""
+
+    def __init__(self, settings: StabilitySettings) -> None:
+        self._settings = settings
+        self._stable: dict[str, _Stable] = {}
+
+    def judge(
+        self,
+        segment: str,
+        time_ns: int,
+        features: KinematicFeatures | None,
+        vehicles: int,
+        frames: int,
+        coverage: float,
+    ) -> Flag:
+        """The flag of a segment's latest window; see `classify`.
+
+        Args:
+            time_ns: the window's end. After a step back of the clock nothing is kept.
+        """
+        before = self._stable.get(segment)
+        flag = classify(
+            features, vehicles, frames, coverage, self._settings, was_stable=before is not None
+        )
+        if flag.y_e == 1 and features is not None:
+            self._stable[segment] = _Stable(time_ns, features.mean_speed_mps.value)
+        elif flag.reason == "too_few_vehicles" and self._keeps(before, time_ns, features, vehicles):
+            return Flag(1, None)
+        else:
+            self._stable.pop(segment, None)
+        return flag
+
+    def distrust(self, segment: str, reason: UnknownReason) -> Flag:
+        """The flag of a segment whose camera has a fault."""
+        self._stable.pop(segment, None)
+        return Flag(None, reason)
+
+    def forget(self) -> None:
+        """What was seen so far is not to be trusted."""
+        self._stable.clear()
+
+    def _keeps(
+        self,
+        before: _Stable | None,
+        time_ns: int,
+        features: KinematicFeatures | None,
+        vehicles: int,
+    ) -> bool:
+        if before is None or not 0 < time_ns - before.judged_ns <= self._settings.keep_s * 1e9:
+            return False
+        if features is None:
+            return vehicles == 0
+        return features.mean_speed_mps.value >= _AS_FAST * before.speed_mps
 
 
 def classify(

@@ -101,6 +101,7 @@ class SegmentState(Message):
     """What an RSU saw on one road segment in the last window.
 
     ``y_e`` is 1 (stable), 0 (turbulent) or None (unknown, with ``reason``). Unknown gates like 0.
+    1 without features: nobody came by since the segment was last judged, as its RSU is set to bear.
     """
 
     rsu: Identifier
@@ -119,8 +120,8 @@ class SegmentState(Message):
     def _flag_and_reason_agree(self) -> Self:
         if (self.y_e is None) != (self.reason is not None):
             raise ValueError("reason is given exactly when y_e is null")
-        if self.y_e is not None and self.features is None:
-            raise ValueError("a known y_e needs features")
+        if self.features is None and (self.y_e == 0 or (self.y_e == 1 and self.vehicles > 0)):
+            raise ValueError("a known y_e needs features where vehicles came by")
         return self
 
 

@@ -36,6 +36,7 @@ def write_world_settings(
     bus = {"connect": [bus_endpoint]}
     url = f"sqlite:///{(folder / 'slipstream.db').absolute()}"
     net = str(order.day.net.absolute())
+    keep_s = {rsu.id: rsu.keep_s for rsu in order.rsus}
     daemons: dict[str, tuple[str, Settings]] = {
         camera.rsu: (
             "edge",
@@ -46,6 +47,7 @@ def write_world_settings(
                     "source": {"url": camera.url},
                     # In less, too few vehicles come by most of the day to tell anything.
                     "window_s": WINDOW_S,
+                    "stability": {"keep_s": keep_s[camera.rsu]},
                     # Several cameras on one small machine: a thread each, not all cores for all.
                     "detector": {"threads": 1},
                     "bus": bus,

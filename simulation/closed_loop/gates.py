@@ -36,7 +36,10 @@ class Roadside:
     def __init__(self, rsus: Sequence[Rsu], seed: int, noise: float, gating: Gating) -> None:
         rule = StabilitySettings().bare()
         self._observer = Observer(rsus, _LOOK_EVERY_S, rule, WINDOW_S)
-        self._reporter = Reporter(measured_errors(), seed, noise=noise, window_s=WINDOW_S)
+        keep_s = {rsu.id: rsu.keep_s for rsu in rsus}
+        self._reporter = Reporter(
+            measured_errors(), seed, keep_s=keep_s, noise=noise, window_s=WINDOW_S
+        )
         self._seed, self._gating = seed, gating
         self._looked = 0
         self.watched = tuple(sorted({s.segment for rsu in rsus for s in rsu.watch}))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from simulation.scenarios.perception import measured_errors
+from simulation.scenarios.rsus import Rsu
 from simulation.scenarios.scenario import Scenario, SignalControl
 
 FORMAT: Final = 2
@@ -31,7 +32,7 @@ class Ground:
         scenario: its name.
         net: SHA-256 of the net's file.
         demand: of the settings of the background; of its route file where that is the user's.
-        rsus: of the RSUs' places; empty where they are found by the traffic.
+        rsus: of the RSUs; empty where they are found by the traffic.
         fleet: of the delivery business.
         perception: of the errors that RSUs make.
         signals: how signals are run.
@@ -74,9 +75,7 @@ def ground_of(
         _digest(
             scenario.demand.model_dump_json().encode() if routes is None else routes.read_bytes()
         ),
-        ""
-        if rsus is None
-        else _digest(json.dumps([rsu.model_dump(mode="json") for rsu in rsus]).encode()),
+        "" if rsus is None else _digest(json.dumps([_told(rsu) for rsu in rsus]).encode()),
         _digest(scenario.fleet.model_dump_json().encode()),
         _digest(measured_errors().model_dump_json().encode()),
         signals,
@@ -99,6 +98,11 @@ def code_stamp() -> str:
         f"slipstream {_version('slipstream')}, libsumo {_version('libsumo')}, "
         f"sources {digest.hexdigest()[:12]}"
     )
+
+
+def _told(rsu: Rsu) -> dict[str, object]:
+    """What an RSU's file has to say; so a setting that came later changes no older digest."""
+    return rsu.model_dump(mode="json", exclude_defaults=True)
 
 
 def _version(package: str) -> str:

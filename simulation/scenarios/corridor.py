@@ -97,10 +97,16 @@ def mainline(settings: CorridorSettings) -> tuple[str, ...]:
 
 
 def corridor_rsus(
-    settings: CorridorSettings, network: RoadNetwork, view_m: float = 300.0
+    settings: CorridorSettings,
+    network: RoadNetwork,
+    view_m: float = 300.0,
+    keep_s: float = 300.0,
 ) -> tuple[Rsu, ...]:
     """RSUs along the whole motorway: one at each interchange and direction, for its three segments,
     and one between interchanges; each watches the middle of its segments.
+
+    Outside the peaks less than three vehicles a minute come by a quarter of the time, so flags are
+    kept for a while.
     """
     watched: dict[str, list[Stretch]] = {}
     for name in mainline(settings):
@@ -111,7 +117,9 @@ def corridor_rsus(
         )
         part = "between" if name.endswith("_main") else "at"
         watched.setdefault(f"{name.partition('_')[0]}-{part}", []).append(stretch)
-    return tuple(Rsu(id=name, watch=tuple(stretches)) for name, stretches in watched.items())
+    return tuple(
+        Rsu(id=name, watch=tuple(stretches), keep_s=keep_s) for name, stretches in watched.items()
+    )
 
 
 def _centres(settings: CorridorSettings) -> list[float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Final
@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from edge_daemon.evaluation.windows import TrueWindow
-from edge_daemon.stability import StabilitySettings, classify
+from edge_daemon.stability import StabilityJudge, StabilitySettings
 from simulation.scenarios.demand import Array
 from simulation.scenarios.observer import Observation
 from slipstream.config import Settings, check, read_data
@@ -157,7 +157,7 @@ class Reporter:
     Args:
         errors: the model; None: none, the truth itself with standard errors of 0.
         seed: of the errors.
-        settings: the edge's own.
+        keep_s: how long which RSUs keep a flag, as of `StabilitySettings`; the others not at all.
         noise: the paper's, on top: each feature times 1 + noise · N(0, 1).
         midnight_ns: UTC of simulated time 0.
     """
@@ -167,7 +167,7 @@ class Reporter:
         errors: PerceptionErrors | None,
         seed: int,
         *,
-        settings: StabilitySettings | None = None,
+        keep_s: Mapping[str, float] | None = None,
         noise: float = 0.0,
         window_s: float = 10.0,
         midnight_ns: int = 0,
@@ -176,17 +176,17 @@ class Reporter:
             raise ValueError(f"noise must be >= 0, got {noise}")
         self._errors = errors
         self._seed = seed
-        self._settings = settings or StabilitySettings()
+        self._keep_s = keep_s or {}
+        self._judges: dict[str, StabilityJudge] = {}
         self._noise = noise
         self._window_s = window_s
         self._midnight_ns = midnight_ns
-        self._stable: set[tuple[str, str]] = set()
         self._sequence = 0
 
     def report(self, observation: Observation) -> SegmentState:
         """The state that an RSU sends of a window; hysteresis takes the windows in this order."""
-        key = observation.rsu, observation.segment
-        place = zlib.crc32("\n".join(key).encode())
+        rsu, segment = observation.rsu, observation.segment
+        place = zlib.crc32(f"{rsu}\n{segment}".encode())
         stream = [self._seed, place, round(observation.time_s * 1000)]
         rng = np.random.default_rng(stream)
         features = self._features(observation.truth, rng)
@@ -194,19 +194,14 @@ class Reporter:
             0 if features is None or observation.truth is None else observation.truth.vehicles
         )
         frames = round(self._window_s * _FPS)
-        flag = classify(
-            features, vehicles, frames, 1.0, self._settings, was_stable=key in self._stable
-        )
-        if flag.y_e == 1:
-            self._stable.add(key)
-        else:
-            self._stable.discard(key)
+        time_ns = self._midnight_ns + round(observation.time_s * 1e9)
+        flag = self._judge(rsu).judge(segment, time_ns, features, vehicles, frames, 1.0)
         self._sequence += 1
         return SegmentState(
-            rsu=observation.rsu,
-            segment=observation.segment,
+            rsu=rsu,
+            segment=segment,
             sequence=self._sequence,
-            time_ns=self._midnight_ns + round(observation.time_s * 1e9),
+            time_ns=time_ns,
             window_s=self._window_s,
             features=features,
             y_e=flag.y_e,
@@ -215,6 +210,12 @@ class Reporter:
             frames=frames,
             coverage=1.0,
         )
+
+    def _judge(self, rsu: str) -> StabilityJudge:
+        if rsu not in self._judges:
+            settings = StabilitySettings(keep_s=self._keep_s.get(rsu, 0.0))
+            self._judges[rsu] = StabilityJudge(settings)
+        return self._judges[rsu]
 
     def _features(
         self, truth: TrueWindow | None, rng: np.random.Generator

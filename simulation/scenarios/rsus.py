@@ -29,6 +29,9 @@ class Rsu(Settings):
 
     id: Identifier
     watch: Annotated[tuple[Stretch, ...], Field(min_length=1)]
+    keep_s: Annotated[float, Field(ge=0, le=3600)] = Field(
+        default=0.0, description="As `stability.keep_s` of its edge daemon."
+    )
 
 
 class RsuFile(Settings):

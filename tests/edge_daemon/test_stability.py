@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edge_daemon.stability import Flag, StabilitySettings, classify
+from edge_daemon.stability import Flag, StabilityJudge, StabilitySettings, classify
 from slipstream.config import check
 from slipstream.errors import InputError
 from slipstream.messages import Estimate, KinematicFeatures
@@ -120,3 +120,58 @@ def test_without_data_the_flag_is_unknown(
     flag = classify(features(), vehicles, frames, coverage, StabilitySettings())
     assert flag == Flag(None, reason)  # type: ignore[arg-type]
     assert classify(None, 0, 300, 1.0, StabilitySettings()) == Flag(None, "too_few_vehicles")
+
+
+CALM, THIN = features(mean=30.0), features(mean=29.0)
+MINUTE = 60 * 10**9
+
+
+def judged(
+    settings: StabilitySettings, *windows: tuple[KinematicFeatures | None, int]
+) -> list[int]:
+    """Flags of windows of a minute each, by how many vehicles came by; -1: unknown."""
+    judge = StabilityJudge(settings)
+    flags = [
+        judge.judge("s", n * MINUTE, seen, vehicles, 1800, 1.0).y_e
+        for n, (seen, vehicles) in enumerate(windows)
+    ]
+    return [-1 if flag is None else flag for flag in flags]
+
+
+def test_a_stable_segment_stays_so_while_traffic_is_thin_and_no_longer_than_it_may() -> None:
+    """Counted from the last window that had vehicles enough; by default no window longer."""
+    windows = [(CALM, 5), (THIN, 2), (None, 0), (THIN, 1), (CALM, 3), (None, 0)]
+    assert judged(StabilitySettings(keep_s=120.0), *windows) == [1, 1, 1, -1, 1, 1]
+    assert judged(StabilitySettings(), *windows) == [1, -1, -1, -1, 1, -1]
+    assert judged(StabilitySettings(keep_s=120.0).bare(), *windows) == [1, -1, -1, -1, 1, -1]
+
+
+def test_a_kept_flag_ends_with_what_speaks_against_it() -> None:
+    """A slow vehicle, turbulence, doubt, or a vehicle that was not measured; it stays off."""
+    keeps = StabilitySettings(keep_s=600.0)
+    for against in (
+        (features(mean=15.0), 1),
+        (features(variance=2.0), 5),
+        (features(variance=0.4, error=0.2), 5),
+        (None, 1),
+    ):
+        flags = judged(keeps, (CALM, 5), (THIN, 1), against, (THIN, 1))
+        assert flags[:2] == [1, 1]
+        assert 1 not in flags[2:]
+
+
+def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
+    """After either the segment has to be judged anew."""
+    judge = StabilityJudge(StabilitySettings(keep_s=600.0))
+
+    def flag(time_ns: int, vehicles: int) -> int | None:
+        return judge.judge("s", time_ns, THIN, vehicles, 300, 1.0).y_e
+
+    assert flag(10 * MINUTE, 5) == 1
+    assert judge.distrust("s", "frozen") == Flag(None, "frozen")
+    assert flag(11 * MINUTE, 1) is None
+    assert flag(12 * MINUTE, 5) == 1
+    assert flag(5 * MINUTE, 1) is None
+    assert flag(13 * MINUTE, 5) == 1
+    judge.forget()
+    assert flag(14 * MINUTE, 1) is None

@@ -6,6 +6,7 @@ import importlib.util
 import signal
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -132,6 +133,8 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
         priority=True,
         seed=1,
     )
+    keeping = tuple(rsu.model_copy(update={"keep_s": 90.0 * n}) for n, rsu in enumerate(order.rsus))
+    order = replace(order, rsus=keeping)
     cameras = [
         CameraPlace(rsu.id, ("s",), f"http://127.0.0.1:{8000 + n}/", tmp_path / f"{rsu.id}.toml")
         for n, rsu in enumerate(order.rsus)
@@ -147,6 +150,7 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
     assert sorted(files) == ["dashboard", "dispatcher", "rsu-01", "rsu-02"]
     edge = load(files["rsu-02"][1], EdgeSettings)
     assert (edge.source.url, edge.camera) == ("http://127.0.0.1:8001/", tmp_path / "rsu-02.toml")
+    assert edge.stability.keep_s == 90.0
     dispatcher = load(files["dispatcher"][1], DispatcherSettings)
     assert dispatcher.network == str(order.day.net)
     assert Path(dispatcher.fleet).is_file()
