@@ -41,7 +41,7 @@ def camera_site(rsu: Rsu, network: RoadNetwork, width_px: int, height_px: int) -
                 width_px=width_px,
                 height_px=height_px,
             ),
-            "watch": (WatchSettings(edge=segment.id),),
+            "watch": (WatchSettings(edge=segment.id, from_lane=stretch.from_lane),),
         }
     )
 

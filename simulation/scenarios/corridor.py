@@ -103,7 +103,8 @@ def corridor_rsus(
     keep_s: float = 300.0,
 ) -> tuple[Rsu, ...]:
     """RSUs along the whole motorway: one at each interchange and direction, for its three segments,
-    and one between interchanges; each watches the middle of its segments.
+    and one between interchanges; each watches the middle of its segments, lanes for leaving and
+    joining left out.
 
     Outside the peaks less than three vehicles a minute come by a quarter of the time, so flags are
     kept for a while.
@@ -113,7 +114,10 @@ def corridor_rsus(
         length = network.segments[name].length_m
         half = min(view_m, length) / 2
         stretch = Stretch(
-            segment=name, from_m=round(length / 2 - half, 1), to_m=round(length / 2 + half, 1)
+            segment=name,
+            from_m=round(length / 2 - half, 1),
+            to_m=round(length / 2 + half, 1),
+            from_lane=1 if name.endswith(("_leave", "_join")) else 0,
         )
         part = "between" if name.endswith("_main") else "at"
         watched.setdefault(f"{name.partition('_')[0]}-{part}", []).append(stretch)

@@ -68,7 +68,7 @@ class Observer:
     def look(self) -> None:
         """Take in the running simulation's present step."""
         for (_, stretch), seen in zip(self._watched, self._seen, strict=True):
-            seen.append(passers(stretch.segment))
+            seen.append(passers(stretch))
 
     def forget(self) -> None:
         """Start a new window: the next look does not follow the last one by one step."""
@@ -92,22 +92,19 @@ class Observer:
         return window_of(stretch, seen, self._step_s, self._rule)
 
 
-def passers(segment: str) -> list[Passer]:
-    """The vehicles on a segment of the running simulation."""
+def passers(stretch: Stretch) -> list[Passer]:
+    """The vehicles on a stretch in the running simulation."""
     import libsumo
 
     vehicle = libsumo.vehicle
-    return [
-        Passer(
-            name,
-            vehicle.getLanePosition(name),
-            vehicle.getLaneIndex(name),
-            vehicle.getSpeed(name),
-            vehicle.getAcceleration(name),
-            vehicle.getLength(name),
-        )
-        for name in libsumo.edge.getLastStepVehicleIDs(segment)
-    ]
+    found = []
+    for name in libsumo.edge.getLastStepVehicleIDs(stretch.segment):
+        front_m, length_m = vehicle.getLanePosition(name), vehicle.getLength(name)
+        lane = vehicle.getLaneIndex(name)
+        if stretch.holds(front_m - length_m / 2, lane):
+            speed_mps, mps2 = vehicle.getSpeed(name), vehicle.getAcceleration(name)
+            found.append(Passer(name, front_m, lane, speed_mps, mps2, length_m))
+    return found
 
 
 def window_of(
@@ -116,7 +113,7 @@ def window_of(
     """Features over the steps of a window by the edge's own definitions.
 
     Args:
-        stretch: only vehicles whose middle is on it count.
+        stretch: only vehicles whose middle is on it, on a lane that is watched, count.
         seen: vehicles on the segment, step by step.
         step_s: between steps.
         rule: thresholds of the flag.
@@ -128,11 +125,12 @@ def window_of(
         (frame, p.front_m - p.length_m / 2, p)
         for frame, step in enumerate(seen)
         for p in step
-        if stretch.from_m <= p.front_m - p.length_m / 2 < stretch.to_m
+        if stretch.holds(p.front_m - p.length_m / 2, p.lane)
     ]
     if not rows:
         return None
-    lanes = 1 + max(p.lane for _, _, p in rows)
+    first = stretch.from_lane
+    lanes = 1 + max(p.lane for _, _, p in rows) - first
     numbers = {name: i for i, name in enumerate(sorted({p.name for _, _, p in rows}))}
     n, steps = len(rows), len(seen)
     # Somebody far outside in each step, as steps without anybody count for the density too.
@@ -146,7 +144,7 @@ def window_of(
     place = np.column_stack(
         [
             np.append([along for _, along, _ in rows], np.full(steps, _NOBODY)),
-            np.append([(p.lane + 0.5) * _LANE_M for _, _, p in rows], nothing),
+            np.append([(p.lane - first + 0.5) * _LANE_M for _, _, p in rows], nothing),
         ]
     )
     truth = Truth(

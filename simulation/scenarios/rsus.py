@@ -22,6 +22,15 @@ class Stretch(Settings):
     segment: Identifier
     from_m: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     to_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    from_lane: Annotated[int, Field(ge=0)] = Field(
+        default=0,
+        description="Rightmost lane that is watched, 0 is the road's; so lanes for leaving and "
+        "joining a motorway can be left out.",
+    )
+
+    def holds(self, middle_m: float, lane: int) -> bool:
+        """Whether a vehicle whose middle is there is watched."""
+        return lane >= self.from_lane and self.from_m <= middle_m < self.to_m
 
 
 class Rsu(Settings):
@@ -45,7 +54,7 @@ def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
 
     Raises:
         InputError: the file is malformed, an id twice, a segment that the network has not, or a
-            stretch that does not lie on it.
+            stretch or a lane that does not lie on it.
     """
     rsus = load(path, RsuFile).rsus
     twice = next((name for name, n in Counter(rsu.id for rsu in rsus).items() if n > 1), None)
@@ -66,6 +75,9 @@ def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
                     "mend from_m and to_m",
                     key=key,
                 )
+            if stretch.from_lane >= segment.lanes:
+                problem = f"lane {stretch.from_lane} of a segment of {segment.lanes}"
+                raise InputError(path, problem, "lanes count from 0 at the right", key=key)
     return rsus
 
 

@@ -66,6 +66,9 @@ class WatchSettings(Settings):
         default=None, description="Along the edge; the part in view 20 to 80 m away if left out."
     )
     to_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    from_lane: Annotated[int, Field(ge=0)] = Field(
+        default=0, description="Rightmost lane that is watched, 0 is the edge's."
+    )
     id: Identifier | None = Field(default=None, description="Segment's id; the edge's if left out.")
 
 

@@ -25,24 +25,30 @@ _EDGE_PX = 2.0
 
 @dataclass(frozen=True)
 class Stretch:
-    """A watched stretch of an edge, between two distances along it."""
+    """A watched stretch of an edge, between two distances along it, and its lanes from the left."""
 
     segment_id: str
     way: Carriageway
     from_m: float
     to_m: float
+    lanes: int
+
+    @property
+    def width_m(self) -> float:
+        """Of the watched lanes."""
+        return sum(self.way.widths_m[: self.lanes])
 
     @property
     def polygon(self) -> Floats:
         """Outline in the net, m, (n, 2): along the left border, back along the right one."""
         left = self.way.part(self.from_m, self.to_m, 0.0)
-        right = self.way.part(self.from_m, self.to_m, self.way.width_m)
+        right = self.way.part(self.from_m, self.to_m, self.width_m)
         return np.concatenate([left, right[::-1]])
 
     @property
     def direction(self) -> Floats:
         """Unit vector (2,) from its beginning to its end."""
-        middle = self.way.part(self.from_m, self.to_m, self.way.width_m / 2)
+        middle = self.way.part(self.from_m, self.to_m, self.width_m / 2)
         way = middle[-1] - middle[0]
         return np.asarray(way / np.linalg.norm(way))
 
@@ -85,7 +91,7 @@ def choose_stretches(
         inside = _in_view(way, view, NEAR_M, FAR_M)
         if inside is None or inside[1] - inside[0] < _WORTH_WATCHING_M:
             continue
-        stretch = Stretch(way.edge, way, *inside)
+        stretch = Stretch(way.edge, way, *inside, len(way.widths_m))
         heading = math.atan2(stretch.direction[1], stretch.direction[0])
         looks = view.site.axis_rad + view.camera.yaw_rad
         if abs(math.cos(heading - looks)) > 0.5:
@@ -104,6 +110,10 @@ def _named(watch: WatchSettings, roads: Roads, view: View, source: Path) -> Stre
         known = watch.edge in roads.edges
         problem = "not near the mast, or without lanes" if known else "no such edge in the net"
         raise InputError(source, problem, "give an edge in view", key=key)
+    lanes = len(way.widths_m) - watch.from_lane
+    if lanes < 1:
+        problem = f"it has no lane {watch.from_lane}"
+        raise InputError(source, problem, "lanes count from 0 at the right", key=key)
     low, high = watch.from_m, watch.to_m
     for value in (low, high):
         if value is not None and value > way.length_m + 0.01:
@@ -123,7 +133,7 @@ def _named(watch: WatchSettings, roads: Roads, view: View, source: Path) -> Stre
             f"give {_LEAST_M:g} m or more between {math.ceil(seen[0])} and {math.floor(seen[1])} m",
             key=key,
         )
-    return Stretch(watch.id or watch.edge, way, start, end)
+    return Stretch(watch.id or watch.edge, way, start, end, lanes)
 
 
 def _in_view(
@@ -160,7 +170,7 @@ def _correspondences(stretches: tuple[Stretch, ...], view: View) -> list[tuple[P
         coming = np.linalg.norm(middle[0]) > np.linalg.norm(middle[-1])
         shares = (np.geomspace(1.0, 4.0, 6) - 1.0) / 3.0
         for share in (1.0 - shares) if coming else shares:
-            for right_m in (0.0, stretch.way.width_m):
+            for right_m in (0.0, stretch.width_m):
                 along = stretch.from_m + share * length
                 part = stretch.way.part(min(along, stretch.to_m - 0.02), stretch.to_m, right_m)
                 x, y = (round(float(v), 2) for v in part[0])
@@ -176,8 +186,8 @@ def camera_text(name: str, stretches: tuple[Stretch, ...], view: View) -> str:
             stretch.segment_id,
             [(float(x), float(y)) for x, y in stretch.polygon],
             ", ".join(f"{part:.6f}" for part in stretch.direction),
-            len(stretch.way.widths_m),
-            stretch.way.width_m / len(stretch.way.widths_m),
+            stretch.lanes,
+            stretch.width_m / stretch.lanes,
         )
         for stretch in stretches
     ]

@@ -13,7 +13,7 @@ from simulation.sumo.lanes import Roads
 from simulation.sumo.net import read_roads
 from simulation.sumo.pose import Site, draw_pose
 from simulation.sumo.settings import load_rsu
-from simulation.sumo.watch import View, choose_stretches
+from simulation.sumo.watch import Stretch, View, choose_stretches
 from simulation.sumo.world import World
 from slipstream.errors import InputError
 from slipstream_cli.main import main
@@ -79,6 +79,11 @@ def roads() -> Roads:
         ('"west-2"', '"west-2"\nfrom_m = 0\nto_m = 290', "watch.west-2: 0 to 290 m cannot be"),
         ('"west-2"', '"west-2"\nfrom_m = 200\nto_m = 205', "watch.west-2: 200 to 205 m cannot be"),
         ('"west-2"', '"west-2"\nto_m = 999', "watch.west-2: 999 m is beyond its 302.8 m"),
+        (
+            '"west-2"',
+            '"west-2"\nfrom_lane = 2',
+            "watch.west-2: it has no lane 2; lanes count from 0",
+        ),
         ('[[watch]]\nedge = "west-2"\n\n[[watch]]\nedge = "east-1"\n', "", "no edge is in view"),
     ],
 )
@@ -89,14 +94,28 @@ def test_edges_that_cannot_be_watched_are_refused(tmp_path: Path, roads, old, ne
     if new == "":  # turned away from the road
         text = text.replace("[134.0, 1.0]", "[95.0, 60.0]")
     path = tmp_path / "rsu.toml"
+    with pytest.raises(InputError) as caught:
+        chosen(text, path, roads)
+    assert str(path) in str(caught.value)
+    assert told in str(caught.value)
+
+
+def chosen(text: str, path: Path, roads: Roads) -> tuple[Stretch, ...]:
+    """What an RSU file has its camera watch."""
     path.write_text(text)
     rsu = load_rsu(path)
     pose = draw_pose(rsu, 1, path)
     view = View(pose.camera(pose.heading_rad), Site(pose.x_m, pose.y_m, pose.heading_rad))
-    with pytest.raises(InputError) as caught:
-        choose_stretches(rsu, roads, view, path)
-    assert str(path) in str(caught.value)
-    assert told in str(caught.value)
+    return choose_stretches(rsu, roads, view, path)
+
+
+def test_lanes_to_the_right_can_be_left_out(tmp_path: Path, roads):
+    """The outline is that of the lanes from the left to the rightmost one that is watched."""
+    text = RSU.replace('"west-2"', '"west-2"\nfrom_lane = 1')
+    (left, both) = chosen(text, tmp_path / "rsu.toml", roads)
+    assert (left.lanes, both.lanes) == (1, 2)
+    assert sorted({round(float(abs(y)), 2) for _, y in left.polygon}) == [0.0, 3.5]
+    assert sorted({round(float(abs(y)), 2) for _, y in both.polygon}) == [0.0, 7.0]
 
 
 def test_a_camera_cannot_look_at_its_own_foot(tmp_path: Path):

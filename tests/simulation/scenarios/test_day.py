@@ -96,6 +96,22 @@ def test_a_window_has_the_edges_features() -> None:
     assert window_of(stretch, [[]] * 4, 1.0, RULE) is None
 
 
+def test_lanes_that_are_not_watched_leave_no_trace() -> None:
+    """A vehicle that brakes beside the others is in no feature, and the lanes count from theirs."""
+    wide = Stretch(segment="s", from_m=100.0, to_m=200.0)
+    through = wide.model_copy(update={"from_lane": 1})
+    passing = [Passer(f"p{i}", 120.0 + 20 * i, 1, 10.0, 0.0, 4.0) for i in range(3)]
+    leaving = Passer("leaving", 150.0, 0, 4.0, -2.0, 4.0)
+    alone, all_of_them = [passing] * 4, [[*passing, leaving]] * 4
+    seen = window_of(through, all_of_them, 1.0, RULE)
+    assert seen == window_of(through, alone, 1.0, RULE)
+    assert seen == window_of(wide, [[replace(p, lane=0) for p in passing]] * 4, 1.0, RULE)
+    turbulent = window_of(wide, all_of_them, 1.0, RULE)
+    assert seen is not None
+    assert turbulent is not None
+    assert (seen.y_e, turbulent.y_e) == (1, 0)
+
+
 def test_hours_are_those_of_the_clock(morning: Morning) -> None:
     """Intervals and trips fall into the hour that they begin in."""
     traffic = replace(morning.day.traffic, begin_s=3300.0)
@@ -165,6 +181,9 @@ def test_rsus_off_the_net_are_refused(troy: Scenario, tmp_path: Path) -> None:
         load_rsus(path, troy.network)
     path.write_text(text.format("4th_adams-4th_liberty", 9000.0))
     with pytest.raises(InputError, match="10 to 9000 m of a segment of 243 m"):
+        load_rsus(path, troy.network)
+    path.write_text(text.format("4th_adams-4th_liberty", "90.0, from_lane = 9"))
+    with pytest.raises(InputError, match="lane 9 of a segment of 2; lanes count from 0"):
         load_rsus(path, troy.network)
     path.write_text(text.format("4th_adams-4th_liberty", 90.0) * 2)
     with pytest.raises(InputError, match="two RSUs with this id"):
