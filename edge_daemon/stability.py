@@ -18,8 +18,8 @@ from slipstream.config import Settings
 from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
 
 _AS_FAST: Final = 0.7
-"""A kept flag ends with a vehicle slower than this share of the speed that it was judged at: one
-that stands on an empty road is no thin traffic."""
+"""A kept flag ends where those who come by are slower on average than this share of the speed that
+it was judged at: one that stands on an empty road is no thin traffic."""
 
 
 class StabilitySettings(Settings):
@@ -48,7 +48,7 @@ class StabilitySettings(Settings):
     )
 
     def bare(self) -> StabilitySettings:
-        """The paper's rule as it stands in the paper: no hysteresis, no regard for errors."""
+        """The paper's rule as it stands: no hysteresis, no regard for errors, nothing kept."""
         return self.model_copy(update={"hysteresis": 0.0, "sure_sigmas": 0.0, "keep_s": 0.0})
 
 
@@ -84,10 +84,12 @@ class StabilityJudge:
         frames: int,
         coverage: float,
     ) -> Flag:
-        """The flag of a segment's latest window; see `classify`.
+        """The flag of a segment's latest window; windows come in the order of their ends.
 
         Args:
-            time_ns: the window's end. After a step back of the clock nothing is kept.
+            segment: its id.
+            time_ns: UTC of the window's end. After a step back of the clock nothing is kept.
+            features: as in `classify`, as are the others.
         """
         before = self._stable.get(segment)
         flag = classify(
@@ -95,7 +97,7 @@ class StabilityJudge:
         )
         if flag.y_e == 1 and features is not None:
             self._stable[segment] = _Stable(time_ns, features.mean_speed_mps.value)
-        elif flag.reason == "too_few_vehicles" and self._keeps(before, time_ns, features, vehicles):
+        elif flag.reason == "too_few_vehicles" and self._keeps(before, time_ns, features):
             return Flag(1, None)
         else:
             self._stable.pop(segment, None)
@@ -111,17 +113,12 @@ class StabilityJudge:
         self._stable.clear()
 
     def _keeps(
-        self,
-        before: _Stable | None,
-        time_ns: int,
-        features: KinematicFeatures | None,
-        vehicles: int,
+        self, before: _Stable | None, time_ns: int, features: KinematicFeatures | None
     ) -> bool:
         if before is None or not 0 < time_ns - before.judged_ns <= self._settings.keep_s * 1e9:
             return False
-        if features is None:
-            return vehicles == 0
-        return features.mean_speed_mps.value >= _AS_FAST * before.speed_mps
+        slowest_mps = _AS_FAST * before.speed_mps
+        return features is None or features.mean_speed_mps.value >= slowest_mps
 
 
 def classify(

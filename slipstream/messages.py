@@ -101,7 +101,8 @@ class SegmentState(Message):
     """What an RSU saw on one road segment in the last window.
 
     ``y_e`` is 1 (stable), 0 (turbulent) or None (unknown, with ``reason``). Unknown gates like 0.
-    1 without features: nobody came by since the segment was last judged, as its RSU is set to bear.
+    1 with fewer vehicles than a flag takes, or with none and no features, is the flag of an earlier
+    window that the RSU is set to keep (`stability.keep_s`).
     """
 
     rsu: Identifier
@@ -121,7 +122,7 @@ class SegmentState(Message):
         if (self.y_e is None) != (self.reason is not None):
             raise ValueError("reason is given exactly when y_e is null")
         if self.features is None and (self.y_e == 0 or (self.y_e == 1 and self.vehicles > 0)):
-            raise ValueError("a known y_e needs features where vehicles came by")
+            raise ValueError("y_e needs features, but for a stable segment that nobody came by on")
         return self
 
 

@@ -101,7 +101,9 @@ def code_stamp() -> str:
 
 
 def _told(rsu: Rsu) -> dict[str, object]:
-    """What an RSU's file has to say; so a setting that came later changes no older digest."""
+    """What an RSU's file has to say. A setting that came later changes no older digest; who changes
+    a default has to raise FORMAT.
+    """
     return rsu.model_dump(mode="json", exclude_defaults=True)
 
 

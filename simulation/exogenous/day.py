@@ -110,7 +110,8 @@ def exogenous_day(
     """
     settings = settings or evaluation_settings()
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, scenario.name)
-    roadside = Roadside(recorded, scenario.network, policy, seed)
+    keep_s = {rsu.id: rsu.keep_s for rsu in scenario.rsus or ()}
+    roadside = Roadside(recorded, scenario.network, policy, seed, keep_s)
     day = _FleetDay(Rounds(deliveries, scenario.network), roadside, settings, seed)
     begin_s, end_s = recorded.traffic.begin_s, recorded.end_s
     day.run(begin_s, end_s, progress)

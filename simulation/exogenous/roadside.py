@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import groupby
 from types import MappingProxyType
@@ -11,6 +12,7 @@ import numpy as np
 
 from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot, take_snapshot
 from edge_daemon.evaluation.windows import TrueWindow
+from simulation.closed_loop.dispatching import with_gates
 from simulation.closed_loop.gates import is_turbulent, open_gates
 from simulation.closed_loop.policy import Policy
 from simulation.exogenous.recorded import WINDOW_S, Recorded
@@ -29,14 +31,24 @@ class Roadside:
         network: its roads.
         policy: whether platoons are allowed at all, which gates open, and the noise.
         seed: of the perception's errors and of random gates.
+        keep_s: of the RSUs, by id.
     """
 
-    def __init__(self, recorded: Recorded, network: RoadNetwork, policy: Policy, seed: int) -> None:
+    def __init__(
+        self,
+        recorded: Recorded,
+        network: RoadNetwork,
+        policy: Policy,
+        seed: int,
+        keep_s: Mapping[str, float] | None = None,
+    ) -> None:
         self._recorded = recorded
         self._network = network
         self._policy = policy
         self._seed = seed
-        self._reporter = Reporter(measured_errors(), seed, noise=policy.noise, window_s=WINDOW_S)
+        self._reporter = Reporter(
+            measured_errors(), seed, keep_s=keep_s, noise=policy.noise, window_s=WINDOW_S
+        )
         self._windows = groupby(recorded.observations, key=lambda seen: seen.time_s)
         self._next = next(self._windows, None)
         self._speeds = _planning_speeds(recorded.traffic, network)
@@ -60,18 +72,12 @@ class Roadside:
     def snapshot(self, now_s: float) -> TrafficSnapshot:
         """What the dispatcher plans with: gates, and everywhere the speeds of the last interval."""
         self.until(now_s)
-        base = self._judged(now_s)
-        open_now = self._open[-1] if self._open else frozenset()
+        base = with_gates(self._judged(now_s), self._open[-1] if self._open else frozenset())
         traffic = {
-            name: replace(
-                seen,
-                speed_mps=self.speed_mps(name, now_s - 1.0),
-                open=name in open_now,
-                reason=None if name in open_now else seen.reason or "closed",
-            )
+            name: replace(seen, speed_mps=self.speed_mps(name, now_s - 1.0))
             for name, seen in base.segments.items()
         }
-        return TrafficSnapshot(base.now_ns, MappingProxyType(traffic), base.states)
+        return replace(base, segments=MappingProxyType(traffic))
 
     def speed_mps(self, segment: str, time_s: float) -> float:
         """Mean speed of the background on a segment in the interval of a time, standing included;

@@ -106,8 +106,8 @@ def corridor_rsus(
     and one between interchanges; each watches the middle of its segments, lanes for leaving and
     joining left out.
 
-    Outside the peaks less than three vehicles a minute come by a quarter of the time, so flags are
-    kept for a while.
+    By day less than three vehicles come by in a quarter of the minutes, so flags are kept for a
+    while.
     """
     watched: dict[str, list[Stretch]] = {}
     for name in mainline(settings):

@@ -82,12 +82,19 @@ def test_noise_is_refused_and_never_crashes(payload: bytes) -> None:
 
 
 def test_unknown_needs_a_reason_and_a_flag_needs_features() -> None:
-    """Neither a bare null nor a flag without data can be said."""
-    for changes in ({"y_e": None}, {"reason": "too_few_vehicles"}, {"features": None}):
+    """Neither a bare null nor a flag without data can be said; but for one that is kept."""
+    empty = {"features": None, "vehicles": 0}
+    for changes in (
+        {"y_e": None},
+        {"reason": "too_few_vehicles"},
+        {"features": None},
+        {"y_e": 0, **empty},
+    ):
         payload = json.dumps(a_state().model_dump(mode="json") | changes).encode()
         with pytest.raises(InputError):
             decode(SegmentState, payload, "k")
     assert a_state(y_e=None, reason="too_few_vehicles", features=None).y_e is None
+    assert a_state(y_e=1, **empty).y_e == 1
 
 
 def test_foreign_names_cannot_break_out_of_their_key_chunk() -> None:

@@ -309,7 +309,8 @@ def test_a_camera_stands_to_the_right_and_looks_along_the_traffic(length_m: floa
     road = Segment("ab", "a", "b", length_m, 13.9, 2, ((0.0, 0.0), end))
     network = build_network("n", [road], {"a": (0.0, 0.0), "b": end})
     to_m = length_m - 60.0 if length_m > 150 else length_m
-    rsu = Rsu(id="rsu-01", watch=(Stretch(segment="ab", from_m=0.0, to_m=to_m),))
+    stretch = Stretch(segment="ab", from_m=0.0, to_m=to_m, from_lane=1)
+    rsu = Rsu(id="rsu-01", watch=(stretch,))
     site = camera_site(rsu, network, 1280, 720)
     ahead = np.array([math.cos(0.5), math.sin(0.5)])
     mast = np.array([site.mast.x_m, site.mast.y_m])
@@ -318,4 +319,4 @@ def test_a_camera_stands_to_the_right_and_looks_along_the_traffic(length_m: floa
     assert float(mast @ np.array([ahead[1], -ahead[0]])) == pytest.approx(7.2)
     assert to_m - float(mast @ ahead) == pytest.approx(85.0)
     assert float(look @ ahead) == pytest.approx(40.0)
-    assert [watch.edge for watch in site.watch] == ["ab"]
+    assert [(watch.edge, watch.from_lane) for watch in site.watch] == [("ab", 1)]

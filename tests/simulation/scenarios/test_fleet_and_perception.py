@@ -113,6 +113,18 @@ def test_without_errors_the_truth_is_reported() -> None:
     assert reporter.report(_look(ROUGH)).sequence == 4
 
 
+def test_each_rsu_keeps_its_flags_for_as_long_as_it_is_set_to() -> None:
+    """On an empty road; one that is not set to does not."""
+    windows = [(CALM, 60.0), (None, 120.0), (None, 180.0), (None, 240.0)]
+
+    def flags(keep_s: dict[str, float]) -> list[int | None]:
+        reporter = Reporter(None, 1, keep_s=keep_s)
+        return [reporter.report(_look(truth, time_s)).y_e for truth, time_s in windows]
+
+    assert flags({"rsu": 120.0}) == [1, 1, 1, None]
+    assert flags({"other": 120.0}) == [1, None, None, None]
+
+
 def test_errors_have_the_measured_bias_and_spread() -> None:
     """Over many windows, reported speeds and variances scatter as the model says."""
     errors = measured_errors()
