@@ -12,6 +12,7 @@ from simulation.evaluation.ceilings import Ceilings, Where, ceilings, share_of_c
 from simulation.evaluation.cells import MEANS, files
 from simulation.evaluation.compare import Compared, Spread
 from simulation.evaluation.evaluation import Evaluation
+from simulation.evaluation.together import together_table
 from simulation.evaluation.words import NOTHING, Table, number, percent
 
 _CEILINGS: Final = (
@@ -78,10 +79,12 @@ def ceiling_tables(evaluation: Evaluation, roads: Roads) -> tuple[Table, ...]:
         return ()
     best = {seed: ceilings(result, roads) for seed, result in fit.items()}
     goes = {seed: where(result, roads) for seed, result in fit.items()}
+    together = together_table(evaluation, roads.length_m)
     return (
         _ceiling_table(evaluation, best),
         _where_table(evaluation, goes),
         *_reach_table(evaluation, best),
+        *(() if together is None else (together,)),
     )
 
 

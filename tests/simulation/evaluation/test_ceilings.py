@@ -23,6 +23,7 @@ from simulation.evaluation.ceilings import (
 )
 from simulation.evaluation.evaluation import Evaluation, collect
 from simulation.evaluation.store import Store
+from simulation.evaluation.together import together_kwh
 from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
@@ -209,7 +210,7 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
 def test_tables_hold_each_lever_against_its_ceiling(evaluation: Evaluation) -> None:
     """Ceilings of the baseline, where its energy goes, and the share of each lever that is there:
     drafting by what drag it saved, over 20 % of the baseline's drag."""
-    best, goes, reached = ceiling_tables(evaluation, ROADS)
+    best, goes, reached, together = ceiling_tables(evaluation, ROADS)
     assert len(best.rows) == 4
     assert len(goes.rows) == 6
     assert [row[0] for row in reached.rows] == [
@@ -228,5 +229,31 @@ def test_tables_hold_each_lever_against_its_ceiling(evaluation: Evaluation) -> N
         for arm, of in zip(ours, base, strict=True)
     ]
     assert reached.rows[0][-1].startswith(f"{50 * sum(shares):.1f}")
+    assert [row[0] for row in together.rows] == ["only-platoons", "C", "C+"]
+    own = [
+        sum(leg.alone.total_kwh - leg.driven.total_kwh for leg in arm.legs)
+        / (0.2 * sum(leg.alone.drag_kwh for leg in arm.legs))
+        for arm in ours
+    ]
+    assert together.rows[0][1].startswith(f"{50 * sum(own):.1f}")
     with_none = Evaluation(GROUND, (1,), {}, {}, {})
     assert ceiling_tables(with_none, ROADS) == ()
+
+
+def test_who_is_near_on_a_segment_drafts_there_but_for_one() -> None:
+    """Three vans of even speed, the third one late: by hand from the drag of their segments."""
+    even = ramp((0, 0), (2, 10), (150, 10), (152, 0))
+    first, second, third = an_arm(even, even, even).legs
+    second = replace(second, departed_s=40.0, arrived_s=40.0 + 152.0, path=("a", "b"))
+    third = replace(third, departed_s=400.0, arrived_s=552.0)
+    drag = first.alone.drag_kwh
+    together = [
+        together_kwh((first, second, third), ROADS.length_m, within_s)
+        for within_s in (10.0, 60.0, 600.0)
+    ]
+    # Segment a: 600 of 1500 m, or of 1100 m; b: 500; c: 400, which the second one does not drive.
+    a, b, c = (length / 1500 * drag for length in (600.0, 500.0, 400.0))
+    on_a, on_b = 600 / 1100 * drag, 500 / 1100 * drag
+    two = 0.05 * (a + b) + 0.2 * (on_a + on_b)
+    three = two + 0.2 * (a + b + c) + 0.05 * c
+    assert together == pytest.approx([0.0, two, three])
