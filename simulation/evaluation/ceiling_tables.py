@@ -70,11 +70,7 @@ def ceiling_tables(evaluation: Evaluation, roads: Roads) -> tuple[Table, ...]:
     Args:
         roads: of the evaluation's net.
     """
-    fit = {
-        seed: stored.result
-        for seed, stored in evaluation.arms.get(BASELINE, {}).items()
-        if not evaluation.runs[BASELINE][seed].faults
-    }
+    fit = evaluation.results(BASELINE)
     if not fit:
         return ()
     best = {seed: ceilings(result, roads) for seed, result in fit.items()}

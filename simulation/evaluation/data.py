@@ -119,11 +119,7 @@ def course_csv(evaluation: Evaluation, names: Iterable[str], bin_s: float) -> st
 
 def courses_of(evaluation: Evaluation, name: str, bin_s: float) -> list[Course]:
     """The day's course of an arm, one a sound seed."""
-    return [
-        course(evaluation.arms[name][seed].result, bin_s)
-        for seed, found in evaluation.runs.get(name, {}).items()
-        if not found.faults
-    ]
+    return [course(arm, bin_s) for arm in evaluation.results(name).values()]
 
 
 def summary(evaluation: Evaluation) -> dict[str, Any]:

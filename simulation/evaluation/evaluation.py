@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import POLICIES
 from simulation.evaluation.compare import Compared, Spread, compare, sound
 from simulation.evaluation.ground import Ground
@@ -33,6 +34,11 @@ class Evaluation:
     def __contains__(self, name: object) -> bool:
         """Whether there is a sound arm of that name."""
         return any(not found.faults for found in self.runs.get(str(name), {}).values())
+
+    def results(self, name: str) -> dict[int, ArmResult]:
+        """The sound arms of a name, by seed."""
+        stored = self.arms.get(name, {})
+        return {seed: stored[seed].result for seed in sound(self.runs).get(name, {})}
 
     def figure(self, name: str, of: Callable[[Measures], float | None]) -> Spread | None:
         """A figure of an arm over the seeds in which it is sound."""

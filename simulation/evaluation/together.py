@@ -32,11 +32,7 @@ def together_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Ta
     """
     rows, names = [], []
     for name in _ARMS:
-        fit = [
-            stored.result.legs
-            for seed, stored in evaluation.arms.get(name, {}).items()
-            if not evaluation.runs[name][seed].faults and stored.result.legs
-        ]
+        fit = [arm.legs for arm in evaluation.results(name).values() if arm.legs]
         if not fit:
             continue
         most = [ETA_FOLLOWER * sum(leg.alone.drag_kwh for leg in legs) for legs in fit]
