@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from edge_daemon.frame import Frame, Image
+from edge_daemon.sources.backlog import Backlog
 from edge_daemon.sources.clock import StreamClock
 from edge_daemon.sources.diagnosis import diagnose
 from edge_daemon.sources.live import LiveSource, Offer
@@ -22,9 +23,6 @@ log = logging.getLogger(__name__)
 
 _FIRST_WAIT_S = 0.5
 _LONGEST_WAIT_S = 30.0
-_BACKLOG_S = 0.004
-_BACKLOG_RATE = 0.5
-_HOLE_S = 0.5
 _ASK_S = 3.0
 _NO_STAMP = -1e18
 
@@ -97,8 +95,7 @@ class _Camera:
         options += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, self._stall_ms]
         options += [cv2.CAP_PROP_N_THREADS, 1]  # more would hold back a picture each
         stream = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, options)
-        clock = StreamClock(self._media_s)
-        last_s = stamp_s = None
+        clock, backlog = StreamClock(self._media_s), Backlog()
         cut = self._seen
         came = False
         while not stopping.is_set():
@@ -108,16 +105,17 @@ class _Camera:
             came = True
             now = time.monotonic()
             counters.tried_s = now
-            since = None if last_s is None else now - last_s
-            previous, stamp_s, last_s = stamp_s, _stamp_s(stream), now
-            if self._is_backlog(since, previous, stamp_s):
+            stamp_s = _stamp_s(stream)
+            arrival = backlog.tell(now, stamp_s)
+            if arrival.old:
                 counters.skipped += 1
                 continue
+            cut = cut or (self._seen and arrival.cut)
             if not self._fits(np.asarray(image, dtype=np.uint8)):
                 continue
             time_s, anew, jumped = clock.tell(now - self._began_s, stamp_s)
             self._media_s = time_s
-            cut = cut or anew or (self._seen and since is not None and since > _HOLE_S)
+            cut = cut or anew
             offer(
                 Frame(
                     np.asarray(image, dtype=np.uint8),
@@ -131,18 +129,6 @@ class _Camera:
             cut, self._seen = False, True
         stream.release()
         return came
-
-    @staticmethod
-    def _is_backlog(since: float | None, previous: float | None, stamp: float | None) -> bool:
-        """What piled up before or during a stall comes at once: it is old, its time not its own."""
-        if since is None:
-            # The first picture waited for the connection; one without a stamp may be the only one.
-            return stamp is not None
-        if since < _BACKLOG_S:
-            return True
-        if previous is None or stamp is None:
-            return False
-        return 0 < stamp - previous < _HOLE_S and since < _BACKLOG_RATE * (stamp - previous)
 
     def _fits(self, image: Image) -> bool:
         height, width = image.shape[:2]

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -236,14 +237,16 @@ def test_a_capture_that_fails_does_not_look_like_the_end() -> None:
 
 def test_a_backlog_after_a_stall_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames that piled up come at once; their times of arrival would falsify every speed."""
-    waits = [*[0.033] * 3, 1.0, *[0.0] * 10, *[0.033] * 3]
+    waits = [*[0.033] * 3, 0.8, *[0.001] * 10, *[0.033] * 3]
+    now_s = 100.0
 
     class Stream:
         def read(self, _into: object) -> tuple[bool, object]:
+            nonlocal now_s
             if not waits:
                 time.sleep(0.05)
                 return False, None
-            time.sleep(waits.pop(0))
+            now_s += waits.pop(0)
             return True, np.zeros((4, 4, 3), np.uint8)
 
         def get(self, _: int) -> float:
@@ -253,10 +256,12 @@ def test_a_backlog_after_a_stall_is_dropped(monkeypatch: pytest.MonkeyPatch) -> 
             pass
 
     monkeypatch.setattr(cv2, "VideoCapture", lambda *_: Stream())
+    clock = SimpleNamespace(monotonic=lambda: now_s, time_ns=time.time_ns)
+    monkeypatch.setattr("edge_daemon.sources.camera.time", clock)
     source = open_camera("rtsp://camera", stall_s=1.0)
     frames = _next_frames(source.frames(), 7)
     source.close()
-    assert [f.cut for f in frames] == [False, False, False, True, False, False, False]
+    assert [f.cut for f in frames] == [False, False, False, True, True, False, False]
     assert source.counters.skipped == 10
 
 

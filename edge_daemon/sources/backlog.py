@@ -1,0 +1,89 @@
+"""Which pictures of a live stream piled up on their way: old ones that come at once."""
+
+from __future__ import annotations
+
+from collections import deque
+from statistics import median
+from typing import Final, NamedTuple
+
+HOLE_S: Final = 0.5
+"""Tracks do not outlast a silence longer than this."""
+
+_AT_ONCE_S = 0.004
+_RATE = 0.5
+_LEARNED = 31
+
+
+class Arrival(NamedTuple):
+    """What a picture's arrival says of it.
+
+    Attributes:
+        old: True if it piled up: its time of arrival is not its own.
+        cut: True if it does not follow the last one that was not old as their times of arrival
+            say.
+    """
+
+    old: bool
+    cut: bool
+
+
+class Backlog:
+    """Judges the arrivals of one connection.
+
+    Where pictures carry no time stamp, those after a silence are old until one keeps half of the
+    usual distance: decoding alone spaces those of a backlog by some milliseconds.
+    """
+
+    def __init__(self) -> None:
+        """Start anew, as after each connection."""
+        self._arrival_s: float | None = None
+        self._stamp_s: float | None = None
+        self._steps: deque[float] = deque(maxlen=_LEARNED)
+        self._drained_by_s: float | None = None
+        self._dropped = False
+
+    def tell(self, arrival_s: float, stamp_s: float | None) -> Arrival:
+        """Judge the picture that has just come.
+
+        Args:
+            arrival_s: when it came.
+            stamp_s: its time stamp in the stream; None where it has none.
+        """
+        last_s, previous_s = self._arrival_s, self._stamp_s
+        self._arrival_s, self._stamp_s = arrival_s, stamp_s
+        if last_s is None:
+            # The first waited for the connection; one without a stamp may be the only one.
+            return Arrival(old=stamp_s is not None, cut=False)
+        step_s = arrival_s - last_s
+        if previous_s is not None and stamp_s is not None:
+            return self._by_stamps(step_s, stamp_s - previous_s)
+        return self._by_arrivals(arrival_s, step_s)
+
+    @staticmethod
+    def _by_stamps(step_s: float, stamps_s: float) -> Arrival:
+        rushes = 0 < stamps_s < HOLE_S and step_s < _RATE * stamps_s
+        return Arrival(old=step_s < _AT_ONCE_S or rushes, cut=step_s > HOLE_S)
+
+    def _by_arrivals(self, arrival_s: float, step_s: float) -> Arrival:
+        if step_s > HOLE_S:
+            # At twice the camera's rate or more, what piled up is through after as long again.
+            self._drained_by_s, self._dropped = arrival_s + step_s, False
+            return Arrival(old=False, cut=True)
+        if self._drained_by_s is not None:
+            return self._drain(step_s, in_time=arrival_s <= self._drained_by_s)
+        if step_s < _AT_ONCE_S:
+            return Arrival(old=True, cut=False)
+        self._steps.append(step_s)
+        return Arrival(old=False, cut=False)
+
+    def _drain(self, step_s: float, *, in_time: bool) -> Arrival:
+        usual_s = median(self._steps) if self._steps else 0.0
+        if in_time and step_s < max(_AT_ONCE_S, _RATE * usual_s):
+            self._dropped = True
+            return Arrival(old=True, cut=False)
+        if not in_time:
+            # The camera has another rate now.
+            self._steps.clear()
+        # The picture that ended the silence was the oldest of those that piled up.
+        cut, self._dropped, self._drained_by_s = self._dropped, False, None
+        return Arrival(old=False, cut=cut)
