@@ -23,9 +23,10 @@ from edge_daemon.preview import annotate
 from edge_daemon.sources.clip import FastClip, open_clip
 from edge_daemon.stability import StabilitySettings
 from edge_daemon.tracking import TrackerSettings
+from edge_daemon.watch import Watch, WatchSettings, read_reference
 from slipstream.config import Settings
 from slipstream.errors import InputError
-from slipstream.messages import SegmentState
+from slipstream.messages import CameraFault, SegmentState
 from slipstream.service import rss_mb
 
 _DECODED_AHEAD = 3
@@ -39,6 +40,7 @@ class TrackSettings(Settings):
     detector: DetectorSettings = DetectorSettings()
     tracker: TrackerSettings = TrackerSettings()
     stability: StabilitySettings = StabilitySettings()
+    watch: WatchSettings = WatchSettings()
 
 
 @dataclass
@@ -47,10 +49,11 @@ class Run:
 
     Attributes:
         states: all states in order; their times are media times since the clip's beginning.
-        recorder: what scores are made from.
+        recorder: what scores are made from; frames under a fault of the camera are left out.
         done_s: monotonic time at which each frame had gone through, s.
         latency_s: of each frame, from its picture decoded to its states, s.
         decode_errors: pictures that could not be read.
+        fault_s: for how long the picture had each fault, s.
         rss_mb: resident memory at the end.
     """
 
@@ -59,6 +62,7 @@ class Run:
     done_s: list[float] = field(default_factory=list)
     latency_s: list[float] = field(default_factory=list)
     decode_errors: int = 0
+    fault_s: dict[CameraFault, float] = field(default_factory=dict)
     rss_mb: float = 0.0
 
 
@@ -80,16 +84,18 @@ def track(
         progress: told how many of how many frames are done.
 
     Raises:
-        InputError: the video, the model or the target cannot be used, or the pictures are not of
-            the calibrated size.
+        InputError: the video, the model, the reference picture or the target cannot be used, or
+            the pictures are not of the calibrated size.
     """
+    watch = Watch(camera, settings.watch, read_reference(camera))
     reader = open_clip(video, loop=False, size=camera.size)
     detector = open_detector(settings.detector, camera)
     pipeline = Pipeline(
         "offline", camera, detector, settings.tracker, settings.stability, settings.window_s
     )
     run = Run()
-    due_s = 0.0
+    due_s = last_s = 0.0
+    fault: CameraFault | None = None
     latest: dict[str, SegmentState] = {}
     source = FastClip(reader)
     frames = detect_stream(ahead(source.frames(), _DECODED_AHEAD), detector)
@@ -98,16 +104,23 @@ def track(
             if frame is None or detections is None:
                 continue
             now = frame.media_time_s
-            run.recorder.frame(now, pipeline.take(frame, detections))
+            before, fault = fault, watch.look(frame)
+            if fault is None:
+                run.recorder.frame(now, pipeline.take(frame, detections))
+            else:
+                run.fault_s[fault] = run.fault_s.get(fault, 0.0) + now - last_s
+                if fault != before:
+                    pipeline.forget()
+            last_s = now
             if now >= due_s:
-                states = pipeline.states(round(now * 1e9))
+                states = pipeline.states(round(now * 1e9), fault=fault)
                 run.recorder.tick(now, settings.every_s, states, pipeline.vehicles)
                 run.states += states
                 latest |= {state.segment: state for state in states}
                 due_s += settings.every_s
-            film.add(frame, pipeline, latest)
             run.done_s.append(time.monotonic())
             run.latency_s.append(run.done_s[-1] - frame.captured_s)
+            film.add(frame, pipeline, latest)
             if progress is not None:
                 progress(len(run.done_s), reader.expected_frames)
     run.decode_errors = source.counters.decode_errors

@@ -45,7 +45,7 @@ class TrackerSettings(Settings):
         default=3, description="Detections that a new track needs before it counts."
     )
     lost_after_s: Annotated[float, Field(gt=0)] = Field(
-        default=1.0, description="A track without a detection for so long ends."
+        default=1.2, description="A track without a detection for longer ends."
     )
     jerk_noise: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(
         default=1.0,

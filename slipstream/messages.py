@@ -189,6 +189,11 @@ class DrivingAdvice(Message):
     signal_priority: bool = Field(
         default=False, description="Ask signals for green where the city allows it."
     )
+    departure_window_s: Annotated[float, Field(ge=0, le=600)] = Field(
+        default=0.0,
+        description="A leg driven alone may begin so much later than planned, at the second that "
+        "suits the signals best, s.",
+    )
 
 
 class VehiclePlan(Message):

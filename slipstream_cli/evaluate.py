@@ -93,6 +93,11 @@ def run(options: argparse.Namespace) -> int:
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
     files = WorldFiles(options.scenario, *parts)
     world = World(files, options.out / "background", options.signals, span_s)
+    if options.routes is not None and not world.scenario.rsus:
+        print(
+            "slipstream: no RSU stands beside these roads, so no platoon will drive; give --rsus",
+            file=sys.stderr,
+        )
     with Store(options.out, world.ground, code_stamp()) as store:
         try:
             kept = 0 if options.stored else _simulate(policies, seeds, store, world, workers)

@@ -44,7 +44,7 @@ _EXTRA_OF: Final = {
     "dwave": "dispatcher",
     "highspy": "dispatcher",
     "libsumo": "sim",
-    "matplotlib": "dev",
+    "matplotlib": "sim",
     "nncf": "train",
     "openvino": "edge",
     "pebble": "dispatcher",

@@ -95,7 +95,8 @@ def _add_train(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     train = actions.add_parser(
         "train",
         help="fine-tune weights on labelled pictures",
-        description="Labels in the YOLO layout; `python -m simulation.training` renders such sets. "
+        description="Labels in the YOLO layout; "
+        "`python -m simulation.training --only-render` renders such sets. "
         "The weights of the last epoch are kept, so that the val pictures choose nothing.",
     )
     train.add_argument("data", type=Path, metavar="DATA.yaml")
@@ -126,6 +127,8 @@ def run_export(options: argparse.Namespace) -> int:
         raise InputError("--int8", "needs pictures to fit to", "add --calibrate CLIP")
     if options.calibrate is not None and not options.int8:
         raise InputError("--calibrate", "is for INT8", "add --int8")
+    if options.camera is not None and (options.calibrate is None or options.calibrate.is_dir()):
+        raise InputError("--camera", "is of a clip to fit to", "add --int8 --calibrate CLIP")
     _need("torch", "ultralytics", "nncf", "openvino")
     from simulation.training.export import ExportSettings, export_model
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
@@ -66,13 +68,7 @@ def run(options: argparse.Namespace) -> int:
     if options.bare:
         settings = settings.model_copy(update={"stability": settings.stability.bare()})
     out = options.out or Path(f"{options.video.stem}.states.jsonl")
-    try:
-        states = out.open("w", encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            out, f"cannot be written ({error.strerror})", "give another file"
-        ) from None
-    with states, Progress("tracking", sys.stderr) as progress:
+    with _whole_or_not(out) as states, Progress("tracking", sys.stderr) as progress:
         result = track(
             options.video,
             camera,
@@ -88,6 +84,7 @@ def run(options: argparse.Namespace) -> int:
         "states_file": str(out),
         "frames": len(result.done_s),
         "decode_errors": result.decode_errors,
+        "fault_s": {fault: round(seconds, 1) for fault, seconds in result.fault_s.items()},
         "states": len(result.states),
         "stable": sum(known),
         "turbulent": len(known) - sum(known),
@@ -101,6 +98,24 @@ def run(options: argparse.Namespace) -> int:
         summary |= asdict(score([compared]))
     print(json.dumps(summary) if options.json else _in_words(summary))
     return 0
+
+
+@contextmanager
+def _whole_or_not(path: Path) -> Iterator[TextIO]:
+    """A file to write that takes its name when all went well; what had the name stays till then."""
+    part = path.with_name(f"{path.name}.part")
+    try:
+        file = part.open("w", encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            path, f"cannot be written ({error.strerror})", "give another file"
+        ) from None
+    try:
+        with file:
+            yield file
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _in_words(summary: dict[str, Any]) -> str:

@@ -8,9 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
+
+# Shared machines are slow at times, and a suite has to say the same thing twice.
+settings.register_profile(
+    "slipstream",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("slipstream")
 
 
 @pytest.fixture

@@ -8,6 +8,8 @@ from pathlib import PurePath
 
 import psutil
 
+_STARTING_S = 1.0
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -78,6 +80,8 @@ class ProcessTree:
         command = process.cmdline()
         if not command or process.status() == psutil.STATUS_ZOMBIE:
             return None
+        if process.create_time() > time.time() - _STARTING_S and command == _parents(process):
+            return None  # a fork that has not become another program yet
         if "--config" in command[:-1]:
             name = PurePath(command[command.index("--config") + 1]).stem
         else:
@@ -95,6 +99,11 @@ class ProcessTree:
         while f"{stem}-{number}" in taken:
             number += 1
         return f"{stem}-{number}"
+
+
+def _parents(process: psutil.Process) -> list[str]:
+    parent = process.parent()
+    return [] if parent is None else parent.cmdline()
 
 
 def _kind(command: list[str]) -> str:

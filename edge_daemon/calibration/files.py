@@ -15,6 +15,7 @@ from pydantic import Field
 from edge_daemon.calibration.calibration import Calibration
 from edge_daemon.camera.settings import CalibrationPoint, ImageSize, SegmentSettings
 from edge_daemon.frame import Image
+from edge_daemon.stills import readable_picture
 from slipstream.config import Settings, check, load
 from slipstream.errors import InputError
 
@@ -69,12 +70,9 @@ def read_picture(path: Path) -> tuple[Image, bool]:
     """
     if not path.is_file():
         raise InputError(path, "no such picture or video", "check the path")
-    try:
-        picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    except cv2.error:  # a size beyond its limits, true or forged
-        picture = None
+    picture = readable_picture(path)
     if picture is not None:
-        return np.asarray(picture, dtype=np.uint8), False
+        return picture, False
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     try:
         ok, frame = capture.read() if capture.isOpened() else (False, None)

@@ -188,7 +188,8 @@ def _check(model: ov.Model, path: Path) -> tuple[bool, tuple[int, int], list[str
     except RuntimeError:
         raise InputError(path, "the model names no classes", "export it with Ultralytics") from None
     shape = model.input(0).partial_shape
-    if len(model.inputs) != 1 or shape.rank.is_dynamic or len(shape) != 4 or shape[1] != 3:
+    known = shape.rank.is_static and len(shape) == 4 and shape[1] == 3
+    if len(model.inputs) != 1 or not known or (shape[0].is_static and shape[0] != 1):
         raise InputError(path, f"input is {shape}", "export it with a 1×3×H×W input")
     output = model.output(0).partial_shape
     if output.rank.is_dynamic or len(output) != 3 or output[1] != 4 + len(names):

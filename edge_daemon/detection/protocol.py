@@ -114,7 +114,11 @@ def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> D
         from edge_daemon.detection.ultralytics import UltralyticsDetector
 
         return UltralyticsDetector(path, settings)
-    raise InputError(path, f"unknown model type {path.suffix!r}", "give .xml, .pt or .engine")
+    raise InputError(
+        path,
+        f"unknown model type {path.suffix!r}",
+        "give .xml, .pt or .engine; `slipstream model export` makes .xml of .pt",
+    )
 
 
 def builtin_model() -> Path:

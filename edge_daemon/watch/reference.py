@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
-import numpy as np
-
 from edge_daemon.camera import Camera
 from edge_daemon.frame import Image
+from edge_daemon.stills import readable_picture
 from slipstream.errors import InputError
 
 
@@ -20,7 +18,7 @@ def read_reference(camera: Camera) -> Image | None:
     if path is None:
         return None
     mend = "save the picture that the calibration was made on"
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    picture = readable_picture(path)
     if picture is None:
         raise InputError(path, "not a picture that can be read", mend)
     height, width = picture.shape[:2]
@@ -31,4 +29,4 @@ def read_reference(camera: Camera) -> Image | None:
             f"{camera.size[0]}×{camera.size[1]}",
             mend,
         )
-    return np.asarray(picture, dtype=np.uint8)
+    return picture

@@ -7,6 +7,7 @@ measured, stands in.
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from edge_daemon.camera import Array
 from edge_daemon.watch.sample import Floats, Grey, Mask, texture
 from edge_daemon.watch.tiles import Tiles, choose_tiles
+
+log = logging.getLogger(__name__)
 
 _LEARN_S = 4.0
 _LEARN_PICTURES = 9
@@ -41,7 +44,9 @@ class ViewJudge:
         self._after_s = after_s
         self._road = road
         self._learning: deque[tuple[float, Grey]] = deque()
-        self._calibrated = None if reference is None else self._choose(texture(reference))
+        self._calibrated: Tiles | None = None
+        if reference is not None:
+            self._calibrated = self._choose(texture(reference))
         self._recent: Tiles | None = None
         self._recent_s = 0.0
         self._recent_shift = np.zeros(2)
@@ -86,6 +91,8 @@ class ViewJudge:
         if len(tiles) < _FEWEST_TILES:
             # A picture full of road: its markings have to do.
             tiles = choose_tiles(picture, np.ones_like(self._road))
+        if not len(tiles) and self._calibrated is None:
+            log.warning("the view has nothing to recognise: a moved camera would go unnoticed")
         return tiles
 
     def _learn(self, time_s: float, small: Grey) -> None:

@@ -54,9 +54,10 @@ class Departing:
         way = self._dispatching.ways(now_s, self._roadside).better(order.path)
         if way is not None:
             order = replace(order, path=way, free_s=free_s(self._network, way))
-        if self._seconds is None:
+        window_s = order.advice.departure_window_s
+        if self._seconds is None or window_s <= 0:
             return order, now_s
-        latest_s = now_s + self._rounds.slack_s(order.vehicle, now_s)
+        latest_s = now_s + min(window_s, self._rounds.slack_s(order.vehicle, now_s))
         return order, self._seconds.best_second(order.path, now_s, latest_s)
 
     def other_way(

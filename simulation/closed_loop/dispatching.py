@@ -23,6 +23,7 @@ from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import CycleRecord
 from simulation.closed_loop.rerouting import Ways
 from simulation.closed_loop.rounds import Rounds
+from simulation.closed_loop.signals.departure import DepartureSettings
 from simulation.closed_loop.vehicle import LegOrder
 from simulation.scenarios.fleet import fleet_at
 from slipstream.messages import DrivingAdvice, SegmentState
@@ -154,6 +155,7 @@ def settings_of(policy: Policy) -> DispatcherSettings:
         eco_approach="eco_approach" in levers,
         coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
         signal_priority="priority" in levers,
+        departure_window_s=DepartureSettings().window_s if "departures" in levers else 0.0,
     )
     return evaluation_settings().model_copy(update={"advice": advice})
 

@@ -97,7 +97,8 @@ def record_history(
     """Drive a day's background in a process of its own.
 
     Raises:
-        InputError: a file is no SUMO file or none that fits the net, or SUMO dies of it.
+        InputError: a file is no SUMO file or none that fits the net, SUMO dies of it, or the day
+            ends in a gridlock.
         ModuleNotFoundError: libsumo is not installed.
     """
     check_files(day.net, (day.routes, *day.additional))
@@ -118,8 +119,7 @@ def _simulate(order: HistoryOrder, tell: Callable[[float], None]) -> History:
         while (now_s := session.time_s) < day.end_s:
             if now_s % CHECK_S == 0 and now_s > day.begin_s:
                 tell(now_s)
-                if gridlock.look(now_s):
-                    break
+                gridlock.refuse(now_s, day.routes)
             session.advance()
             finished += _look(traces, session.time_s)
             if len(finished) >= _AT_ONCE:

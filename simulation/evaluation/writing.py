@@ -18,7 +18,7 @@ from simulation.evaluation.store import not_writable, write_whole
 from simulation.evaluation.words import Table
 from simulation.exogenous.recorded import Watched
 
-_NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream[dev]'"
+_NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream[sim]'"
 
 
 def write_results(

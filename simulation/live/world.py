@@ -25,6 +25,7 @@ from simulation.live.plans import Mailbox, in_world_time
 from simulation.live.sites import camera_site
 from simulation.live.views import RADIUS_M, Views
 from simulation.scenarios.day import sumo_options
+from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.network import scenario_network
 from simulation.sumo.net import read_roads
 from simulation.sumo.pose import draw_pose
@@ -88,20 +89,32 @@ class _World:
         )
         self._orders = OrderFile(order.fleet, order.deliveries)
         self._pace = Pace(order.step_s, order.speed, time.monotonic)
+        self._gridlock, self._look_s = GridlockWatch(), session.time_s + CHECK_S
 
     def run(self, connection: Connection) -> None:
-        """Step by step, until the other end says something or is gone."""
+        """Step by step, until the other end says something or is gone.
+
+        Raises:
+            InputError: SUMO refuses a vehicle, or nothing moves any more.
+        """
         told_s = 0.0
         while not connection.poll(self._pace.wait_s()):
             self._take_plans()
             self._fleet.step()
             self._pace.stepped()
+            self._look_for_gridlock()
             if self._pace.steps % self._order.steps_a_frame == 0:
                 for camera, scene in zip(self._cameras, self._views.look(), strict=True):
                     camera.show(scene, self._pace.due_s)
             if time.monotonic() - told_s >= _TELL_S:
                 told_s = time.monotonic()
                 self._tell(connection)
+
+    def _look_for_gridlock(self) -> None:
+        now_s = self._session.time_s
+        if now_s >= self._look_s:
+            self._look_s += CHECK_S
+            self._gridlock.refuse(now_s, self._order.day.routes)
 
     def _take_plans(self) -> None:
         for plan in self._mailbox.news():

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Final
+
+from simulation.scenarios.gates import clock
+from slipstream.errors import InputError
 
 CHECK_S: Final = 600.0
 """Between two looks."""
@@ -35,3 +39,14 @@ class GridlockWatch:
         if self._stuck >= _STUCK_CHECKS:
             self.since_s = now_s
         return self.since_s is not None
+
+    def refuse(self, now_s: float, source: str | Path) -> None:
+        """Look, and end what stands still.
+
+        Raises:
+            InputError: it is in a gridlock.
+        """
+        if self.look(now_s):
+            raise InputError(
+                source, f"gridlock at {clock(now_s)}", "take fewer trips or another network"
+            )

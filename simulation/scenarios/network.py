@@ -6,13 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
-from xml.etree import ElementTree
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from simulation.sumo.files import check_files, check_vehicle_files
+from simulation.sumo.files import check_files, check_vehicle_files, elements
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, build_network, load_network
 
@@ -80,7 +79,7 @@ def check_routes(path: Path, segments: Iterable[str]) -> None:
     """
     check_vehicle_files((path,))
     known, vehicles = set(segments), 0
-    for _, element in ElementTree.iterparse(path, events=("end",)):
+    for element in elements(path):
         edges = element.get("edges", "").split() if element.tag == "route" else []
         for end in ("from", "to"):
             edges += [element.get(end, "")] if element.tag in ("trip", "flow") else []

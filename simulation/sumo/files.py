@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gzip
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree
 
 from slipstream.errors import InputError
@@ -32,18 +34,28 @@ def check_vehicle_files(paths: tuple[Path, ...]) -> None:
             raise InputError(path, "a SUMO net where vehicles belong", "give a route file")
 
 
+def elements(path: Path, event: Literal["start", "end"] = "end") -> Iterator[ElementTree.Element]:
+    """Elements of a file, packed or not, each when it begins or ends.
+
+    Raises:
+        InputError: the file cannot be read, is no XML, or ends in the middle.
+    """
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            for _, element in ElementTree.iterparse(file, events=(event,)):
+                yield element
+    except OSError as error:
+        problem = error.strerror or str(error)
+        raise InputError(path, f"not readable: {problem}", "check the path") from None
+    except (ElementTree.ParseError, EOFError, zlib.error) as error:
+        raise InputError(path, f"not XML: {error}", "give a SUMO file") from None
+
+
 def _root(path: Path) -> str:
     """Name of a file's first element.
 
     Raises:
         InputError: the file cannot be read or is no XML.
     """
-    try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            _, root = next(iter(ElementTree.iterparse(file, events=("start",))))
-    except OSError as error:
-        problem = error.strerror or str(error)
-        raise InputError(path, f"not readable: {problem}", "check the path") from None
-    except (ElementTree.ParseError, StopIteration, EOFError, zlib.error) as error:
-        raise InputError(path, f"not XML: {error}", "give a SUMO file") from None
-    return str(root.tag)
+    # An XML file has one; what has none is refused by the parser.
+    return str(next(elements(path, "start")).tag)

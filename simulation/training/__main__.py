@@ -40,6 +40,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--threads", type=_positive, default=2, help="CPU threads and processes")
     parser.add_argument("--out", type=Path, required=True, help="folder for data and the run")
     parser.add_argument(
+        "--only-render",
+        action="store_true",
+        help="stop after the labelled pictures; needs no torch, and leaves the weights alone",
+    )
+    parser.add_argument(
         "--weights",
         type=Path,
         default=Path(__file__).resolve().parents[2] / "edge_daemon" / "weights",
@@ -82,6 +87,10 @@ def main(argv: list[str] | None = None) -> int:
             workers=chosen.threads,
         )
     wide, roadside, riders, queues = (folder for _, folder, _, _ in sets.values())
+    if chosen.only_render:
+        everything = [wide, roadside, riders, queues]
+        print(write_data_yaml(chosen.out / "data.yaml", everything, roadside))
+        return 0
     plans: tuple[tuple[list[Path], int, float, float], ...] = (
         # The first stage hands over before its rate has fallen, as the first part of a longer run.
         ([wide], chosen.first_epochs, 1e-3, 0.85),

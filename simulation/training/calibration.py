@@ -12,6 +12,7 @@ from edge_daemon.detection import DetectorSettings
 from edge_daemon.detection.placement import Placement, place_freely
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
+from edge_daemon.stills import readable_picture
 from simulation.training.judge import fill
 from slipstream.errors import InputError
 
@@ -49,7 +50,7 @@ def _from_folder(folder: Path, shape: tuple[int, int], count: int, seed: int) ->
     order = np.random.default_rng(seed).permutation(len(paths))[:count]
     inputs = []
     for index in order:
-        image = cv2.imread(str(paths[index]))
+        image = readable_picture(paths[index])
         if image is None:
             raise InputError(paths[index], "not a readable picture", "remove it")
         size = image.shape[1], image.shape[0]

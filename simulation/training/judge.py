@@ -15,6 +15,7 @@ from edge_daemon.detection.placement import Placement, place_in
 from edge_daemon.detection.protocol import vehicle_class_of
 from edge_daemon.detection.region import Region
 from edge_daemon.frame import Image
+from edge_daemon.stills import readable_picture
 from simulation.training.labelled import LabelledSet
 from simulation.training.metrics import Boxes, Figures, evaluate
 from slipstream.errors import InputError
@@ -111,10 +112,9 @@ def figures_on(
     compiled = core.compile_model(network, "CPU")
     found, true = [], []
     for path in labelled.pictures:
-        image = cv2.imread(str(path))
-        if image is None:
+        picture = readable_picture(path)
+        if picture is None:
             raise InputError(path, "not a readable picture", "remove it from the set")
-        picture = np.asarray(image, dtype=np.uint8)
         planes, placement = letterbox(picture, (size[0], size[1]))
         output = np.asarray(compiled(planes)[0], dtype=np.float32)
         # Heights are judged at one width, whatever the pictures' own.

@@ -288,7 +288,7 @@ def test_plots_are_drawn_for_what_was_measured(tmp_path: Path) -> None:
 
 def test_memory_of_a_tree_of_processes(tmp_path: Path) -> None:
     """A child's 60 MB count although the parent itself has none of them."""
-    child = "b = b'1' * 60_000_000; import time; time.sleep(0.4)"
+    child = "b = b'1' * 60_000_000; import time; time.sleep(1.5)"
     parent = (
         f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}]); print('[1]')"
     )

@@ -104,7 +104,7 @@ def page(running, browser):
 
 
 def _open_when_served(page, running: Dashboard) -> None:
-    until = time.monotonic() + 30
+    until = time.monotonic() + 90
     while True:
         try:
             page.goto(running.address)
@@ -172,8 +172,8 @@ def test_what_a_dispatcher_sees(running, page, tmp_path):
     assert [url for url in running.requests if not url.startswith(own)] == []
     began = time.monotonic()
     running.process.terminate()
-    assert running.process.wait(timeout=10) == 0
-    assert time.monotonic() - began < 5
+    assert running.process.wait(timeout=30) == 0
+    assert time.monotonic() - began < 15
     assert "Traceback" not in running.log.read_text()
 
 

@@ -6,7 +6,6 @@ from itertools import combinations, pairwise
 from typing import Any
 
 import pytest
-from hypothesis import settings
 
 from dispatcher_daemon.arcs import arc_problem
 from dispatcher_daemon.fleet import fleet_from, load_fleet
@@ -17,10 +16,6 @@ from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot, take_snap
 from dispatcher_daemon.travel import least_energy_legs
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
 from slipstream.roads import Segment, build_network, load_network
-
-# Shared machines are slow at times, and a suite has to say the same thing twice.
-settings.register_profile("slipstream", deadline=None, derandomize=True)
-settings.load_profile("slipstream")
 
 NOW_NS = 1_800_000_000_000_000_000
 LIMIT_MPS = 16.67

@@ -79,15 +79,16 @@ def test_a_run_that_raises_is_counted_and_the_next_one_comes() -> None:
 
 def test_stop_waits_for_the_run_that_is_going() -> None:
     """Whoever stops the scheduler may then close what the cycle uses."""
-    done = threading.Event()
+    begun, done = threading.Event(), threading.Event()
 
     def run() -> None:
+        begun.set()
         time.sleep(0.3)
         done.set()
 
     scheduler = CycleScheduler(run, 60.0)
     scheduler.start()
-    time.sleep(0.1)
+    assert begun.wait(10)
     scheduler.stop()
     assert done.is_set()
     scheduler.stop()
@@ -115,16 +116,16 @@ def test_a_clock_that_is_set_does_not_stop_the_cycles(
     monkeypatch.setattr("dispatcher_daemon.schedule.datetime", Clock)
     runs: list[int] = []
     kinds: list[str] = []
-    scheduler = CycleScheduler(lambda: runs.append(1), 0.5, kinds.append)
+    scheduler = CycleScheduler(lambda: runs.append(1), 2.0, kinds.append)
     scheduler.start()
     try:
-        assert wait_for(lambda: len(runs) >= 1)
+        assert wait_for(lambda: len(runs) >= 1, 20.0)
         assert not scheduler.follow_clock()
         # While the schedule sleeps, so that it cannot see the step by itself.
         monkeypatch.setattr(Clock, "ahead", timedelta(seconds=step_s))
         assert scheduler.follow_clock()
         seen = len(runs)
-        assert wait_for(lambda: len(runs) >= seen + 3)
+        assert wait_for(lambda: len(runs) >= seen + 2, 20.0)
         assert not scheduler.follow_clock()
     finally:
         scheduler.stop()

@@ -112,8 +112,9 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     start: Callable[..., Run], browser: Any, tmp_path: Path
 ) -> None:
     """Video becomes flags, flags gate platoons, plans go out, and the page tells all of it."""
-    run = start("--seconds", "70", "--interval", "10", "--json")
+    run = start("--interval", "10", "--json")
     run.says(lambda line: "the dashboard is at" in line, 240)
+    began = time.monotonic()
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.goto(f"http://127.0.0.1:{run.port}")
     page.wait_for_selector("canvas", timeout=60_000)
@@ -128,6 +129,8 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     )
     page.screenshot(path=os.environ.get("SLIPSTREAM_SCREENSHOT", str(tmp_path / "page.png")))
     page.close()
+    time.sleep(max(0.0, began + 60 - time.monotonic()))
+    run.process.send_signal(signal.SIGINT)
     output, _ = run.process.communicate(timeout=120)
     assert run.process.returncode == 0, "\n".join(run.log)
     figures = json.loads(output)

@@ -239,6 +239,15 @@ def test_unusable_models_are_one_line(tmp_path: Path, case: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_a_model_for_several_pictures_at_once_is_one_line(tmp_path: Path) -> None:
+    """An export with a fixed batch of two fits no single picture."""
+    model = ov.Core().read_model(WEIGHTS / "yolo11n-streetdrive.xml")
+    model.reshape([2, 3, 384, 640])
+    ov.save_model(model, tmp_path / "two.xml")
+    with pytest.raises(InputError, match="export it with a 1×3×H×W input"):
+        open_detector(DetectorSettings(model=str(tmp_path / "two.xml")))
+
+
 def test_a_model_without_its_weights_is_one_line(tmp_path: Path) -> None:
     """The .xml alone is not a model."""
     path = tmp_path / "alone.xml"

@@ -69,7 +69,7 @@ def test_a_live_frame_does_not_wait_for_the_next() -> None:
         assert got is not None
         assert found is not None
         assert len(found) == number
-        assert time.monotonic() - before < 0.5
+        assert time.monotonic() - before < 10
     source.put(None)
     assert list(stream) == []
 
@@ -81,7 +81,7 @@ def test_no_frame_is_taken_before_a_request_is_free() -> None:
 
     class Waiting(Numbered):
         def detect(self, image: Image) -> Detections:
-            assert go.wait(5)
+            assert go.wait(30)
             return super().detect(image)
 
     def source() -> Iterator[Frame]:
@@ -93,10 +93,13 @@ def test_no_frame_is_taken_before_a_request_is_free() -> None:
     results: list[object] = []
     reader = threading.Thread(target=lambda: results.extend(stream))
     reader.start()
+    deadline = time.monotonic() + 10
+    while len(taken) < 2 and time.monotonic() < deadline:
+        time.sleep(0.01)
     time.sleep(0.1)
     assert taken == [0, 1]
     go.set()
-    reader.join(5)
+    reader.join(30)
     assert len(results) == 6
 
 
@@ -130,16 +133,16 @@ def test_closing_early_ends_the_threads_and_the_source() -> None:
         finally:
             closed.set()
 
-    threads = threading.active_count()
+    before = set(threading.enumerate())
     stream = detect_stream(source(), Numbered())
     next(stream)
     stream.close()
     assert closed.wait(2)
-    assert threading.active_count() == threads
+    assert set(threading.enumerate()) <= before
     items = ahead(iter(source()), 2)
     next(items)
     items.close()
-    assert threading.active_count() == threads
+    assert set(threading.enumerate()) <= before
 
 
 def test_items_made_ahead_keep_order_and_number() -> None:

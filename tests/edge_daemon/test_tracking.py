@@ -52,7 +52,7 @@ def test_each_vehicle_keeps_one_identity_and_its_speed() -> None:
 def test_a_vehicle_hidden_for_a_second_is_the_same_afterwards() -> None:
     """Tracks coast through an occlusion."""
     tracker = Tracker(TrackerSettings())
-    sightings = drive(tracker, 3.5, hidden=(1.5, 2.4))
+    sightings = drive(tracker, 3.5, hidden=(1.5, 2.5))
     assert len(set(sightings.track)) == 3
 
 

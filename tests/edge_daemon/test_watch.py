@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -229,6 +231,16 @@ def test_gusts_and_trembling_are_no_fault(road: Road) -> None:
     assert changes(Watch(road.camera, WatchSettings()), pictures) == []
 
 
+def test_a_view_without_anything_to_recognise_is_said(
+    road: Road, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Whether the camera moves cannot be told then, and the log says so once."""
+    Watch(road.camera, WatchSettings(), road.picture)
+    assert "nothing to recognise" not in caplog.text
+    Watch(road.camera, WatchSettings(), np.full_like(road.picture, 90))
+    assert caplog.text.count("nothing to recognise") == 1
+
+
 def test_a_reference_picture_tells_a_camera_that_was_turned_while_off(road: Road) -> None:
     """Without one, the first seconds are taken for the calibrated view."""
     turned = [road.seen(number, shifted(8)) for number in range(40)]
@@ -247,9 +259,12 @@ def test_a_reference_must_be_a_picture_of_the_calibrated_size(
     text = (street_clips["stable"] / "camera.toml").read_text()
     calibration.write_text(text.replace("[image]", 'reference = "view.png"\n[image]', 1))
     view = tmp_path / "view.png"
-    view.write_text("no picture")
-    with pytest.raises(InputError, match=r"view\.png: not a picture"):
-        read_reference(load_camera(calibration))
+    header = b"IHDR" + struct.pack(">IIBBBBB", 2**31 - 1, 2**31 - 1, 8, 2, 0, 0, 0)
+    forged = struct.pack(">I", 13) + header + struct.pack(">I", zlib.crc32(header))
+    for content in (b"no picture", b"\x89PNG\r\n\x1a\n" + forged):
+        view.write_bytes(content)
+        with pytest.raises(InputError, match=r"view\.png: not a picture"):
+            read_reference(load_camera(calibration))
     cv2.imwrite(str(view), road.picture[::2, ::2])
     with pytest.raises(InputError, match=r"640×360.*1280×720"):
         read_reference(load_camera(calibration))

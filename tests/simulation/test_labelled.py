@@ -11,6 +11,7 @@ import pytest
 
 from edge_daemon.detection import VEHICLE_CLASSES
 from edge_daemon.detection.protocol import builtin_model
+from simulation.training.__main__ import main as training
 from simulation.training.calibration import calibration_inputs
 from simulation.training.dataset import write_dataset
 from simulation.training.judge import figures_on
@@ -87,6 +88,20 @@ def test_the_shipped_model_does_well_on_held_out_pictures(rendered: Path) -> Non
     assert 0.7 < figures[0].map50 <= 1
     assert figures[0].map50 > figures[0].map50_95 > 0.4
     assert sum(figures[1].boxes) <= sum(figures[0].boxes)
+
+
+def test_sets_can_be_rendered_without_training(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What `slipstream model train` takes; no weights are touched."""
+    weights = tmp_path / "weights"
+    counts = ["--images", "1", "--held-out", "1", "--threads", "1"]
+    options = ["--only-render", "--out", str(tmp_path / "sets"), "--weights", str(weights)]
+    assert training([*counts, *options]) == 0
+    data = Path(capsys.readouterr().out.splitlines()[-1])
+    assert len(read_labelled_set(data, "train").pictures) >= 4
+    assert read_labelled_set(data, "val").pictures
+    assert not weights.exists()
 
 
 def test_pictures_of_a_folder_keep_the_scale_of_training(rendered: Path) -> None:

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from edge_daemon.detection import VEHICLE_CLASSES, DetectorSettings, open_detector
+from simulation.training.dataset import write_dataset
 from simulation.training.export import ExportReport
 from simulation.training.metrics import Figures
+from simulation.training.ranges import ROADSIDE
 from slipstream_cli.main import main
 from slipstream_cli.model import text
 
@@ -28,6 +30,7 @@ WITH_TORCH = find_spec("torch") is not None and find_spec("ultralytics") is not 
         (["export", "w.pt", "--imgsz", "100x640"], "multiples of 32"),
         (["export", "w.pt", "--int8"], "add --calibrate"),
         (["export", "w.pt", "--calibrate", "clip.mp4"], "add --int8"),
+        (["export", "w.pt", "--camera", "c.toml"], "add --int8 --calibrate CLIP"),
         (["train", "d.yaml", "--epochs", "0"], "not 1 or more"),
         (["train", "d.yaml", "--rate", "3"], "out of range"),
     ],
@@ -121,3 +124,25 @@ def test_weights_that_are_none_are_one_line(
         assert main(["model", "export", str(path)]) == 2
         assert fault in capsys.readouterr().err
         path.write_text("no weights")
+
+
+@pytest.mark.skipif(not WITH_TORCH, reason="needs the train extra")
+def test_weights_are_tuned_quantised_and_judged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a rendered set: one epoch, then INT8 fitted to its pictures and held against float."""
+    data = write_dataset(tmp_path / "set", train=6, held_out=3, seed=3, limits=ROADSIDE, workers=1)
+    runs, out = tmp_path / "runs", tmp_path / "out"
+    capsys.readouterr()
+    options = ["--epochs", "1", "--batch", "2", "--rate", "1e-6", "--out", str(runs), "--json"]
+    assert main(["model", "train", str(data), *options]) == 0
+    tuned: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert Path(tuned["weights"]).is_file()
+    assert tuned["map_after"][0] == pytest.approx(tuned["map_before"][0], abs=0.1)
+    pictures = str(tmp_path / "set" / "images" / "train")
+    options = ["--int8", "--calibrate", pictures, "--evaluate", str(data), "--out", str(out)]
+    assert main(["model", "export", tuned["weights"], *options, "--json"]) == 0
+    report: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert report["before"]["map50"] > 0.6
+    assert report["after"]["map50"] == pytest.approx(report["before"]["map50"], abs=0.15)
+    open_detector(DetectorSettings(model=str(out)))

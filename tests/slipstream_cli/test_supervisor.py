@@ -98,8 +98,8 @@ def test_stop_ends_even_what_ignores_signals_and_what_was_left_behind(
     pids = [supervisor.pids()["p0"], int(log.getvalue().split("child ")[1].split()[0])]
     began = time.monotonic()
     supervisor.stop()
-    assert time.monotonic() - began < 4
-    deadline = time.monotonic() + 3
+    assert time.monotonic() - began < 20
+    deadline = time.monotonic() + 15
     while any(runs(pid) for pid in pids) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(runs(pid) for pid in pids)

@@ -71,6 +71,29 @@ def test_stop_and_go_is_seen_as_what_it_is(
     assert "speed_mae" not in printed
 
 
+def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
+    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """While the picture is dark all segments are unknown for that, and known again after it."""
+    folder = street_clips["stable"]
+    spoiled, states = tmp_path / "spoiled.mp4", tmp_path / "s.jsonl"
+    capture = cv2.VideoCapture(str(folder / "video.mp4"))
+    writer = cv2.VideoWriter(str(spoiled), cv2.VideoWriter.fourcc(*"mp4v"), 15, (1280, 720))
+    for number in range(14 * 15):
+        picture = capture.read()[1]
+        writer.write(picture * 0 if 30 <= number < 75 else picture)
+    writer.release()
+    command = ["track", str(spoiled), "--camera", str(folder / "camera.toml"), "--window", "6"]
+    assert main([*command, "--out", str(states), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert list(summary["fault_s"]) == ["dark"]
+    assert 1.5 < summary["fault_s"]["dark"] < 6.0
+    told = [SegmentState.model_validate_json(line) for line in states.read_text().splitlines()]
+    assert "dark" in {state.reason for state in told}
+    assert all(state.y_e is None for state in told if state.reason == "dark")
+    assert told[-1].y_e == 1
+
+
 @pytest.mark.parametrize(
     ("more", "problem"),
     [
@@ -92,7 +115,10 @@ def test_bad_input_is_one_line(
 ) -> None:
     """It says what is wrong, and exits with 2."""
     monkeypatch.chdir(tmp_path)
+    Path("video.states.jsonl").write_text("of an earlier run")
     assert main(arguments(street_clips["stable"], *more)) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["video.states.jsonl"]
+    assert Path("video.states.jsonl").read_text() == "of an earlier run"
     captured = capsys.readouterr()
     (line,) = [text for text in captured.err.splitlines() if text.startswith("slipstream: ")]
     assert problem in line

@@ -42,6 +42,11 @@ class DepartureSettings:
     longest_s: float = 1800.0
     manner: Manner = field(default_factory=Manner)
 
+    @property
+    def window_s(self) -> float:
+        """From the first second that is tried to the last."""
+        return self.step_s * (self.most - 1)
+
     def __post_init__(self) -> None:
         if self.step_s <= 0 or self.most < 1 or min(self.price_w, self.waiting_w) < 0:
             raise ValueError("step_s and most must be > 0, price_w and waiting_w >= 0")

@@ -197,7 +197,7 @@ def test_refusals_are_told_at_once(demo_arcs: Demo) -> None:
 def test_blocks_of_a_cycle_share_its_patience(demo_arcs: Demo) -> None:
     """Waiting for the device ends at the deadline of a call, and is limited over all of them."""
     desk = Desk(aer, cast(Clerk, Stub(lambda t: t.stage("job j still queued"))), 0.5)
-    for cycle, deadline_s, first_s, calls in ((1, 0.2, 0.2, 9), (2, 9.0, 0.5, 3)):
+    for cycle, deadline_s, first_s, calls in ((1, 0.2, 0.2, 30), (2, 9.0, 0.5, 12)):
         desk.begin_cycle(cycle)
         waits = []
         for _ in range(calls):
@@ -208,7 +208,7 @@ def test_blocks_of_a_cycle_share_its_patience(demo_arcs: Demo) -> None:
             assert "job j still queued after" in (outcome.execution.fallback or "")
         assert waits[0] >= first_s - 0.01
         # On a busy machine each wait may end late, which the next ones make up for.
-        assert 0.49 <= sum(waits) < 1.5
+        assert 0.49 <= sum(waits) < 4
 
 
 def test_a_device_that_never_answers_makes_no_cycle_late(demo: RoutingProblem) -> None:
@@ -229,12 +229,13 @@ def test_a_device_that_never_answers_makes_no_cycle_late(demo: RoutingProblem) -
 
 def test_waiting_leaves_a_reserve_of_the_cycles_deadline(demo_arcs: Demo) -> None:
     """What a cycle has done before its solvers, and what they took, comes off the wait."""
-    desk = Desk(aer, cast(Clerk, Stub(lambda t: t.stage("job j still queued"))), 60.0, 1.0)
-    began = time.monotonic()
+    desk = Desk(aer, cast(Clerk, Stub(lambda t: t.stage("job j still queued"))), 60.0, 5.0)
+    before = time.monotonic()
     desk.begin_cycle(1)
-    time.sleep(0.3)
-    desk([Job("lc-qaoa", demo_arcs(), 1)], 1.0)
-    assert 0.75 < time.monotonic() - began < 1.0
+    time.sleep(1.5)
+    desk([Job("lc-qaoa", demo_arcs(), 1)], 5.0)
+    # Without the reserve 5.0, were the wait counted from the solvers' begin 5.5.
+    assert 3.95 < time.monotonic() - before < 4.9
 
 
 def solve_exactly(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:

@@ -144,13 +144,13 @@ def test_a_hung_answer_ends(
     stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The client's own session would wait for ever; ours ends after its limit, and tries once."""
-    monkeypatch.setattr(ibm_account, "READ_S", 0.2)
+    monkeypatch.setattr(ibm_account, "READ_S", 1.0)
     stand_in.hang_s = {"/jobs": 30.0}
     stand_in.seen.clear()
     for call in (lambda: service.submit(CIRCUIT, 10, []), lambda: service.find("x")):
         began = time.monotonic()
         assert fault(call).kind == "unreachable"
-        assert time.monotonic() - began < 5
+        assert time.monotonic() - began < 15
     assert stand_in.seen.count("POST /jobs") == 1
 
 

@@ -179,8 +179,10 @@ def test_time_grows_with_the_states_not_faster() -> None:
     for n in (14, 18):
         state = StateVector(cost_diagonal(random_ising(n)), threads=1)
         state.evolve(SCHEDULE)
-        began = time.perf_counter()
+        rounds = []
         for _ in range(3):
+            began = time.thread_time()
             state.evolve(SCHEDULE)
-        took.append(time.perf_counter() - began)
+            rounds.append(time.thread_time() - began)
+        took.append(min(rounds))
     assert took[1] < 160 * took[0]

@@ -196,7 +196,7 @@ def test_a_cost_that_is_a_lie_changes_nothing(
 def test_a_late_job_keeps_its_id_and_is_taken_up_later(problem: RouteProblem) -> None:
     """At the deadline the outcome names the job; a solver with that id asks for no second one."""
     service = StandIn(statuses=["QUEUED"])
-    outcome = solver(service).solve(problem, 0.1, 1)
+    outcome = solver(service).solve(problem, 1.0, 1)
     assert (outcome.status, outcome.selected) == ("timeout", None)
     assert "--job job-7" in (outcome.reason or "")
     assert outcome.execution is not None
@@ -212,8 +212,8 @@ def test_a_late_job_keeps_its_id_and_is_taken_up_later(problem: RouteProblem) ->
 def test_a_service_that_hangs_does_not_hold_the_solver(problem: RouteProblem, hangs: str) -> None:
     """Whichever call never returns, the deadline is kept."""
     began = time.perf_counter()
-    outcome = solver(StandIn(hangs=hangs)).solve(problem, 0.2, 1)
-    assert time.perf_counter() - began < 2.0
+    outcome = solver(StandIn(hangs=hangs)).solve(problem, 1.0, 1)
+    assert time.perf_counter() - began < 10.0
     assert outcome.status == "timeout"
     assert (outcome.execution is None) == (hangs == "run")
 

@@ -23,7 +23,7 @@ Demo = Callable[..., ArcProblem]
 
 # Workers are fresh interpreters, so the faulty solver must live in a module that they can import.
 FAULTY = """
-import os, time
+import os, pathlib, time
 from dataclasses import dataclass
 from dispatcher_daemon.solvers.base import Outcome
 
@@ -38,6 +38,7 @@ class Faulty:
 
     def solve(self, problem, deadline_s, seed):
         if self.fault == "hangs":
+            pathlib.Path(__file__).with_name("hangs").touch()
             time.sleep(60)
         if self.fault == "slow":
             time.sleep(0.7)
@@ -67,7 +68,7 @@ def faulty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
 @pytest.mark.parametrize(
     ("fault", "status", "reason"),
     [
-        ("hangs", "timeout", "no answer within 1 s"),
+        ("hangs", "timeout", "no answer within 3 s"),
         ("raises", "failed", "ValueError: no such luck"),
         ("dies", "failed", "ProcessExpired"),
         ("garbage", "failed", "TypeError: answered with a dict"),
@@ -81,8 +82,8 @@ def test_a_faulty_solver_costs_only_its_own_answer(
     with SolverPool([faulty(fault), ExactSolver()]) as pool:
         assert pool.warm_up() == {}
         began = time.monotonic()
-        bad, good = pool([Job("faulty", problem, 1), Job("exact", problem, 1)], 1.0)
-        assert time.monotonic() - began < 1.0 + GRACE_S + 1.5
+        bad, good = pool([Job("faulty", problem, 1), Job("exact", problem, 1)], 3.0)
+        assert time.monotonic() - began < 3.0 + GRACE_S + 12
         assert (bad.status, bad.selected) == (status, None)
         assert reason in (bad.reason or "")
         assert good.status == "optimal"
@@ -110,7 +111,7 @@ def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_ar
     with SolverPool([faulty("hangs once")]) as pool:
         pool.warm_up()
         jobs = [Job("faulty", demo_arcs(), seed) for seed in (1, 2)]
-        hung, answered = pool(jobs, 12.0)
+        hung, answered = pool(jobs, 20.0)
         assert (hung.status, answered.status) == ("timeout", "feasible")
 
 
@@ -153,7 +154,9 @@ def test_a_cold_worker_is_reported(faulty: Callable[[str], Any]) -> None:
         assert "faulty" in pool.warm_up(timeout_s=2.0)
 
 
-def test_closing_frees_a_waiting_caller(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
+def test_closing_frees_a_waiting_caller(
+    faulty: Callable[[str], Any], demo_arcs: Demo, tmp_path: Path
+) -> None:
     """A cycle that waits for a hanging solver ends as soon as the pool is closed."""
     pool = SolverPool([faulty("hangs")])
     pool.warm_up()
@@ -162,11 +165,13 @@ def test_closing_frees_a_waiting_caller(faulty: Callable[[str], Any], demo_arcs:
         target=lambda: answers.extend(pool([Job("faulty", demo_arcs(), 1)], 50.0))
     )
     caller.start()
-    time.sleep(0.3)
+    deadline = time.monotonic() + 20
+    while not (tmp_path / "hangs").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
     began = time.monotonic()
     pool.close()
-    caller.join(timeout=10)
-    assert time.monotonic() - began < 8
+    caller.join(timeout=30)
+    assert time.monotonic() - began < 20
     assert [a.status for a in answers] == ["timeout"]
     assert [a.status for a in pool([Job("faulty", demo_arcs(), 1)], 5.0)] == ["failed"]
 

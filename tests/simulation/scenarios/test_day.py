@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from edge_daemon.stability import StabilitySettings
+from simulation.closed_loop.recording import record_history
 from simulation.scenarios.__main__ import main
 from simulation.scenarios.day import DayOrder, run_day
 from simulation.scenarios.gates import Gates
@@ -157,6 +158,8 @@ def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
     assert day.gridlock_s is not None
     assert day.end_s == day.gridlock_s < 10_000.0
     assert any(fault.startswith("gridlock") for fault in Gates().faults(day))
+    with pytest.raises(InputError, match=r"jam\.rou\.xml: gridlock at 00:30; take fewer trips"):
+        record_history(order, corridor.network)
 
 
 def test_route_file_of_another_net_is_one_line(troy: Scenario, tmp_path: Path) -> None:

@@ -206,5 +206,21 @@ def test_route_file_of_another_net_is_refused(tmp_path: Path) -> None:
     path.write_text('<routes><route id="r" edges="ab"/></routes>')
     with pytest.raises(InputError, match="no vehicle in it"):
         check_routes(path, ["ab"])
-    path.write_text('<routes><vehicle id="v" depart="0"><route edges="ab"/></vehicle></routes>')
+    whole = '<routes><vehicle id="v" depart="0"><route edges="ab"/></vehicle></routes>'
+    path.write_text(whole)
     check_routes(path, ["ab"])
+    packed = tmp_path / "x.rou.xml.gz"
+    packed.write_bytes(gzip.compress(whole.encode()))
+    check_routes(packed, ["ab"])
+
+
+@pytest.mark.parametrize("name", ["x.rou.xml", "x.rou.xml.gz"])
+def test_a_route_file_cut_off_in_the_middle_is_one_line(tmp_path: Path, name: str) -> None:
+    """As a full disk or an interrupted copy leaves it."""
+    path = tmp_path / name
+    vehicle = '<vehicle id="v{}" depart="{}"><route edges="ab"/></vehicle>'
+    whole = "<routes>" + "".join(vehicle.format(i, i) for i in range(5000)) + "</routes>"
+    content = gzip.compress(whole.encode()) if path.suffix == ".gz" else whole.encode()
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(InputError, match=f"{name}: not XML"):
+        check_routes(path, ["ab"])
