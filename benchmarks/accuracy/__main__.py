@@ -23,6 +23,7 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=Path(".slipstream/accuracy"))
     parser.add_argument("--only", default="", help="clips whose name contains this")
     parser.add_argument("--json", type=Path, help="also write all figures into a file")
+    parser.add_argument("--states", type=Path, help="folder for what `slipstream robustness` reads")
     parser.add_argument("--errors", type=Path, help="write the error model that worlds use")
     options = parser.parse_args()
     chosen = [clip for clip in CLIPS if options.only in clip.name]
@@ -37,6 +38,10 @@ def main() -> int:
             truth = load_truth(folder / "truth.csv")
             comparison = compare(run.recorder, truth, camera, settings.stability)
             compared.append((clip.name, clip.world, comparison))
+            if options.states:
+                options.states.mkdir(parents=True, exist_ok=True)
+                lines = (state.model_dump_json() + "\n" for state in run.states)
+                (options.states / f"{clip.name}.jsonl").write_text("".join(lines))
             progress.update(done, len(chosen))
     rows = [Row(name, score([comparison])) for name, _, comparison in compared]
     totals = [

@@ -29,6 +29,7 @@ from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, Segment, build_network
 
 DATA = Path(str(resources.files("simulation.scenarios") / "data"))
+SIGNAL = '<tag k="highway" v="traffic_signals"/>'
 NEEDS_TOOL = pytest.mark.skipif(find_netconvert() is None, reason="netconvert is not installed")
 
 
@@ -69,6 +70,35 @@ def test_rebuilt_net_is_the_shipped_one(name: str, tmp_path: Path) -> None:
     build_net(plan, tmp_path / "again.net.xml.gz")
     shipped = gzip.decompress((DATA / name / f"{name}.net.xml.gz").read_bytes())
     assert gzip.decompress((tmp_path / "again.net.xml.gz").read_bytes()) == shipped
+
+
+@NEEDS_TOOL
+def test_an_openstreetmap_extract_becomes_a_net_that_a_day_can_run_on(tmp_path: Path) -> None:
+    """Roads for cars are kept with their lanes and limits, footways and loose ends are not."""
+    nodes = [
+        f'<node id="{10 * i + j + 1}" lat="{42.73 + 0.003 * i}" lon="{-73.69 + 0.004 * j}">'
+        f"{SIGNAL if 0 < i < 4 and 0 < j < 4 else ''}</node>"
+        for i in range(5)
+        for j in range(5)
+    ]
+    rows = [[10 * i + j + 1 for j in range(5)] for i in range(5)]
+    streets = [*rows, *([row[j] for row in rows] for j in range(5))]
+    kinds = {"secondary": streets, "footway": [[1, 12, 23]], "residential": [[101, 102]]}
+    nodes += [f'<node id="{101 + k}" lat="42.8" lon="{-73.6 + 0.001 * k}"/>' for k in range(2)]
+    ways = [(kind, way) for kind, of_kind in kinds.items() for way in of_kind]
+    for number, (kind, way) in enumerate(ways, start=1):
+        refs = "".join(f'<nd ref="{node}"/>' for node in way)
+        tags = f'<tag k="highway" v="{kind}"/><tag k="lanes" v="2"/><tag k="maxspeed" v="30 mph"/>'
+        nodes.append(f'<way id="{number}">{refs}{tags}</way>')
+    extract = tmp_path / "town.osm"
+    extract.write_text(f'<osm version="0.6">{"".join(nodes)}</osm>')
+    convert_osm(extract, tmp_path / "town.net.xml.gz")
+    network = scenario_network(tmp_path / "town.net.xml.gz")
+    # Two directions of 40 blocks; at the four corners, which are no junctions, two become one.
+    assert len(network.segments) == 2 * (2 * 5 * 4 - 4)
+    assert len(network.signals) == 9
+    assert {s.lanes for s in network.segments.values()} == {1}
+    assert {round(s.speed_limit_mps, 1) for s in network.segments.values()} == {13.4}
 
 
 def test_missing_netconvert_is_told_with_what_to_install(
