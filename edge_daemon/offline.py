@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -53,7 +53,8 @@ class Run:
         done_s: monotonic time at which each frame had gone through, s.
         latency_s: of each frame, from its picture decoded to its states, s.
         decode_errors: pictures that could not be read.
-        fault_s: for how long the picture had each fault, s.
+        fault_s: for how long each fault of the picture was reported, s: it begins after its wait
+            and ends some seconds after its last sign.
         rss_mb: resident memory at the end.
     """
 
@@ -104,9 +105,11 @@ def track(
             if frame is None or detections is None:
                 continue
             now = frame.media_time_s
-            before, fault = fault, watch.look(frame)
+            # A recording's own time: this machine's clocks say when it was read, not taken.
+            seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
+            before, fault = fault, watch.look(seen)
             if fault is None:
-                run.recorder.frame(now, pipeline.take(frame, detections))
+                run.recorder.frame(len(run.done_s), now, pipeline.take(frame, detections))
             else:
                 run.fault_s[fault] = run.fault_s.get(fault, 0.0) + now - last_s
                 if fault != before:

@@ -102,8 +102,15 @@ def run(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _whole_or_not(path: Path) -> Iterator[TextIO]:
-    """A file to write that takes its name when all went well; what had the name stays till then."""
-    part = path.with_name(f"{path.name}.part")
+    """A file to write that takes its name when all went well; what had the name stays till then.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    target = path.resolve()
+    # Devices and pipes are written as they are.
+    plain = target.is_file() or not target.exists()
+    part = target.with_name(f"{target.name}.part") if plain and target.name else target
     try:
         file = part.open("w", encoding="utf-8")
     except OSError as error:
@@ -113,9 +120,11 @@ def _whole_or_not(path: Path) -> Iterator[TextIO]:
     try:
         with file:
             yield file
-        part.replace(path)
+        if part != target:
+            part.replace(target)
     finally:
-        part.unlink(missing_ok=True)
+        if part != target:
+            part.unlink(missing_ok=True)
 
 
 def _in_words(summary: dict[str, Any]) -> str:
@@ -124,7 +133,8 @@ def _in_words(summary: dict[str, Any]) -> str:
         if key == "features":
             lines += [f"  {name}: {_in_row(figures)}" for name, figures in value.items()]
         else:
-            lines.append(f"{key}: {_in_row(value) if isinstance(value, dict) else _short(value)}")
+            row = (_in_row(value) or "none") if isinstance(value, dict) else _short(value)
+            lines.append(f"{key}: {row}")
     return "\n".join(lines)
 
 

@@ -31,6 +31,7 @@ def main() -> int:
         parser.error(f"no clip's name contains {options.only!r}")
     settings = TrackSettings()
     compared: list[tuple[str, str, Comparison]] = []
+    alarms: list[str] = []
     with Progress("clips", sys.stderr) as progress:
         for done, (clip, folder) in enumerate(make(options.folder, chosen), start=1):
             camera = load_camera(folder / "camera.toml")
@@ -38,6 +39,8 @@ def main() -> int:
             truth = load_truth(folder / "truth.csv")
             comparison = compare(run.recorder, truth, camera, settings.stability)
             compared.append((clip.name, clip.world, comparison))
+            if run.fault_s:
+                alarms.append(f"{clip.name}: a fault that is none, {run.fault_s}")
             if options.states:
                 options.states.mkdir(parents=True, exist_ok=True)
                 lines = (state.model_dump_json() + "\n" for state in run.states)
@@ -59,7 +62,7 @@ def main() -> int:
         windows = [window for _, _, comparison in compared for window in comparison.windows]
         told = f"{len(chosen)} clips of {SECONDS} s; python -m benchmarks.accuracy --errors FILE"
         write_errors(fit_errors(windows, told), options.errors)
-    missed = misses(total.scores)
+    missed = [*misses(total.scores), *alarms]
     for miss in missed:
         print(f"missed: {miss}")
     return 1 if missed else 0

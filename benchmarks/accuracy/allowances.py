@@ -119,8 +119,9 @@ def _rows(folder: Path) -> list[tuple[str, tuple[float, float, float]]]:
         "learning", camera, detector, settings.tracker, settings.stability, settings.window_s
     )
     recorder, windows, due_s = Recorder(), dict[int, WindowFeatures](), 0.0
-    for frame in FastClip(open_clip(folder / "video.mp4", loop=False, size=camera.size)).frames():
-        recorder.frame(frame.media_time_s, pipeline.process(frame))
+    clip = FastClip(open_clip(folder / "video.mp4", loop=False, size=camera.size))
+    for number, frame in enumerate(clip.frames()):
+        recorder.frame(number, frame.media_time_s, pipeline.process(frame))
         if frame.media_time_s < due_s:
             continue
         due_s += settings.every_s

@@ -40,13 +40,15 @@ class Recorder:
     """Keeps what the pipeline said, frame by frame and state by state."""
 
     frame_times_s: list[float] = field(default_factory=list)
+    frame_numbers: list[int] = field(default_factory=list)
     sightings: list[Sightings] = field(default_factory=list)
     states: list[tuple[float, SegmentState]] = field(default_factory=list)
     speeds: list[tuple[int, float, float, float]] = field(default_factory=list)
 
-    def frame(self, time_s: float, sightings: Sightings) -> None:
-        """Note one frame and the sightings that it confirmed."""
+    def frame(self, number: int, time_s: float, sightings: Sightings) -> None:
+        """Note one frame, by its number in the video, and the sightings that it confirmed."""
         self.frame_times_s.append(time_s)
+        self.frame_numbers.append(number)
         self.sightings.append(sightings)
 
     def tick(
@@ -199,12 +201,13 @@ def _match(
     # Those from before a track was confirmed came later: back to the frames they were seen in.
     everything = everything.take(np.argsort(everything.time_s, kind="stable"))
     places = np.searchsorted(everything.time_s, [*times, np.inf])
-    borders = np.searchsorted(truth.frame, np.arange(len(times) + 1))
+    begins = np.searchsorted(truth.frame, recorder.frame_numbers, "left")
+    ends = np.searchsorted(truth.frame, recorder.frame_numbers, "right")
     wanted_all = _in_segments(truth.centre_m, camera) & (truth.visible >= _LEAST_VISIBLE)
     frames, owners = [], {}
     for i in range(len(times)):
         seen = everything.take(slice(places[i], places[i + 1]))
-        rows = slice(borders[i], borders[i + 1])
+        rows = slice(begins[i], ends[i])
         wanted, identity = wanted_all[rows], truth.vehicle[rows]
         overlap = box_overlap(truth.box_px[rows], seen.box.astype(np.float64))
         counts = _in_segments(seen.point_m, camera)

@@ -6,9 +6,8 @@ from collections import deque
 from statistics import median
 from typing import Final, NamedTuple
 
-HOLE_S: Final = 0.5
-"""Tracks do not outlast a silence longer than this."""
-
+# A longer silence cuts the time line: what is seen after it is tracked anew.
+_HOLE_S: Final = 0.5
 _AT_ONCE_S = 0.004
 _RATE = 0.5
 _LEARNED = 31
@@ -61,11 +60,11 @@ class Backlog:
 
     @staticmethod
     def _by_stamps(step_s: float, stamps_s: float) -> Arrival:
-        rushes = 0 < stamps_s < HOLE_S and step_s < _RATE * stamps_s
-        return Arrival(old=step_s < _AT_ONCE_S or rushes, cut=step_s > HOLE_S)
+        rushes = 0 < stamps_s < _HOLE_S and step_s < _RATE * stamps_s
+        return Arrival(old=step_s < _AT_ONCE_S or rushes, cut=step_s > _HOLE_S)
 
     def _by_arrivals(self, arrival_s: float, step_s: float) -> Arrival:
-        if step_s > HOLE_S:
+        if step_s > _HOLE_S:
             # At twice the camera's rate or more, what piled up is through after as long again.
             self._drained_by_s, self._dropped = arrival_s + step_s, False
             return Arrival(old=False, cut=True)

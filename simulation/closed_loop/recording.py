@@ -53,7 +53,7 @@ def history_of(
     Its day has another seed, `seed + OTHER_DAY`, so nothing in it is known beforehand.
 
     Raises:
-        InputError: SUMO refuses the day.
+        InputError: SUMO refuses the day, or it ends in a gridlock.
     """
     path = history_file(
         folder,

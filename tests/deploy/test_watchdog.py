@@ -21,8 +21,7 @@ from slipstream.bus import Router, free_port
 
 from .conftest import DEPLOY
 
-_WATCHDOG_S = 2.0
-_PATIENCE_S = 6.0
+_WATCHDOG_S = 6.0
 
 _STICKING_EDGE = """
 import sys, time
@@ -126,14 +125,14 @@ def test_a_stuck_detector_silences_the_watchdog(tmp_path: Path, router: Router) 
     with managed(tmp_path, "-c", _STICKING_EDGE, config, str(stick)) as manager:
         assert manager.hears("READY=1", 30)
         for _ in range(2):
-            assert manager.hears("WATCHDOG=1", _PATIENCE_S)
+            assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
         stick.touch()
         time.sleep(2.0)
         manager.forget()
         assert not manager.hears("WATCHDOG=1", 1.5 * _WATCHDOG_S)
         assert manager.process.poll() is None
         stick.unlink()
-        assert manager.hears("WATCHDOG=1", _PATIENCE_S)
+        assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
         manager.process.send_signal(signal.SIGTERM)
         assert manager.hears("STOPPING=1", 5)
         assert manager.process.wait(timeout=10) == 0
@@ -146,7 +145,7 @@ def test_waiting_for_a_camera_is_progress(tmp_path: Path, router: Router) -> Non
     with managed(tmp_path, "-c", _STICKING_EDGE, config, str(tmp_path / "none")) as manager:
         assert manager.hears("READY=1", 30)
         for _ in range(3):
-            assert manager.hears("WATCHDOG=1", _PATIENCE_S)
+            assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
 
 
 @pytest.mark.e2e

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 from pathlib import Path
 
 import cv2
@@ -59,6 +61,33 @@ def test_a_clip_is_followed_scored_and_drawn(
     assert (cv2.absdiff(drawn, plain) > 60).any()
 
 
+def test_states_can_go_into_a_device(
+    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pipe or /dev/null is written to, not replaced; so is what a link leads to."""
+    link = tmp_path / "link.jsonl"
+    link.symlink_to(tmp_path / "target.jsonl")
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    heard: list[str] = []
+    reader = threading.Thread(target=lambda: heard.append(pipe.read_text()))
+    reader.start()
+    short = tmp_path / "short.mp4"
+    capture = cv2.VideoCapture(str(street_clips["stable"] / "video.mp4"))
+    writer = cv2.VideoWriter(str(short), cv2.VideoWriter.fourcc(*"mp4v"), 15, (1280, 720))
+    for _ in range(10):
+        writer.write(capture.read()[1])
+    writer.release()
+    camera = str(street_clips["stable"] / "camera.toml")
+    for out in (pipe, link):
+        assert main(["track", str(short), "--camera", camera, "--out", str(out)]) == 0
+    reader.join(30)
+    assert "fault_s: none" in capsys.readouterr().out
+    assert pipe.is_fifo()
+    assert link.is_symlink()
+    assert heard == [(tmp_path / "target.jsonl").read_text()]
+
+
 def test_stop_and_go_is_seen_as_what_it_is(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -84,10 +113,14 @@ def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
         writer.write(picture * 0 if 30 <= number < 75 else picture)
     writer.release()
     command = ["track", str(spoiled), "--camera", str(folder / "camera.toml"), "--window", "6"]
-    assert main([*command, "--out", str(states), "--json"]) == 0
+    truth = ["--truth", str(folder / "truth.csv")]
+    assert main([*command, *truth, "--out", str(states), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert list(summary["fault_s"]) == ["dark"]
     assert 1.5 < summary["fault_s"]["dark"] < 6.0
+    # Frames are held against the truth of their own moment, before the fault and after it.
+    assert summary["idf1"] > 0.75
+    assert summary["speed_mae_kmh"] < 1.0
     told = [SegmentState.model_validate_json(line) for line in states.read_text().splitlines()]
     assert "dark" in {state.reason for state in told}
     assert all(state.y_e is None for state in told if state.reason == "dark")
@@ -102,6 +135,7 @@ def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
         (["--window", "1"], "window_s"),
         (["--every", "0"], "every_s"),
         (["--out", "/proc/none/states.jsonl"], "cannot be written"),
+        (["--out", "."], "cannot be written"),
         (["--annotated", "/proc/none/film.mp4"], "no video can be written"),
     ],
 )

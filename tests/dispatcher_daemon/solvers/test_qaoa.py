@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import pytest
 
@@ -9,6 +10,7 @@ from dispatcher_daemon.arcs import arc_problem_of
 from dispatcher_daemon.decode import violations
 from dispatcher_daemon.instances import open_instance
 from dispatcher_daemon.problem import ArcProblem, RouteProblem
+from dispatcher_daemon.quantum.training import Training, train
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.qaoa import QaoaSolver
 
@@ -114,11 +116,19 @@ def test_memory_is_looked_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
     assert outcome.reason == "20 qubits need 14 MiB of memory, 1 MiB are free"
 
 
-def test_training_leaves_time_to_answer() -> None:
-    """More evaluations than fit: the answer comes before the deadline all the same."""
+def test_training_leaves_time_to_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More evaluations than fit: two fifths of the time are left for the answer all the same."""
+    given_s: list[float] = []
+
+    def timed(*args: Any, deadline: float, **options: Any) -> Training:
+        given_s.append(deadline - time.perf_counter())
+        return train(*args, deadline=deadline, **options)
+
+    monkeypatch.setattr("dispatcher_daemon.solvers.qaoa.train", timed)
     problem = published("arc20-avenue")
     settings = QaoaSettings(angles="trained", iterations=100_000, layers=4)
     outcome = QaoaSolver(settings).solve(problem, 3.0, seed=1)
     # Some seconds for a slow machine; all evaluations would take hours.
     assert outcome.wall_s < 8.0
+    assert 0.5 < given_s[0] <= 0.6 * 3.0
     assert outcome.selected is not None
