@@ -115,14 +115,13 @@ class _Camera:
                 continue
             time_s, anew, jumped = clock.tell(now - self._began_s, stamp_s)
             self._media_s = time_s
-            cut = cut or anew
             offer(
                 Frame(
                     np.asarray(image, dtype=np.uint8),
                     time_s,
                     time.time_ns(),
                     now,
-                    cut,
+                    cut or anew,
                     jumped,
                 )
             )

@@ -6,11 +6,10 @@ green needs to know that beforehand, as with fixed times it does.
 
 from __future__ import annotations
 
-import gzip
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
+from simulation.sumo.files import elements
 from slipstream.errors import InputError
 
 PROGRAM = "fixed"
@@ -23,21 +22,20 @@ def write_fixed_time(net: Path, path: Path) -> int:
         How many signals there are.
 
     Raises:
-        InputError: the net has none.
+        InputError: the net has none, or cannot be read.
     """
     lines = []
-    with gzip.open(net) if net.suffix == ".gz" else net.open("rb") as file:
-        for _, element in ElementTree.iterparse(file, events=("end",)):
-            if element.tag == "tlLogic":
-                phases = "".join(
-                    f'<phase duration="{float(p.get("duration", 0.0)):g}" '
-                    f"state={quoteattr(p.get('state', ''))}/>"
-                    for p in element.iter("phase")
-                )
-                lines.append(
-                    f"    <tlLogic id={quoteattr(element.get('id', ''))} "
-                    f'type="static" programID="{PROGRAM}" offset="0">{phases}</tlLogic>\n'
-                )
+    for element in elements(net):
+        if element.tag == "tlLogic":
+            phases = "".join(
+                f'<phase duration="{float(p.get("duration", 0.0)):g}" '
+                f"state={quoteattr(p.get('state', ''))}/>"
+                for p in element.iter("phase")
+            )
+            lines.append(
+                f"    <tlLogic id={quoteattr(element.get('id', ''))} "
+                f'type="static" programID="{PROGRAM}" offset="0">{phases}</tlLogic>\n'
+            )
     if not lines:
         raise InputError(net, "no junction has signals", "build it with signals")
     path.write_text(f"<additional>\n{''.join(lines)}</additional>\n", encoding="utf-8")
