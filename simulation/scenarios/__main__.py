@@ -7,9 +7,11 @@ import csv
 import json
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from simulation.scenarios.breakdowns import Standing
 from simulation.scenarios.corridor import CorridorSettings, corridor_plan
 from simulation.scenarios.day import run_day
 from simulation.scenarios.fleet import draw_deliveries
@@ -96,15 +98,16 @@ def day(options: argparse.Namespace) -> int:
     if sys.stderr.isatty():
         print(file=sys.stderr)
     faults = Gates().faults(simulated)
-    _write(options.out, scenario.name, options.seed, simulated, faults)
+    _write(options.out, scenario.name, options.seed, simulated, faults, background.breakdowns)
     found = simulated.statistics
     if options.json:
         print((options.out / f"{scenario.name}-{options.seed}.json").read_text(), end="")
     else:
         for first, hour in enumerate(simulated.hours, start=int(simulated.begin_s // 3600)):
+            stable = f" {hour.stable_share:5.0%} stable" if hour.judged else ""
             print(
                 f"{first:02}:00 {hour.speed_mps * 3.6:5.1f} km/h {hour.running:6.0f} vehicles "
-                f"{hour.stops_per_km:5.2f} stops/km {hour.waiting_share:5.0%} standing"
+                f"{hour.stops_per_km:5.2f} stops/km {hour.waiting_share:5.0%} standing{stable}"
             )
         print(
             f"{found.inserted} of {found.loaded} trips, {simulated.wall_s:.0f} s; "
@@ -132,7 +135,14 @@ def fleet(options: argparse.Namespace) -> int:
     return 0
 
 
-def _write(folder: Path, name: str, seed: int, day: Day, faults: tuple[str, ...]) -> None:
+def _write(
+    folder: Path,
+    name: str,
+    seed: int,
+    day: Day,
+    faults: tuple[str, ...],
+    breakdowns: Sequence[Standing],
+) -> None:
     """Figures as JSON, hours as CSV."""
     figures = {
         "scenario": name,
@@ -141,6 +151,7 @@ def _write(folder: Path, name: str, seed: int, day: Day, faults: tuple[str, ...]
         "end_s": day.end_s,
         **asdict(day.statistics),
         "gridlock_s": day.gridlock_s,
+        "breakdowns": [asdict(standing) for standing in breakdowns],
         "faults": faults,
         "wall_s": round(day.wall_s, 1),
     }

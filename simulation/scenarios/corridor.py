@@ -48,7 +48,8 @@ def corridor_plan(settings: CorridorSettings) -> Plan:
     Eastbound segments of interchange k are ``e{k}_leave`` (with the lane of the off-ramp),
     ``e{k}_mid``, ``e{k}_join`` (with the lane of the on-ramp) and ``e{k}_main`` to the next one,
     ``e0_main`` leads in; westbound ones begin with ``w``, counted in their own direction. Ramps end
-    at signals, ``s{k}`` south and ``n{k}`` north; towns lie behind, ``ts{k}`` and ``tn{k}``.
+    at signals, ``s{k}`` south and ``n{k}`` north; towns lie behind, ``ts{k}`` and ``tn{k}``. From a
+    ramp traffic turns right or left, not straight on to the next ramp.
 
     Raises:
         InputError: interchanges do not fit between each other.
@@ -188,5 +189,9 @@ def _carriageway(
         yield Turn(leave, off, 0, 0)
         yield Turn(leave, off, 0, 1)
         yield Turn(on, join, 0, 0)
+        # No turn is the ramp opposite: it would be a way round the motorway by its exits.
+        town, across = (f"t{terminal}", f"n{number}" if east else f"s{number}")
+        yield Turn(off, f"{terminal}-{town}", 0, 0)
+        yield Turn(off, f"{terminal}-{across}", 1, 1)
         before, previous = d, main
     yield motorway(previous, before, gate, lanes)

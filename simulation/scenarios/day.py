@@ -121,7 +121,7 @@ def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
             end_s,
             read_statistics(statistics, ended),
             traffic,
-            hours_of(traffic, ended, end_s),
+            hours_of(traffic, ended, end_s, watch.observations, order.rule.min_vehicles),
             tuple(watch.observations),
             watch.gridlock_s,
             time.monotonic() - began,

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from simulation.scenarios.breakdowns import Breakdown
 from simulation.scenarios.vehicle_types import TYPES
 from slipstream.config import Settings
 from slipstream.errors import InputError
@@ -68,6 +69,7 @@ class DemandSettings(Settings):
     shortest_m: Annotated[float, Field(ge=0)] = Field(
         default=800.0, description="Nobody drives less, as the crow flies."
     )
+    breakdowns: tuple[Breakdown, ...] = ()
 
 
 @dataclass(frozen=True)

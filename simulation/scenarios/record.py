@@ -60,7 +60,8 @@ class Traffic:
 
 @dataclass(frozen=True)
 class Hour:
-    """One hour of the day: of the network, and of the trips that departed in it and arrived.
+    """One hour of the day: of the network, of the trips that departed in it and arrived, and of the
+    RSUs' windows that ended in it.
 
     Attributes:
         speed_mps: vehicle-kilometres over vehicle-hours; NaN in an empty hour.
@@ -69,6 +70,8 @@ class Hour:
         arrived: trips, with what follows being theirs.
         stops_per_km: how often they came to a stand.
         time_loss_share: of their time, against driving as fast as they like.
+        judged: windows with enough vehicles for a flag.
+        stable: those of them that were stable in truth.
     """
 
     speed_mps: float
@@ -77,6 +80,13 @@ class Hour:
     arrived: int
     stops_per_km: float
     time_loss_share: float
+    judged: int
+    stable: int
+
+    @property
+    def stable_share(self) -> float:
+        """Of the judged windows; NaN where there are none."""
+        return self.stable / self.judged if self.judged else float("nan")
 
 
 @dataclass(frozen=True)
@@ -205,8 +215,23 @@ def read_trips(path: Path) -> list[TripInfo]:
     return trips
 
 
-def hours_of(traffic: Traffic, trips: Sequence[TripInfo], end_s: float) -> tuple[Hour, ...]:
-    """Sum up by hours of the clock; an interval counts for the hour that it begins in."""
+def hours_of(
+    traffic: Traffic,
+    trips: Sequence[TripInfo],
+    end_s: float,
+    observations: Sequence[Observation],
+    min_vehicles: int,
+) -> tuple[Hour, ...]:
+    """Sum up by hours of the clock; an interval counts for the hour that it begins in.
+
+    Args:
+        min_vehicles: that a window needs to be judged.
+    """
+    truths = [
+        (o.time_s, o.truth.y_e)
+        for o in observations
+        if o.truth is not None and o.truth.vehicles >= min_vehicles
+    ]
     first, last = int(traffic.begin_s // HOUR_S), int(np.ceil(end_s / HOUR_S))
     starts = traffic.begin_s + traffic.interval_s * np.arange(len(traffic.present_s))
     hour_of_row: Indices = (starts // HOUR_S).astype(np.int64)
@@ -219,6 +244,7 @@ def hours_of(traffic: Traffic, trips: Sequence[TripInfo], end_s: float) -> tuple
         )
         seconds = float(rows.sum()) * traffic.interval_s
         own = [trip for trip in trips if trip.depart_s // HOUR_S == hour]
+        flags = [y_e for time_s, y_e in truths if -(-time_s // HOUR_S) - 1 == hour]
         distance = sum(trip.distance_m for trip in own)
         duration = sum(trip.duration_s for trip in own)
         hours.append(
@@ -231,6 +257,8 @@ def hours_of(traffic: Traffic, trips: Sequence[TripInfo], end_s: float) -> tuple
                 time_loss_share=sum(trip.time_loss_s for trip in own) / duration
                 if duration
                 else 0.0,
+                judged=len(flags),
+                stable=sum(y_e == 1 for y_e in flags),
             )
         )
     return tuple(hours)

@@ -2,32 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from heapq import merge
+from operator import itemgetter
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from simulation.scenarios.breakdowns import Standing
 from simulation.scenarios.demand import Trips, gateways
 from simulation.scenarios.routes import Routes
 from simulation.scenarios.vehicle_types import TYPES
 from slipstream.roads import RoadNetwork
 
 
-def write_routes(path: Path, trips: Trips, routes: Routes, network: RoadNetwork) -> None:
+def write_routes(
+    path: Path,
+    trips: Trips,
+    routes: Routes,
+    network: RoadNetwork,
+    breakdowns: Sequence[Standing] = (),
+) -> None:
     """Write SUMO's route file of a day; byte for byte the same for the same arguments.
 
     Vehicles are named ``b0``, ``b1`` ... in the order of departure. They start and end in the
-    middle of a block, at gateways at the segment's beginning and end.
+    middle of a block, at gateways at the segment's beginning and end. Those that break down are
+    ``breakdown-`` and their name.
     """
-    lines = "".join(f"{line}\n" for line in _lines(trips, routes, network))
+    lines = "".join(f"{line}\n" for line in _lines(trips, routes, network, breakdowns))
     path.write_text(f"<routes>\n{lines}</routes>\n", encoding="utf-8")
 
 
-def _lines(trips: Trips, routes: Routes, network: RoadNetwork) -> Iterable[str]:
+def _lines(
+    trips: Trips, routes: Routes, network: RoadNetwork, breakdowns: Sequence[Standing]
+) -> Iterable[str]:
     for kind in TYPES.values():
         yield "    " + kind.xml()
     for number, way in enumerate(routes.ways):
         edges = " ".join(routes.segments[i] for i in way)
         yield f'    <route id="r{number}" edges={quoteattr(edges)}/>'
+    # SUMO takes vehicles in the order of departure.
+    standing = ((b.begin_s, _broken_down(b)) for b in breakdowns)
+    driving = zip(trips.depart_s, _vehicles(trips, routes, network), strict=True)
+    for _, line in merge(driving, standing, key=itemgetter(0)):
+        yield line
+
+
+def _broken_down(standing: Standing) -> str:
+    lane = f"{standing.segment}_0"
+    return (
+        f'    <vehicle id={quoteattr("breakdown-" + standing.name)} type="car" '
+        f'depart="{standing.begin_s:.1f}" departLane="0" departPos="base" departSpeed="max" '
+        f'arrivalPos="max"><route edges={quoteattr(standing.segment)}/>'
+        f'<stop lane={quoteattr(lane)} endPos="{standing.at_m:.1f}" '
+        f'until="{standing.end_s:.1f}"/></vehicle>'
+    )
+
+
+def _vehicles(trips: Trips, routes: Routes, network: RoadNetwork) -> Iterable[str]:
     ends = gateways(network)
     lengths = {name: segment.length_m for name, segment in network.segments.items()}
     for i in range(len(trips)):

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Final, Literal
 
+from simulation.scenarios.breakdowns import Standing, draw_breakdowns
 from simulation.scenarios.day import DayOrder
 from simulation.scenarios.demand import DemandSettings, Flow, Trips, Zone, draw_trips, gateways
 from simulation.scenarios.fleet import FleetSettings
@@ -60,12 +61,14 @@ class Background:
         rsus: the scenario's, or those that were placed by this traffic.
         trips: drawn from the seed; None where the file is the user's.
         routes: theirs.
+        breakdowns: drawn from the seed.
     """
 
     file: Path
     rsus: tuple[Rsu, ...]
     trips: Trips | None = None
     routes: Routes | None = None
+    breakdowns: tuple[Standing, ...] = ()
 
 
 def load_scenario(
@@ -115,15 +118,17 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
     Raises:
         InputError: the demand does not fit the network.
     """
-    trips = draw_trips(scenario.demand, scenario.network, seed, f"{scenario.name}: demand")
+    source = f"{scenario.name}: demand"
+    trips = draw_trips(scenario.demand, scenario.network, seed, source)
+    breakdowns = draw_breakdowns(scenario.demand.breakdowns, scenario.network, seed, source)
     routes = find_routes(trips, scenario.network, seed)
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{scenario.name}-{seed}.rou.xml"
-    write_routes(file, trips, routes, scenario.network)
+    write_routes(file, trips, routes, scenario.network, breakdowns)
     rsus = scenario.rsus
     if rsus is None:
         rsus = place_rsus(scenario.network, routes.passages())
-    return Background(file, rsus, trips, routes)
+    return Background(file, rsus, trips, routes, breakdowns)
 
 
 def own_background(scenario: Scenario, routes: Path) -> Background:

@@ -114,17 +114,24 @@ def test_lanes_that_are_not_watched_leave_no_trace() -> None:
 
 
 def test_hours_are_those_of_the_clock(morning: Morning) -> None:
-    """Intervals and trips fall into the hour that they begin in."""
+    """Intervals and trips fall into the hour that they begin in, windows into that they end in."""
     traffic = replace(morning.day.traffic, begin_s=3300.0)
     trips = [
         TripInfo("a", 3500.0, 0.0, 100.0, 1000.0, 20.0, 1),
         TripInfo("b", 3700.0, 0, 50.0, 500.0, 0, 0),
     ]
-    first, second = hours_of(traffic, trips, 3900.0)
+    calm = next(o for o in morning.day.observations if o.truth is not None and o.truth.vehicles > 2)
+    assert calm.truth is not None
+    windows = [replace(calm, time_s=3600.0, truth=replace(calm.truth, y_e=y_e)) for y_e in (1, 0)]
+    windows += [replace(windows[0], time_s=3660.0), replace(calm, time_s=3660.0, truth=None)]
+    first, second = hours_of(traffic, trips, 3900.0, windows, 3)
     assert first.running == pytest.approx(traffic.present_s[0].sum() / 300)
     assert second.running == pytest.approx(traffic.present_s[1].sum() / 300)
     assert (first.arrived, first.stops_per_km, first.time_loss_share) == (1, 1.0, 0.2)
     assert (second.arrived, second.stops_per_km) == (1, 0.0)
+    assert (first.judged, first.stable_share) == (2, 0.5)
+    assert (second.judged, second.stable) == (1, 1)
+    assert hours_of(traffic, trips, 3900.0, windows, 99)[0].judged == 0
 
 
 def test_gates_name_every_fault(morning: Morning) -> None:

@@ -159,6 +159,7 @@ def test_corridor_ramps_join_and_leave_by_a_lane_of_their_own(corridor: Scenario
     assert network.follows["e3_leave"] == ("e3_mid", "e3_off")
     assert network.follows["e3_join"] == ("e3_main",)
     assert network.follows["e3_on"] == ("e3_join",)
+    assert set(network.follows["e3_off"]) == {"s3-ts3", "s3-n3"}  # not the ramp back
     lanes = [network.segments[f"e3_{part}"].lanes for part in ("leave", "mid", "join", "main")]
     assert lanes == [3, 2, 3, 2]
     driven = sum(network.segments[name].length_m for name in mainline(CorridorSettings()))
