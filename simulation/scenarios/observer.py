@@ -17,6 +17,8 @@ from simulation.scenarios.rsus import Rsu, Stretch
 
 _LANE_M: Final = 3.2
 _NOBODY: Final = -1e6
+_LONGEST_M: Final = 100.0
+"""Of any vehicle."""
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,11 @@ def passers(stretch: Stretch) -> list[Passer]:
     vehicle = libsumo.vehicle
     found = []
     for name in libsumo.edge.getLastStepVehicleIDs(stretch.segment):
-        front_m, length_m = vehicle.getLanePosition(name), vehicle.getLength(name)
-        lane = vehicle.getLaneIndex(name)
+        front_m = vehicle.getLanePosition(name)
+        # Most vehicles of a long segment are not on the stretch: they cost one question, not three.
+        if not stretch.from_m <= front_m < stretch.to_m + _LONGEST_M:
+            continue
+        length_m, lane = vehicle.getLength(name), vehicle.getLaneIndex(name)
         if stretch.holds(front_m - length_m / 2, lane):
             speed_mps, mps2 = vehicle.getSpeed(name), vehicle.getAcceleration(name)
             found.append(Passer(name, front_m, lane, speed_mps, mps2, length_m))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from simulation.closed_loop.platooning import road
-from simulation.closed_loop.platooning.meeting import Meeting, best_meeting
+from simulation.closed_loop.platooning.meeting import SLOWER, Meeting, best_meeting
 from simulation.closed_loop.platooning.scene import Scene
 from simulation.closed_loop.platooning.spacing import (
     SLOWEST_MPS,
@@ -13,6 +15,13 @@ from simulation.closed_loop.platooning.spacing import (
 )
 from simulation.closed_loop.platooning.ways import SharedWay
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
+
+_MOTORWAY_MPS: Final = 25.0
+"""Limits above it are those of roads without signals, on which one overtakes."""
+
+_LETS_PASS: Final = SLOWER / 2
+_LANE_SPACINGS: Final = 2.0
+_LANE_S: Final = 3.0
 
 
 def bring_together(scene: Scene) -> None:
@@ -32,6 +41,10 @@ def bring_together(scene: Scene) -> None:
         if _is_blocked(scene, rear, front):
             continue
         taken.add(front)
+        if _beside(scene, rear, front):
+            member.yields = max(member.yields, _LETS_PASS)
+            continue
+        _to_one_lane(scene, rear, front)
         member.gains = meeting.faster
         leader = _leader(scene, front)
         members[leader].yields = max(members[leader].yields, meeting.slower)
@@ -66,10 +79,57 @@ def _is_worth_speed(scene: Scene, way: SharedWay) -> bool:
 
 
 def _is_blocked(scene: Scene, rear: str, front: str) -> bool:
-    """Whether others drive between: hurrying up to them wins nothing but braking."""
+    """Whether others drive between whom one cannot overtake: hurrying up to them wins nothing but
+    braking. On a motorway the one who hurries passes them.
+    """
+    if _can_pass(scene, rear):
+        return False
     contact = scene.contacts.get(rear)
     ahead = road.ahead(rear) if contact is None else (contact.ahead, contact.gap_m)
     return ahead is not None and ahead[0] != front
+
+
+def _can_pass(scene: Scene, name: str) -> bool:
+    here = scene.states[name].segment
+    return scene.limit_mps(here) > _MOTORWAY_MPS and road.lanes(here) > 1
+
+
+def _aside(scene: Scene, rear: str, front: str) -> float | None:
+    """How many spacings a vehicle on another lane of the same motorway is ahead; None: it is not on
+    one.
+    """
+    own, other = scene.states[rear], scene.states[front]
+    if own.segment != other.segment or own.lane == other.lane or own.crossing or other.crossing:
+        return None
+    if not _can_pass(scene, rear):
+        return None
+    gap_m = other.front_m - road.length_m(front) - own.front_m
+    return gap_m / Idm().wanted_gap_m(own.speed_mps)
+
+
+def _beside(scene: Scene, rear: str, front: str) -> bool:
+    """Whether two are too near each other on two lanes for one to change to the other's: at the
+    same speed they would stay so to the end.
+    """
+    spacings = _aside(scene, rear, front)
+    return spacings is not None and spacings < 1.0
+
+
+def _to_one_lane(scene: Scene, rear: str, front: str) -> None:
+    """Bring two lanes' vehicles onto one when the rear one is near enough to follow.
+
+    It goes to the front one's lane, or that one to its lane if somebody else is behind it, as soon
+    as SUMO finds that safe.
+    """
+    spacings = _aside(scene, rear, front)
+    if spacings is None or spacings > _LANE_SPACINGS:
+        return
+    own, other = scene.states[rear], scene.states[front]
+    between = road.behind(front, other.front_m - own.front_m)
+    if between is None or between == rear:
+        road.to_lane(rear, other.lane, _LANE_S)
+    elif scene.members[front].mode == "alone":
+        road.to_lane(front, own.lane, _LANE_S)
 
 
 def _leader(scene: Scene, name: str) -> str:

@@ -50,6 +50,12 @@ def ahead(name: str) -> tuple[str, float] | None:
     return found[0], found[1] + libsumo.vehicle.getMinGap(name)
 
 
+def behind(name: str, within_m: float) -> str | None:
+    """Who drives next behind a vehicle on its lane, no farther than that."""
+    found = libsumo.vehicle.getFollower(name, within_m)
+    return found[0] if found and found[0] and found[1] <= within_m else None
+
+
 def speed_mps(name: str) -> float:
     """Of any vehicle."""
     return float(libsumo.vehicle.getSpeed(name))
@@ -108,6 +114,11 @@ def to_lane(name: str, lane: int, seconds: float) -> None:
 def length_m(name: str) -> float:
     """Of any vehicle."""
     return float(libsumo.vehicle.getLength(name))
+
+
+def lanes(segment: str) -> int:
+    """Of a segment."""
+    return int(libsumo.edge.getLaneNumber(segment))
 
 
 def limit_mps(segment: str) -> float:

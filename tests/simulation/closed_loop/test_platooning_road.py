@@ -102,8 +102,10 @@ def drive(
     enabled: bool = True,
     paths: Mapping[str, str] | None = None,
     lead_told: Callable[[float], float | None] = lambda now: None,
+    between: bool = False,
+    rear_lane: int = 0,
 ) -> Drive:
-    """Two vehicles on one lane, the caps set as the world sets them."""
+    """Two vehicles, another one between if so, the caps set as the world sets them."""
     net, routes = files
     found, vehicle = Drive(), libsumo.vehicle
     options = [
@@ -117,10 +119,14 @@ def drive(
         for name, begin_m in ((LEAD, 100.0 + gap_m + 4.6), (REAR, 100.0)):
             path = tuple((paths or {}).get(name, "abc"))
             libsumo.route.add(name, list(path))
+            lane = str(rear_lane if name == REAR else 0)
             vehicle.add(
-                name, name, "cav", "now", "0", f"{begin_m}", f"{speed_mps}", arrivalSpeed="0"
+                name, name, "cav", "now", lane, f"{begin_m}", f"{speed_mps}", arrivalSpeed="0"
             )
             orders[name] = LegOrder(name, 0, 0, path, 0.0, 0.0, 1.0, (), DrivingAdvice())
+        if between:
+            middle_m = f"{100.0 + gap_m / 2 + 2.3}"
+            vehicle.add("other", LEAD, "cav", "now", "0", middle_m, f"{speed_mps}")
         session.advance()
         for name, order in orders.items():
             platooning.departed(name, order)
@@ -236,6 +242,25 @@ def test_vehicles_apart_come_together(files: tuple[Path, Path]) -> None:
     assert found.steps[10].hurry[REAR] == pytest.approx(1.05)
     assert REAR in found.steps[-1].eta
     assert hardest(found.speeds[LEAD]) < 0.4
+
+
+def test_whoever_drives_between_is_overtaken_on_a_motorway(files: tuple[Path, Path]) -> None:
+    """A car as fast as both is passed by the one who hurries, and left behind by nobody else."""
+    found = drive(files, seconds=150.0, gap_m=100.0, between=True)
+    assert found.steps[-1].eta == {LEAD: ETA_LEADER, REAR: ETA_FOLLOWER}
+    assert found.collisions == 0
+    apart = drive(files, seconds=150.0, gap_m=100.0, between=True, enabled=False)
+    assert min(apart.gaps) > 70.0
+
+
+@pytest.mark.parametrize("gap_m", [4.0, 20.0])
+def test_vehicles_side_by_side_come_onto_one_lane(files: tuple[Path, Path], gap_m: float) -> None:
+    """The rear one drops back until there is room behind the other one."""
+    found = drive(files, seconds=150.0, gap_m=gap_m, rear_lane=1)
+    assert found.steps[-1].eta == {LEAD: ETA_LEADER, REAR: ETA_FOLLOWER}
+    assert hardest(found.speeds[LEAD]) < 0.6
+    assert hardest(found.speeds[REAR]) < 2.0  # comfortable
+    assert found.collisions == 0
 
 
 def test_vehicles_that_soon_part_stay_apart(files: tuple[Path, Path]) -> None:
