@@ -60,7 +60,7 @@ def history_of(
         f"{scenario.name}-{seed}",
         signals,
         (begin_s, end_s),
-        (scenario.net.read_bytes(), scenario.demand.model_dump_json().encode()),
+        (scenario.net.read_bytes(), scenario.demand.told().encode()),
     )
     if not path.exists():
         background = prepare(scenario, seed + OTHER_DAY, folder)

@@ -72,9 +72,7 @@ def ground_of(
     return Ground(
         scenario.name,
         _digest(scenario.net.read_bytes()),
-        _digest(
-            scenario.demand.model_dump_json().encode() if routes is None else routes.read_bytes()
-        ),
+        _digest(scenario.demand.told().encode() if routes is None else routes.read_bytes()),
         "" if rsus is None else _digest(json.dumps([_told(rsu) for rsu in rsus]).encode()),
         _digest(scenario.fleet.model_dump_json().encode()),
         _digest(measured_errors().model_dump_json().encode()),

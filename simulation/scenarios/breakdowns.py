@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,8 @@ from slipstream.roads import RoadNetwork
 _RUN_UP_M: Final = 400.0
 """From the segment's beginning; braking from 30 m/s at the comfortable 2.5 m/s² takes 180 m."""
 _BEFORE_END_M: Final = 50.0
-_STREAM: Final = 2000
+_STREAM: Final = 4000
+"""No other draw of a seed has it: numpy takes [seed, n] and [seed, n, 0] for the same."""
 
 Seconds = Annotated[float, Field(ge=0, le=86400, allow_inf_nan=False)]
 
@@ -67,8 +69,13 @@ def draw_breakdowns(
     """Draw a day's breakdowns in the order of time; each has a random stream of its own.
 
     Raises:
-        InputError: a segment that the network has not, or one too short to stop on.
+        InputError: a name twice, a segment that the network has not, or one too short to stop on.
     """
+    names = Counter(breakdown.name for breakdown in breakdowns)
+    twice = next((name for name, count in names.items() if count > 1), None)
+    if twice is not None:
+        key = f"breakdowns.{twice}"
+        raise InputError(source, "two breakdowns with this name", "rename one", key=key)
     drawn = []
     for index, breakdown in enumerate(breakdowns):
         for name in breakdown.segments:

@@ -189,7 +189,7 @@ def _carriageway(
         yield Turn(leave, off, 0, 0)
         yield Turn(leave, off, 0, 1)
         yield Turn(on, join, 0, 0)
-        # No turn is the ramp opposite: it would be a way round the motorway by its exits.
+        # Nor straight on to the on-ramp: that would be a way along the motorway by its exits.
         town, across = (f"t{terminal}", f"n{number}" if east else f"s{number}")
         yield Turn(off, f"{terminal}-{town}", 0, 0)
         yield Turn(off, f"{terminal}-{across}", 1, 1)

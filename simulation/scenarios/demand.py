@@ -71,6 +71,10 @@ class DemandSettings(Settings):
     )
     breakdowns: tuple[Breakdown, ...] = ()
 
+    def told(self) -> str:
+        """As JSON, for digests: a demand without breakdowns has that of before there were any."""
+        return self.model_dump_json(exclude=None if self.breakdowns else {"breakdowns"})
+
 
 @dataclass(frozen=True)
 class Trips:

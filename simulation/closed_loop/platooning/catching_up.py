@@ -19,9 +19,15 @@ from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 _MOTORWAY_MPS: Final = 25.0
 """Limits above it are those of roads without signals, on which one overtakes."""
 
+_FLOWS: Final = 0.7
+"""Of the limit; slower traffic is a queue, trucks drive at 0.8."""
+
 _LETS_PASS: Final = SLOWER / 2
 _LANE_SPACINGS: Final = 2.0
+"""As near as joining begins."""
+
 _LANE_S: Final = 3.0
+"""Longer than the two seconds between two looks."""
 
 
 def bring_together(scene: Scene) -> None:
@@ -41,10 +47,11 @@ def bring_together(scene: Scene) -> None:
         if _is_blocked(scene, rear, front):
             continue
         taken.add(front)
-        if _beside(scene, rear, front):
-            member.yields = max(member.yields, _LETS_PASS)
-            continue
-        _to_one_lane(scene, rear, front)
+        if member.mode == "alone":
+            if _beside(scene, rear, front):
+                member.yields = max(member.yields, _LETS_PASS)
+                continue
+            _to_one_lane(scene, rear, front)
         member.gains = meeting.faster
         leader = _leader(scene, front)
         members[leader].yields = max(members[leader].yields, meeting.slower)
@@ -90,8 +97,11 @@ def _is_blocked(scene: Scene, rear: str, front: str) -> bool:
 
 
 def _can_pass(scene: Scene, name: str) -> bool:
-    here = scene.states[name].segment
-    return scene.limit_mps(here) > _MOTORWAY_MPS and road.lanes(here) > 1
+    """Whether there is another lane of a road for overtaking, and no queue on it."""
+    state = scene.states[name]
+    limit_mps = scene.limit_mps(state.segment)
+    flows = state.speed_mps > _FLOWS * limit_mps
+    return limit_mps > _MOTORWAY_MPS and flows and road.lanes(state.segment) > 1
 
 
 def _aside(scene: Scene, rear: str, front: str) -> float | None:
@@ -127,9 +137,11 @@ def _to_one_lane(scene: Scene, rear: str, front: str) -> None:
     own, other = scene.states[rear], scene.states[front]
     between = road.behind(front, other.front_m - own.front_m)
     if between is None or between == rear:
-        road.to_lane(rear, other.lane, _LANE_S)
-    elif scene.members[front].mode == "alone":
-        road.to_lane(front, own.lane, _LANE_S)
+        mover, lane = rear, other.lane
+    else:
+        mover, lane = front, own.lane
+    if scene.members[mover].mode == "alone" and road.leads_on(mover, lane):
+        road.to_lane(mover, lane, _LANE_S)
 
 
 def _leader(scene: Scene, name: str) -> str:

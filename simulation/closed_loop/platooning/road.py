@@ -111,6 +111,11 @@ def to_lane(name: str, lane: int, seconds: float) -> None:
     libsumo.vehicle.changeLane(name, lane, seconds)
 
 
+def leads_on(name: str, lane: int) -> bool:
+    """Whether a lane of its segment goes the vehicle's way, and does not end before."""
+    return bool(libsumo.vehicle.getBestLanes(name)[lane][4])
+
+
 def length_m(name: str) -> float:
     """Of any vehicle."""
     return float(libsumo.vehicle.getLength(name))

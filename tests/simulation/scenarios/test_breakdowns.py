@@ -14,6 +14,7 @@ from simulation.scenarios.demand import DemandSettings, Flow, Zone
 from simulation.scenarios.network import check_routes
 from simulation.scenarios.observer import Observation
 from simulation.scenarios.record import Day
+from simulation.scenarios.rsus import Rsu, Stretch
 from simulation.scenarios.scenario import Scenario, order_day, prepare
 from slipstream.errors import InputError
 
@@ -72,6 +73,19 @@ def test_a_breakdown_that_does_not_fit_the_net_is_told(
     assert str(error.value).startswith("mine.toml: breakdowns.test")
 
 
+def test_two_breakdowns_of_one_name_are_told(corridor: Scenario) -> None:
+    """They would be two vehicles of one name, which SUMO refuses."""
+    with pytest.raises(InputError, match="two breakdowns with this name"):
+        draw_breakdowns((STOPS, STOPS), corridor.network, 1, "mine.toml")
+
+
+def test_a_demand_without_breakdowns_is_told_as_before(corridor: Scenario) -> None:
+    """Digests of evaluations that are stored do not hang on a setting that says nothing."""
+    assert "breakdowns" in corridor.demand.told()
+    calm = corridor.demand.model_copy(update={"breakdowns": ()})
+    assert "breakdowns" not in calm.told()
+
+
 def test_a_range_that_runs_backwards_is_told() -> None:
     """Nobody breaks down between nine and eight."""
     with pytest.raises(ValidationError, match="begin_s: 32400 to 28800 runs backwards"):
@@ -86,7 +100,9 @@ def _day(corridor: Scenario, kinds: tuple[Breakdown, ...], folder: Path) -> Day:
     demand = DemandSettings(
         zones=zones, flows=(flow,), types={"car": 0.85, "truck": 0.15}, breakdowns=kinds
     )
-    rsus = tuple(rsu for rsu in corridor.rsus or () if rsu.id in ("e2-at",))
+    (stands,) = draw_breakdowns((STOPS,), corridor.network, 1, "x")
+    behind = Stretch(segment="e2_main", from_m=stands.at_m - 350.0, to_m=stands.at_m - 50.0)
+    rsus = (Rsu(id="behind", watch=(behind,)),)
     scenario = replace(corridor, demand=demand, rsus=rsus)
     background = prepare(scenario, 1, folder)
     order = order_day(scenario, background, folder, begin_s=BEGIN_S, end_s=END_S)
