@@ -8,8 +8,9 @@ from pathlib import Path
 import libsumo
 import pytest
 
-from simulation.closed_loop.platooning import Platooning, PlatoonStep
+from simulation.closed_loop.platooning import Platooning, PlatoonStep, road
 from simulation.closed_loop.vehicle import LegOrder, read_state
+from simulation.scenarios.scenario import load_scenario
 from simulation.scenarios.vehicle_types import TYPES
 from simulation.sumo.session import Session
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
@@ -280,3 +281,17 @@ def test_the_same_drive_twice_is_the_same(files: tuple[Path, Path]) -> None:
     """Same vehicles, same speeds to the last bit."""
     one, other = (drive(files, seconds=30.0) for _ in range(2))
     assert one.speeds == other.speeds
+
+
+def test_no_van_is_sent_onto_a_lane_that_ends(tmp_path: Path) -> None:
+    """Where a ramp has joined the motorway, its lane ends; the others lead on."""
+    net = load_scenario("corridor").net
+    routes = tmp_path / "one.rou.xml"
+    routes.write_text(f"<routes>{TYPES['cav'].xml()}</routes>")
+    options = ["--net-file", str(net), "--route-files", str(routes), "--no-step-log", "true"]
+    with Session(options, (net, routes)) as session:
+        libsumo.route.add("on", ["e3_join", "e3_main"])
+        libsumo.vehicle.add("van", "on", "cav", "now", "1", "10", "20")
+        session.advance()
+        assert libsumo.vehicle.getRoadID("van") == "e3_join"
+        assert [road.leads_on("van", lane) for lane in range(3)] == [False, True, True]
