@@ -52,7 +52,7 @@ def _broken_down(standing: Standing) -> str:
     return (
         f'    <vehicle id={quoteattr("breakdown-" + standing.name)} type="car" '
         f'depart="{standing.begin_s:.1f}" departLane="0" departPos="base" departSpeed="max" '
-        f'arrivalPos="max"><route edges={quoteattr(standing.segment)}/>'
+        f'arrivalPos="max" speedFactor="1.000"><route edges={quoteattr(standing.segment)}/>'
         f'<stop lane={quoteattr(lane)} endPos="{standing.at_m:.1f}" '
         f'until="{standing.end_s:.1f}"/></vehicle>'
     )
