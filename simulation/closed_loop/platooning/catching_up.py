@@ -22,7 +22,7 @@ _MOTORWAY_MPS: Final = 25.0
 _FLOWS: Final = 0.7
 """Of the limit; slower traffic is a queue, trucks drive at 0.8."""
 
-_LETS_PASS: Final = SLOWER / 2
+_DROPS_BACK: Final = SLOWER / 2
 _LANE_SPACINGS: Final = 2.0
 """As near as joining begins."""
 
@@ -47,10 +47,12 @@ def bring_together(scene: Scene) -> None:
         if _is_blocked(scene, rear, front):
             continue
         taken.add(front)
-        if member.mode == "alone":
-            if _beside(scene, rear, front):
-                member.yields = max(member.yields, _LETS_PASS)
-                continue
+        aside = _spacings_aside(scene, rear, front) if member.mode == "alone" else None
+        if aside is not None and aside < 1.0:
+            # Too near to change lanes; at the same speed they would stay so for good.
+            member.yields = max(member.yields, _DROPS_BACK)
+            continue
+        if aside is not None and aside <= _LANE_SPACINGS:
             _to_one_lane(scene, rear, front)
         member.gains = meeting.faster
         leader = _leader(scene, front)
@@ -104,9 +106,9 @@ def _can_pass(scene: Scene, name: str) -> bool:
     return limit_mps > _MOTORWAY_MPS and flows and road.lanes(state.segment) > 1
 
 
-def _aside(scene: Scene, rear: str, front: str) -> float | None:
-    """How many spacings a vehicle on another lane of the same motorway is ahead; None: it is not on
-    one.
+def _spacings_aside(scene: Scene, rear: str, front: str) -> float | None:
+    """How many car-following gaps a vehicle on another lane of the same segment is ahead, where
+    overtaking goes; None: it is not on one.
     """
     own, other = scene.states[rear], scene.states[front]
     if own.segment != other.segment or own.lane == other.lane or own.crossing or other.crossing:
@@ -117,23 +119,10 @@ def _aside(scene: Scene, rear: str, front: str) -> float | None:
     return gap_m / Idm().wanted_gap_m(own.speed_mps)
 
 
-def _beside(scene: Scene, rear: str, front: str) -> bool:
-    """Whether two are too near each other on two lanes for one to change to the other's: at the
-    same speed they would stay so to the end.
-    """
-    spacings = _aside(scene, rear, front)
-    return spacings is not None and spacings < 1.0
-
-
 def _to_one_lane(scene: Scene, rear: str, front: str) -> None:
-    """Bring two lanes' vehicles onto one when the rear one is near enough to follow.
-
-    It goes to the front one's lane, or that one to its lane if somebody else is behind it, as soon
-    as SUMO finds that safe.
+    """Send the rear one to the front one's lane, or that one to its lane if somebody else is behind
+    it; SUMO changes as soon as that is safe.
     """
-    spacings = _aside(scene, rear, front)
-    if spacings is None or spacings > _LANE_SPACINGS:
-        return
     own, other = scene.states[rear], scene.states[front]
     between = road.behind(front, other.front_m - own.front_m)
     if between is None or between == rear:
