@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import json
+import logging
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import ClassVar, Final, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from slipstream.errors import InputError
 
+log = logging.getLogger(__name__)
+
 
 class Settings(BaseModel):
-    """Base of all settings: unknown keys are refused."""
+    """Base of all settings: unknown keys are refused.
+
+    Attributes:
+        renamed: present name by former name. A former name is read for one more version, with a
+            warning.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    renamed: ClassVar[Mapping[str, str]] = {}
 
 
 S = TypeVar("S", bound=Settings)
@@ -101,6 +111,7 @@ def check(data: object, model: type[S], source: str | Path) -> S:
     Raises:
         InputError: naming the first offending key and what it should be.
     """
+    data = _with_present_names(data, model, source)
     try:
         # JSON's strict rules are TOML's types: "60" is no number, yet a text may be a path.
         return model.model_validate_json(json.dumps(data, default=str), strict=True)
@@ -115,6 +126,61 @@ def load(path: Path, model: type[S]) -> S:
         InputError: see `read_toml` and `check`.
     """
     return check(read_toml(path), model, path)
+
+
+def _with_present_names(
+    data: object, annotation: object, source: str | Path, path: tuple[str, ...] = ()
+) -> object:
+    """The data with former key names replaced, wherever ``annotation`` has settings models.
+
+    Raises:
+        InputError: a table has both names of a key.
+    """
+    if isinstance(data, list | tuple):
+        (inner, *_) = get_args(annotation) or (None,)
+        names = list(_names_of_rows(data))
+        return [
+            _with_present_names(row, inner, source, (*path, name))
+            for name, row in zip(names, data, strict=True)
+        ]
+    model = _settings_model(annotation)
+    if model is None or not isinstance(data, Mapping):
+        return data
+    table: dict[str, object] = {}
+    for key, value in data.items():
+        name = model.renamed.get(key, key)
+        if name != key:
+            if name in data:
+                raise InputError(
+                    source,
+                    f"the former name of {name}, which is given too",
+                    "remove it",
+                    key=".".join((*path, key)),
+                )
+            log.warning(
+                "%s: %s is deprecated, the key is now %s",
+                source,
+                ".".join((*path, key)),
+                ".".join((*path, name)),
+            )
+        field = model.model_fields.get(name)
+        inner = None if field is None else field.annotation
+        table[name] = _with_present_names(value, inner, source, (*path, name))
+    return table
+
+
+def _settings_model(annotation: object) -> type[Settings] | None:
+    """The settings model that an annotation is, or allows beside None."""
+    for option in (annotation, *get_args(annotation)):
+        if isinstance(option, type) and issubclass(option, Settings):
+            return option
+    return None
+
+
+def _names_of_rows(rows: Sequence[object]) -> Iterator[str]:
+    for number, row in enumerate(rows):
+        names = [row.get(key) for key in _NAMING] if isinstance(row, Mapping) else []
+        yield next((name for name in names if isinstance(name, str) and name), str(number))
 
 
 def _as_input_error(
@@ -143,9 +209,12 @@ def _names(location: Sequence[int | str], data: object) -> Iterator[str]:
             yield str(part)
             continue
         rows = data if isinstance(data, list | tuple) else ()
-        data = rows[part] if isinstance(part, int) and part < len(rows) else None
-        names = [data.get(key) for key in _NAMING] if isinstance(data, Mapping) else []
-        yield next((name for name in names if isinstance(name, str) and name), str(part))
+        if isinstance(part, int) and part < len(rows):
+            yield list(_names_of_rows(rows))[part]
+            data = rows[part]
+        else:
+            yield str(part)
+            data = None
 
 
 def _shown(value: object) -> str:
