@@ -8,11 +8,11 @@ from dispatcher_daemon.arcs import arc_parts_of
 from dispatcher_daemon.candidates import Candidate, Cycle, Found
 from dispatcher_daemon.decode import decode
 from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.itineraries import Planner
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.routes import Route, timetable
 from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.insertion import cheapest_insertion
 from dispatcher_daemon.solvers.pool import Job, Solve, solving_s
 from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
 from dispatcher_daemon.sweeping import Choice, simple_choices

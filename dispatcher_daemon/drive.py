@@ -14,7 +14,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from slipstream.energy import PAPER_CAR, Energies, Energy, VehicleParameters, phase_energies
+from slipstream.energy import PAPER_CAR, Energies, VehicleParameters, phase_energies
 
 
 @dataclass(frozen=True)
@@ -133,10 +133,3 @@ def drive_energies(
             for part in phase_energies(start, end, seconds, eta, vehicle)
         )
     )
-
-
-def drive_energy(
-    drive: Drive, drag_reductions: Sequence[float], vehicle: VehicleParameters = PAPER_CAR
-) -> Energy:
-    """`drive_energies` of one drive."""
-    return drive_energies([drive], [drag_reductions], vehicle).sum()

@@ -10,7 +10,6 @@ from typing import Literal, Protocol
 from dispatcher_daemon.arcs import ArcParts, arc_parts_of
 from dispatcher_daemon.decode import decode
 from dispatcher_daemon.fleet import arc_form_obstacle
-from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.instance import Instance
 from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem, RoutingProblem
 from dispatcher_daemon.rewards import JudgedPair, judge_pairs
@@ -19,6 +18,7 @@ from dispatcher_daemon.route_form import RouteForm, route_problem_of
 from dispatcher_daemon.routes import Route, RoutedArc, timetable
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.insertion import cheapest_insertion
 from dispatcher_daemon.sweeping import choice_of
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError

@@ -9,7 +9,6 @@ from itertools import pairwise
 
 from dispatcher_daemon.drive import Drive
 from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.paths import Path
 from dispatcher_daemon.problem import RoutingProblem
 
 
@@ -26,7 +25,7 @@ class Leg:
 
     start: str
     end: str
-    path: Path
+    path: tuple[str, ...]
     cost_kwh: float
     drive: Drive
     expected_kwh: float | None = None

@@ -20,7 +20,6 @@ from scipy.sparse.csgraph import dijkstra
 from dispatcher_daemon.costs import segment_cost_kwh
 from dispatcher_daemon.drive import DrivingStyle, plan_drive
 from dispatcher_daemon.movements import Basis, objective
-from dispatcher_daemon.paths import turns
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routes import Leg, still_leg
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -96,7 +95,7 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
     for i, name in enumerate(ids):
         leaving[network.segments[name].start].append(i)
         entering[network.segments[name].end].append(i)
-    pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(turns(network, a))]
+    pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(network.turns(a))]
     turn = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     cost = np.array(
         [segment_cost_kwh(network.segments[s], snapshot.segments[s], problem.vehicle) for s in ids]

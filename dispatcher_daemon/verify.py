@@ -10,7 +10,6 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
 
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.paths import turns
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 
@@ -148,7 +147,7 @@ def _path_faults(plan: VehiclePlan, network: RoadNetwork) -> Iterator[str]:
         ):
             yield f"leg {number} does not join its stops"
         for a, b in pairwise(roads):
-            if a.end != b.start or b.id not in turns(network, a.id):
+            if a.end != b.start or b.id not in network.turns(a.id):
                 yield f"no turn from {a.id} into {b.id}"
     driven = sum(network.segments[s.segment].length_m for s in plan.segments)
     if abs(driven - plan.distance_m) > 1.0:

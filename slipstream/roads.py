@@ -70,6 +70,13 @@ class RoadNetwork:
             leaving[segment.start].append(segment)
         return MappingProxyType({name: tuple(group) for name, group in leaving.items()})
 
+    def turns(self, segment: str) -> tuple[str, ...]:
+        """Segments that a vehicle may drive on into without stopping; all where none is known."""
+        known = self.follows.get(segment)
+        if known is not None:
+            return known
+        return tuple(s.id for s in self.leaving[self.segments[segment].end])
+
     def bounds_m(self) -> tuple[float, float, float, float]:
         """(x_min, y_min, x_max, y_max) over all segment shapes, m."""
         points: npt.NDArray[np.float64] = np.array(

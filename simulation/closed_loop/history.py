@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.paths import turns
 from dispatcher_daemon.traffic import Expectations, Movement
 from slipstream.energy import PAPER_CAR, steady_energy_kwh
 from slipstream.errors import InputError
@@ -64,7 +63,7 @@ class History:
         Where nobody drove, it is the physics of the limit and what signals, or other junctions,
         cost on average.
         """
-        pairs = [(a, b) for a in network.segments for b in turns(network, a)]
+        pairs = [(a, b) for a in network.segments for b in network.turns(a)]
         basis = [network.segments[a] for a, _ in pairs]
         steady = np.array([steady_energy_kwh(s.length_m, s.speed_limit_mps) for s in basis])
         free_s = np.array([s.free_flow_s for s in basis])

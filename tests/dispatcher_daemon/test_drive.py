@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -11,12 +12,12 @@ from dispatcher_daemon.drive import (
     Drive,
     DrivingStyle,
     drive_energies,
-    drive_energy,
     plan_drive,
 )
 from slipstream.energy import (
     JOULE_PER_KWH,
     PAPER_CAR,
+    Energy,
     steady_energy_kwh,
     total,
     trace_energy,
@@ -24,6 +25,11 @@ from slipstream.energy import (
 
 STYLE = DrivingStyle()
 LEGS = st.lists(st.tuples(st.floats(5.0, 3000.0), st.floats(1.0, 40.0)), min_size=1, max_size=6)
+
+
+def drive_energy(drive: Drive, drag_reductions: Sequence[float]) -> Energy:
+    """E_physical of one drive."""
+    return drive_energies([drive], [drag_reductions]).sum()
 
 
 def position_m(drive: Drive, at_s: float) -> float:

@@ -12,8 +12,7 @@ from dispatcher_daemon.appraisal import route_energy
 from dispatcher_daemon.cities import small_city
 from dispatcher_daemon.costs import segment_cost_kwh
 from dispatcher_daemon.dispatch import run_cycle
-from dispatcher_daemon.drive import drive_energy
-from dispatcher_daemon.paths import turns
+from dispatcher_daemon.drive import drive_energies
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.routes import Leg, timed
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
@@ -31,7 +30,7 @@ def expected_of(problem: RoutingProblem, seed: int, share: float = 1.0) -> Expec
     """Losses and times drawn for a share of all movements."""
     rng = np.random.default_rng(seed)
     network = problem.network
-    pairs = [(a, b) for a in sorted(network.segments) for b in turns(network, a)]
+    pairs = [(a, b) for a in sorted(network.segments) for b in network.turns(a)]
     known = [pair for pair in pairs if rng.random() < share]
     return Expectations(
         {pair: float(rng.uniform(0.01, 0.3)) for pair in known},
@@ -64,7 +63,7 @@ def test_ways_are_those_of_least_expected_losses(town: Town, share: float) -> No
     }
     graph = nx.DiGraph()
     for name, segment in network.segments.items():
-        for after in turns(network, name):
+        for after in network.turns(name):
             graph.add_edge(name, after, kwh=expected.loss_kwh.get((name, after), cost[name]))
         graph.add_edge(f"from {segment.start}", name, kwh=0.0)
         braking = stop_energy_kwh(traffic[name].speed_mps, problem.vehicle)
@@ -113,7 +112,7 @@ def test_held_up_drives_need_the_energy_of_their_profile(town: Town) -> None:
     assert count > 2
     eta = [0.2 * (i == 1) for i in range(count)]
     held = leg.drive.delayed([7.0 * (i + 1) for i in range(count)])
-    assert drive_energy(held, eta) == drive_energy(leg.drive, eta)
+    assert drive_energies([held], [eta]).sum() == drive_energies([leg.drive], [eta]).sum()
     assert held.entry_s[2] == pytest.approx(leg.drive.entry_s[2] + 21.0)
     assert held.duration_s == pytest.approx(leg.drive.duration_s + 3.5 * count * (count + 1))
     assert held.unhindered_s() == pytest.approx(leg.drive.entry_s)

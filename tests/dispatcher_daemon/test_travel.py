@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.cities import small_city
-from dispatcher_daemon.paths import turns
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import TrafficSnapshot
 from dispatcher_daemon.travel import Roads, Travel, leg_along, roads_of
@@ -32,7 +31,7 @@ def test_energies_are_those_of_the_cheapest_legal_paths(town: Town, seed: int) -
     cost = dict(zip(roads.ids, roads.cost_kwh, strict=True))
     graph = nx.DiGraph()
     for name in roads.ids:
-        graph.add_edges_from((name, after, {"kwh": cost[after]}) for after in turns(network, name))
+        graph.add_edges_from((name, after, {"kwh": cost[after]}) for after in network.turns(name))
     for node in network.junctions:
         graph.add_edges_from(
             (f"from {node}", s.id, {"kwh": cost[s.id]}) for s in network.leaving[node]
@@ -54,7 +53,7 @@ def test_energies_are_those_of_the_cheapest_legal_paths(town: Town, seed: int) -
         assert leg.cost_kwh == pytest.approx(found, rel=1e-12)
         assert network.segments[leg.path[0]].start == a
         assert network.segments[leg.path[-1]].end == b
-        assert all(after in turns(network, before) for before, after in pairwise(leg.path))
+        assert all(after in network.turns(before) for before, after in pairwise(leg.path))
 
 
 def test_the_cheapest_ways_are_those_of_networkx(town: Town) -> None:
@@ -64,7 +63,7 @@ def test_the_cheapest_ways_are_those_of_networkx(town: Town) -> None:
     cost = dict(zip(roads.ids, roads.cost_kwh, strict=True))
     graph = nx.DiGraph()
     for name in roads.ids:
-        graph.add_edges_from((name, after, {"kwh": cost[after]}) for after in turns(network, name))
+        graph.add_edges_from((name, after, {"kwh": cost[after]}) for after in network.turns(name))
     graph.add_edges_from(("out", s.id, {"kwh": cost[s.id]}) for s in network.leaving["00"])
     graph.add_edges_from(
         (s, "in", {"kwh": 0.0}) for s in roads.ids if network.segments[s].end == "33"

@@ -10,12 +10,11 @@ from dispatcher_daemon.formulations.model import QuboModel, build_model
 from dispatcher_daemon.instances import open_instance
 from dispatcher_daemon.quantum.ansatz import linear_ramp
 from dispatcher_daemon.quantum.diagonal import cost_diagonal
-from dispatcher_daemon.quantum.exact_state import ExactState, Schedule
+from dispatcher_daemon.quantum.exact_state import Schedule
 from dispatcher_daemon.quantum.ideal import dense_qaoa_figures, marks_of
 from dispatcher_daemon.quantum.ising import to_ising
 from dispatcher_daemon.quantum.statevector import StateVector
 from dispatcher_daemon.quantum.training import Objective, train
-from dispatcher_daemon.quantum.transfer import transfer
 
 
 def published(name: str) -> QuboModel:
@@ -92,26 +91,6 @@ def test_share_is_above_0_and_at_most_1(alpha: float) -> None:
     """Any other CVaR is refused."""
     with pytest.raises(ValueError, match="alpha"):
         Objective(alpha)
-
-
-def test_angles_carry_over_to_other_instances(avenue: StateVector) -> None:
-    """Trained on one avenue, they get most of what training gets on other roads."""
-    others = [lambda n=n: state_of(n) for n in ("arc14-bridges", "arc14-motorway")]
-    makers: list[type[ExactState]] = others  # type: ignore[assignment]
-    trained, losses = transfer(avenue, makers, linear_ramp(2, 0.3, 0.6), evaluations=40)
-    assert trained.evaluations <= 40
-    for found in losses:
-        assert found.own <= found.transferred < found.untouched
-        assert found.loss < 0.25
-
-
-def test_loss_is_the_share_of_the_gain() -> None:
-    """A state that training gains nothing on loses nothing; angles 0 lose all."""
-    avenue = state_of("arc08-blocks")
-    zero = [(0.0, 0.0)]
-    _, (found,) = transfer(avenue, [lambda: avenue], zero, evaluations=1)
-    assert found.loss == 0
-    assert found.untouched == pytest.approx(found.own)
 
 
 def test_ideal_figures_are_those_of_the_marked_states() -> None:

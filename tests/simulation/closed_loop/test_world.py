@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
-from dispatcher_daemon.paths import least_cost_paths
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.scaling import least_cost_paths
 from dispatcher_daemon.traffic import take_snapshot
 from dispatcher_daemon.travel import roads_of
 from simulation.closed_loop.conductor import Drafting, NoConductor

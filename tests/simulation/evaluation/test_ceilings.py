@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from dispatcher_daemon.drive import DrivingStyle, drive_energy, plan_drive
+from dispatcher_daemon.drive import DrivingStyle, drive_energies, plan_drive
 from simulation.closed_loop.advice.road import Crossing, Roads
 from simulation.closed_loop.losses import Losses, drive_losses, losses
 from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
@@ -118,7 +118,7 @@ def test_a_planned_drives_losses_are_those_of_its_trace() -> None:
     """Sampling finds a drive's energy to a thousandth."""
     drive = plan_drive([300.0, 200.0], [14.0, 8.0], DrivingStyle())
     assert sum(drive_losses(drive)) == pytest.approx(
-        drive_energy(drive, [0.0, 0.0]).total_kwh, rel=1e-3
+        drive_energies([drive], [[0.0, 0.0]]).sum().total_kwh, rel=1e-3
     )
 
 

@@ -5,8 +5,8 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.paths import least_cost_paths, turns
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.scaling import least_cost_paths
 from slipstream.roads import RoadNetwork, Segment, build_network
 
 
@@ -17,7 +17,7 @@ def cheapest_by_relaxation(
     best = {s.id: cost[s.id] for s in network.leaving[source]}
     for _ in network.segments:
         for a in list(best):
-            for b in turns(network, a):
+            for b in network.turns(a):
                 best[b] = min(best.get(b, float("inf")), best[a] + cost[b])
     ends = [best[s.id] for s in network.segments.values() if s.end == target and s.id in best]
     return min(ends, default=float("inf"))

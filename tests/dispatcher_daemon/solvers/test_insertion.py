@@ -2,12 +2,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from dispatcher_daemon.insertion import cheapest_insertion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.decode import decode
 from dispatcher_daemon.formulations.milp import solve_milp
-from dispatcher_daemon.insertion import cheapest_insertion
 from dispatcher_daemon.problem import ArcProblem
 
 
