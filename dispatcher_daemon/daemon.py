@@ -13,11 +13,11 @@ from typing import Protocol
 import numpy as np
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.dispatch import form_of, run_cycle
+from dispatcher_daemon.cycle import form_of, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
-from dispatcher_daemon.guest.desk import Desk
-from dispatcher_daemon.guest.opening import open_desk
+from dispatcher_daemon.hardware.desk import Desk
+from dispatcher_daemon.hardware.opening import open_desk
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings

@@ -217,7 +217,7 @@ def fleet_from(data: object, network: RoadNetwork, source: str | Path) -> Fleet:
 
 def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: str = "") -> None:
     """Check what a fleet refers to. Stops that cannot be served are no fault of the file's:
-    `dispatcher_daemon.routability.unservable` names them.
+    `dispatcher_daemon.planning.servability.unservable` names them.
 
     Args:
         source: what errors name.

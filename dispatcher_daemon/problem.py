@@ -9,8 +9,8 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
-from dispatcher_daemon.drive import DrivingStyle
 from dispatcher_daemon.fleet import Fleet
+from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.roads import RoadNetwork
 

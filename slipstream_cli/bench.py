@@ -79,10 +79,10 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Measure what is missing and print the tables."""
-    from dispatcher_daemon.quantum_bench.report import as_json, as_markdown
-    from dispatcher_daemon.quantum_bench.rows import BenchSettings
-    from dispatcher_daemon.quantum_bench.run import NOTES
-    from dispatcher_daemon.quantum_bench.run import run as measure
+    from research.quantum.report import as_json, as_markdown
+    from research.quantum.rows import BenchSettings
+    from research.quantum.run import NOTES
+    from research.quantum.run import run as measure
     from slipstream.config import check
 
     names = (

@@ -76,7 +76,7 @@ def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
     settings = load(path, DispatcherSettings)
     service, _, device = settings.hardware.backend.partition(":")
     if service == "fake":
-        from dispatcher_daemon.quantum.backends.aer import fake_target
+        from dispatcher_daemon.solvers.quantum.backends.aer import fake_target
 
         try:
             fake_target(device)
@@ -95,8 +95,8 @@ def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
 
 def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
     from dispatcher_daemon.fleet_file import FleetFile
+    from dispatcher_daemon.planning.servability import unservable
     from dispatcher_daemon.problem import RoutingProblem
-    from dispatcher_daemon.routability import unservable
     from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
     from slipstream.roads import load_network
@@ -110,8 +110,8 @@ def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
 
 
 def _check_instance(path: Path, _: str) -> Mapping[str, str]:
-    from dispatcher_daemon.instance import load_instance
-    from dispatcher_daemon.routability import unservable
+    from dispatcher_daemon.planning.servability import unservable
+    from research.instances.instance import load_instance
 
     instance = load_instance(path)
     return unservable(instance.problem, instance.snapshot)

@@ -14,7 +14,7 @@ from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.resources import QuboSize, ResourceRow
+    from research.resources.counts import QuboSize, ResourceRow
 
 _MOST_CUSTOMERS: Final = 60
 _MOST_VEHICLES: Final = 20
@@ -52,7 +52,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Print the table, and plot it."""
-    from dispatcher_daemon.resources import resource_row
+    from research.resources.counts import resource_row
 
     _check(options)
     sizes = [(n, k) for n in options.customers for k in options.vehicles if k <= n]
@@ -93,10 +93,10 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _benchmark() -> dict[str, QuboSize]:
-    from dispatcher_daemon.arcs import arc_problem_of
+    from dispatcher_daemon.arc_form.arcs import arc_problem_of
     from dispatcher_daemon.formulations.arc import build_arc_model
-    from dispatcher_daemon.instances import open_instance
-    from dispatcher_daemon.resources import model_size
+    from research.instances import open_instance
+    from research.resources.counts import model_size
 
     instance = open_instance(_BENCHMARK)
     problem = arc_problem_of(instance.problem, instance.snapshot, instance.sync_window_s)

@@ -23,9 +23,9 @@ from slipstream_cli.solve_quantum import (
 from slipstream_cli.solve_report import Report, as_json, as_text, list_as_text
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.forms import Form
     from dispatcher_daemon.formulations.qubo import QuboModel
-    from dispatcher_daemon.instance import Instance
+    from research.instances.instance import Instance
+    from research.solving.forms import Form
 
 _SOLVERS = ("exact", "cplex", "tabu", "annealing", "insertion", *QUANTUM_SOLVERS)
 _ENDINGS = (".lp", ".mps", ".json", ".coo")
@@ -93,7 +93,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """List, describe, write or solve."""
     if options.schema:
-        from dispatcher_daemon.instance import instance_schema
+        from research.instances.instance import instance_schema
 
         print(json.dumps(instance_schema(), indent=2))
         return 0
@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _solve(options: argparse.Namespace) -> int:
     from dispatcher_daemon.formulations.model import build_model
-    from dispatcher_daemon.instances import open_instance
+    from research.instances import open_instance
 
     names = options.solver or ([] if options.write else ["exact"])
     check_options(options, names)
@@ -147,7 +147,7 @@ def _solve(options: argparse.Namespace) -> int:
 
 
 def _form(options: argparse.Namespace, instance: Instance) -> Form:
-    from dispatcher_daemon.forms import arc_form, route_form
+    from research.solving.forms import arc_form, route_form
 
     few = len(instance.problem.fleet.vehicles) <= _LARGEST_ARC_FLEET
     if (options.form or ("arc" if few else "route")) == "arc":
@@ -164,7 +164,7 @@ def _run_solvers(
     report: Report,
 ) -> None:
     from dispatcher_daemon.solvers.pool import Job, solve_here
-    from dispatcher_daemon.trial import appraise
+    from research.solving.trial import appraise
 
     solvers = make_solvers(names, options)
     for solver in solvers:
@@ -196,9 +196,9 @@ def _write(model: QuboModel, path: Path) -> None:
 
 def _published() -> list[dict[str, Any]]:
     """What is worth knowing of the published instances before solving one."""
-    from dispatcher_daemon.forms import arc_form
     from dispatcher_daemon.formulations.model import build_model
-    from dispatcher_daemon.instances import instance_names, open_instance
+    from research.instances import instance_names, open_instance
+    from research.solving.forms import arc_form
 
     rows = []
     for name in instance_names():

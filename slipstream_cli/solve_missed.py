@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.forms import Form
-    from dispatcher_daemon.routes import Route, RoutedArc
-    from dispatcher_daemon.trial import Trial
+    from dispatcher_daemon.roads.routes import Route, RoutedArc
+    from research.solving.forms import Form
+    from research.solving.trial import Trial
 
 
 @dataclass(frozen=True)

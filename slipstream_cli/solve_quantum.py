@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Final
 from slipstream.errors import InputError
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.forms import Form
     from dispatcher_daemon.formulations.qubo import QuboModel
     from dispatcher_daemon.settings import DispatcherSettings
-    from dispatcher_daemon.solvers.base import Solver
-    from dispatcher_daemon.trial import Trial
+    from dispatcher_daemon.solvers.protocol import Solver
+    from research.solving.forms import Form
+    from research.solving.trial import Trial
 
 QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
 _MOST_LAYERS: Final = 10
@@ -106,7 +106,7 @@ def check_fit(
             "solve", "this variant needs route options", "add --form route", key="--variant"
         )
     if "qaoa" in names:
-        from dispatcher_daemon.quantum.diagonal import MOST_QUBITS
+        from dispatcher_daemon.solvers.quantum.statevector.diagonal import MOST_QUBITS
 
         if options.backend not in (None, "aer"):
             raise InputError(
@@ -127,9 +127,9 @@ def check_fit(
 
 
 def _check_backend(text: str, qubits: int) -> None:
-    from dispatcher_daemon.quantum.backends import open_backend
-    from dispatcher_daemon.quantum.backends.aer import FRACTIONAL
-    from dispatcher_daemon.quantum.backends.ibm_account import find_access
+    from dispatcher_daemon.solvers.quantum.backends import open_backend
+    from dispatcher_daemon.solvers.quantum.backends.aer import FRACTIONAL
+    from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
 
     service, _, device = text.partition(":")
     if service == "ibm" and device:
@@ -200,8 +200,8 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
 
 
 def _iskay(options: argparse.Namespace) -> Solver:
-    from dispatcher_daemon.quantum.backends.ibm_account import find_access
     from dispatcher_daemon.solvers.iskay import IskaySolver
+    from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
 
     kind, _, device = (options.backend or "").partition(":")
     if kind != "ibm" or not device or device == "least-busy":
@@ -229,8 +229,8 @@ def records(
     Args:
         best: exact or best known objective of the model, and whether it is proven.
     """
-    from dispatcher_daemon.solvers.controls import distributions, run_controls
-    from dispatcher_daemon.solvers.quantum_record import quantum_record
+    from research.quantum.controls import distributions, run_controls
+    from research.quantum.record import quantum_record
 
     optimum_kwh, proven = best
     iterations = _iterations(options)

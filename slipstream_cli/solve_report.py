@@ -11,10 +11,10 @@ from slipstream_cli.solve_missed import Missed
 from slipstream_cli.solve_quantum import lines_of
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.instance import Optimum
-    from dispatcher_daemon.rewards import JudgedPair
-    from dispatcher_daemon.routes import Route, RoutedArc
-    from dispatcher_daemon.trial import Trial
+    from dispatcher_daemon.platooning.rewards import JudgedPair
+    from dispatcher_daemon.roads.routes import Route, RoutedArc
+    from research.instances.instance import Optimum
+    from research.solving.trial import Trial
 
 
 @dataclass

@@ -13,9 +13,9 @@ from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.formulations.proof import Proof
     from dispatcher_daemon.formulations.qubo import Encoding
     from dispatcher_daemon.problem import Problem
+    from research.proofs.proof import Proof
 
 _PAPER_GAMMA_KWH = 50.0
 _RANDOM_VARIABLES = 25
@@ -75,7 +75,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Check what was named; stop at bad input before the first enumeration."""
-    from dispatcher_daemon.formulations.proof import prove
+    from research.proofs.proof import prove
 
     weights = [_gamma(text) for text in options.gamma]
     cases, left_out = _cases(options)
@@ -118,9 +118,9 @@ def _gamma(text: str) -> float | None:
 
 def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
     """What is to be checked, and what of all published instances is too large for it."""
-    from dispatcher_daemon.formulations.eliminate import MAX_CHOICES
     from dispatcher_daemon.formulations.enumerate import MAX_VARIABLES
-    from dispatcher_daemon.instances import instance_names
+    from research.instances import instance_names
+    from research.proofs.eliminate import MAX_CHOICES
 
     if not 0 <= options.random <= _MOST_RANDOM or options.seed < 0:
         key = "--seed" if options.seed < 0 else "--random"
@@ -153,8 +153,8 @@ def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
 
 
 def _problem(reference: str, options: argparse.Namespace) -> Problem:
-    from dispatcher_daemon.forms import arc_form, route_form
-    from dispatcher_daemon.instances import open_instance
+    from research.instances import open_instance
+    from research.solving.forms import arc_form, route_form
 
     instance = open_instance(reference)
     fleet = instance.problem.fleet
@@ -172,7 +172,7 @@ def _size(problem: Problem, encoding: Encoding) -> tuple[int, bool]:
     """Number of variables, and whether all their states can be looked at."""
     from dispatcher_daemon.formulations.enumerate import MAX_VARIABLES
     from dispatcher_daemon.formulations.model import build_model
-    from dispatcher_daemon.formulations.proof import can_prove
+    from research.proofs.proof import can_prove
 
     if problem.choices > MAX_VARIABLES:
         return problem.choices, False
@@ -183,7 +183,7 @@ def _size(problem: Problem, encoding: Encoding) -> tuple[int, bool]:
 def _random(number: int, seed: int, encoding: Encoding) -> Iterator[Case]:
     import numpy as np
 
-    from dispatcher_daemon.instances.random_problems import (
+    from research.instances.random_problems import (
         random_arc_problem,
         random_route_problem,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dispatcher_daemon.guest.chain_maker import ChainMaker
+from dispatcher_daemon.hardware.chain_maker import ChainMaker
 
 
 @dataclass(frozen=True)

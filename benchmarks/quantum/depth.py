@@ -15,12 +15,12 @@ from dataclasses import asdict, dataclass
 from typing import Final
 
 from benchmarks.aims import Check, check_table, machine
-from dispatcher_daemon.quantum.ansatz import linear_ramp
-from dispatcher_daemon.quantum.backends import open_backend
-from dispatcher_daemon.quantum.chain_order import heavy_path
-from dispatcher_daemon.quantum.ising import to_ising
-from dispatcher_daemon.quantum.targets import Depths, compare_depths
-from dispatcher_daemon.quantum_bench.case import named_cases, open_case
+from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
+from dispatcher_daemon.solvers.quantum.backends import open_backend
+from dispatcher_daemon.solvers.quantum.backends.targets import Depths, compare_depths
+from dispatcher_daemon.solvers.quantum.chain.order import heavy_path
+from dispatcher_daemon.solvers.quantum.ising import to_ising
+from research.quantum.case import named_cases, open_case
 
 PAPER_REDUCTION: Final = 0.667
 _DEVICE: Final = "aer:FakeBoston"

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from dispatcher_daemon.quantum.jobs import JobView, ServiceFault
+from dispatcher_daemon.solvers.quantum.backends.jobs import JobView, ServiceFault
 
 Weights = Mapping[str, float]
 
@@ -161,7 +161,7 @@ class Opening:
 
 
 class FaultyService:
-    """See `dispatcher_daemon.quantum.jobs.JobService`."""
+    """See `dispatcher_daemon.solvers.quantum.backends.jobs.JobService`."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

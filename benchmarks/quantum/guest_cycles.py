@@ -17,18 +17,18 @@ import psutil
 from benchmarks.quantum.ansatz_maker import AnsatzMaker
 from benchmarks.quantum.faulty_service import EVERYTHING, Books, Opening, pid_file
 from benchmarks.quantum.guest_judge import DAY_S, Run, judge
-from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.fleet import load_fleet
-from dispatcher_daemon.guest.clerk import Clerk
-from dispatcher_daemon.guest.desk import Desk
+from dispatcher_daemon.hardware.clerk import Clerk
+from dispatcher_daemon.hardware.desk import Desk
+from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
-from dispatcher_daemon.solvers.base import Outcome
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.pool import RESERVE, Job, Solve, SolverPool
+from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
-from dispatcher_daemon.verify import verify_plans
 from slipstream.roads import load_network
 from storage import open_database
 

@@ -22,17 +22,17 @@ from benchmarks.aims import machine
 from benchmarks.quantum.blocks import CityPart, city_part, ratio, sweep
 from dispatcher_daemon.formulations.model import QuboModel, build_model
 from dispatcher_daemon.problem import RouteProblem
-from dispatcher_daemon.quantum.distribution import BitDistribution, uniform_choices
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
-from dispatcher_daemon.solvers.base import Execution, Outcome, Samples, Solver
-from dispatcher_daemon.solvers.controls import (
+from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_choices
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples, Solver
+from research.quantum.controls import (
     STAGES,
     distributions,
     run_controls,
     tally_of,
 )
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from slipstream.errors import InputError
 
 CITY: Final = (120, 600, 1200)

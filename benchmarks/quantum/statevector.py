@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.aims import Check, check_table, machine
-from dispatcher_daemon.forms import arc_form
 from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.instances import open_instance
-from dispatcher_daemon.quantum.ansatz import linear_ramp
-from dispatcher_daemon.quantum.diagonal import Diagonal, cost_diagonal
-from dispatcher_daemon.quantum.exact_state import Schedule
-from dispatcher_daemon.quantum.ising import Ising, to_ising
-from dispatcher_daemon.quantum.statevector import StateVector
+from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
+from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
+from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, cost_diagonal
+from dispatcher_daemon.solvers.quantum.statevector.exact_state import Schedule
+from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
+from research.instances import open_instance
+from research.solving.forms import arc_form
 from slipstream.errors import InputError
 
 _AIM = 8.0

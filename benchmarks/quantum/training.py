@@ -18,9 +18,9 @@ from typing import Final
 from benchmarks.aims import Check, check_table, machine
 from benchmarks.quantum.blocks import city_part
 from dispatcher_daemon.formulations.model import QuboModel, build_model
-from dispatcher_daemon.quantum_bench.case import named_cases, open_case
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.lc_qaoa import prepare_model
+from research.quantum.case import named_cases, open_case
 
 LARGE: Final = 500
 CITY: Final = (200, 1000, 2000)

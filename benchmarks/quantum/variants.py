@@ -17,18 +17,18 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.quantum.blocks import city_part
-from dispatcher_daemon.decode import valid_selections, violations
-from dispatcher_daemon.forms import arc_form
+from dispatcher_daemon.formulations.decode import valid_selections, violations
 from dispatcher_daemon.formulations.model import QuboModel, build_model
-from dispatcher_daemon.instances import instance_names, open_instance
 from dispatcher_daemon.problem import Problem, RouteProblem
-from dispatcher_daemon.quantum.ansatz import ChainAnsatz
-from dispatcher_daemon.quantum.chain_order import path_weight
-from dispatcher_daemon.quantum.chain_state import ChainState
-from dispatcher_daemon.quantum.distribution import BitDistribution
-from dispatcher_daemon.quantum.ising import to_ising
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
+from dispatcher_daemon.solvers.distribution import BitDistribution
 from dispatcher_daemon.solvers.lc_qaoa import Prepared, prepare_model
+from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz
+from dispatcher_daemon.solvers.quantum.chain.order import path_weight
+from dispatcher_daemon.solvers.quantum.chain.state import ChainState
+from dispatcher_daemon.solvers.quantum.ising import to_ising
+from research.instances import instance_names, open_instance
+from research.solving.forms import arc_form
 
 ERRORS = (0.0013, 0.005)
 """FakeBoston's medians: of a CZ, of a readout."""

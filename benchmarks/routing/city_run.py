@@ -13,20 +13,20 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Final
 
-from dispatcher_daemon.appraisal import RouteEnergy, route_energy, summarise
-from dispatcher_daemon.cities import generate_city
-from dispatcher_daemon.city import CityPlan, plan_city
-from dispatcher_daemon.instance import Instance
-from dispatcher_daemon.platoons import form_platoons
+from dispatcher_daemon.planning.fleet_plan import CityPlan, plan_city
+from dispatcher_daemon.planning.sweeps import Choice
+from dispatcher_daemon.plans.energy import RouteEnergy, route_energy, summarise
+from dispatcher_daemon.platooning.platoons import form_platoons
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.routes import Route
+from dispatcher_daemon.roads.routes import Route
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
-from dispatcher_daemon.solvers.base import Solver
 from dispatcher_daemon.solvers.executor import executor_solve
 from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.registry import make_solver
-from dispatcher_daemon.sweeping import Choice
 from dispatcher_daemon.traffic import TrafficSnapshot
+from research.cities.generator import generate_city
+from research.instances.instance import Instance
 from slipstream.energy import stop_energy_kwh
 
 WORKERS: Final = max(1, min(2, os.cpu_count() or 1))

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from benchmarks.routing.figures import Answer, InstanceRow
-from dispatcher_daemon.arcs import arc_problem_of
-from dispatcher_daemon.decode import violations
+from dispatcher_daemon.arc_form.arcs import arc_problem_of
+from dispatcher_daemon.formulations.decode import violations
 from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.instances.registry import instance_names, open_instance
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.base import Solver
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
+from dispatcher_daemon.solvers.protocol import Solver
+from research.instances.registry import instance_names, open_instance
 
 VARIABLES: Final = 25
 DEADLINE_S: Final = 10.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.decode import valid_selections
+from dispatcher_daemon.formulations.decode import valid_selections
 from dispatcher_daemon.formulations.qubo import QuboModel
 
 MAX_VARIABLES = 30

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.base import Outcome, Status
+from dispatcher_daemon.solvers.protocol import Outcome, Status
 
 _OPTIMAL = (101, 102)  # within the gap of 1e-9 kWh that is asked for
 _INFEASIBLE = 103

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.protocol import Outcome
 
 
 @dataclass(frozen=True)

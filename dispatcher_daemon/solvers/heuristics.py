@@ -10,7 +10,7 @@ import numpy as np
 
 from dispatcher_daemon.formulations.model import Encoding, QuboModel
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.sampling import Bits, Drawn, in_order, solve_by_sampling
 
 _SEARCH_SHARE = 0.7

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
-from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.protocol import Outcome
 
 
 @dataclass(frozen=True)

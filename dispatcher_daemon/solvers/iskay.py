@@ -19,9 +19,9 @@ import numpy as np
 
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.quantum.backends.ibm_account import Access
-from dispatcher_daemon.solvers.base import Execution, Outcome, Status
 from dispatcher_daemon.solvers.pool import error_line
+from dispatcher_daemon.solvers.protocol import Execution, Outcome, Status
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access
 from dispatcher_daemon.solvers.sampling import Bits, answer
 
 log = logging.getLogger(__name__)

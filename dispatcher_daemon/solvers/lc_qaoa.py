@@ -13,12 +13,21 @@ import numpy as np
 
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
-from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
-from dispatcher_daemon.quantum.backends.fallback import Opened, open_or_fall_back
-from dispatcher_daemon.quantum.chain_order import heavy_path
-from dispatcher_daemon.quantum.chain_sites import Ansatz
-from dispatcher_daemon.quantum.chain_state import ChainState
-from dispatcher_daemon.quantum.chain_training import (
+from dispatcher_daemon.settings import LcQaoaSettings
+from dispatcher_daemon.solvers.distribution import BitDistribution
+from dispatcher_daemon.solvers.protocol import Execution, Outcome
+from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
+from dispatcher_daemon.solvers.quantum.backends.fallback import Opened, open_or_fall_back
+from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.one_hot import (
+    group_order,
+    inside_groups,
+    one_hot_scheduled,
+)
+from dispatcher_daemon.solvers.quantum.chain.order import heavy_path
+from dispatcher_daemon.solvers.quantum.chain.sites import Ansatz
+from dispatcher_daemon.solvers.quantum.chain.state import ChainState
+from dispatcher_daemon.solvers.quantum.chain.training import (
     Schedule,
     around,
     cvar,
@@ -26,13 +35,8 @@ from dispatcher_daemon.quantum.chain_training import (
     train_angles,
     train_schedule,
 )
-from dispatcher_daemon.quantum.circuits import circuit_of
-from dispatcher_daemon.quantum.distribution import BitDistribution
-from dispatcher_daemon.quantum.ising import Ising, to_ising
-from dispatcher_daemon.quantum.one_hot import group_order, inside_groups, one_hot_scheduled
-from dispatcher_daemon.quantum.physical_chain import Placement
-from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.base import Execution, Outcome
+from dispatcher_daemon.solvers.quantum.circuits import circuit_of
+from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
 from dispatcher_daemon.solvers.sampling import Bits, Counts, Drawn, solve_by_sampling
 
 Place = Callable[[int, Sequence[float]], Placement]

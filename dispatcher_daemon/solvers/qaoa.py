@@ -13,21 +13,21 @@ import psutil
 
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
-from dispatcher_daemon.quantum.ansatz import linear_ramp
-from dispatcher_daemon.quantum.diagonal import (
+from dispatcher_daemon.settings import QaoaSettings
+from dispatcher_daemon.solvers.protocol import Execution, Outcome
+from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
+from dispatcher_daemon.solvers.quantum.ising import to_ising
+from dispatcher_daemon.solvers.quantum.statevector.diagonal import (
     MOST_ONE_HOT_STATES,
     MOST_QUBITS,
     cost_diagonal,
     one_hot_diagonal,
     standardised,
 )
-from dispatcher_daemon.quantum.exact_state import ExactState, Schedule
-from dispatcher_daemon.quantum.ising import to_ising
-from dispatcher_daemon.quantum.statevector import StateVector, memory_bytes
-from dispatcher_daemon.quantum.subspace import OneHotState, one_hot_states
-from dispatcher_daemon.quantum.training import Objective, train
-from dispatcher_daemon.settings import QaoaSettings
-from dispatcher_daemon.solvers.base import Execution, Outcome
+from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule
+from dispatcher_daemon.solvers.quantum.statevector.subspace import OneHotState, one_hot_states
+from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
+from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector, memory_bytes
 from dispatcher_daemon.solvers.sampling import answer
 
 _S_PER_STATE = {"x": (2e-8, 2e-8), "xy": (2e-6, 1e-6)}

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 from dispatcher_daemon.formulations.qubo import Encoding
 from dispatcher_daemon.settings import DispatcherSettings, SolverName
-from dispatcher_daemon.solvers.base import Solver
 from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
 from dispatcher_daemon.solvers.insertion import InsertionSolver
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.qaoa import QaoaSolver
 
 BASELINE_SOLVER: SolverName = "exact"

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.decode import violations
+from dispatcher_daemon.formulations.decode import violations
 from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
-from dispatcher_daemon.quantum.distribution import BitDistribution
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
-from dispatcher_daemon.solvers.base import Execution, Outcome, Samples, Tally
+from dispatcher_daemon.solvers.distribution import BitDistribution
+from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples, Tally
 
 Bits = npt.NDArray[np.int8]
 """Samples by variable of the model, shape (samples, variables)."""

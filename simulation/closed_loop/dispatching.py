@@ -8,14 +8,14 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
+from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.daemon import cycle_seed
-from dispatcher_daemon.dispatch import run_cycle
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
-from dispatcher_daemon.on_road import on_road
+from dispatcher_daemon.platooning.vehicles_on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.travel import roads_of
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
-from dispatcher_daemon.travel import roads_of
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 from simulation.closed_loop.gates import WINDOW_S, Roadside
 from simulation.closed_loop.history import History

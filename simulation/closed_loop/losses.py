@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.drive import Drive
+from slipstream.drive import Drive
 from slipstream.energy import PAPER_CAR, VehicleParameters
 
 _STANDING_MPS: Final = 0.1

@@ -10,13 +10,13 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.drive import DrivingStyle
 from simulation.closed_loop.history import HOURS, Array, History
 from simulation.scenarios.apart import Progress, run_apart
 from simulation.scenarios.day import DayOrder, sumo_options
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.scenario import Scenario, SignalControl, order_day, prepare
 from simulation.sumo.files import check_files
+from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, wheel_power_w
 from slipstream.roads import RoadNetwork
 

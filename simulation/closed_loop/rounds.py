@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from dispatcher_daemon.drive import DrivingStyle, plan_drive
 from simulation.closed_loop.record import Service
 from simulation.closed_loop.vehicle import LegOrder
 from simulation.scenarios.fleet import Deliveries, Order
+from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.drive import Drive, DrivingStyle, drive_energies, plan_drive
 from simulation.closed_loop.advice.road import Roads
 from simulation.closed_loop.losses import drive_losses
 from simulation.closed_loop.record import ArmResult, DrivenLeg
 from simulation.scenarios.vehicle_types import TYPES
+from slipstream.drive import Drive, DrivingStyle, drive_energies, plan_drive
 from slipstream.energy import ETA_FOLLOWER, PAPER_CAR, VehicleParameters, steady_energy_kwh
 
 _CAV: Final = TYPES["cav"]

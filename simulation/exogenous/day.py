@@ -15,10 +15,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.daemon import cycle_seed
-from dispatcher_daemon.dispatch import run_cycle
-from dispatcher_daemon.drive import DrivingStyle, plan_drive
-from dispatcher_daemon.on_road import on_road
+from dispatcher_daemon.platooning.vehicles_on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
@@ -33,6 +32,7 @@ from simulation.exogenous.roadside import Roadside
 from simulation.scenarios.apart import Progress
 from simulation.scenarios.fleet import draw_deliveries, fleet_at
 from simulation.scenarios.scenario import Scenario
+from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.energy import Energy, total
 from slipstream.messages import VehiclePlan
 

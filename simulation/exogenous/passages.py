@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from dispatcher_daemon.costs import segment_cost_kwh
-from dispatcher_daemon.drive import Drive, drive_energies
-from dispatcher_daemon.platoons import Timed, platoons_of
+from dispatcher_daemon.platooning.platoons import Timed, platoons_of
+from dispatcher_daemon.roads.costs import segment_cost_kwh
 from dispatcher_daemon.traffic import SegmentTraffic
 from simulation.closed_loop.gates import is_turbulent
 from simulation.closed_loop.losses import drive_losses
 from simulation.closed_loop.record import DrivenLeg
 from simulation.exogenous.roadside import Roadside
+from slipstream.drive import Drive, drive_energies
 from slipstream.energy import (
     ETA_ALONE,
     ETA_FOLLOWER,
@@ -87,7 +87,7 @@ def evaluate(
     """Platoons from exact times, and energies.
 
     On a segment whose gate is open when they enter it, vehicles within the window drive as a
-    platoon (`dispatcher_daemon.platoons`). On one that is turbulent in truth, the traffic's
+    platoon (`dispatcher_daemon.platooning`). On one that is turbulent in truth, the traffic's
     accelerations come on top of the drive's own (`turbulence_kwh`).
     """
     entries = _entries(legs)

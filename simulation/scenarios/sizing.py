@@ -10,11 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
+from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.travel import Travel, roads_of
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic import take_snapshot
-from dispatcher_daemon.travel import Travel, roads_of
-from dispatcher_daemon.vrp import base_routes
 from simulation.scenarios.demand import DAY_S
 from simulation.scenarios.fleet import Deliveries, fleet_at
 from slipstream.roads import RoadNetwork

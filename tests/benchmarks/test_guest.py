@@ -11,9 +11,9 @@ from benchmarks.quantum import guest
 from benchmarks.quantum.faulty_service import Books, Opening
 from benchmarks.quantum.guest_cycles import SETTINGS, run
 from benchmarks.quantum.guest_judge import Run, judge
-from dispatcher_daemon.solvers.base import Execution, Outcome
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import Job, solve_here
+from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from storage import open_database
 
 SEED = 5

@@ -32,10 +32,10 @@ from benchmarks.routing.plots import draw
 from benchmarks.routing.report import Results, checks, markdown
 from benchmarks.routing.tables import percent
 from benchmarks.routing.watch import tree_mb, watched
-from dispatcher_daemon.cities import generate_city
 from dispatcher_daemon.problem import Problem, RouteOption, RouteProblem
 from dispatcher_daemon.settings import CitySettings
-from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.protocol import Outcome
+from research.cities.generator import generate_city
 from slipstream.errors import InputError
 
 RUN = CityRun(

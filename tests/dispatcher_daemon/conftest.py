@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.arcs import arc_problem
+from dispatcher_daemon.arc_form.arcs import arc_problem
 from dispatcher_daemon.fleet import fleet_from, load_fleet
+from dispatcher_daemon.platooning.rewards import judge_pairs
 from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem, RoutingProblem
-from dispatcher_daemon.rewards import judge_pairs
-from dispatcher_daemon.routes import candidate_arcs
+from dispatcher_daemon.roads.routes import candidate_arcs
+from dispatcher_daemon.roads.travel import least_energy_legs
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot, take_snapshot
-from dispatcher_daemon.travel import least_energy_legs
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
 from slipstream.roads import Segment, build_network, load_network
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.quantum.backends import fallback, open_backend
-from dispatcher_daemon.quantum.jobs import ServiceFault
-from dispatcher_daemon.quantum_bench import run as bench_run
+from dispatcher_daemon.solvers.quantum.backends import fallback, open_backend
+from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
+from research.quantum import run as bench_run
 from slipstream_cli.main import main
 
 Capture = pytest.CaptureFixture[str]

@@ -26,8 +26,8 @@ def solve(capsys: Capture, *arguments: str, status: int = 0) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def city(tmp_path_factory: pytest.TempPathFactory) -> str:
     """File of a small generated city, too much for the arc form."""
-    from dispatcher_daemon.cities import small_city
-    from dispatcher_daemon.instance import write_instance
+    from research.cities.generator import small_city
+    from research.instances.instance import write_instance
 
     path = tmp_path_factory.mktemp("city") / "city.json"
     write_instance(small_city(1), path)
@@ -157,8 +157,8 @@ def test_a_stop_that_nobody_can_serve_is_listed_and_the_rest_solved(
     capsys: Capture, tmp_path: Path
 ) -> None:
     """More demand than any vehicle carries: the stop is named with the reason, in both forms."""
-    from dispatcher_daemon.instance import write_instance
-    from dispatcher_daemon.instances import open_instance
+    from research.instances import open_instance
+    from research.instances.instance import write_instance
 
     instance = open_instance(FLIP)
     fleet = instance.problem.fleet

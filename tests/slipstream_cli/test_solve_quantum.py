@@ -9,11 +9,11 @@ from typing import Any, get_args
 
 import pytest
 
-from dispatcher_daemon.forms import arc_form
-from dispatcher_daemon.instances import open_instance
 from dispatcher_daemon.settings import LcQaoaSettings, QaoaSettings
-from dispatcher_daemon.solvers.base import Status
 from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.protocol import Status
+from research.instances import open_instance
+from research.solving.forms import arc_form
 from slipstream_cli.main import main
 from slipstream_cli.solve_quantum import VARIANTS, best_known_kwh
 

@@ -47,8 +47,8 @@ def test_random_problems_of_both_forms(capsys: Capture) -> None:
 
 def test_a_file_of_ones_own_in_the_papers_encoding(tmp_path: Path, capsys: Capture) -> None:
     """An instance file is taken like a name; the full encoding has its own number of variables."""
-    from dispatcher_daemon.instance import write_instance
-    from dispatcher_daemon.instances import open_instance
+    from research.instances import open_instance
+    from research.instances.instance import write_instance
 
     path = tmp_path / "mine.json"
     write_instance(open_instance("arc08-blocks"), path)
@@ -67,8 +67,8 @@ def test_56_variables_in_parts(capsys: Capture) -> None:
 
 def test_more_than_can_be_looked_at_is_refused(tmp_path: Path, capsys: Capture) -> None:
     """The line says how many variables there are and how many there may be."""
-    from dispatcher_daemon.instance import write_instance
-    from dispatcher_daemon.instances import open_instance
+    from research.instances import open_instance
+    from research.instances.instance import write_instance
 
     instance = open_instance("arc25-01-avenue")
     fleet = instance.problem.fleet
@@ -95,8 +95,8 @@ def test_a_published_instance_in_the_route_form(capsys: Capture) -> None:
 
 def test_a_city_is_refused_at_once(tmp_path: Path, capsys: Capture) -> None:
     """Its arcs are not even listed."""
-    from dispatcher_daemon.instance import write_instance
-    from dispatcher_daemon.instances import open_instance
+    from research.instances import open_instance
+    from research.instances.instance import write_instance
 
     small = open_instance("arc08-blocks")
     fleet = small.problem.fleet

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.decode import decode
+from dispatcher_daemon.formulations.decode import decode
 from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.problem import ArcProblem, CandidateArc
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.decode import valid_selections, violations
+from dispatcher_daemon.formulations.decode import valid_selections, violations
 from dispatcher_daemon.formulations.enumerate import enumerate_model
 from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.formulations.model import build_model

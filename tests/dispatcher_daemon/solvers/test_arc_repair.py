@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dispatcher_daemon.decode import decode, valid_selections, violations
-from dispatcher_daemon.forms import arc_form
-from dispatcher_daemon.instances import open_instance
+from dispatcher_daemon.formulations.decode import decode, valid_selections, violations
 from dispatcher_daemon.problem import ArcProblem, CandidateArc
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
+from research.instances import open_instance
+from research.solving.forms import arc_form
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dispatcher_daemon.insertion import cheapest_insertion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.decode import decode
+from dispatcher_daemon.formulations.decode import decode
 from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.solvers.insertion import cheapest_insertion
 
 
 def test_demo_gets_a_valid_plan(demo_arcs: Callable[..., ArcProblem]) -> None:

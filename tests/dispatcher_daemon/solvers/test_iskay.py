@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.problem import RouteOption, RouteProblem
-from dispatcher_daemon.quantum.backends.ibm_account import Access
 from dispatcher_daemon.solvers.iskay import IskaySolver, qubo_terms, solution_bits
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access
 
 Routes = Callable[..., RouteProblem]
 

@@ -13,19 +13,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dispatcher_daemon.decode import decode
 from dispatcher_daemon.formulations.arc import build_arc_model
+from dispatcher_daemon.formulations.decode import decode
 from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem
-from dispatcher_daemon.quantum.ansatz import linear_ramp, scheduled
-from dispatcher_daemon.quantum.backends.aer import AerBackend
-from dispatcher_daemon.quantum.chain_order import heavy_path, path_weight
-from dispatcher_daemon.quantum.chain_state import ChainState
-from dispatcher_daemon.quantum.circuits import circuit_of
-from dispatcher_daemon.quantum.ising import Ising, to_ising
-from dispatcher_daemon.quantum.physical_chain import Placement
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, counts_to_bits, prepare, prepare_model
+from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
+from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend
+from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.order import heavy_path, path_weight
+from dispatcher_daemon.solvers.quantum.chain.state import ChainState
+from dispatcher_daemon.solvers.quantum.circuits import circuit_of
+from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
 from dispatcher_daemon.solvers.sampling import descend
 
 Demo = Callable[..., ArcProblem]

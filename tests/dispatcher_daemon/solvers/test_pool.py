@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from dispatcher_daemon.decode import decode
+from dispatcher_daemon.formulations.decode import decode
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import GRACE_S, Job, SolverPool, solve_here
@@ -25,7 +25,7 @@ Demo = Callable[..., ArcProblem]
 FAULTY = """
 import os, pathlib, time
 from dataclasses import dataclass
-from dispatcher_daemon.solvers.base import Outcome
+from dispatcher_daemon.solvers.protocol import Outcome
 
 @dataclass(frozen=True)
 class Faulty:

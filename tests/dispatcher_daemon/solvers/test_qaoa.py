@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.arcs import arc_problem_of
-from dispatcher_daemon.decode import violations
-from dispatcher_daemon.instances import open_instance
+from dispatcher_daemon.arc_form.arcs import arc_problem_of
+from dispatcher_daemon.formulations.decode import violations
 from dispatcher_daemon.problem import ArcProblem, RouteProblem
-from dispatcher_daemon.quantum.training import Training, train
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.qaoa import QaoaSolver
+from dispatcher_daemon.solvers.quantum.statevector.training import Training, train
+from research.instances import open_instance
 
 Routes = Callable[[int, Sequence[int], int], RouteProblem]
 

@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.arcs import arc_problem_of
-from dispatcher_daemon.decode import violations
+from dispatcher_daemon.arc_form.arcs import arc_problem_of
+from dispatcher_daemon.formulations.decode import violations
 from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.instances import open_instance
 from dispatcher_daemon.problem import ArcProblem, Problem, RouteOption, RouteProblem
 from dispatcher_daemon.settings import DispatcherSettings, SolverName
-from dispatcher_daemon.solvers.base import Solver
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
 from dispatcher_daemon.solvers.insertion import InsertionSolver, cheapest_options
+from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.registry import make_solver
 from dispatcher_daemon.solvers.sampling import answer, one_option_each
+from research.instances import open_instance
 
 Demo = Callable[..., ArcProblem]
 Routes = Callable[..., RouteProblem]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-from dispatcher_daemon.cities import CityShape, generate_city
-from dispatcher_daemon.dispatch import run_cycle
+from dispatcher_daemon.cycle import run_cycle
+from research.cities.generator import CityShape, generate_city
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 
 

@@ -10,9 +10,9 @@ import pytest
 
 from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.scaling import least_cost_paths
+from dispatcher_daemon.roads.travel import roads_of
 from dispatcher_daemon.traffic import take_snapshot
-from dispatcher_daemon.travel import roads_of
+from research.resources.scaling import least_cost_paths
 from simulation.closed_loop.conductor import Drafting, NoConductor
 from simulation.closed_loop.record import DrivenLeg
 from simulation.closed_loop.rerouting import Ways

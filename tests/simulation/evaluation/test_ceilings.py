@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 import pytest
 
-from dispatcher_daemon.drive import DrivingStyle, drive_energies, plan_drive
 from simulation.closed_loop.advice.road import Crossing, Roads
 from simulation.closed_loop.losses import Losses, drive_losses, losses
 from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
@@ -24,6 +23,7 @@ from simulation.evaluation.ceilings import (
 from simulation.evaluation.evaluation import Evaluation, collect
 from simulation.evaluation.store import Store
 from simulation.evaluation.together import together_kwh
+from slipstream.drive import DrivingStyle, drive_energies, plan_drive
 from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 

@@ -9,10 +9,9 @@ from typing import Final, cast
 import numpy as np
 import pytest
 
-from dispatcher_daemon.drive import DrivingStyle, drive_energies, plan_drive
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.streets import street_network
 from edge_daemon.evaluation.windows import TrueWindow
+from research.cities.streets import street_network
 from simulation.closed_loop.dispatch_settings import evaluation_settings
 from simulation.closed_loop.policy import Gating, Policy
 from simulation.closed_loop.record import ArmResult
@@ -30,6 +29,7 @@ from simulation.scenarios.fleet import FleetSettings
 from simulation.scenarios.observer import Observation
 from simulation.scenarios.record import Day, Statistics, Traffic
 from simulation.scenarios.scenario import Background, Scenario, any_demand
+from slipstream.drive import DrivingStyle, drive_energies, plan_drive
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, total
 from slipstream.roads import RoadNetwork
 from tests.simulation.evaluation.fakes import GROUND, make_arm

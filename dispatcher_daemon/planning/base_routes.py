@@ -1,0 +1,255 @@
+"""Base routes of a fleet without platooning: a vehicle routing problem for PyVRP.
+
+Least energy, with loads and time windows.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pyvrp
+from pyvrp.exceptions import PenaltyBoundWarning
+from pyvrp.search import NeighbourhoodParams, PerturbationParams
+from pyvrp.stop import (
+    MaxIterations,
+    MaxRuntime,
+    MultipleCriteria,
+    StoppingCriterion,
+)
+
+from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.planning.pyvrp_model import MWH_PER_KWH, NEVER_MWH, StopsOf, Visits, VrpModel
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.travel import Travel
+from dispatcher_daemon.settings import SearchSettings
+
+log = logging.getLogger(__name__)
+
+
+_STRICT: Final = pyvrp.PenaltyParams(max_penalty=1e9)
+"""Half of this is where it starts: more than leaving a stop out costs, for one unit too many."""
+
+
+def _loose(settings: SearchSettings) -> pyvrp.PenaltyParams:
+    """Passing through routes that are too full or late, the search gets further."""
+    return pyvrp.PenaltyParams(max_penalty=settings.most_penalty_kwh * MWH_PER_KWH)
+
+
+@dataclass(frozen=True)
+class BaseRoutes:
+    """Routes without platooning.
+
+    Attributes:
+        stops: by vehicle, those it serves in order; none for a vehicle that stays idle.
+        left: stops that found no place.
+        timed_out: True if the time limit cut the search short, so that it may end elsewhere when
+            repeated.
+    """
+
+    stops: StopsOf
+    left: tuple[str, ...]
+    timed_out: bool
+
+
+def base_routes(
+    problem: RoutingProblem,
+    travel: Travel,
+    stops: Sequence[str],
+    settings: SearchSettings,
+    executor: Executor,
+    seed: int,
+    start: Mapping[str, Sequence[str]] | None = None,
+) -> BaseRoutes:
+    """Routes of least cost over the given stops, by `Travel.searched_kwh`.
+
+    A first search over the whole city is short. After it, rounds cut the routes into parts by where
+    they go, in another direction each time, and search the parts side by side. That is where most
+    of the gain comes from: an iteration's time grows with the number of stops in it. If not all
+    stops fit, as many as possible are served.
+
+    Args:
+        stops: ids; a vehicle whose first stop is not among them stays idle.
+        executor: for the parts; processes, as PyVRP keeps the interpreter lock.
+        seed: same seed, same routes, unless time runs out.
+        start: routes to start from, by vehicle, instead of a first search.
+    """
+    has_vehicle = any(v.first_stop is None or v.first_stop in stops for v in problem.fleet.vehicles)
+    if not stops or not has_vehicle:
+        return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), False)
+    ends = time.monotonic() + settings.time_limit_s
+    whole = VrpModel(problem, travel, problem.fleet.vehicles, stops)
+    required = not whole.demand_exceeds_capacity()
+    routes, timed_out = _first_routes(whole, required, settings, seed, start)
+    if routes is None and required:
+        required = False
+        routes, timed_out = _first_routes(whole, required, settings, seed, start)
+    if routes is None:
+        return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), timed_out)
+    for number in range(settings.rounds):
+        left_s = (ends - time.monotonic()) / (settings.rounds - number)
+        if left_s <= 0:
+            timed_out = True
+            break
+        parts = _parts(problem, routes, _left(stops, routes), settings.part_stops, number)
+        models = [VrpModel(problem, travel, vehicles, own) for vehicles, own in parts]
+        limit_s = left_s / math.ceil(len(parts) / settings.workers)
+        jobs = [
+            _submit(
+                executor,
+                model.data(required),
+                model.visits(routes),
+                settings.iterations_per_stop * max(1, len(own)),
+                limit_s,
+                seed + number,
+                _loose(settings) if required else _STRICT,
+            )
+            for model, (_, own) in zip(models, parts, strict=True)
+        ]
+        for model, job in zip(models, jobs, strict=True):
+            try:
+                found, cut = job.result()
+            except Exception as error:
+                # A worker that died costs its part one round.
+                log.warning("part of the search failed: %s: %s", type(error).__name__, error)
+                found, cut = None, True
+            timed_out |= cut
+            if found is not None:
+                routes |= model.read(found)
+    return BaseRoutes(routes, _left(stops, routes), timed_out)
+
+
+def _left(stops: Sequence[str], routes: StopsOf) -> tuple[str, ...]:
+    """Stops that are on no route."""
+    served = {stop for of_one in routes.values() for stop in of_one}
+    return tuple(stop for stop in stops if stop not in served)
+
+
+def _submit(
+    executor: Executor, data: pyvrp.ProblemData, start: Visits, *search: Any
+) -> Future[tuple[Visits | None, bool]]:
+    """A search on an executor; what keeps it from being taken on is raised with its result."""
+    try:
+        return executor.submit(_search, data, start, *search)
+    except Exception as error:
+        refused: Future[tuple[Visits | None, bool]] = Future()
+        refused.set_exception(error)
+        return refused
+
+
+def _first_routes(
+    model: VrpModel,
+    required: bool,
+    settings: SearchSettings,
+    seed: int,
+    start: Mapping[str, Sequence[str]] | None,
+) -> tuple[StopsOf | None, bool]:
+    data = model.data(required)
+    begin = None if start is None else model.visits(start)
+    # From where loose penalties lead first, rounds get further.
+    for penalty in (_loose(settings), _STRICT) if required else (_STRICT,):
+        most, limit_s = settings.iterations_to_feasible, settings.time_limit_s / 8
+        found, cut = _search(data, begin, most, limit_s, seed, penalty, first=True)
+        if found is not None:
+            break
+    return (None if found is None else model.read(found)), cut
+
+
+def _search(
+    data: pyvrp.ProblemData,
+    start: Visits | None,
+    iterations: int,
+    limit_s: float,
+    seed: int,
+    penalty: pyvrp.PenaltyParams,
+    *,
+    first: bool = False,
+) -> tuple[Visits | None, bool]:
+    """(routes, or None if none are feasible; whether time ran out).
+
+    Args:
+        iterations: at most.
+        first: whether the first feasible routes end it.
+    """
+    begin = None
+    if start is not None:
+        begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
+    stop: list[StoppingCriterion] = [MaxIterations(iterations), MaxRuntime(limit_s)]
+    if first:
+        stop.append(lambda best_cost: best_cost < NEVER_MWH)
+    with warnings.catch_warnings():
+        # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.
+        warnings.simplefilter("ignore", PenaltyBoundWarning)
+        result = pyvrp.solve(
+            data,
+            MultipleCriteria(stop),
+            seed=seed % 2**32,
+            collect_stats=False,
+            display=False,
+            params=_parameters(penalty),
+            initial_solution=begin,
+        )
+    cut = result.runtime >= limit_s
+    if not result.best.is_feasible() or result.best.distance() >= NEVER_MWH:
+        return None, cut
+    return [
+        (route.vehicle_type(), [a.idx for a in route if a.is_client()])
+        for route in result.best.routes()
+    ], cut
+
+
+def _parameters(penalty: pyvrp.PenaltyParams) -> pyvrp.SolveParams:
+    """Smaller steps than PyVRP's own: they get further in seconds (docs/results.md)."""
+    return pyvrp.SolveParams(
+        ils=pyvrp.IteratedLocalSearchParams(history_length=100, exhaustive_on_best=False),
+        penalty=penalty,
+        neighbourhood=NeighbourhoodParams(num_neighbours=20),
+        perturbation=PerturbationParams(1, 10),
+    )
+
+
+def _parts(
+    problem: RoutingProblem,
+    routes: StopsOf,
+    left_out: Sequence[str],
+    part_stops: int,
+    number: int,
+) -> list[tuple[list[Vehicle], list[str]]]:
+    """(vehicles, stops) of each part: routes cut at the median of where their stops lie, again
+    and again, across a direction that turns from cut to cut and from round to round.
+
+    Idle vehicles and stops without a route are dealt out.
+    """
+    fleet, junctions = problem.fleet, problem.network.junctions
+    driving = [v for v in fleet.vehicles if routes[v.id]]
+    idle = [v for v in fleet.vehicles if not routes[v.id]]
+    centre = {
+        v.id: np.mean([junctions[fleet.node(s)] for s in routes[v.id]], axis=0) for v in driving
+    }
+    groups, angle = [driving], float(number)
+    total = sum(len(routes[v.id]) for v in driving)
+    while total > part_stops * len(groups):
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        halves = []
+        for group in groups:
+            ordered = sorted(group, key=lambda v: (float(centre[v.id] @ direction), v.id))
+            count = np.cumsum([len(routes[v.id]) for v in ordered])
+            middle = int(np.searchsorted(count, count[-1] / 2)) + 1
+            halves += [half for half in (ordered[:middle], ordered[middle:]) if half]
+        if len(halves) == len(groups):
+            break
+        groups, angle = halves, angle + np.pi / 2
+    return [
+        (
+            [*group, *idle[i :: len(groups)]],
+            [*(s for v in group for s in routes[v.id]), *left_out[i :: len(groups)]],
+        )
+        for i, group in enumerate(groups)
+    ]

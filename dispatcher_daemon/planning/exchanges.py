@@ -1,0 +1,123 @@
+"""Stops moved or swapped between two vehicles of a block: options that coverage ties together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise, permutations
+
+import numpy as np
+
+from dispatcher_daemon.planning.departures import best_departure
+from dispatcher_daemon.planning.itineraries import Itinerary, Planner
+from dispatcher_daemon.platooning.meetings import Meetings
+
+TRIED = 4
+"""So many exchanges are evaluated exactly for each that is asked for."""
+DEPARTURES = 2
+"""Departures that are tried besides leaving at once."""
+
+Pair = tuple[tuple[int, tuple[str, ...]], tuple[int, tuple[str, ...]]]
+
+
+def best_exchanges(
+    planner: Planner,
+    itineraries: Sequence[Itinerary],
+    meetings: Meetings,
+    most: int,
+    rng: np.random.Generator,
+) -> list[tuple[Itinerary, Itinerary]]:
+    """The exchanges between two vehicles that do best with all others as they are; they may cost
+    more than they save, as others of the block may change as well.
+
+    Args:
+        itineraries: of the block's vehicles, on ``meetings`` as they are.
+        most: exchanges to return.
+        rng: draws which of the cheap exchanges are tried.
+
+    Returns:
+        Both vehicles' itineraries of each exchange, the best first.
+    """
+    tried = most * TRIED
+    moves = sorted(_moves(planner, itineraries), key=lambda move: move[0])[: 3 * tried]
+    if not moves:
+        return []
+    # The cheapest, and some others that are nearly as cheap.
+    drawn = [0, *(1 + rng.permutation(len(moves) - 1)[: tried - 1])]
+    present = {i.number: i for i in itineraries}
+    found: list[tuple[float, tuple[Itinerary, Itinerary]]] = []
+    for number in drawn:
+        _, (one, other) = moves[number]
+        old = present[one[0]], present[other[0]]
+        change = -sum(meetings.remove(i.way) + i.cost_kwh for i in old)
+        new: list[Itinerary] = []
+        for vehicle, stops in (one, other):
+            itinerary = _timed(planner, vehicle, stops, meetings)
+            if itinerary is None:
+                break
+            change += itinerary.cost_kwh - meetings.add(itinerary.way)
+            new.append(itinerary)
+        for itinerary in new:
+            meetings.remove(itinerary.way)
+        for itinerary in old:
+            meetings.add(itinerary.way)
+        if len(new) == 2:
+            found.append((change, (new[0], new[1])))
+    return [pair for _, pair in sorted(found, key=lambda entry: entry[0])[:most]]
+
+
+def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple[float, Pair]]:
+    """(change of cost, new stops of both): each stop moved to each place of another route, and
+    each swap of two stops; loads and first stops kept.
+    """
+    cost = {i.number: _cost(planner, i.number, i.stops) for i in itineraries}
+    for one, other in permutations(itineraries, 2):
+        before = cost[one.number] + cost[other.number]
+        for at in range(_fixed(planner, one), len(one.stops)):
+            stop, shorter = one.stops[at], one.stops[:at] + one.stops[at + 1 :]
+            for place in range(_fixed(planner, other), len(other.stops) + 1):
+                longer = (*other.stops[:place], stop, *other.stops[place:])
+                yield from _move(planner, before, (one.number, shorter), (other.number, longer))
+                if one.number < other.number and place < len(other.stops):
+                    swapped = (*one.stops[:at], other.stops[place], *one.stops[at + 1 :])
+                    theirs = (*other.stops[:place], stop, *other.stops[place + 1 :])
+                    yield from _move(planner, before, (one.number, swapped), (other.number, theirs))
+
+
+def _move(
+    planner: Planner,
+    before: float,
+    one: tuple[int, tuple[str, ...]],
+    other: tuple[int, tuple[str, ...]],
+) -> Iterator[tuple[float, Pair]]:
+    if _fits(planner, *one) and _fits(planner, *other):
+        change = _cost(planner, *one) + _cost(planner, *other) - before
+        if np.isfinite(change):
+            yield change, (one, other)
+
+
+def _cost(planner: Planner, number: int, stops: tuple[str, ...]) -> float:
+    if not stops:
+        return 0.0
+    travel, fleet = planner.travels[0], planner.problem.fleet
+    depot = fleet.depot_of(fleet.vehicles[number]).id
+    rows = [travel.row[place] for place in (depot, *stops, depot)]
+    return float(sum(travel.searched_kwh[a, b] for a, b in pairwise(rows)))
+
+
+def _fits(planner: Planner, number: int, stops: tuple[str, ...]) -> bool:
+    fleet = planner.problem.fleet
+    capacity = fleet.vehicles[number].capacity
+    return capacity is None or sum(fleet.stop_by_id[s].demand for s in stops) <= capacity
+
+
+def _fixed(planner: Planner, itinerary: Itinerary) -> int:
+    """How many stops at the beginning have to stay: a first stop is loaded."""
+    return 0 if planner.problem.fleet.vehicles[itinerary.number].first_stop is None else 1
+
+
+def _timed(
+    planner: Planner, number: int, stops: tuple[str, ...], meetings: Meetings
+) -> Itinerary | None:
+    """The itinerary at the departure that saves most with those on the road."""
+    at_once = planner.itinerary(number, stops, planner.legs(number, stops))
+    return None if at_once is None else best_departure(planner, at_once, meetings, DEPARTURES)

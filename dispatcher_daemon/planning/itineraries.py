@@ -1,0 +1,137 @@
+"""A vehicle's route with its times: one option of the route form, x_{k,r}."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Final
+
+from dispatcher_daemon.platooning.meetings import Meetings, Passings, Shares, open_shares, passings
+from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, passings_on_road
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.routes import Leg, Route, lateness_s, timed
+from dispatcher_daemon.roads.travel import Travel
+from dispatcher_daemon.traffic import TrafficSnapshot
+
+_S_PER_H: Final = 3600.0
+
+
+@dataclass(frozen=True)
+class Itinerary:
+    """What one vehicle does: exact route, its cost alone, and where it can meet others.
+
+    Attributes:
+        number: of the vehicle in the fleet.
+        stops: served in order; none: the vehicle stays idle.
+        route: with its timetable; None for an idle vehicle.
+        cost_kwh: Σ segment costs, platooning apart, and what waiting at the depot counts for.
+        way: passages of open segments.
+    """
+
+    number: int
+    stops: tuple[str, ...]
+    route: Route | None
+    cost_kwh: float
+    way: Passings
+
+    @cached_property
+    def key(self) -> tuple[object, ...]:
+        """The same for itineraries that are the same to a tenth of a second."""
+        paths = () if self.route is None else tuple(leg.path for leg in self.route.legs)
+        return self.number, self.stops, paths, round(self.depart_s, 1)
+
+    @property
+    def depart_s(self) -> float:
+        """When it leaves its depot."""
+        return 0.0 if self.route is None else self.route.visits[0].departure_s
+
+
+class Planner:
+    """Makes itineraries of one fleet under one traffic snapshot.
+
+    Attributes:
+        travels: ways between places; the first are those of least energy, others alternatives.
+        shares: what platooning saves on each open segment.
+        sync_window_s: Δt_sync.
+        reference_s: when a vehicle that is ready at once leaves.
+        ways_per_leg: how many of the cheapest ways of each leg are worth looking at.
+        on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
+            are.
+    """
+
+    def __init__(
+        self,
+        problem: RoutingProblem,
+        snapshot: TrafficSnapshot,
+        travels: Sequence[Travel],
+        sync_window_s: float,
+        reference_s: float = 0.0,
+        ways_per_leg: int = 1,
+        on_road: Sequence[RoadUser] = (),
+    ) -> None:
+        self.ways_per_leg = ways_per_leg
+        self.problem, self.snapshot = problem, snapshot
+        self.sync_window_s = sync_window_s
+        self.travels = tuple(travels)
+        self.shares: Mapping[str, Shares] = open_shares(problem, snapshot)
+        self.reference_s = reference_s
+        self.on_road = passings_on_road(on_road, self.shares)
+
+    def meetings(self) -> Meetings:
+        """The roads with nobody but those on them already, what these save among themselves being
+        no part of any change.
+        """
+        meetings = Meetings(self.shares, self.sync_window_s)
+        for way in self.on_road:
+            meetings.add(way)
+        return meetings
+
+    def window_s(self, number: int) -> tuple[float, float]:
+        """First and last moment at which a vehicle may leave."""
+        vehicle = self.problem.fleet.vehicles[number]
+        latest = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
+        return self.reference_s + vehicle.ready_s, self.reference_s + latest
+
+    def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
+        """Legs of a route; None if one of them has no way."""
+        fleet = self.problem.fleet
+        depot = fleet.depot_of(fleet.vehicles[number]).id
+        legs = []
+        for start, end in pairwise((depot, *stops, depot)):
+            leg = self.travels[travel].leg(start, end)
+            if leg is None:
+                return None
+            legs.append(leg)
+        return legs
+
+    def idle(self, number: int) -> Itinerary:
+        """The vehicle stays at its depot."""
+        return Itinerary(number, (), None, 0.0, {})
+
+    def itinerary(
+        self,
+        number: int,
+        stops: tuple[str, ...],
+        legs: Sequence[Leg] | None,
+        depart_s: float | None = None,
+    ) -> Itinerary | None:
+        """A vehicle's itinerary over given legs; None if a window is missed or a way missing.
+
+        Args:
+            depart_s: None: as soon as it is ready.
+        """
+        if not stops:
+            return self.idle(number)
+        if legs is None:
+            return None
+        vehicle = self.problem.fleet.vehicles[number]
+        route = timed(self.problem, legs, vehicle, self.reference_s, depart_s)
+        # A departure computed from a meeting may miss its window by rounding.
+        if lateness_s(self.problem, vehicle, route, self.reference_s) > 1e-6:
+            return None
+        waits_s = route.visits[0].departure_s - self.window_s(number)[0]
+        cost = sum(leg.cost_kwh for leg in legs)
+        cost += self.problem.waiting_worth_kw * max(0.0, waits_s) / _S_PER_H
+        return Itinerary(number, stops, route, cost, passings(number, route, self.shares))

@@ -1,0 +1,116 @@
+"""What a vehicle might do instead: the options of the route form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from dispatcher_daemon.planning.departures import alternatives
+from dispatcher_daemon.planning.itineraries import Itinerary, Planner
+from dispatcher_daemon.platooning.meetings import Meetings, Shares
+
+
+def options_for(
+    planner: Planner,
+    itinerary: Itinerary,
+    partners: Sequence[Itinerary],
+    meetings: Meetings,
+    most: int,
+    rng: np.random.Generator,
+) -> list[Itinerary]:
+    """The present itinerary, the best other and some good ones, all others being as they are.
+
+    Tried are other ways between stops, the stops backwards, each at the departures at which
+    the vehicle would meet most others; other ways of single legs; and a departure at which it could
+    meet a partner that moves as well.
+
+    Args:
+        partners: vehicles that may change at the same time.
+        meetings: everybody as they are, this vehicle included.
+        most: options to return, ≥ 1.
+        rng: draws the good ones, so that another sweep tries others.
+    """
+    if itinerary.route is None or most < 2:
+        return [itinerary]
+    meetings.remove(itinerary.way)
+    tried = [
+        candidate
+        for variant in _variants(planner, itinerary)
+        for candidate in (variant, *alternatives(planner, variant, meetings))
+    ]
+    tried += _detours(planner, itinerary)
+    worth = [meetings.gain_kwh(candidate.way) - candidate.cost_kwh for candidate in tried]
+    meetings.add(itinerary.way)
+    ranked = [tried[i] for i in sorted(range(len(tried)), key=lambda i: -worth[i])]
+    joint = list(_joint(planner, itinerary, partners, meetings.shares))
+    # `itinerary` is among the tried, so the best other one is among the first two.
+    good = ranked[2 : 2 + 2 * most]
+    drawn = [good[i] for i in rng.permutation(len(good))]
+    wanted = [itinerary, *ranked[:2], *joint, *drawn]
+    distinct: dict[tuple[object, ...], Itinerary] = {}
+    for candidate in wanted:
+        distinct.setdefault(candidate.key, candidate)
+    return list(distinct.values())[:most]
+
+
+def _variants(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
+    """The same stops at the same departure, by other ways or backwards."""
+    number, stops, depart_s = itinerary.number, itinerary.stops, itinerary.depart_s
+    yield itinerary
+    vehicle = planner.problem.fleet.vehicles[number]
+    orders = [stops]
+    if len(stops) > 1 and vehicle.first_stop is None:
+        orders.append(stops[::-1])
+    for order in orders:
+        for travel in range(len(planner.travels)):
+            variant = planner.itinerary(
+                number, order, planner.legs(number, order, travel), depart_s
+            )
+            if variant is not None and variant.key != itinerary.key:
+                yield variant
+
+
+def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
+    """The same with another of the cheapest ways of one leg."""
+    if itinerary.route is None or planner.ways_per_leg < 2:
+        return
+    legs = list(itinerary.route.legs)
+    for at, leg in enumerate(legs):
+        for way in planner.travels[0].ways(leg.start, leg.end, planner.ways_per_leg):
+            if way.path != leg.path:
+                other = [*legs[:at], way, *legs[at + 1 :]]
+                detour = planner.itinerary(
+                    itinerary.number, itinerary.stops, other, itinerary.depart_s
+                )
+                if detour is not None:
+                    yield detour
+
+
+def _joint(
+    planner: Planner,
+    itinerary: Itinerary,
+    partners: Sequence[Itinerary],
+    shares: Mapping[str, Shares],
+) -> Iterator[Itinerary]:
+    """The departure for the earliest moment at which vehicle and closest partner can meet."""
+    strongest, shared = 0.0, None
+    for partner in partners:
+        common = [s for s in itinerary.way if s in partner.way]
+        weight = sum(shares[s].follower_kwh for s in common)
+        if partner.number != itinerary.number and weight > strongest:
+            strongest, shared = weight, (partner, common)
+    if shared is None or itinerary.route is None:
+        return
+    partner, common = shared
+    first = min(common, key=lambda s: itinerary.way[s][0][0])
+    own, other = itinerary.way[first][0][0], partner.way[first][0][0]
+    low, high = planner.window_s(itinerary.number)
+    partner_low, partner_high = planner.window_s(partner.number)
+    begins = max(own + low - itinerary.depart_s, other + partner_low - partner.depart_s)
+    ends = min(own + high - itinerary.depart_s, other + partner_high - partner.depart_s)
+    if begins <= ends:
+        depart_s = itinerary.depart_s + begins - own
+        moved = planner.itinerary(itinerary.number, itinerary.stops, itinerary.route.legs, depart_s)
+        if moved is not None:
+            yield moved

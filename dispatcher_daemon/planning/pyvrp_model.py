@@ -1,0 +1,194 @@
+"""A vehicle routing problem in PyVRP's terms, and its answers in ours.
+
+PyVRP counts in integers: energies in mWh, times in tenths of a second, rounded so that a plan that
+fits there fits here.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyvrp
+
+from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.travel import Travel
+
+MWH_PER_KWH = 1e6
+_TENTHS = 10.0
+NEVER_MWH = 10**12
+"""Stands for a way that does not exist: 1 GWh. Whole plans cost less."""
+_PRIZE_MWH = 10**8
+"""What leaving a stop out costs where not all can be served: 100 kWh, more than any detour."""
+_NEVER_TENTHS = 10**9
+
+StopsOf = dict[str, tuple[str, ...]]
+"""Stops in order by vehicle."""
+Visits = list[tuple[int, list[int]]]
+"""(vehicle type, clients in order) of each route in PyVRP's numbers."""
+
+
+class VrpModel:
+    """The translation of one problem to PyVRP and back."""
+
+    def __init__(
+        self,
+        problem: RoutingProblem,
+        travel: Travel,
+        vehicles: Sequence[Vehicle],
+        stops: Sequence[str],
+    ) -> None:
+        fleet = problem.fleet
+        served = set(stops)
+        self._problem, self._travel = problem, travel
+        kinds: dict[Vehicle, list[Vehicle]] = defaultdict(list)
+        for vehicle in vehicles:
+            if vehicle.first_stop is None:
+                any_id = {"id": "any", "depot": self._depot(vehicle)}
+                kinds[vehicle.model_copy(update=any_id)].append(vehicle)
+            elif vehicle.first_stop in served:
+                kinds[vehicle].append(vehicle)
+        self._kinds = list(kinds.items())
+        first = {v.first_stop for v in fleet.vehicles}
+        self._pooled = [name for name in stops if name not in first]
+        # Clients are the starts of vehicles with a first stop, then the pooled stops.
+        self._starts = [kind for kind in kinds if kind.first_stop is not None]
+        self._fleet = fleet
+        self._vehicles = vehicles
+
+    def _depot(self, vehicle: Vehicle) -> str:
+        return self._problem.fleet.depot_of(vehicle).id
+
+    def _begin(self, kind: Vehicle) -> tuple[str, float, int]:
+        """(place, earliest departure from it, load delivered before): the depot, or the stop that
+        a vehicle with a first stop serves before it is free.
+        """
+        depot = self._depot(kind)
+        if kind.first_stop is None:
+            return depot, kind.ready_s, 0
+        stop = self._fleet.stop_by_id[kind.first_stop]
+        way = self._travel.duration_s[self._travel.row[depot], self._travel.row[stop.id]]
+        begins = max(kind.ready_s + way, stop.earliest_s)
+        return stop.id, begins + stop.service_s, stop.demand
+
+    def demand_exceeds_capacity(self) -> bool:
+        """True if the stops' demand cannot be carried by all vehicles together."""
+        free = 0
+        for kind, vehicles in self._kinds:
+            if kind.capacity is None:
+                return False
+            free += len(vehicles) * max(0, kind.capacity - self._begin(kind)[2])
+        return sum(self._fleet.stop_by_id[s].demand for s in self._pooled) > free
+
+    def data(self, required: bool) -> pyvrp.ProblemData:
+        """The problem in PyVRP's terms.
+
+        A vehicle with a first stop starts there, when it has served it. It cannot stay idle: a
+        client that only its start leads to, at the same place, makes it drive.
+        """
+        places = self._places()
+        at = {place: i for i, place in enumerate(places)}
+        starts = len(places)
+        places += [self._begin(kind)[0] for kind in self._starts]
+        rows = np.array([self._travel.row[place] for place in places])
+        energy = self._travel.searched_kwh[np.ix_(rows, rows)]
+        seconds = self._travel.duration_s[np.ix_(rows, rows)]
+        ways = np.isfinite(energy)
+        # PyVRP's type hints know no array of two dimensions.
+        distance: Any = np.where(ways, np.rint(np.where(ways, energy, 0) * MWH_PER_KWH), NEVER_MWH)
+        tenths: Any = np.where(ways, np.ceil(np.where(ways, seconds, 0) * _TENTHS), 0)
+        for number, kind in enumerate(self._starts, starts):
+            distance[:, number] = NEVER_MWH
+            distance[at[self._begin(kind)[0]], number] = 0
+        np.fill_diagonal(distance, 0)
+        np.fill_diagonal(tenths, 0)
+        depots = places[: starts - len(self._pooled)]
+        return pyvrp.ProblemData(
+            locations=[pyvrp.Location(0, 0, name=place) for place in places],
+            clients=[
+                *(
+                    pyvrp.Client(location=starts + i, delivery=[0])
+                    for i in range(len(self._starts))
+                ),
+                *(self._client(name, at[name], required) for name in self._pooled),
+            ],
+            depots=[pyvrp.Depot(location=i) for i in range(len(depots))],
+            vehicle_types=[self._vehicle_type(kind, len(of), at) for kind, of in self._kinds],
+            distance_matrices=[distance.astype(np.int64)],
+            duration_matrices=[tenths.astype(np.int64)],
+        )
+
+    def _places(self) -> list[str]:
+        """Depots and first stops, where vehicles begin, then the pooled stops."""
+        begins = [self._begin(kind)[0] for kind, _ in self._kinds]
+        ends = [self._depot(kind) for kind, _ in self._kinds]
+        return [*dict.fromkeys([*ends, *begins]), *self._pooled]
+
+    def _client(self, name: str, location: int, required: bool) -> pyvrp.Client:
+        stop = self._fleet.stop_by_id[name]
+        return pyvrp.Client(
+            location=location,
+            delivery=[stop.demand],
+            service_duration=_up(stop.service_s),
+            tw_early=_up(stop.earliest_s),
+            tw_late=_NEVER_TENTHS if stop.latest_s is None else _down(stop.latest_s),
+            required=required,
+            prize=0 if required else _PRIZE_MWH,
+        )
+
+    def _vehicle_type(self, kind: Vehicle, number: int, at: Mapping[str, int]) -> pyvrp.VehicleType:
+        place, begins_s, delivered = self._begin(kind)
+        latest_s = begins_s
+        if kind.depart_by_s is not None:
+            latest_s += kind.depart_by_s - kind.ready_s
+        early, late = _up(begins_s), max(_up(begins_s), _down(latest_s))
+        back = _NEVER_TENTHS if kind.return_by_s is None else _down(kind.return_by_s)
+        unlimited = sum(stop.demand for stop in self._fleet.stops)
+        return pyvrp.VehicleType(
+            num_available=number,
+            capacity=[max(0, (unlimited if kind.capacity is None else kind.capacity) - delivered)],
+            start_depot=at[place],
+            end_depot=at[self._depot(kind)],
+            tw_early=early,
+            start_late=late,
+            tw_late=max(late, back),
+        )
+
+    def visits(self, routes: Mapping[str, Sequence[str]]) -> Visits:
+        """Routes by vehicle in PyVRP's numbers; stops that are not asked for are left out."""
+        client = {name: i for i, name in enumerate(self._pooled, len(self._starts))}
+        start = {kind: [i] for i, kind in enumerate(self._starts)}
+        found = []
+        for number, (kind, vehicles) in enumerate(self._kinds):
+            for vehicle in vehicles:
+                pooled = [client[s] for s in routes.get(vehicle.id, ()) if s in client]
+                clients = [*start.get(kind, ()), *pooled]
+                if clients:
+                    found.append((number, clients))
+        return found
+
+    def read(self, routes: Visits) -> StopsOf:
+        """Routes by vehicle; those of one kind of vehicle are dealt out in order."""
+        waiting: dict[int, list[tuple[str, ...]]] = defaultdict(list)
+        for kind, clients in routes:
+            pooled = [i - len(self._starts) for i in clients if i >= len(self._starts)]
+            waiting[kind].append(tuple(self._pooled[i] for i in pooled))
+        stops: StopsOf = {vehicle.id: () for vehicle in self._vehicles}
+        for number, (_, vehicles) in enumerate(self._kinds):
+            own = sorted(waiting[number])
+            for position, vehicle in enumerate(vehicles):
+                visits = own[position] if position < len(own) else ()
+                first = () if vehicle.first_stop is None else (vehicle.first_stop,)
+                stops[vehicle.id] = (*first, *visits)
+        return stops
+
+
+def _up(seconds: float) -> int:
+    return int(np.ceil(seconds * _TENTHS))
+
+
+def _down(seconds: float) -> int:
+    return int(np.floor(seconds * _TENTHS))

@@ -1,0 +1,145 @@
+"""Which stops nobody can serve, and why: they are listed, and the rest of the fleet is routed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.traffic import TrafficSnapshot
+
+_TOLERANCE_S = 2.0
+"""Durations of ways are known to about a second; a doubtful stop is left to the planner."""
+
+
+@dataclass(frozen=True, order=True)
+class _Refusal:
+    """Why one vehicle cannot serve a stop; the greater, the nearer it came to doing so."""
+
+    hurdle: int
+    closeness: float
+    reason: str
+
+
+def servable_part(
+    problem: RoutingProblem, snapshot: TrafficSnapshot
+) -> tuple[RoutingProblem | None, dict[str, str]]:
+    """(the problem without stops that nobody can serve, these with the reason).
+
+    A vehicle whose first stop is among them has none. The problem is None if no stop is left.
+    """
+    missing = unservable(problem, snapshot)
+    if not missing:
+        return problem, {}
+    if len(missing) == len(problem.fleet.stops):
+        return None, missing
+    return without(problem, missing), missing
+
+
+def without(problem: RoutingProblem, stops: Collection[str]) -> RoutingProblem:
+    """The problem without some, but not all of its stops; a vehicle that has one of them as first
+    stop has none.
+    """
+    fleet = problem.fleet
+    vehicles = tuple(
+        v.model_copy(update={"first_stop": None}) if v.first_stop in stops else v
+        for v in fleet.vehicles
+    )
+    kept = tuple(stop for stop in fleet.stops if stop.id not in stops)
+    # Not a copy: what a fleet has looked up of its stops would be copied with it.
+    smaller = Fleet(name=fleet.name, depots=fleet.depots, stops=kept, vehicles=vehicles)
+    return replace(problem, fleet=smaller)
+
+
+def unservable(
+    problem: RoutingProblem, snapshot: TrafficSnapshot, travel: Travel | None = None
+) -> dict[str, str]:
+    """Stops that no vehicle could serve even if it served nothing else, with the reason.
+
+    A vehicle drives the ways of least energy, from its depot over its first stop (unless nobody can
+    serve that one either) to the stop and back. A stop that is loaded on a vehicle is that
+    vehicle's alone.
+
+    Args:
+        travel: those ways, where they are known already.
+
+    Returns:
+        Reason by stop, in the fleet's order: it cannot be reached or left again, its demand is
+        above every capacity, its window closes before anyone arrives, or nobody who serves it is
+        back in time.
+    """
+    fleet = problem.fleet
+    travel = travel or Travel(problem, roads_of(problem, snapshot))
+    loaded = {v.first_stop: v for v in fleet.vehicles if v.first_stop is not None}
+    found: dict[str, str] = {}
+    lost: set[str] = set()
+    for name, vehicle in loaded.items():
+        refusal = _refusal(problem, travel, vehicle, [fleet.stop_by_id[name]])
+        if refusal is not None:
+            lost.add(name)
+            found[name] = f"{refusal.reason}; it is loaded on {vehicle.id!r}"
+    pooled = [fleet.stop_by_id[name] for name in fleet.pooled]
+    kinds = _kinds(fleet.vehicles, lost)
+    for stop in pooled:
+        nearest: _Refusal | None = None
+        for vehicle in kinds:
+            first = vehicle.first_stop
+            way = [] if first is None or first in lost else [fleet.stop_by_id[first]]
+            refusal = _refusal(problem, travel, vehicle, [*way, stop])
+            if refusal is None:
+                nearest = None
+                break
+            nearest = refusal if nearest is None else max(nearest, refusal)
+        if nearest is not None:
+            found[stop.id] = nearest.reason
+    return {stop.id: found[stop.id] for stop in fleet.stops if stop.id in found}
+
+
+def _kinds(vehicles: Iterable[Vehicle], lost: set[str]) -> list[Vehicle]:
+    """One vehicle of each kind: many differ in nothing but their names."""
+
+    def kind(vehicle: Vehicle) -> tuple[object, ...]:
+        first = None if vehicle.first_stop in lost else vehicle.first_stop
+        return vehicle.depot, first, vehicle.capacity, vehicle.ready_s, vehicle.return_by_s
+
+    return list({kind(vehicle): vehicle for vehicle in vehicles}.values())
+
+
+def _refusal(
+    problem: RoutingProblem, travel: Travel, vehicle: Vehicle, stops: list[Stop]
+) -> _Refusal | None:
+    """Why a vehicle cannot serve the last of some stops after the others; None if it can."""
+    depot, last = problem.fleet.depot_of(vehicle), stops[-1]
+    places = [depot.id, *(stop.id for stop in stops)]
+    rows = [travel.row[place] for place in places]
+    seconds = [float(travel.duration_s[i, j]) for i, j in pairwise(rows)]
+    home_s = float(travel.duration_s[rows[-1], rows[0]])
+    if not math.isfinite(sum(seconds)):
+        where = f"depot {depot.id!r}" if len(stops) == 1 else f"stop {stops[-2].id!r}"
+        return _Refusal(0, 0.0, f"node {last.node!r} cannot be reached from {where}")
+    if not math.isfinite(home_s):
+        return _Refusal(1, 0.0, f"node {last.node!r} cannot be left for depot {depot.id!r}")
+    demand = sum(stop.demand for stop in stops)
+    if vehicle.capacity is not None and demand > vehicle.capacity:
+        short = vehicle.capacity - demand
+        with_first = "" if len(stops) == 1 else f" (with {stops[-2].id!r} loaded)"
+        nearest = f"above every capacity (nearest: {vehicle.capacity} of {vehicle.id!r})"
+        return _Refusal(2, short, f"its demand of {demand}{with_first} is {nearest}")
+    clock = vehicle.ready_s
+    for stop, driven_s in zip(stops, seconds, strict=True):
+        arrival = clock + driven_s
+        if stop is last and stop.latest_s is not None and arrival > stop.latest_s + _TOLERANCE_S:
+            reason = f"its window closes at {stop.latest_s:g} s, the first to arrive"
+            reason += f" ({vehicle.id!r}) is there at {arrival:.0f} s"
+            return _Refusal(3, -arrival, reason)
+        clock = max(arrival, stop.earliest_s) + stop.service_s
+    back = clock + home_s
+    if vehicle.return_by_s is not None and back > vehicle.return_by_s + _TOLERANCE_S:
+        late = back - vehicle.return_by_s
+        reason = f"who serves it is back too late ({vehicle.id!r} at {back:.0f} s,"
+        return _Refusal(4, -late, f"{reason} due at {vehicle.return_by_s:g} s)")
+    return None

@@ -1,0 +1,282 @@
+"""Vehicles choose anew, block by block, until nothing improves."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+
+from dispatcher_daemon.formulations.decode import violations
+from dispatcher_daemon.planning.blocks import Block, build_block
+from dispatcher_daemon.planning.departures import best_departure, schedule_greedily
+from dispatcher_daemon.planning.exchanges import best_exchanges
+from dispatcher_daemon.planning.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.options import options_for
+from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
+from dispatcher_daemon.planning.pyvrp_model import StopsOf
+from dispatcher_daemon.settings import CitySettings
+from dispatcher_daemon.solvers.pool import Job, Solve
+from dispatcher_daemon.solvers.protocol import Outcome
+
+_BETTER_KWH = 1e-9
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What every vehicle does, and what it costs.
+
+    Attributes:
+        itineraries: by vehicle number.
+        cost_kwh: H_cost, each vehicle alone, and what waiting at depots counts for.
+        saving_kwh: H_platoon, platoons counted once.
+    """
+
+    itineraries: tuple[Itinerary, ...]
+    cost_kwh: float
+    saving_kwh: float
+
+    @property
+    def objective_kwh(self) -> float:
+        """H_cost − H_platoon."""
+        return self.cost_kwh - self.saving_kwh
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One sweep.
+
+    Attributes:
+        blocks: number of blocks.
+        variables: of all blocks.
+        largest: variables of the largest one.
+        taken: how many of its answers improved the plan, by solver.
+        outcomes: all that the solvers answered.
+        objective_kwh: after it.
+        wall_s: its time.
+    """
+
+    blocks: int
+    variables: int
+    largest: int
+    taken: Mapping[str, int]
+    outcomes: tuple[Outcome, ...]
+    objective_kwh: float
+    wall_s: float
+
+
+def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
+    """What itineraries cost and save together, evaluated from nothing."""
+    meetings = planner.meetings()
+    saving = math.fsum(meetings.add(itinerary.way) for itinerary in itineraries)
+    cost = math.fsum(itinerary.cost_kwh for itinerary in itineraries)
+    return Choice(tuple(itineraries), cost, saving)
+
+
+def simple_choices(planner: Planner, itineraries: Sequence[Itinerary]) -> tuple[Choice, Choice]:
+    """(the itineraries as they are, the same scheduled greedily); by vehicle number both."""
+    # Those ready last choose first: the others can wait for them, not the other way round.
+    latest_first = sorted(itineraries, key=lambda i: (-i.depart_s, i.number))
+    scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
+    return choice_of(planner, itineraries), choice_of(planner, scheduled)
+
+
+class Sweeping:
+    """The present choice of all vehicles, and how it gets better.
+
+    Attributes:
+        present: itineraries by vehicle number.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        settings: CitySettings,
+        solve: Solve,
+        itineraries: Sequence[Itinerary],
+    ) -> None:
+        """Begin with what the vehicles do now."""
+        self.planner, self.settings = planner, settings
+        self.present = list(itineraries)
+        self._solve = solve
+        self._meetings = planner.meetings()
+        saving = math.fsum(self._meetings.add(i.way) for i in itineraries)
+        self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
+        self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}
+
+    def run(
+        self, seed: int, ends: float, clock: Callable[[], float]
+    ) -> tuple[tuple[Sweep, ...], bool]:
+        """Sweep until nothing improves, or for `settings.most_sweeps`.
+
+        Returns:
+            (the sweeps, whether the time was up before).
+        """
+        sweeps: list[Sweep] = []
+        idle = 0
+        while len(sweeps) < self.settings.most_sweeps and idle < self.settings.patience:
+            sweep = self._sweep(seed + len(sweeps), ends, clock)
+            if sweep is None:
+                return tuple(sweeps), True
+            sweeps.append(sweep)
+            idle = 0 if sweep.taken else idle + 1
+        return tuple(sweeps), False
+
+    def _sweep(self, seed: int, ends: float, clock: Callable[[], float]) -> Sweep | None:
+        began = clock()
+        planner, most = self.planner, self.settings.block_variables
+        windows = [planner.window_s(i.number) for i in self.present]
+        graph = opportunity_graph(self.present, windows, planner.shares, planner.sync_window_s)
+        size = max(2, most // self.settings.options)
+        # A small fleet is one block: exchanges can tie vehicles that have no road in common yet.
+        small = 0 < len(graph) <= size
+        groups = [sorted(graph)] if small else blocks_of(graph, size, seed)
+        solved: list[tuple[Block, list[Outcome]]] = []
+        rng = np.random.default_rng(seed)
+        taken: Counter[str] = Counter()
+        # Wave by wave: later ones see what earlier ones changed.
+        for wave in _waves([groups[i] for i in rng.permutation(len(groups))], self.settings.wave):
+            left_s = ends - clock()
+            if left_s < 0.05:
+                return None
+            blocks = [self._block(group, most, rng) for group in wave]
+            answers = self._ask(blocks, min(left_s, self.settings.block_deadline_s), seed)
+            for block, outcomes in zip(blocks, answers, strict=True):
+                taken.update(self._take(block, outcomes))
+                solved.append((block, outcomes))
+        return Sweep(
+            len(solved),
+            sum(block.problem.choices for block, _ in solved),
+            max((block.problem.choices for block, _ in solved), default=0),
+            taken,
+            tuple(outcome for _, outcomes in solved for outcome in outcomes),
+            self._objective_kwh,
+            clock() - began,
+        )
+
+    def cross(self, stops: StopsOf, seed: int, ends: float, clock: Callable[[], float]) -> int:
+        """Take over from other routes what improves the plan, exchange by exchange.
+
+        Returns:
+            how many exchanges were taken.
+        """
+        taken = 0
+        for group in self._exchanges(stops):
+            if clock() > ends:
+                break
+            for number in group:
+                self._meetings.remove(self.present[number].way)
+            others = [self._other(number, stops) for number in group]
+            for number, other in zip(group, others, strict=True):
+                if other is not None:
+                    self._meetings.remove(other.way)
+                self._meetings.add(self.present[number].way)
+            found = [other for other in others if other is not None]
+            if len(found) < len(group):
+                continue
+            options = {o.number: [self.present[o.number], o] for o in found}
+            if 2 * len(group) > self.settings.block_variables:
+                change = self._move(found)
+                if change < -_BETTER_KWH:
+                    self._objective_kwh += change
+                    taken += 1
+                else:
+                    self._move([of_one[0] for of_one in options.values()])
+                continue
+            block = build_block(self._names, options, self._meetings)
+            left_s = max(0.05, ends - clock())
+            answers = self._ask([block], min(left_s, self.settings.block_deadline_s), seed)
+            taken += len(self._take(block, answers[0]))
+        return taken
+
+    def _exchanges(self, stops: StopsOf) -> list[list[int]]:
+        """Smallest groups of vehicles among which other routes serve the same stops differently."""
+        owner = {stop: i.number for i in self.present for stop in i.stops}
+        graph = nx.Graph()
+        for number, name in self._names.items():
+            if stops[name] != self.present[number].stops:
+                graph.add_node(number)
+                graph.add_edges_from((number, owner[stop]) for stop in stops[name])
+        return sorted(sorted(group) for group in nx.connected_components(graph))
+
+    def _other(self, number: int, stops: StopsOf) -> Itinerary | None:
+        """A vehicle's itinerary by other routes, by the ways and at the time that save most with
+        those on the road; it is put there.
+        """
+        visits = stops[self._names[number]]
+        candidates = []
+        for travel in range(len(self.planner.travels)):
+            legs = self.planner.legs(number, visits, travel)
+            candidate = self.planner.itinerary(number, visits, legs)
+            if candidate is not None:
+                candidates.append(best_departure(self.planner, candidate, self._meetings))
+        if not candidates:
+            return None
+        best = max(candidates, key=lambda c: self._meetings.gain_kwh(c.way) - c.cost_kwh)
+        self._meetings.add(best.way)
+        return best
+
+    def _block(self, group: Sequence[int], most: int, rng: np.random.Generator) -> Block:
+        members = [self.present[n] for n in group]
+        exchanges = best_exchanges(self.planner, members, self._meetings, 1, rng)
+        exchange = [itinerary for pair in exchanges for itinerary in pair]
+        if 2 * len(group) + len(exchange) > most:
+            exchange = []
+        each = (most - len(exchange)) // len(group)
+        options = {
+            n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
+            for n in group
+        }
+        for itinerary in exchange:
+            options[itinerary.number].append(itinerary)
+        return build_block(self._names, options, self._meetings)
+
+    def _ask(self, blocks: Sequence[Block], deadline_s: float, seed: int) -> list[list[Outcome]]:
+        names = self.settings.solvers
+        jobs = [Job(name, block.problem, seed) for block in blocks for name in names]
+        outcomes = self._solve(jobs, deadline_s)
+        return [outcomes[i : i + len(names)] for i in range(0, len(outcomes), len(names))]
+
+    def _take(self, block: Block, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+        """Take the answer that improves the exact objective most; its solver, or nothing."""
+        best_change, best, solver = -_BETTER_KWH, None, ""
+        seen = set()
+        for outcome in outcomes:
+            selected = outcome.selected
+            if selected is None or selected in seen or not _is_valid(block, selected):
+                continue
+            seen.add(selected)
+            chosen = block.chosen(selected)
+            change = self._move(chosen)
+            if change < best_change:
+                best_change, best, solver = change, chosen, outcome.solver
+            self._move([block.options[i.number][0] for i in chosen])
+        if best is None:
+            return ()
+        self._objective_kwh += self._move(best)
+        return (solver,)
+
+    def _move(self, itineraries: Sequence[Itinerary]) -> float:
+        """Change some vehicles' itineraries; the change of the objective, kWh."""
+        change = 0.0
+        for itinerary in itineraries:
+            old = self.present[itinerary.number]
+            if old is itinerary:
+                continue
+            change += itinerary.cost_kwh - old.cost_kwh
+            change -= self._meetings.remove(old.way)
+            change -= self._meetings.add(itinerary.way)
+            self.present[itinerary.number] = itinerary
+        return change
+
+
+def _is_valid(block: Block, selected: frozenset[int]) -> bool:
+    known = all(0 <= index < block.problem.choices for index in selected)
+    return known and not violations(block.problem, selected)
+
+
+def _waves(groups: Sequence[list[int]], size: int) -> list[Sequence[list[int]]]:
+    return [groups[i : i + size] for i in range(0, len(groups), size)]

@@ -1,0 +1,1 @@
+"""What goes out: candidate plans, their physical energy, their verification and their messages."""

@@ -1,0 +1,80 @@
+"""E_physical of plans and the honest split of what was saved (paper section II-C)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from dispatcher_daemon.platooning.platoons import Passage, Place, drag_reductions
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.routes import Route
+from slipstream.drive import drive_energies
+from slipstream.energy import ETA_ALONE, Energy, split_saving, total
+from slipstream.messages import EnergySummary
+
+
+@dataclass(frozen=True)
+class RouteEnergy:
+    """Energy of one route.
+
+    Attributes:
+        driven: with the drag reductions of its platoons.
+        alone: the same drive without any.
+        platooned_m: distance driven in a platoon, as leader or follower.
+    """
+
+    driven: Energy
+    alone: Energy
+    platooned_m: float
+
+
+def route_energy(
+    problem: RoutingProblem, route: Route, places: Mapping[Passage, Place]
+) -> RouteEnergy:
+    """Energy of a route from its speed profile; standing at stops needs none.
+
+    What is expected of a leg beyond its profile goes into changes of speed: traffic and signals
+    cost them.
+    """
+    reductions = drag_reductions(route, places)
+    none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
+    drives = [leg.drive for leg in route.legs]
+    driven = drive_energies(drives, reductions, problem.vehicle).sum()
+    by_leg = drive_energies(drives, none, problem.vehicle)
+    alone = by_leg.sum()
+    beyond = sum(
+        leg.expected_kwh - float(profile_kwh)
+        for leg, profile_kwh in zip(route.legs, by_leg.total_kwh, strict=True)
+        if leg.expected_kwh is not None
+    )
+    driven, alone = (
+        e._replace(total_kwh=e.total_kwh + beyond, acceleration_kwh=e.acceleration_kwh + beyond)
+        for e in (driven, alone)
+    )
+    platooned_m = sum(
+        problem.network.segments[segment].length_m
+        for number, position, segment, _, _ in route.entries_s()
+        if (route.vehicle, number, position) in places
+    )
+    return RouteEnergy(driven, alone, platooned_m)
+
+
+def summarise(
+    name: str, baseline: Sequence[RouteEnergy], cooperative: Sequence[RouteEnergy]
+) -> EnergySummary:
+    """Set a plan's energy against the baseline's, in which every vehicle drives alone.
+
+    The saving is split as in `slipstream.energy.split_saving`; its parts add up.
+    """
+    base, ours = total(e.alone for e in baseline), total(e.alone for e in cooperative)
+    driven = total(e.driven for e in cooperative)
+    saving = split_saving(base, ours, driven)
+    return EnergySummary(
+        baseline=name,
+        baseline_kwh=base.total_kwh,
+        cooperative_kwh=driven.total_kwh,
+        saved_distance_kwh=saving.distance_kwh,
+        saved_drag_kwh=saving.drag_kwh,
+        saved_acceleration_kwh=saving.acceleration_kwh,
+        platooned_distance_m=sum(e.platooned_m for e in cooperative),
+    )

@@ -1,0 +1,80 @@
+"""From timetables and platoons to the messages that vehicles get."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from dispatcher_daemon.plans.energy import RouteEnergy
+from dispatcher_daemon.platooning.platoons import Passage, Place
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.messages import DrivingAdvice, PlannedSegment, PlannedStop, VehiclePlan
+
+
+def vehicle_plans(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    routes: Sequence[Route],
+    places: Mapping[Passage, Place],
+    energies: Sequence[RouteEnergy],
+    *,
+    cycle: int,
+    issued_ns: int,
+    valid_s: float,
+    gap_m: float,
+    advice: DrivingAdvice,
+) -> tuple[VehiclePlan, ...]:
+    """One plan a route; its stops begin and end with the depot, leg n joins stops n and n + 1.
+
+    Args:
+        issued_ns: UTC that the routes' times count from.
+        valid_s: how long the plan may be followed without a newer one.
+        gap_m: gap advised to followers, m.
+        advice: given to every vehicle.
+    """
+
+    def utc_ns(seconds: float) -> int:
+        return issued_ns + round(seconds * 1e9)
+
+    def segments(route: Route) -> tuple[PlannedSegment, ...]:
+        planned = []
+        for leg, position, segment, entry, leaving in route.entries_s():
+            place = places.get((route.vehicle, leg, position))
+            planned.append(
+                PlannedSegment(
+                    segment=segment,
+                    entry_ns=utc_ns(entry),
+                    exit_ns=utc_ns(leaving),
+                    speed_mps=snapshot.segments[segment].speed_mps,
+                    platoon=None if place is None else place.platoon,
+                    place=None if place is None else place.number,
+                    gap_m=gap_m if place is not None and place.number > 0 else None,
+                    leg=leg,
+                )
+            )
+        return tuple(planned)
+
+    return tuple(
+        VehiclePlan(
+            vehicle=route.vehicle,
+            cycle=cycle,
+            issued_ns=issued_ns,
+            valid_until_ns=utc_ns(valid_s),
+            depart_ns=utc_ns(route.visits[0].departure_s),
+            stops=tuple(
+                PlannedStop(
+                    stop=visit.place,
+                    node=problem.fleet.node(visit.place),
+                    arrival_ns=utc_ns(visit.arrival_s),
+                    departure_ns=utc_ns(visit.departure_s),
+                )
+                for visit in route.visits
+            ),
+            segments=segments(route),
+            distance_m=sum(leg.drive.length_m for leg in route.legs),
+            energy_kwh=energy.driven.total_kwh,
+            advice=advice,
+        )
+        for route, energy in zip(routes, energies, strict=True)
+    )

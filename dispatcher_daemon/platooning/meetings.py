@@ -1,0 +1,156 @@
+"""What vehicles save together on open segments, evaluated where something changes.
+
+On a segment, a platoon of m ≥ 2 has one leader and m − 1 followers, so it saves L + (m − 1) F: the
+pairwise sum of the paper would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from dispatcher_daemon.platooning.platoons import Timed, platoons_of
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+
+Who = tuple[int]
+"""A vehicle's number in the fleet."""
+Passing = Timed[Who]
+Passings = Mapping[str, Sequence[Passing]]
+"""One vehicle's passages of open segments, by segment."""
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Energy saved on one open segment, kWh: by a leader with followers, and by each follower."""
+
+    leader_kwh: float
+    follower_kwh: float
+
+
+def open_shares(problem: RoutingProblem, snapshot: TrafficSnapshot) -> dict[str, Shares]:
+    """Shares of all segments whose gate is open."""
+
+    def saving(name: str, eta: float) -> float:
+        length, speed = problem.network.segments[name].length_m, snapshot.segments[name].speed_mps
+        return drag_saving_kwh(length, speed, eta, problem.vehicle)
+
+    return {
+        name: Shares(saving(name, ETA_LEADER), saving(name, ETA_FOLLOWER))
+        for name, traffic in snapshot.segments.items()
+        if traffic.open
+    }
+
+
+def passings(number: int, route: Route, shares: Mapping[str, Shares]) -> dict[str, list[Passing]]:
+    """A route's passages of open segments."""
+    found: dict[str, list[Passing]] = {}
+    for leg, visit in zip(route.legs, route.visits, strict=False):
+        times = (*leg.drive.entry_s, leg.drive.duration_s)
+        for position, segment in enumerate(leg.path):
+            if segment in shares:
+                entry, leaving = times[position], times[position + 1]
+                found.setdefault(segment, []).append(
+                    (visit.departure_s + entry, visit.departure_s + leaving, (number,))
+                )
+    return found
+
+
+def saving_kwh(passages: Sequence[Passing], shares: Shares, sync_window_s: float) -> float:
+    """What all platoons on one segment save; passages in the order of entry."""
+    total = 0.0
+    for group in platoons_of(passages, sync_window_s):
+        if len(group) > 1:
+            total += shares.leader_kwh + (len(group) - 1) * shares.follower_kwh
+    return total
+
+
+class Meetings:
+    """Who passes which open segment when; keeps the sum of all savings up to date."""
+
+    def __init__(self, shares: Mapping[str, Shares], sync_window_s: float) -> None:
+        """Start with empty roads."""
+        self.shares, self.sync_window_s = shares, sync_window_s
+        self._on: dict[str, list[Passing]] = {}
+
+    def add(self, way: Passings) -> float:
+        """Put a vehicle on the roads; the change in total savings, kWh."""
+        return self._change({}, way)
+
+    def remove(self, way: Passings) -> float:
+        """Take a vehicle off; the change in total savings, kWh."""
+        return self._change(way, {})
+
+    def gain_kwh(self, way: Passings) -> float:
+        """The change that `add` would make."""
+        total = 0.0
+        for segment, passages in way.items():
+            for near in self._near(segment, passages):
+                before = [p for p in near if p not in passages]
+                total += self._saving(segment, near) - self._saving(segment, before)
+        return total
+
+    def on(self, segment: str) -> Sequence[Passing]:
+        """Passages of a segment in the order of entry."""
+        return self._on.get(segment, ())
+
+    def _change(self, off: Passings, on: Passings) -> float:
+        total = 0.0
+        for segment in {**off, **on}:
+            old, new = off.get(segment, ()), on.get(segment, ())
+            around = [*old, *new]
+            total -= sum(self._saving(segment, near) for near in self._near(segment, around, ()))
+            there = self._on.setdefault(segment, [])
+            for passage in old:
+                there.remove(passage)
+            for passage in new:
+                insort(there, passage)
+            total += sum(self._saving(segment, near) for near in self._near(segment, around, ()))
+        return total
+
+    def _saving(self, segment: str, passages: Sequence[Passing]) -> float:
+        return saving_kwh(passages, self.shares[segment], self.sync_window_s)
+
+    def _near(
+        self,
+        segment: str,
+        around: Sequence[Passing],
+        added: Sequence[Passing] | None = None,
+    ) -> Iterator[list[Passing]]:
+        """Clusters of passages that some of ``around`` fall into, ``added`` (or all of them)
+        among them: what lies further apart than the window does not meet.
+        """
+        there = self._on.get(segment, [])
+        extra = around if added is None else added
+        chosen: set[int] = set()
+        for passage in around:
+            at = bisect_left(there, passage)
+            chosen.update(self._reach(there, at, passage[0]))
+        merged = sorted([*(there[i] for i in chosen), *extra])
+        yield from clusters(merged, self.sync_window_s)
+
+    def _reach(self, there: list[Passing], at: int, entry_s: float) -> Iterable[int]:
+        low, edge = at, entry_s
+        while low > 0 and edge - there[low - 1][0] <= self.sync_window_s:
+            low -= 1
+            edge = there[low][0]
+        high, edge = at, entry_s
+        while high < len(there) and there[high][0] - edge <= self.sync_window_s:
+            edge = there[high][0]
+            high += 1
+        return range(low, high)
+
+
+def clusters(passages: Sequence[Passing], sync_window_s: float) -> Iterator[list[Passing]]:
+    """Split at gaps longer than the window; passages in the order of entry."""
+    cluster: list[Passing] = []
+    for passage in passages:
+        if cluster and passage[0] - cluster[-1][0] > sync_window_s:
+            yield cluster
+            cluster = []
+        cluster.append(passage)
+    if cluster:
+        yield cluster

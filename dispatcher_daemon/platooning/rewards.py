@@ -1,0 +1,98 @@
+"""Platooning rewards s_{e,k,l} on road segments, gated and synchronised, each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from dispatcher_daemon.problem import ArcReward, RoutingProblem
+from dispatcher_daemon.roads.routes import RoutedArc
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, VehicleParameters, drag_saving_kwh
+from slipstream.roads import Segment
+
+
+@dataclass(frozen=True)
+class JudgedPair:
+    """Why two arcs of two vehicles earn what they earn on one segment.
+
+    Attributes:
+        segment: e.
+        first: index of the arc of vehicle k.
+        second: index of the arc of vehicle l.
+        first_entry_s: predicted entry of k.
+        second_entry_s: predicted entry of l.
+        saving_kwh: s_{e,k,l}; 0 with a reason.
+        reason: why it is 0; None where it is not.
+    """
+
+    segment: str
+    first: int
+    second: int
+    first_entry_s: float
+    second_entry_s: float
+    saving_kwh: float
+    reason: str | None
+
+    def explain(self, arcs: Sequence[RoutedArc]) -> str:
+        """One line for people."""
+        a, b = arcs[self.first], arcs[self.second]
+        who = " and ".join(
+            f"{arc.vehicle} ({arc.leg.start}→{arc.leg.end}, enters at {entry:.1f} s"
+            f"{'' if arc.exact else ' at the earliest'})"
+            for arc, entry in ((a, self.first_entry_s), (b, self.second_entry_s))
+        )
+        what = f"saves {self.saving_kwh:.5f} kWh" if self.reason is None else f"0: {self.reason}"
+        return f"{self.segment}: {who}: {what}"
+
+
+def pair_saving_kwh(segment: Segment, traffic: SegmentTraffic, vehicle: VehicleParameters) -> float:
+    """What a leader and a follower save on a segment together, gate and timing aside, kWh."""
+    return sum(
+        drag_saving_kwh(segment.length_m, traffic.speed_mps, eta, vehicle)
+        for eta in (ETA_LEADER, ETA_FOLLOWER)
+    )
+
+
+def judge_pairs(
+    problem: RoutingProblem,
+    arcs: Sequence[RoutedArc],
+    snapshot: TrafficSnapshot,
+    sync_window_s: float,
+    *,
+    watched_only: bool = True,
+) -> Iterator[JudgedPair]:
+    """Judge every pair of arcs of two vehicles that share a segment (paper section III-A).
+
+    Args:
+        sync_window_s: Δt_sync; the largest difference of entry times that still counts.
+        watched_only: leave out segments that no RSU has reported on, where nothing can be earned.
+    """
+    users: dict[str, list[tuple[int, float]]] = {}
+    for index, arc in enumerate(arcs):
+        for name, entry in arc.entries_s().items():
+            if not watched_only or snapshot.segments[name].reason != "unwatched":
+                users.setdefault(name, []).append((index, entry))
+    for name in sorted(users):
+        segment, traffic = problem.network.segments[name], snapshot.segments[name]
+        for position, (first, first_entry) in enumerate(users[name]):
+            for second, second_entry in users[name][position + 1 :]:
+                if arcs[first].vehicle == arcs[second].vehicle:
+                    continue
+                apart = abs(first_entry - second_entry)
+                reason = None
+                if not traffic.open:
+                    reason = f"gate closed ({traffic.reason})"
+                elif apart > sync_window_s:
+                    reason = f"entry times {apart:.1f} s apart, more than {sync_window_s:g} s"
+                saving = 0.0
+                if reason is None:
+                    saving = pair_saving_kwh(segment, traffic, problem.vehicle)
+                yield JudgedPair(name, first, second, first_entry, second_entry, saving, reason)
+
+
+def rewards(pairs: Sequence[JudgedPair]) -> tuple[ArcReward, ...]:
+    """The rewards that are not zero, for `ArcProblem`."""
+    return tuple(
+        ArcReward(p.first, p.second, p.segment, p.saving_kwh) for p in pairs if p.saving_kwh > 0
+    )

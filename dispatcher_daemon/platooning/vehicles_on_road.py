@@ -1,0 +1,95 @@
+"""Vehicles that earlier cycles sent and that are still on their way: others can meet them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from dispatcher_daemon.platooning.meetings import Passing, Passings, Shares
+from dispatcher_daemon.platooning.platoons import Passage, Place, Timed
+from slipstream.messages import PlannedSegment, VehiclePlan
+
+
+@dataclass(frozen=True)
+class RoadUser:
+    """A vehicle that drives by an earlier plan.
+
+    Attributes:
+        vehicle: of the fleet, none that the cycle may send.
+        now_ns: the cycle's start, UTC.
+        ahead: what it has before it, in order: passage of its plan and segment, with times in UTC.
+    """
+
+    vehicle: str
+    now_ns: int
+    ahead: tuple[tuple[Passage, PlannedSegment], ...]
+
+    def passages(self) -> Iterator[tuple[str, Timed[Passage]]]:
+        """Each segment with its passage, times in s after the cycle's start."""
+        for passage, planned in self.ahead:
+            entry, leaving = planned.entry_ns - self.now_ns, planned.exit_ns - self.now_ns
+            yield planned.segment, (1e-9 * entry, 1e-9 * leaving, passage)
+
+
+def on_road(
+    plans: Iterable[VehiclePlan], now_ns: int, late_s: Mapping[str, float] | None = None
+) -> tuple[RoadUser, ...]:
+    """The vehicles of earlier plans that still have segments to enter after a moment.
+
+    Args:
+        plans: at most one a vehicle.
+        now_ns: a cycle's start, UTC.
+        late_s: by how much vehicles are behind their plans.
+    """
+    late = late_s or {}
+    users = []
+    for plan in sorted(plans, key=lambda plan: plan.vehicle):
+        shift_ns = round(1e9 * late.get(plan.vehicle, 0.0))
+        position: Counter[int] = Counter()
+        ahead = []
+        for planned in plan.segments:
+            passage = plan.vehicle, planned.leg, position[planned.leg]
+            position[planned.leg] += 1
+            if planned.entry_ns + shift_ns > now_ns:
+                times = {
+                    "entry_ns": planned.entry_ns + shift_ns,
+                    "exit_ns": planned.exit_ns + shift_ns,
+                }
+                ahead.append((passage, planned.model_copy(update=times)))
+        if ahead:
+            users.append(RoadUser(plan.vehicle, now_ns, tuple(ahead)))
+    return tuple(users)
+
+
+def passings_on_road(users: Sequence[RoadUser], shares: Mapping[str, Shares]) -> list[Passings]:
+    """Their passages of open segments; numbers below 0 stand for them, as the fleet's are above."""
+    found: list[Passings] = []
+    for number, user in enumerate(users, 1):
+        way: dict[str, list[Passing]] = {}
+        for segment, (entry, leaving, _) in user.passages():
+            if segment in shares:
+                way.setdefault(segment, []).append((entry, leaving, (-number,)))
+        found.append(way)
+    return found
+
+
+def joined_segments(
+    users: Sequence[RoadUser], places: Mapping[Passage, Place], gap_m: float
+) -> list[tuple[str, PlannedSegment]]:
+    """Vehicle and segment, with its place in a platoon, of each passage that has one."""
+    return [
+        (
+            user.vehicle,
+            planned.model_copy(
+                update={
+                    "platoon": places[passage].platoon,
+                    "place": places[passage].number,
+                    "gap_m": gap_m if places[passage].number > 0 else None,
+                }
+            ),
+        )
+        for user in users
+        for passage, planned in user.ahead
+        if passage in places
+    ]

@@ -1,0 +1,291 @@
+"""Ways between all places of a fleet: energy and time of each, and the leg itself when asked for.
+
+A city has a million pairs of places and drives a thousand of them. So energies and times of all
+pairs come from one search over the segments, in arrays; a leg with its path and its drive is made
+when somebody wants it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.costs import segment_cost_kwh
+from dispatcher_daemon.roads.routes import Leg, still_leg
+from dispatcher_daemon.roads.turns import Basis, objective
+from dispatcher_daemon.roads.weights import Floats, Ints, Weights, cheapest_ways
+from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.drive import DrivingStyle, plan_drive
+
+
+@dataclass(frozen=True)
+class Roads:
+    """A network under given traffic as arrays over its segments, in the order of their ids.
+
+    Attributes:
+        ids: segment ids.
+        cost_kwh: expected energy of a vehicle alone, > 0, shape (m,).
+        speed_mps: planning speeds, shape (m,).
+        length_m: shape (m,).
+        turn: pairs of segments (from, onto), shape (2, t).
+        energy: expected energy of ways, kWh.
+        time: their durations, to about a second, s.
+        objective: what ways are searched by, as the problem wants it, kWh or what counts as one.
+        waiting_s: how long vehicles are held up before each turn, shape (t,); None: not known.
+        index: position by id.
+        leaving: positions of the segments that leave a junction, by junction; so `entering`.
+    """
+
+    ids: tuple[str, ...]
+    cost_kwh: Floats
+    speed_mps: Floats
+    length_m: Floats
+    turn: Ints
+    energy: Weights
+    time: Weights
+    objective: Weights
+    waiting_s: Floats | None
+    index: Mapping[str, int] = field(repr=False)
+    leaving: Mapping[str, list[int]] = field(repr=False)
+    entering: Mapping[str, list[int]] = field(repr=False)
+
+    @cached_property
+    def number(self) -> dict[tuple[int, int], int]:
+        """Numbers of the turns, by (from, onto)."""
+        return {(a, b): i for i, (a, b) in enumerate(self.turn.T.tolist())}
+
+    @cached_property
+    def before(self) -> list[tuple[Ints, Ints]]:
+        """For the first turn onto each segment, the second one ...: where they come from and their
+        numbers, shape (m,) each; -1 and 0 where a segment has no more.
+        """
+        m, count = len(self.ids), self.turn.shape[1]
+        order = np.argsort(self.turn[1], kind="stable")
+        onto = self.turn[1, order]
+        rank = np.arange(count) - np.searchsorted(onto, onto, "left")
+        found = []
+        for k in range(int(rank.max(initial=-1)) + 1):
+            chosen = order[rank == k]
+            origin, number = np.full(m, -1), np.zeros(m, dtype=np.int64)
+            origin[self.turn[1, chosen]] = self.turn[0, chosen]
+            number[self.turn[1, chosen]] = chosen
+            found.append((origin, number))
+        return found
+
+    def parts(self, weights: Weights, way: Sequence[int]) -> float:
+        """Cost of a way over these segments."""
+        return weights.along(way, [self.number[pair] for pair in pairwise(way)])
+
+
+def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
+    """The arrays of a problem's network."""
+    network = problem.network
+    ids = tuple(sorted(network.segments))
+    index = {name: i for i, name in enumerate(ids)}
+    leaving: dict[str, list[int]] = {node: [] for node in network.junctions}
+    entering: dict[str, list[int]] = {node: [] for node in network.junctions}
+    for i, name in enumerate(ids):
+        leaving[network.segments[name].start].append(i)
+        entering[network.segments[name].end].append(i)
+    pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(network.turns(a))]
+    turn = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    cost = np.array(
+        [segment_cost_kwh(network.segments[s], snapshot.segments[s], problem.vehicle) for s in ids]
+    )
+    speed = np.array([snapshot.segments[s].speed_mps for s in ids])
+    length = np.array([network.segments[s].length_m for s in ids])
+    basis = Basis(ids, turn, cost, speed, length)
+    energy, time, waiting_s = basis.weights(problem.style, problem.vehicle, snapshot.expected)
+    return Roads(
+        ids,
+        cost,
+        speed,
+        length,
+        turn,
+        energy,
+        time,
+        objective(energy, time, problem.search, problem.time_worth_kw),
+        waiting_s,
+        index,
+        leaving,
+        entering,
+    )
+
+
+class Travel:
+    """Least-cost ways between the places of a fleet.
+
+    Attributes:
+        places: depots and stops.
+        row: place → row and column in the matrices.
+        energy_kwh: of the way from place i to place j, inf where there is none, shape (n, n).
+        searched_kwh: the same with the discounts that the search was given, shape (n, n).
+        duration_s: of its drive, to about a second, shape (n, n).
+    """
+
+    def __init__(
+        self, problem: RoutingProblem, roads: Roads, discount_kwh: Floats | None = None
+    ) -> None:
+        """Search.
+
+        Args:
+            discount_kwh: taken off each segment's cost in the search, shape (m,); energies stay
+                those of the way that is found. At least 1 % of a cost is left.
+        """
+        self._problem, self.roads = problem, roads
+        fleet = problem.fleet
+        self.places = (*(d.id for d in fleet.depots), *(s.id for s in fleet.stops))
+        self.row = {place: i for i, place in enumerate(self.places)}
+        self._nodes = sorted({fleet.node(place) for place in self.places})
+        at = {node: i for i, node in enumerate(self._nodes)}
+        self._node_of = np.array([at[fleet.node(place)] for place in self.places])
+        searched = roads.objective
+        if discount_kwh is not None:
+            searched = searched.discounted(discount_kwh, roads.turn)
+        self._before, self._last = self._search(searched)
+        pairs = np.ix_(self._node_of, self._node_of)
+        self.searched_kwh, self.energy_kwh, self.duration_s = (
+            values[pairs] for values in self._along_ways(searched)
+        )
+        self._legs: dict[tuple[int, int], Leg | None] = {}
+        self._ways: dict[tuple[int, int, int], list[list[int]]] = {}
+
+    def _search(self, cost: Weights) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """(predecessors, shape (nodes, m); last segment of each way, shape (nodes, nodes))."""
+        roads = self.roads
+        m, n = len(roads.ids), len(self._nodes)
+        out = [roads.leaving[node] for node in self._nodes]
+        onto = np.concatenate([roads.turn[1], *(np.array(o, dtype=np.int64) for o in out)])
+        start = np.repeat(np.arange(m, m + n), [len(o) for o in out])
+        graph = csr_array(
+            (
+                np.concatenate([cost.turn, *(cost.begin[o] for o in out)]),
+                (np.concatenate([roads.turn[0], start]), onto),
+            ),
+            shape=(m + n, m + n),
+        )
+        distance, before = dijkstra(graph, indices=np.arange(m, m + n), return_predecessors=True)
+        last = np.full((n, n), -1, dtype=np.int32)
+        for j, node in enumerate(self._nodes):
+            into = roads.entering[node]
+            if into:
+                whole = distance[:, into] + cost.finish[into]
+                best = np.array(into)[whole.argmin(axis=1)]
+                reached = np.isfinite(distance[np.arange(n), best])
+                last[reached, j] = best[reached]
+        np.fill_diagonal(last, -1)
+        return before[:, :m], last
+
+    def _along_ways(self, searched: Weights) -> tuple[Floats, ...]:
+        """Searched cost, energy and duration between nodes, summed along the ways found, shape
+        (n, n) each.
+        """
+        roads = self.roads
+        m, n = len(roads.ids), len(self._nodes)
+        # One more segment, m, stands for the start: it costs nothing and comes before itself.
+        before = np.where((self._before < 0) | (self._before >= m), m, self._before)
+        before = np.hstack([before, np.full((n, 1), m)]).astype(np.int64)
+        turn = np.zeros((n, m), dtype=np.int64)
+        for origin, number in roads.before:
+            turn = np.where(before[:, :m] == origin, number, turn)
+        kinds = (searched, roads.energy, roads.time)
+        sums = [
+            np.hstack(
+                [np.where(before[:, :m] == m, w.begin, _taken(w.turn, turn)), np.zeros((n, 1))]
+            )
+            for w in kinds
+        ]
+        # Each round doubles how much of a way its last segment stands for.
+        while (before != m).any():
+            for values in sums:
+                values += np.take_along_axis(values, before, axis=1)
+            before = np.take_along_axis(before, before, axis=1)
+        rows = np.arange(n)[:, None]
+        ways = self._last >= 0
+        last = np.where(ways, self._last, m)
+        found = []
+        for values, w in zip(sums, kinds, strict=True):
+            total = values[rows, last] + np.append(w.finish, 0.0)[last]
+            total[~ways] = np.inf
+            np.fill_diagonal(total, 0.0)
+            found.append(total)
+        return tuple(found)
+
+    def leg(self, start: str, end: str) -> Leg | None:
+        """The way between two places; None if there is none."""
+        pair = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
+        if pair not in self._legs:
+            self._legs[pair] = self._make(*pair, start, end)
+        known = self._legs[pair]
+        if known is None or (known.start, known.end) == (start, end):
+            return known
+        return replace(known, start=start, end=end)
+
+    def ways(self, start: str, end: str, most: int) -> list[Leg]:
+        """The cheapest ways between two places without a loop, at most so many (Yen, 1971).
+
+        Each takes tens of milliseconds on a city's network.
+        """
+        i, j = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
+        key = i, j, most
+        if key not in self._ways:
+            roads, nodes = self.roads, self._nodes
+            ends = roads.leaving[nodes[i]], roads.entering[nodes[j]]
+            reached = self._last[i, j] >= 0
+            self._ways[key] = (
+                cheapest_ways(roads.turn, roads.objective, *ends, most) if reached else []
+            )
+        style = self._problem.style
+        return [leg_along(self.roads, way, start, end, style) for way in self._ways[key]]
+
+    def _make(self, i: int, j: int, start: str, end: str) -> Leg | None:
+        if i == j:
+            return still_leg(start, end)
+        if self._last[i, j] < 0:
+            return None
+        way = [int(self._last[i, j])]
+        while self._before[i, way[-1]] < len(self.roads.ids):
+            way.append(int(self._before[i, way[-1]]))
+        return leg_along(self.roads, way[::-1], start, end, self._problem.style)
+
+
+def least_energy_legs(
+    problem: RoutingProblem, snapshot: TrafficSnapshot
+) -> dict[tuple[str, str], Leg]:
+    """Least-energy way of every candidate arc, by (from, to); pairs without a way are left out."""
+    travel, fleet = Travel(problem, roads_of(problem, snapshot)), problem.fleet
+    wanted = sorted({pair for vehicle in fleet.vehicles for pair in fleet.legs(vehicle)})
+    legs = {pair: travel.leg(*pair) for pair in wanted}
+    return {pair: leg for pair, leg in legs.items() if leg is not None}
+
+
+def leg_along(roads: Roads, way: Sequence[int], start: str, end: str, style: DrivingStyle) -> Leg:
+    """The leg along given segments (indices into ``roads.ids``)."""
+    rows = np.array(way)
+    drive = plan_drive(roads.length_m[rows].tolist(), roads.speed_mps[rows].tolist(), style)
+    expected_kwh = None
+    if roads.waiting_s is not None:
+        expected_kwh = roads.parts(roads.energy, way)
+        turns_taken = [roads.number[pair] for pair in pairwise(way)]
+        drive = drive.delayed([*roads.waiting_s[turns_taken].tolist(), 0.0])
+    return Leg(
+        start,
+        end,
+        tuple(roads.ids[i] for i in way),
+        roads.parts(roads.objective, way),
+        drive,
+        expected_kwh,
+    )
+
+
+def _taken(values: Floats, at: Ints) -> Floats:
+    """Values at places; where there are none, zeros: nobody turns in a network without turns."""
+    return values[at] if len(values) else np.zeros(at.shape)

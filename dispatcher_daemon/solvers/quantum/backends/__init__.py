@@ -1,0 +1,73 @@
+"""Places that run circuits: Aer, and devices of IBM Quantum."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.solvers.quantum.backends.base import Backend, Sampled
+from dispatcher_daemon.solvers.quantum.backends.jobs import JobService
+from slipstream.errors import InputError
+
+__all__ = ["Backend", "Sampled", "open_backend", "open_service"]
+
+
+def open_backend(text: str) -> Backend:
+    """The backend of that name.
+
+    Args:
+        text: "aer", "aer:FakeBoston" or another fake device (with "+fractional": RZZ and RX gates
+            added to it, which is an assumption), "ibm:NAME" or "ibm:least-busy".
+
+    Raises:
+        InputError: there is no such backend, or no credentials for it.
+        ServiceFault: IBM Quantum does not do what it is asked.
+    """
+    service, _, name = text.partition(":")
+    if text == "aer":
+        from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend
+
+        return AerBackend()
+    if service == "aer" and name:
+        from dispatcher_daemon.solvers.quantum.backends.aer import (
+            FRACTIONAL,
+            NoisyBackend,
+            fake_target,
+        )
+
+        device = name.removesuffix(FRACTIONAL)
+        fake_target(device)
+        return NoisyBackend(device, name.endswith(FRACTIONAL))
+    if service == "ibm" and name:
+        from dispatcher_daemon.solvers.quantum.backends.ibm import open_ibm_backend
+
+        return open_ibm_backend(name)
+    raise InputError(
+        "backend",
+        f"there is no backend {text!r}",
+        "use aer, aer:FakeBoston, ibm:NAME or ibm:least-busy",
+    )
+
+
+def open_service(text: str) -> JobService:
+    """The job service of that name.
+
+    Args:
+        text: "ibm:NAME", "ibm:least-busy", or "fake:FakeBoston" or another fake device: its noise
+            model behind the same calls.
+
+    Raises:
+        InputError: there is no such service, or no credentials for it.
+        ServiceFault: IBM Quantum does not do what it is asked.
+    """
+    service, _, name = text.partition(":")
+    if service == "fake" and name:
+        from dispatcher_daemon.solvers.quantum.backends.local import LocalService
+
+        return LocalService(name)
+    if service == "ibm" and name:
+        from dispatcher_daemon.solvers.quantum.backends.ibm import open_ibm
+
+        return open_ibm(name)
+    raise InputError(
+        "backend",
+        f"there is no job service {text!r}",
+        "use ibm:NAME, ibm:least-busy or fake:FakeBoston",
+    )

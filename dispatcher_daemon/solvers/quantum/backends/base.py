@@ -1,0 +1,111 @@
+"""What all places that run circuits have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from dispatcher_daemon.solvers.protocol import BackendKind
+from dispatcher_daemon.solvers.quantum.backends.targets import transpile_dense, transpile_on
+from dispatcher_daemon.solvers.quantum.chain.layout import Placement, place_chain
+
+OVERHEAD_S = 5.0
+"""Assumed upper bound of what a job is charged beside its shots, s."""
+SHOT_S = 5e-4
+"""Assumed upper bound of what a shot takes, s: 250 µs between shots by default, a circuit of some
+10 µs and its readout, twice for good measure."""
+
+
+def device_s(shots: int) -> float:
+    """Device time that a job will be charged at most, s; also set as its limit on a device."""
+    return float(math.ceil(OVERHEAD_S + SHOT_S * shots))
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """What a backend measured.
+
+    Attributes:
+        counts: shots by bit string (Qiskit's order: qubit 0 last).
+        two_qubit_depth: layers of two-qubit gates of the circuit as it ran.
+        two_qubit_gates: their number.
+        sample_s: time from handing the circuit over to its samples, transpilation included, s.
+        job: the service's id of the job, if there was one.
+    """
+
+    counts: Mapping[str, int]
+    two_qubit_depth: int
+    two_qubit_gates: int
+    sample_s: float
+    job: str | None = None
+
+
+class Backend(Protocol):
+    """A simulator or a device that samples circuits."""
+
+    @property
+    def name(self) -> str:
+        """As `open_backend` takes it."""
+        ...
+
+    @property
+    def kind(self) -> BackendKind:
+        """A simulation without noise, one with a device's noise model, or a device."""
+        ...
+
+    @property
+    def target(self) -> Any:
+        """The device's `qiskit.transpiler.Target`; None from a simulator without a device."""
+        ...
+
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+        """Where a chain of n qubits lies; the bonds that it cuts must get an angle of 0.
+
+        See `place_chain`. A simulator without a device cuts nothing.
+        """
+        ...
+
+    def sample(self, circuit: Any, shots: int, seed: int) -> Sampled:
+        """Samples of a measured logical circuit, which is transpiled for the target first.
+
+        Args:
+            circuit: `qiskit.QuantumCircuit`; a chain's circuit, with gates between neighbours
+                only, is laid on the best physical chain.
+            shots: number of samples.
+            seed: of a simulation; devices have none.
+
+        Raises:
+            InputError: the circuit does not fit the device.
+            ServiceFault: from a device.
+        """
+        ...
+
+
+def is_chain(circuit: Any) -> bool:
+    """Whether all two-qubit gates are between neighbours."""
+    return all(abs(a - b) == 1 for a, b in _pairs(circuit))
+
+
+def fit(circuit: Any, target: Any) -> Any:
+    """Transpile for a target: a chain on its best chain, any other circuit as well as possible.
+
+    Raises:
+        InputError: too many qubits, or a chain that the device cannot lay without a cut where the
+            circuit has a gate.
+    """
+    if not is_chain(circuit):
+        return transpile_dense(circuit, target)
+    gated = {min(pair) for pair in _pairs(circuit)}
+    n = circuit.num_qubits
+    weights = [float("inf") if q in gated else 0.0 for q in range(n - 1)]
+    return transpile_on(circuit, target, place_chain(target, n, bond_weights=weights).qubits)
+
+
+def _pairs(circuit: Any) -> set[tuple[int, ...]]:
+    found = set()
+    for instruction in circuit.data:
+        if len(instruction.qubits) == 2 and instruction.operation.name != "barrier":
+            found.add(tuple(circuit.find_bit(q).index for q in instruction.qubits))
+    return found

@@ -1,0 +1,116 @@
+"""A fake device behind the calls of a job service: the hardware path without hardware.
+
+What it answers is a simulation with the device's noise model and never called hardware.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+from collections.abc import Sequence
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
+from dispatcher_daemon.solvers.quantum.backends.base import Sampled, device_s, fit
+from dispatcher_daemon.solvers.quantum.backends.jobs import JobView
+from dispatcher_daemon.solvers.quantum.backends.targets import two_qubit_depth, two_qubit_gates
+from dispatcher_daemon.solvers.quantum.chain.layout import Placement, place_chain
+
+KEPT = 100
+"""Jobs that are over and still known, with their samples."""
+
+
+@dataclass(frozen=True)
+class _Job:
+    tags: tuple[str, ...]
+    future: Future[Sampled]
+    charge_s: float
+
+
+class LocalService:
+    """A `JobService` whose jobs run one after another in a thread of this process.
+
+    The last `KEPT` jobs are known, and those that are not over, as long as this object is; others
+    are lost. Each is charged what `estimate_s` says.
+
+    Args:
+        device: class name in `qiskit_ibm_runtime.fake_provider`.
+        seed: of the first job's samples; each further job has the next.
+
+    Raises:
+        InputError: there is no such device.
+    """
+
+    def __init__(self, device: str, seed: int = 1) -> None:
+        self._backend = NoisyBackend(device)
+        self._target = self._backend.target
+        self._seeds = count(seed)
+        self._jobs: dict[str, _Job] = {}
+        self._lock = threading.Lock()
+        self._runner = ThreadPoolExecutor(1, thread_name_prefix="noise-model")
+
+    @property
+    def name(self) -> str:
+        """Name of the fake device."""
+        return self._backend.device
+
+    def estimate_s(self, circuit: Any, shots: int) -> float:
+        """See `JobService.estimate_s`; the same rule as for a device."""
+        return device_s(shots)
+
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+        """See `Backend.place`."""
+        return place_chain(self._target, n, bond_weights=bond_weights)
+
+    def two_qubit(self, circuit: Any) -> tuple[int, int]:
+        """Layers of two-qubit gates of a circuit as it will run, and their number."""
+        transpiled = fit(circuit, self._target)
+        return two_qubit_depth(transpiled), two_qubit_gates(transpiled)
+
+    def submit(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:
+        """See `JobService.submit`."""
+        with self._lock:
+            seed = next(self._seeds)
+            # Never an id that an earlier process gave to another job.
+            job_id = f"local-{secrets.token_hex(6)}"
+            future = self._runner.submit(self._backend.sample, circuit, shots, seed)
+            self._jobs[job_id] = _Job(tuple(tags), future, device_s(shots))
+            over = [known for known, job in self._jobs.items() if job.future.done()]
+            for known in over[: max(0, len(over) - KEPT)]:
+                del self._jobs[known]
+        return job_id
+
+    def look(self, job_id: str, *, samples: bool = True) -> JobView:
+        """See `JobService.look`."""
+        job = self._jobs.get(job_id)
+        if job is None:
+            return JobView("lost")
+        if job.future.cancelled():
+            return JobView("cancelled", reason="cancelled on request", usage_s=0.0)
+        if not job.future.done():
+            return JobView("running" if job.future.running() else "queued")
+        try:
+            sampled = job.future.result()
+        except CancelledError:
+            return JobView("cancelled", reason="cancelled on request", usage_s=0.0)
+        except Exception as error:
+            return JobView("failed", reason=str(error), usage_s=0.0)
+        return JobView("done", usage_s=job.charge_s, counts=sampled.counts if samples else None)
+
+    def cancel(self, job_id: str) -> None:
+        """See `JobService.cancel`; a job that is running is finished."""
+        job = self._jobs.get(job_id)
+        if job is not None:
+            job.future.cancel()
+
+    def find(self, tag: str) -> list[str]:
+        """See `JobService.find`."""
+        with self._lock:
+            return [job_id for job_id, job in reversed(self._jobs.items()) if tag in job.tags]
+
+    def close(self) -> None:
+        """Cancel what waits and end the thread once the running job is over."""
+        self._runner.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,1 @@
+"""QAOA simulated exactly: on all 2^n states, or on those with one option of each vehicle."""

@@ -1,0 +1,1 @@
+"""Synthetic delivery cities: streets, depots, stops, vehicles and one moment of traffic."""

@@ -1,0 +1,1 @@
+"""That a QUBO says what its problem says, by enumeration and exact elimination."""

@@ -1,0 +1,1 @@
+"""Variables, constraints and couplings of the arc form, up to N = 50, K = 20."""

@@ -1,0 +1,181 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+from dispatcher_daemon.planning.fleet_plan import CityPlan, at_once, plan_city
+from dispatcher_daemon.planning.itineraries import Planner
+from dispatcher_daemon.planning.sweeps import choice_of
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.routes import lateness_s
+from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.settings import CitySettings, SearchSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.traffic import TrafficSnapshot
+from research.cities.generator import CityShape, generate_city
+
+Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
+QUICK = CitySettings(
+    search=SearchSettings(rounds=2, iterations_per_stop=5, workers=1),
+    second_rounds=1,
+    most_sweeps=4,
+    patience=2,
+)
+
+
+def plan(
+    problem: RoutingProblem, snapshot: TrafficSnapshot, settings: CitySettings = QUICK, **more: Any
+) -> CityPlan:
+    """A plan made in this process."""
+    with ThreadPoolExecutor(1) as thread:
+        return plan_city(
+            problem,
+            snapshot,
+            settings,
+            thread,
+            solve_here([ExactSolver()]),
+            **{"sync_window_s": 3.0, "seed": 1, "reference_s": 10.0, **more},
+        )
+
+
+def faults(problem: RoutingProblem, made: CityPlan) -> list[str]:
+    """Stops that are neither served once nor listed, windows missed, loads too large."""
+    fleet = problem.fleet
+    visits = [stop for i in made.choice.itineraries for stop in i.stops]
+    found = [s.id for s in fleet.stops if visits.count(s.id) != (s.id not in made.unserved)]
+    for vehicle, itinerary in zip(fleet.vehicles, made.choice.itineraries, strict=True):
+        load = sum(fleet.stop_by_id[s].demand for s in itinerary.stops)
+        if vehicle.capacity is not None and load > vehicle.capacity:
+            found.append(f"{vehicle.id} carries {load}")
+        if (
+            itinerary.route is not None
+            and lateness_s(problem, vehicle, itinerary.route, 10.0) > 1e-6
+        ):
+            found.append(f"{vehicle.id} is late")
+    return found
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_plans_are_sound_and_never_worse_than_their_rivals(seed: int) -> None:
+    """Every stop once, windows and loads kept, and no more objective than the base routes or the
+    greedy schedule; the objective is that of an evaluation from nothing.
+    """
+    city = generate_city(
+        seed,
+        vehicles=12,
+        stops=36,
+        segments=160,
+        shape=CityShape(depots=1, open_share=0.9, window_share=0.3),
+    )
+    made = plan(city.problem, city.snapshot)
+    assert made.unserved == {}
+    assert faults(city.problem, made) == []
+    assert not made.timed_out
+    best = made.choice.objective_kwh
+    assert best <= min(made.base.objective_kwh, made.greedy.objective_kwh) + 1e-9
+    assert best < made.base.objective_kwh - 1e-6
+    assert made.choice.saving_kwh > 0
+    travel = Travel(city.problem, roads_of(city.problem, city.snapshot))
+    fresh = Planner(city.problem, city.snapshot, [travel], 3.0, 10.0)
+    again = choice_of(fresh, made.choice.itineraries)
+    assert again.objective_kwh == pytest.approx(best, abs=1e-9)
+    if made.sweeps:
+        assert made.sweeps[-1].objective_kwh == pytest.approx(best, abs=1e-9)
+
+
+def test_the_same_seed_gives_the_same_plan() -> None:
+    """Nothing but the seed decides, as long as time does not run out."""
+    city = generate_city(4, vehicles=5, stops=15, segments=100)
+    one, other = (plan(city.problem, city.snapshot) for _ in range(2))
+    assert [i.key for i in one.choice.itineraries] == [i.key for i in other.choice.itineraries]
+    assert one.choice.objective_kwh == other.choice.objective_kwh
+
+
+def test_a_short_deadline_is_kept_with_a_sound_plan() -> None:
+    """Half a second for searches that would take minutes: a plan in time, and that it was cut."""
+    city = generate_city(5, vehicles=10, stops=50, segments=200)
+    endless = QUICK.model_copy(
+        update={
+            "search": SearchSettings(rounds=1000, iterations_per_stop=1000, workers=1),
+            "second_rounds": 1000,
+            "most_sweeps": 1000,
+            "patience": 1000,
+        }
+    )
+    # Modules are loaded outside of the time that is measured.
+    plan(city.problem, city.snapshot, QUICK, deadline_s=0.2)
+    began = time.monotonic()
+    made = plan(city.problem, city.snapshot, endless, deadline_s=0.5)
+    assert time.monotonic() - began < 5
+    assert made.timed_out
+    assert made.unserved == {}
+    assert faults(city.problem, made) == []
+    assert made.choice.objective_kwh <= made.base.objective_kwh + 1e-9
+
+
+def test_what_nobody_can_serve_is_listed_and_the_rest_is_served(town: Town) -> None:
+    """Out of reach, too heavy, too late, one too many: each is named with its reason."""
+    stops: list[dict[str, Any]] = [
+        {"id": "far", "node": "q"},
+        {"id": "heavy", "node": "33", "demand": 9},
+        {"id": "late", "node": "33", "latest_s": 5.0},
+        *(
+            {"id": f"s{i}", "node": n, "demand": 2}
+            for i, n in enumerate(("33", "30", "03", "22", "11"))
+        ),
+    ]
+    problem, snapshot = town(stops, [{"capacity": 4, "depart_by_s": 60.0}, {"capacity": 4}])
+    made = plan(problem, snapshot)
+    assert "cannot be reached" in made.unserved["far"]
+    assert "above every capacity" in made.unserved["heavy"]
+    assert "its window closes at 5 s" in made.unserved["late"]
+    left = set(made.unserved) - {"far", "heavy", "late"}
+    assert len(left) == 1
+    assert made.unserved[left.pop()] == "no vehicle has room and time for it"
+    assert faults(problem, made) == []
+    assert made.choice.objective_kwh <= made.greedy.objective_kwh + 1e-9
+
+
+def test_a_fleet_that_can_serve_nothing_stays_at_home(town: Town) -> None:
+    """All stops out of reach: an empty plan that costs nothing, not an error."""
+    problem, snapshot = town(["q", "p"], [{}, {"first_stop": "s0"}])
+    made = plan(problem, snapshot)
+    assert set(made.unserved) == {"s0", "s1"}
+    assert all(i.route is None for i in made.choice.itineraries)
+    assert (made.choice.objective_kwh, made.sweeps[-1].blocks if made.sweeps else 0) == (0.0, 0)
+
+
+def test_only_the_stop_that_is_late_is_given_up(town: Town) -> None:
+    """Of routes that turn out not to fit, the stops that can be kept are kept; a vehicle that
+    cannot serve what it has loaded stays at home.
+    """
+    stops = [
+        {"id": "a", "node": "11", "service_s": 20.0},
+        {"id": "b", "node": "33", "service_s": 20.0, "latest_s": 60.0},
+        {"id": "c", "node": "22", "service_s": 20.0},
+        {"id": "d", "node": "33", "latest_s": 60.0},
+        {"id": "e", "node": "11"},
+    ]
+    problem, snapshot = town(stops, [{}, {"first_stop": "d"}])
+    planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0)
+    missing: dict[str, str] = {}
+    kept = at_once(planner, {"van-0": ("a", "b", "c"), "van-1": ("d", "e")}, missing)
+    assert [i.stops for i in kept] == [("a", "c"), ()]
+    assert set(missing) == {"b", "d", "e"}
+    assert "van-0" in missing["b"]
+
+
+def test_the_last_cycle_s_routes_are_a_start(town: Town) -> None:
+    """Without any search the plan keeps to the routes that it was given."""
+    problem, snapshot = town(["33", "30", "03", "22"], [{}, {}])
+    still = QUICK.model_copy(
+        update={"search": SearchSettings(rounds=0, workers=1), "second_rounds": 0, "most_sweeps": 0}
+    )
+    start = {"van-0": ["s1", "s0"], "van-1": ["s3", "s2"]}
+    made = plan(problem, snapshot, still, start=start)
+    assert {i.stops for i in made.choice.itineraries} == {("s1", "s0"), ("s3", "s2")}

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dispatcher_daemon.platooning.meetings import (
+    Meetings,
+    Passing,
+    Shares,
+    clusters,
+    open_shares,
+    saving_kwh,
+)
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+
+SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0)}
+WINDOW_S = 3.0
+Way = dict[str, list[Passing]]
+
+
+@st.composite
+def ways(draw: st.DrawFn) -> list[Way]:
+    """Up to eight vehicles close in time on two segments, at times twice on one."""
+    count = draw(st.integers(1, 8))
+    half_seconds = st.integers(0, 24)
+    found = []
+    for number in range(count):
+        way: Way = {}
+        for segment in SHARES:
+            entries = sorted(draw(st.lists(half_seconds, max_size=2, unique=True)))
+            if entries:
+                drives = [draw(st.sampled_from([8.0, 10.0, 12.0])) for _ in entries]
+                way[segment] = [
+                    (e / 2, e / 2 + d, (number,)) for e, d in zip(entries, drives, strict=True)
+                ]
+        found.append(way)
+    return found
+
+
+def from_scratch(present: Sequence[Mapping[str, Sequence[Passing]]]) -> float:
+    """Savings of vehicles on the road, without any bookkeeping."""
+    return sum(
+        saving_kwh(sorted(p for way in present for p in way.get(s, ())), SHARES[s], WINDOW_S)
+        for s in SHARES
+    )
+
+
+@given(ways(), st.randoms(use_true_random=False))
+def test_changes_add_up_to_the_whole(every: list[Way], random: object) -> None:
+    """Vehicles come and go in any order: each change is the difference of evaluations from
+    nothing, and a gain that is asked for is the change that then happens.
+    """
+    assert hasattr(random, "choice")
+    meetings, before = Meetings(SHARES, WINDOW_S), 0.0
+    present: list[Way] = []
+    for way in [*every, *every, *every]:
+        if way in present:
+            present.remove(way)
+            change = meetings.remove(way)
+        else:
+            gain = meetings.gain_kwh(way)
+            change = meetings.add(way)
+            present.append(way)
+            assert gain == pytest.approx(change, abs=1e-12)
+        if len(present) > 2 and random.choice([True, False]):
+            other = present.pop(0)
+            change += meetings.remove(other)
+        after = from_scratch(present)
+        assert change == pytest.approx(after - before, abs=1e-9)
+        before = after
+    on_road = sorted(p for way in present for p in way.get("e", ()))
+    assert list(meetings.on("e")) == on_road
+
+
+@given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 9)), unique=True))
+def test_clusters_are_cut_exactly_at_gaps_longer_than_the_window(
+    moments: list[tuple[int, int]],
+) -> None:
+    """Within a cluster no gap is longer than the window, between two each is; nothing is lost,
+    and what the clusters save is what all passages save.
+    """
+    passages = sorted((m / 2, m / 2 + 10.0, (who,)) for m, who in moments)
+    found = list(clusters(passages, WINDOW_S))
+    assert [p for cluster in found for p in cluster] == passages
+    assert all(b[0] - a[0] <= WINDOW_S for cluster in found for a, b in pairwise(cluster))
+    assert all(after[0][0] - before[-1][0] > WINDOW_S for before, after in pairwise(found))
+    apart = sum(saving_kwh(cluster, SHARES["e"], WINDOW_S) for cluster in found)
+    assert apart == pytest.approx(saving_kwh(passages, SHARES["e"], WINDOW_S))
+
+
+@pytest.mark.parametrize("members", [1, 2, 3, 5])
+def test_a_platoon_has_one_leader_and_the_rest_follow(members: int) -> None:
+    """m ≥ 2 vehicles within the window save L + (m − 1) F; one alone saves nothing."""
+    passages = [(0.5 * n, 10.0 + 0.5 * n, (n,)) for n in range(members)]
+    expected = 1.0 + 4.0 * (members - 1) if members > 1 else 0.0
+    assert saving_kwh(passages, SHARES["e"], WINDOW_S) == pytest.approx(expected)
+
+
+def test_who_leaves_first_cannot_follow() -> None:
+    """A vehicle that enters behind and is due to leave before its leader is no follower, nor is
+    one that falls back by more than the window.
+    """
+    leader = (0.0, 10.0, (0,))
+    assert saving_kwh([leader, (1.0, 11.0, (1,))], SHARES["e"], WINDOW_S) == 5.0
+    assert saving_kwh([leader, (1.0, 9.9, (1,))], SHARES["e"], WINDOW_S) == 0.0
+    assert saving_kwh([leader, (1.0, 13.1, (1,))], SHARES["e"], WINDOW_S) == 0.0
+
+
+def test_the_window_counts_from_the_leader() -> None:
+    """Vehicles 2 s apart each: the third is too far behind the first, and leads the fourth."""
+    passages = [(2.0 * n, 10.0 + 2.0 * n, (n,)) for n in range(4)]
+    assert saving_kwh(passages, SHARES["e"], WINDOW_S) == pytest.approx(2 * 5.0)
+
+
+def test_only_open_segments_have_shares(
+    town: Callable[..., tuple[RoutingProblem, TrafficSnapshot]],
+) -> None:
+    """Shares are the leader's and a follower's drag savings; a closed gate has none."""
+    problem, snapshot = town(["33"], [{}], open_share=0.5)
+    shares = open_shares(problem, snapshot)
+    assert set(shares) == {name for name, t in snapshot.segments.items() if t.open}
+    assert 0 < len(shares) < len(snapshot.segments)
+    for name, share in shares.items():
+        length = problem.network.segments[name].length_m
+        speed = snapshot.segments[name].speed_mps
+        assert share.leader_kwh == drag_saving_kwh(length, speed, ETA_LEADER, problem.vehicle)
+        assert share.follower_kwh == drag_saving_kwh(length, speed, ETA_FOLLOWER, problem.vehicle)
+        assert 0 < share.leader_kwh < share.follower_kwh

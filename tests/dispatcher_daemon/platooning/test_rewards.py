@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from dispatcher_daemon.platooning.rewards import JudgedPair, judge_pairs, rewards
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.routes import RoutedArc, candidate_arcs
+from dispatcher_daemon.roads.travel import least_energy_legs
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from slipstream.messages import SegmentState
+
+Traffic = Callable[..., TrafficSnapshot]
+
+
+def judge(
+    demo: RoutingProblem, snapshot: TrafficSnapshot, window_s: float = 3.0
+) -> tuple[tuple[RoutedArc, ...], list[JudgedPair]]:
+    """Candidate arcs and judged pairs."""
+    arcs = candidate_arcs(demo, least_energy_legs(demo, snapshot))
+    return arcs, list(judge_pairs(demo, arcs, snapshot, window_s))
+
+
+def test_reward_is_a_quarter_of_the_drag_energy(demo: RoutingProblem, traffic: Traffic) -> None:
+    """A follower's 20 % and a leader's 5 % of ½ρC_dAv²d/η over the segment, in kWh."""
+    arcs, judged = judge(demo, traffic(avenue_east=1))
+    (pair,) = rewards(judged)
+    drag_n = 0.5 * 1.225 * 0.30 * 2.4 * 16.67**2
+    length_m = demo.network.segments["avenue_east"].length_m
+    assert pair.saving_kwh == pytest.approx(0.25 * drag_n * length_m / (3.6e6 * 0.88))
+    assert {arcs[pair.first].vehicle, arcs[pair.second].vehicle} == {"van-a", "van-b"}
+
+
+@pytest.mark.parametrize(
+    ("y_e", "window_s", "reason"),
+    [
+        (0, 3.0, "gate closed (turbulent)"),
+        (None, 3.0, "gate closed (unknown: uncertain)"),
+        (1, 1.9, "entry times 2.0 s apart, more than 1.9 s"),
+    ],
+)
+def test_every_zero_has_its_reason(
+    demo: RoutingProblem,
+    state: Callable[..., SegmentState],
+    y_e: int | None,
+    window_s: float,
+    reason: str,
+) -> None:
+    """A closed gate or a missed window earns nothing, and the explanation says which."""
+    # Turbulence without spread in acceleration leaves the avenue the cheapest way.
+    seen = state("avenue_east", y_e, acceleration_variance_m2ps4=0.0)
+    snapshot = take_snapshot(demo.network, [seen], seen.time_ns, stale_after_s=5.0)
+    arcs, judged = judge(demo, snapshot, window_s)
+    assert rewards(judged) == ()
+    (pair,) = [p for p in judged if p.segment == "avenue_east"]
+    assert pair.reason == reason
+    line = pair.explain(arcs)
+    assert "van-a (depot→c1, enters at 90.0 s)" in line
+    assert reason in line
+
+
+def test_window_includes_its_end(demo: RoutingProblem, traffic: Traffic) -> None:
+    """Entry times exactly Δt_sync apart still count (paper: ≤)."""
+    _, judged = judge(demo, traffic(avenue_east=1), 3.0)
+    (pair,) = judged
+    apart = abs(pair.first_entry_s - pair.second_entry_s)
+    assert len(rewards(judge(demo, traffic(avenue_east=1), apart)[1])) == 1
+
+
+def test_unwatched_segments_are_judged_on_request(demo: RoutingProblem, traffic: Traffic) -> None:
+    """Shared but unwatched roads can be explained too; they never earn."""
+    snapshot = traffic()
+    arcs = candidate_arcs(demo, least_energy_legs(demo, snapshot))
+    assert list(judge_pairs(demo, arcs, snapshot, 3.0)) == []
+    everything = list(judge_pairs(demo, arcs, snapshot, 3.0, watched_only=False))
+    assert {p.reason for p in everything} == {"gate closed (unwatched)"}
