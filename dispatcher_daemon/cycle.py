@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
-from dispatcher_daemon.arc_form.cycle import ArcCycle
+from dispatcher_daemon.arc_form.cycle import arc_cycle
+from dispatcher_daemon.arc_form.form import ArcForm, arc_form
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
 from dispatcher_daemon.planning.cycle import route_cycle
 from dispatcher_daemon.planning.servability import servable_part
-from dispatcher_daemon.plans.candidates import Candidate, Cycle, Found
+from dispatcher_daemon.plans.candidates import Candidate, Cycle, Found, Refusal
 from dispatcher_daemon.plans.energy import summarise
 from dispatcher_daemon.platooning.platoons import Passage, Place
 from dispatcher_daemon.platooning.rewards import JudgedPair
-from dispatcher_daemon.platooning.vehicles_on_road import RoadUser
-from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.routes import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.pool import Solve
-from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, Unserved, VehiclePlan
 
@@ -52,60 +50,36 @@ class CycleResult:
 
 
 def run_cycle(
-    problem: RoutingProblem,
-    snapshot: TrafficSnapshot,
-    settings: DispatcherSettings,
+    cycle: Cycle,
     solve: Solve,
-    now_ns: int,
-    cycle: int,
-    seed: int,
-    clock: Callable[[], float] = time.monotonic,
-    *,
     executor: Executor | None = None,
-    start: Mapping[str, Sequence[str]] | None = None,
-    reference_s: float | None = None,
-    on_road: Sequence[RoadUser] = (),
+    clock: Callable[[], float] = time.monotonic,
 ) -> CycleResult:
     """Run one dispatch cycle.
 
-    Same input, same seed and a `solve` that keeps to them give the same result, wall times aside.
+    The same cycle and a `solve` that keeps to its seeds give the same result, wall times aside.
 
     Args:
-        problem: roads and fleet.
-        snapshot: traffic at ``now_ns``.
         solve: runs solvers by name, within the deadline, without raising.
-        now_ns: UTC at the start of the cycle.
-        cycle: its number.
-        seed: for everything random in the solvers.
-        clock: seconds, for the report's wall time only.
         executor: for the search of the route form's base routes; None: this thread.
-        start: routes by vehicle that this search starts from, as of the last cycle.
-        reference_s: from the start of the cycle to the moment that the fleet's times count from;
-            None: its deadline, so that plans are out before anybody leaves.
-        on_road: vehicles that earlier cycles sent. The route form plans to meet them; they stay
-            as they are, but for their places in platoons.
+        clock: seconds, for the report's wall time only.
 
     Returns:
         The best verified plans of the solvers that answered; the baseline's if none did; a report
         of status "failed" without plans if there is no valid plan at all.
     """
     began = clock()
-    if reference_s is None:
-        reference_s = settings.deadline_s
-    this = Cycle(problem, snapshot, settings, cycle, now_ns, seed, reference_s, tuple(on_road))
     arcs: tuple[RoutedArc, ...] = ()
     judged: tuple[JudgedPair, ...] = ()
-    in_arcs = _in_arcs(this)
-    if in_arcs is not None:
-        smaller, missing = in_arcs
-        arc_form = ArcCycle(replace(this, problem=smaller))
-        found = replace(arc_form.run(solve), unserved=missing)
-        arcs, judged = arc_form.parts.arcs, arc_form.parts.judged
+    form = _in_arcs(cycle)
+    if form is not None:
+        found = arc_cycle(form, solve)
+        arcs, judged = form.arcs, form.judged
     elif executor is None:
         with ThreadPoolExecutor(max_workers=1) as thread:
-            found = route_cycle(this, solve, thread, start)
+            found = route_cycle(cycle, solve, thread)
     else:
-        found = route_cycle(this, solve, executor, start)
+        found = route_cycle(cycle, solve, executor)
     chosen, status, reason = _choose(found)
     energy = None
     if chosen is not None and isinstance(found.alone, Candidate):
@@ -113,8 +87,8 @@ def run_cycle(
         energy = summarise(name, found.alone.energies, chosen.energies)
     report = CycleReport.model_validate(
         {
-            "cycle": cycle,
-            "started_ns": now_ns,
+            "cycle": cycle.number,
+            "started_ns": cycle.now_ns,
             "wall_s": max(0.0, clock() - began),
             "status": status,
             "reason": reason,
@@ -122,7 +96,7 @@ def run_cycle(
             "objective_kwh": None if chosen is None else chosen.objective_kwh,
             "variables": found.variables,
             "solvers": found.reports,
-            "gates": snapshot.gates(),
+            "gates": cycle.snapshot.gates(),
             "energy": energy,
             "plans": 0 if chosen is None else len(chosen.plans),
             "unserved": tuple(Unserved(stop=s, reason=r) for s, r in found.unserved.items()),
@@ -150,15 +124,14 @@ def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route
     return "arc" if few and obstacle is None else "route"
 
 
-def _in_arcs(cycle: Cycle) -> tuple[RoutingProblem, dict[str, str]] | None:
-    """What the arc form gets, and the stops left out with the reason; None for the route form."""
-    settings, problem = cycle.settings, cycle.problem
-    if form_of(settings, problem.fleet) == "route":
+def _in_arcs(cycle: Cycle) -> ArcForm | None:
+    """The arc form of a cycle, without stops that nobody can serve; None for the route form."""
+    if form_of(cycle.settings, cycle.problem.fleet) == "route":
         return None
-    smaller, missing = servable_part(problem, cycle.snapshot)
+    smaller, missing = servable_part(cycle.problem, cycle.snapshot)
     if smaller is None or arc_form_obstacle(smaller.fleet) is not None:
         return None
-    return smaller, missing
+    return arc_form(replace(cycle, problem=smaller), missing)
 
 
 def _choose(found: Found) -> tuple[Candidate | None, str, str | None]:
@@ -173,6 +146,6 @@ def _choose(found: Found) -> tuple[Candidate | None, str, str | None]:
     if chosen is not None:
         return chosen, "ok", None
     said = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
-    if fallback is not None:
-        return fallback, "baseline", f"no solver gave a valid plan ({said})"
-    return None, "failed", f"no valid plan ({said}; baseline: {found.fallback})"
+    if isinstance(found.fallback, Refusal):
+        return None, "failed", f"no valid plan ({said}; baseline: {found.fallback.reason})"
+    return found.fallback, "baseline", f"no solver gave a valid plan ({said})"

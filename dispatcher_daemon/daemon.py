@@ -18,6 +18,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.hardware.desk import Desk
 from dispatcher_daemon.hardware.opening import open_desk
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
@@ -191,17 +192,17 @@ class Dispatcher:
             if problem is None:
                 report = idle_report(number, now_ns, time.monotonic() - began, snapshot)
             else:
-                result = run_cycle(
+                seed = cycle_seed(self._settings.seed, number)
+                cycle = Cycle(
                     problem,
                     snapshot,
                     self._settings,
-                    self._solve,
-                    now_ns,
                     number,
-                    cycle_seed(self._settings.seed, number),
-                    executor=self._executor,
+                    now_ns,
+                    seed,
                     start=self._stops or None,
                 )
+                result = run_cycle(cycle, self._solve, self._executor)
                 report, plans = result.report, result.plans
                 self._stops = result.stops
         except InputError as error:

@@ -24,8 +24,8 @@ from slipstream_cli.solve_report import Report, as_json, as_text, list_as_text
 
 if TYPE_CHECKING:
     from dispatcher_daemon.formulations.qubo import QuboModel
+    from dispatcher_daemon.plans.forms import Form
     from research.instances.instance import Instance
-    from research.solving.forms import Form
 
 _SOLVERS = ("exact", "cplex", "tabu", "annealing", "insertion", *QUANTUM_SOLVERS)
 _ENDINGS = (".lp", ".mps", ".json", ".coo")
@@ -139,20 +139,23 @@ def _solve(options: argparse.Namespace) -> int:
         rewards=[(pair, form.arcs) for pair in form.judged] if options.explain else None,
         known=known,
         rivals_kwh=form.rivals_kwh(),
+        problem=form.problem,
     )
     if names:
         _run_solvers(names, options, form, model, instance, report)
     print(json.dumps(as_json(report)) if options.json else as_text(report))
-    return 0 if not names or any(trial.is_valid for trial in report.trials) else 1
+    return 0 if not names or any(tried.candidate for tried in report.attempts) else 1
 
 
 def _form(options: argparse.Namespace, instance: Instance) -> Form:
-    from research.solving.forms import arc_form, route_form
+    from dispatcher_daemon.settings import CitySettings, DispatcherSettings
+    from research.instances.forms import arc_form_of, route_form_of
 
     few = len(instance.problem.fleet.vehicles) <= _LARGEST_ARC_FLEET
     if (options.form or ("arc" if few else "route")) == "arc":
-        return arc_form(instance)
-    return route_form(instance, options.options, options.seed)
+        return arc_form_of(instance, options.seed)
+    settings = DispatcherSettings(city=CitySettings(options=options.options))
+    return route_form_of(instance, options.seed, settings)
 
 
 def _run_solvers(
@@ -163,24 +166,26 @@ def _run_solvers(
     instance: Instance,
     report: Report,
 ) -> None:
+    from dispatcher_daemon.plans.candidates import Candidate
+    from dispatcher_daemon.plans.forms import attempt
+    from dispatcher_daemon.solvers.exact import ExactSolver
     from dispatcher_daemon.solvers.pool import Job, solve_here
-    from research.solving.trial import appraise
 
     solvers = make_solvers(names, options)
     for solver in solvers:
         solver.warm_up()  # says what is not installed before anything takes time
-    found = form.baseline(options.deadline, options.seed)
-    report.baseline, routes = (None, None) if found is None else found
+    name, alone = form.alone(solve_here([ExactSolver()]), options.deadline)
+    if isinstance(alone, Candidate):
+        report.baseline, report.alone = f"{name}, without platooning", alone
     solve = solve_here(solvers)
     for solver in solvers:
-        job = Job(solver.name, form.problem, options.seed)
-        (outcome,) = solve([job], options.deadline)
-        trial = appraise(form, instance.snapshot, instance.sync_window_s, outcome, routes)
-        report.trials.append(trial)
-        report.missed[solver.name] = missed_rewards(form, trial, instance.sync_window_s)
-    if any(trial.outcome.execution is not None for trial in report.trials):
-        best = best_known_kwh(form, report.trials, options.deadline, options.seed)
-        report.quantum = records(model, report.trials, best, options)
+        (outcome,) = solve([Job(solver.name, form.problem, options.seed)], options.deadline)
+        tried = attempt(form, outcome)
+        report.attempts.append(tried)
+        report.missed[solver.name] = missed_rewards(form, tried, instance.sync_window_s)
+    if any(tried.outcome.execution is not None for tried in report.attempts):
+        best = best_known_kwh(form, report.attempts, options.deadline, options.seed)
+        report.quantum = records(model, report.attempts, best, options)
 
 
 def _write(model: QuboModel, path: Path) -> None:
@@ -198,13 +203,13 @@ def _published() -> list[dict[str, Any]]:
     """What is worth knowing of the published instances before solving one."""
     from dispatcher_daemon.formulations.model import build_model
     from research.instances import instance_names, open_instance
-    from research.solving.forms import arc_form
+    from research.instances.forms import arc_form_of
 
     rows = []
     for name in instance_names():
         instance = open_instance(name)
         fleet, optimum = instance.problem.fleet, instance.optimum
-        problem = arc_form(instance).problem
+        problem = arc_form_of(instance).problem
         rows.append(
             {
                 "name": name,

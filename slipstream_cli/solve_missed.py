@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dispatcher_daemon.plans.candidates import Attempt
+    from dispatcher_daemon.plans.forms import Form
     from dispatcher_daemon.roads.routes import Route, RoutedArc
-    from research.solving.forms import Form
-    from research.solving.trial import Trial
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,14 @@ class Missed:
         return f"rewards of {self.kwh:.5f} kWh are counted, no platoon comes about: {where}"
 
 
-def missed_rewards(form: Form, trial: Trial, window_s: float) -> Missed | None:
+def missed_rewards(form: Form, tried: Attempt, window_s: float) -> Missed | None:
     """The rewards of a valid arc-form answer whose timetable makes no platoon at all.
 
     Args:
         window_s: Δt_sync.
     """
-    selected = trial.outcome.selected
-    if form.name != "arc" or not trial.routes or selected is None or trial.platooned_m > 0:
+    selected, plan = tried.outcome.selected, tried.candidate
+    if form.name != "arc" or plan is None or selected is None or plan.platooned_m > 0:
         return None
     counted = [
         pair
@@ -52,7 +52,7 @@ def missed_rewards(form: Form, trial: Trial, window_s: float) -> Missed | None:
     reasons = []
     for pair in counted:
         first, second = (
-            _passage(trial.routes, form.arcs[index], pair.segment)
+            _passage(plan.routes, form.arcs[index], pair.segment)
             for index in (pair.first, pair.second)
         )
         reasons.append((pair.segment, _reason(first, second, window_s)))

@@ -12,10 +12,10 @@ from slipstream.errors import InputError
 
 if TYPE_CHECKING:
     from dispatcher_daemon.formulations.qubo import QuboModel
+    from dispatcher_daemon.plans.candidates import Attempt
+    from dispatcher_daemon.plans.forms import Form
     from dispatcher_daemon.settings import DispatcherSettings
     from dispatcher_daemon.solvers.protocol import Solver
-    from research.solving.forms import Form
-    from research.solving.trial import Trial
 
 QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
 _MOST_LAYERS: Final = 10
@@ -217,7 +217,7 @@ def _iskay(options: argparse.Namespace) -> Solver:
 
 def records(
     model: QuboModel,
-    trials: Sequence[Trial],
+    attempts: Sequence[Attempt],
     best: tuple[float | None, bool],
     options: argparse.Namespace,
 ) -> dict[str, dict[str, Any]]:
@@ -235,7 +235,7 @@ def records(
     optimum_kwh, proven = best
     iterations = _iterations(options)
     found = {}
-    for outcome in (trial.outcome for trial in trials):
+    for outcome in (tried.outcome for tried in attempts):
         if outcome.execution is None:
             continue
         controls = {}
@@ -264,21 +264,22 @@ def _iterations(options: argparse.Namespace) -> dict[str, int]:
 
 
 def best_known_kwh(
-    form: Form, trials: Sequence[Trial], deadline_s: float, seed: int
+    form: Form, attempts: Sequence[Attempt], deadline_s: float, seed: int
 ) -> tuple[float | None, bool]:
     """The optimum of what the solvers minimised, and that it is proven; or the best answer, and
     that it is not. None without an answer.
     """
     from dispatcher_daemon.solvers.exact import ExactSolver
 
-    known = [t.model_kwh for t in trials]
-    proven = any(t.outcome.status == "optimal" for t in trials)
+    answers = [a.outcome.selected for a in attempts if a.candidate is not None]
+    known = [form.problem.objective_kwh(selected) for selected in answers if selected is not None]
+    proven = any(a.outcome.status == "optimal" for a in attempts)
     if not proven:
         outcome = ExactSolver().solve(form.problem, deadline_s, seed)
         proven = outcome.status == "optimal"
         if outcome.selected is not None:
             known.append(form.problem.objective_kwh(outcome.selected))
-    return min((kwh for kwh in known if kwh is not None), default=None), proven
+    return min(known, default=None), proven
 
 
 def lines_of(record: Mapping[str, Any], wall_s: float) -> Iterator[str]:

@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from slipstream.energy import Saving, split_saving
 from slipstream_cli.solve_missed import Missed
 from slipstream_cli.solve_quantum import lines_of
 
 if TYPE_CHECKING:
+    from dispatcher_daemon.plans.candidates import Attempt, Candidate
     from dispatcher_daemon.platooning.rewards import JudgedPair
+    from dispatcher_daemon.problem import Problem
     from dispatcher_daemon.roads.routes import Route, RoutedArc
     from research.instances.instance import Optimum
-    from research.solving.trial import Trial
 
 
 @dataclass
@@ -30,7 +32,10 @@ class Report:
         rewards: judged pairs and the arcs that they point to; None if not asked for.
         known: the published optimum of the same problem.
         rivals_kwh: objectives of simpler plans, by what made them.
+        problem: what solvers minimised.
         baseline: what made the plan without platooning; None if there is none.
+        alone: that plan.
+        attempts: outcomes and plans, by solver.
         quantum: by solver, of those that ran a circuit; see `quantum_record`.
         missed: by solver, rewards counted for platoons that do not come about; None: there are
             none.
@@ -49,8 +54,28 @@ class Report:
     rewards: Sequence[tuple[JudgedPair, Sequence[RoutedArc]]] | None
     known: Optimum | None
     rivals_kwh: Mapping[str, float]
+    problem: Problem
     baseline: str | None = None
-    trials: list[Trial] = field(default_factory=list)
+    alone: Candidate | None = None
+    attempts: list[Attempt] = field(default_factory=list)
+
+    def saving(self, plan: Candidate) -> Saving | None:
+        """What a plan saves against the plan without platooning, every vehicle alone."""
+        if self.alone is None:
+            return None
+        return split_saving(self.alone.alone, plan.alone, plan.driven)
+
+    def model_kwh(self, tried: Attempt) -> float | None:
+        """What the solver minimised, of an answer that became plans.
+
+        In the route form it differs by a constant from the objective, and by what pairs miss of
+        platoons of three and more; in the arc form by departures that were chosen afterwards.
+        """
+        selected = tried.outcome.selected
+        if selected is None or tried.candidate is None:
+            return None
+        return self.problem.objective_kwh(selected)
+
     quantum: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     missed: dict[str, Missed | None] = field(default_factory=dict)
 
@@ -74,9 +99,8 @@ def as_json(report: Report) -> dict[str, Any]:
         "rivals_kwh": dict(report.rivals_kwh),
         "baseline": report.baseline,
         "solvers": [
-            _trial_as_json(trial, report.missed.get(trial.outcome.solver))
-            | report.quantum.get(trial.outcome.solver, {})
-            for trial in report.trials
+            _attempt_as_json(report, tried) | report.quantum.get(tried.outcome.solver, {})
+            for tried in report.attempts
         ],
         "rewards": None
         if report.rewards is None
@@ -84,17 +108,19 @@ def as_json(report: Report) -> dict[str, Any]:
     }
 
 
-def _trial_as_json(trial: Trial, missed: Missed | None) -> dict[str, Any]:
-    outcome, samples = trial.outcome, trial.outcome.samples
+def _attempt_as_json(report: Report, tried: Attempt) -> dict[str, Any]:
+    outcome, samples, plan = tried.outcome, tried.outcome.samples, tried.candidate
+    missed = report.missed.get(outcome.solver)
+    saving = None if plan is None else report.saving(plan)
     return {
         "solver": outcome.solver,
         "status": outcome.status,
         "reason": outcome.reason,
         "wall_s": outcome.wall_s,
-        "objective_kwh": trial.objective_kwh,
-        "model_kwh": trial.model_kwh,
-        "feasible": trial.is_valid,
-        "faults": list(trial.faults),
+        "objective_kwh": None if plan is None else plan.objective_kwh,
+        "model_kwh": report.model_kwh(tried),
+        "feasible": plan is not None,
+        "faults": list(_faults(tried)),
         "repaired": outcome.repaired,
         "samples": None
         if samples is None
@@ -105,13 +131,18 @@ def _trial_as_json(trial: Trial, missed: Missed | None) -> dict[str, Any]:
             "feasible_descended": samples.share(samples.descended),
             "feasible_repaired": samples.share(samples.repaired),
         },
-        "energy": None if trial.energy is None else trial.energy._asdict(),
-        "energy_kwh": None if trial.energy is None else trial.energy.total_kwh,
-        "saving": None if trial.saving is None else trial.saving._asdict(),
-        "platooned_m": trial.platooned_m,
+        "energy": None if plan is None else plan.driven._asdict(),
+        "energy_kwh": None if plan is None else plan.driven.total_kwh,
+        "saving": None if saving is None else saving._asdict(),
+        "platooned_m": 0.0 if plan is None else plan.platooned_m,
         "missed_rewards_kwh": 0.0 if missed is None else missed.kwh,
-        "routes": {route.vehicle: _route_as_json(route) for route in trial.routes},
+        "routes": {r.vehicle: _route_as_json(r) for r in plan.routes} if plan is not None else {},
     }
+
+
+def _faults(tried: Attempt) -> tuple[str, ...]:
+    """Rules that an answer breaks."""
+    return () if tried.outcome.selected is None else tried.faults
 
 
 def _route_as_json(route: Route) -> dict[str, Any]:
@@ -166,10 +197,10 @@ def _lines(report: Report) -> Iterator[str]:
         yield f"not served: {stop}: {reason}"
     if report.written is not None:
         yield f"written: {report.written}"
-    for trial in report.trials:
+    for tried in report.attempts:
         yield ""
-        solver = trial.outcome.solver
-        yield from _trial_lines(trial, report.baseline, report.quantum.get(solver))
+        solver = tried.outcome.solver
+        yield from _attempt_lines(report, tried)
         missed = report.missed.get(solver)
         if missed is not None:
             yield f"  {missed.line()}"
@@ -183,20 +214,19 @@ def _lines(report: Report) -> Iterator[str]:
             yield f"  {pair.explain(arcs)}"
 
 
-def _trial_lines(
-    trial: Trial, baseline: str | None, quantum: Mapping[str, Any] | None
-) -> Iterator[str]:
-    outcome, samples = trial.outcome, trial.outcome.samples
+def _attempt_lines(report: Report, tried: Attempt) -> Iterator[str]:
+    outcome, samples, plan = tried.outcome, tried.outcome.samples, tried.candidate
+    quantum = report.quantum.get(outcome.solver)
     objective = "no answer"
     if outcome.selected is not None:
-        value = trial.objective_kwh
-        objective = "" if value is None else f"objective {value:.6f} kWh, "
-        objective += "feasible" if trial.is_valid else "not feasible"
+        objective = "not feasible"
+        if plan is not None:
+            objective = f"objective {plan.objective_kwh:.6f} kWh, feasible"
         objective += " after repair" if outcome.repaired else ""
     yield f"{outcome.solver}: {outcome.status}, {objective}, {1000 * outcome.wall_s:.1f} ms"
     if outcome.reason is not None:
         yield f"  {outcome.reason}"
-    for fault in trial.faults:
+    for fault in _faults(tried):
         yield f"  {fault}"
     if quantum is not None:
         yield from lines_of(quantum, outcome.wall_s)
@@ -206,22 +236,26 @@ def _trial_lines(
             f"{100 * samples.share(samples.descended):.2f} % descended, "
             f"{100 * samples.share(samples.repaired):.2f} % repaired"
         )
-    if trial.energy is not None:
-        e = trial.energy
-        yield (
-            f"  energy {e.total_kwh:.5f} kWh: rolling {e.rolling_kwh:.5f}, drag {e.drag_kwh:.5f}, "
-            f"acceleration {e.acceleration_kwh:.5f}"
-        )
-    if trial.saving is not None and trial.energy is not None:
-        s = trial.saving
-        base = trial.energy.total_kwh + s.total_kwh
+    if plan is None:
+        return
+    e = plan.driven
+    model = report.model_kwh(tried)
+    if model is not None and abs(model - plan.objective_kwh) > 1e-6:
+        yield f"  minimised: {model:.6f} kWh, the model's objective"
+    yield (
+        f"  energy {e.total_kwh:.5f} kWh: rolling {e.rolling_kwh:.5f}, drag {e.drag_kwh:.5f}, "
+        f"acceleration {e.acceleration_kwh:.5f}"
+    )
+    s = report.saving(plan)
+    if s is not None:
+        base = e.total_kwh + s.total_kwh
         share = 100 * s.total_kwh / base if base > 0 else 0.0
         yield (
-            f"  saving {s.total_kwh:.5f} kWh ({share:.2f} %) against {baseline}: "
+            f"  saving {s.total_kwh:.5f} kWh ({share:.2f} %) against {report.baseline}: "
             f"distance {s.distance_kwh:.5f}, drag {s.drag_kwh:.5f}, "
-            f"acceleration {s.acceleration_kwh:.5f}; {trial.platooned_m:.0f} m in platoons"
+            f"acceleration {s.acceleration_kwh:.5f}; {plan.platooned_m:.0f} m in platoons"
         )
-    for route in trial.routes:
+    for route in plan.routes:
         stops = " → ".join(f"{visit.place} ({visit.arrival_s:.0f} s)" for visit in route.visits[1:])
         start = route.visits[0]
         yield f"  {route.vehicle}: {start.place} ({start.departure_s:.0f} s) → {stops}"

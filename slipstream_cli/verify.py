@@ -153,8 +153,9 @@ def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
 
 
 def _problem(reference: str, options: argparse.Namespace) -> Problem:
+    from dispatcher_daemon.settings import CitySettings, DispatcherSettings
     from research.instances import open_instance
-    from research.solving.forms import arc_form, route_form
+    from research.instances.forms import arc_form_of, route_form_of
 
     instance = open_instance(reference)
     fleet = instance.problem.fleet
@@ -164,8 +165,9 @@ def _problem(reference: str, options: argparse.Namespace) -> Problem:
             reference, f"up to {most} candidate arcs", "take an instance of a few stops"
         )
     if options.form == "arc":
-        return arc_form(instance).problem
-    return route_form(instance, options.options, options.seed).problem
+        return arc_form_of(instance).problem
+    settings = DispatcherSettings(city=CitySettings(options=options.options))
+    return route_form_of(instance, options.seed, settings).problem
 
 
 def _size(problem: Problem, encoding: Encoding) -> tuple[int, bool]:

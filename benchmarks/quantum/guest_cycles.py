@@ -21,6 +21,7 @@ from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.fleet import load_fleet
 from dispatcher_daemon.hardware.clerk import Clerk
 from dispatcher_daemon.hardware.desk import Desk
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
@@ -218,9 +219,8 @@ def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
     outer = Timed(stage.desk)
     began = time.monotonic()
     stage.desk.begin_cycle(number)
-    done = run_cycle(
-        stage.problem, snapshot, stage.settings, outer, snapshot.now_ns, number, seed=number
-    )
+    cycle = Cycle(stage.problem, snapshot, stage.settings, number, snapshot.now_ns, seed=number)
+    done = run_cycle(cycle, outer)
     stage.database.record_cycle(done.report, done.plans, snapshot.states)
     wall_s = time.monotonic() - began
     settings, pool_s = stage.settings, stage.inner.wall_s

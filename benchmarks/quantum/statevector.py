@@ -29,7 +29,7 @@ from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, cos
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import Schedule
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
 from research.instances import open_instance
-from research.solving.forms import arc_form
+from research.instances.forms import arc_form_of
 from slipstream.errors import InputError
 
 _AIM = 8.0
@@ -103,7 +103,7 @@ def compare(instance: str, layers: int, shots: int, repeats: int) -> Comparison:
     """
     from qiskit_aer import AerSimulator
 
-    model = build_model(arc_form(open_instance(instance)).problem)
+    model = build_model(arc_form_of(open_instance(instance)).problem)
     ising = to_ising(model.total, model.variables).normalised()
     qubits = len(ising.h)
     schedule = linear_ramp(layers, 0.41, 0.83 * layers**0.5)

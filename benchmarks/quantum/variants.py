@@ -28,7 +28,7 @@ from dispatcher_daemon.solvers.quantum.chain.order import path_weight
 from dispatcher_daemon.solvers.quantum.chain.state import ChainState
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from research.instances import instance_names, open_instance
-from research.solving.forms import arc_form
+from research.instances.forms import arc_form_of
 
 ERRORS = (0.0013, 0.005)
 """FakeBoston's medians: of a CZ, of a readout."""
@@ -67,7 +67,7 @@ class Score:
 def arc_cases(count: int) -> list[Case]:
     """The named instances of 25 variables."""
     names = [name for name in instance_names() if name.startswith("arc25-")][:count]
-    return [case_of(name, arc_form(open_instance(name)).problem) for name in names]
+    return [case_of(name, arc_form_of(open_instance(name)).problem) for name in names]
 
 
 def route_cases(count: int) -> list[Case]:

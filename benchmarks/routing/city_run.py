@@ -13,8 +13,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Final
 
-from dispatcher_daemon.planning.fleet_plan import CityPlan, plan_city
-from dispatcher_daemon.planning.sweeps import Choice
+from dispatcher_daemon.planning.fleet_plan import FleetPlan, plan_fleet
 from dispatcher_daemon.plans.energy import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.platooning.platoons import form_platoons
 from dispatcher_daemon.problem import RoutingProblem
@@ -26,6 +25,7 @@ from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.registry import make_solver
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import generate_city
+from research.instances.forms import instance_cycle
 from research.instances.instance import Instance
 from slipstream.energy import stop_energy_kwh
 
@@ -90,18 +90,13 @@ def run_city(
 
     Workers are up before the clock starts, as a daemon keeps them from cycle to cycle.
     """
+    told = DispatcherSettings(
+        city=settings, solvers=settings.solvers, deadline_s=budget_s, interval_s=2 * budget_s
+    )
+    cycle = instance_cycle(city, solver_seed, told)
     with workers(settings) as (executor, solve):
         began, used = time.perf_counter(), _cpu_s()
-        plan = plan_city(
-            city.problem,
-            city.snapshot,
-            settings,
-            executor,
-            solve,
-            sync_window_s=city.sync_window_s,
-            seed=solver_seed,
-            deadline_s=budget_s,
-        )
+        plan = plan_fleet(cycle, executor, solve)
         wall_s, own_cpu_s = time.perf_counter() - began, _cpu_s() - used
     # Workers' time is known once they have ended; their start is in it.
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -140,7 +135,7 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _objectives(plan: CityPlan) -> dict[str, object]:
+def _objectives(plan: FleetPlan) -> dict[str, object]:
     return {
         "objective_kwh": plan.choice.objective_kwh,
         "cost_kwh": plan.choice.cost_kwh,
@@ -156,9 +151,9 @@ def _objectives(plan: CityPlan) -> dict[str, object]:
     }
 
 
-def _energy(city: Instance, plan: CityPlan) -> dict[str, object]:
+def _energy(city: Instance, plan: FleetPlan) -> dict[str, object]:
     """Physical energy of the plan against the VRP without platooning."""
-    ours, base = _routes(plan.choice), _routes(plan.base)
+    ours, base = plan.choice.routes, plan.base.routes
     places = form_platoons(ours, city.snapshot, city.sync_window_s, 1)
     driven = [route_energy(city.problem, route, places) for route in ours]
     alone: list[RouteEnergy] = [route_energy(city.problem, route, {}) for route in base]
@@ -173,10 +168,6 @@ def _energy(city: Instance, plan: CityPlan) -> dict[str, object]:
         "driving_h": _driving_h(ours),
         "base_driving_h": _driving_h(base),
     }
-
-
-def _routes(choice: Choice) -> list[Route]:
-    return [i.route for i in choice.itineraries if i.route is not None]
 
 
 def expected_stops_kwh(

@@ -28,6 +28,7 @@ from dispatcher_daemon.roads.travel import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from research.cities.generator import generate_city
+from research.instances.forms import instance_cycle
 from research.instances.instance import Instance
 
 _BETTER_KWH: Final = 1e-9
@@ -59,10 +60,8 @@ def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:
     with ThreadPoolExecutor(1) as executor:
         stops = [stop.id for stop in fleet.stops]
         routes = base_routes(problem, travel, stops, SearchSettings(rounds=1), executor, seed)
-    planner, _, base, _ = first_plans(
-        problem, city.snapshot, travel, routes.stops, {}, CitySettings(), city.sync_window_s, 0.0
-    )
-    return _whole(planner, base.itineraries, seed)
+    first = first_plans(instance_cycle(city, seed), travel, routes.stops, {})
+    return _whole(first.planner, first.base.itineraries, seed)
 
 
 def _whole(

@@ -8,11 +8,11 @@ the plan is never worse than the base routes.
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -21,19 +21,19 @@ from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.pyvrp_model import StopsOf
 from dispatcher_daemon.planning.servability import unservable, without
 from dispatcher_daemon.planning.sweeps import Choice, Sweep, Sweeping, choice_of, simple_choices
-from dispatcher_daemon.platooning.vehicles_on_road import RoadUser
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.travel import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.pool import Solve
-from dispatcher_daemon.traffic import TrafficSnapshot
 
-_RESERVE = 0.05
+NO_ROOM: Final = "no vehicle has room and time for it"
+_RESERVE: Final = 0.05
 """Share of a deadline that is kept for what is under way when it is noticed."""
 
 
 @dataclass(frozen=True)
-class CityPlan:
+class FleetPlan:
     """The plan of a fleet.
 
     Attributes:
@@ -55,34 +55,22 @@ class CityPlan:
     timed_out: bool
 
 
-def plan_city(
-    problem: RoutingProblem,
-    snapshot: TrafficSnapshot,
-    settings: CitySettings,
-    executor: Executor,
-    solve: Solve,
-    *,
-    sync_window_s: float,
-    seed: int,
-    deadline_s: float = math.inf,
-    reference_s: float = 0.0,
-    on_road: Sequence[RoadUser] = (),
-    start: Mapping[str, Sequence[str]] | None = None,
-    clock: Callable[[], float] = time.monotonic,
-) -> CityPlan:
-    """Plan a fleet.
+def plan_fleet(
+    cycle: Cycle, executor: Executor, solve: Solve, clock: Callable[[], float] = time.monotonic
+) -> FleetPlan:
+    """Plan the fleet of a cycle by the settings' section ``city``, within the cycle's deadline.
+
+    The same cycle and seed give the same plan unless time runs out. Each stage takes its share of
+    the deadline and keeps what it has.
 
     Args:
         executor: runs the parts of the search for base routes.
-        solve: runs the blocks' solvers; `settings.solvers` names them, the best answer counts.
-        seed: same input and seed give the same plan unless time runs out.
-        deadline_s: for all of it; each stage takes its share and keeps what it has.
-        reference_s: when a vehicle that is ready at once leaves.
-        on_road: vehicles sent earlier, to be met.
-        start: routes to start from, as of the last cycle.
+        solve: runs the blocks' solvers; the best answer counts.
+        clock: seconds.
     """
+    settings, seed = city_settings(cycle), cycle.seed
     began = clock()
-    ends = began + (1 - _RESERVE) * deadline_s
+    ends = began + (1 - _RESERVE) * cycle.settings.deadline_s
     walls: dict[str, float] = {}
 
     def stage(name: str) -> None:
@@ -92,38 +80,28 @@ def plan_city(
         limit_s = max(0.01, share * (ends - clock()))
         return search.model_copy(update={"time_limit_s": min(search.time_limit_s, limit_s)})
 
-    travel = Travel(problem, roads_of(problem, snapshot))
-    missing = unservable(problem, snapshot, travel)
-    lost = any(v.first_stop in missing for v in problem.fleet.vehicles)
-    if lost and len(missing) < len(problem.fleet.stops):
-        problem = without(problem, missing)
-        travel = Travel(problem, travel.roads)
-    stops = [stop.id for stop in problem.fleet.stops if stop.id not in missing]
+    cycle, travel, missing = servable(cycle)
+    stops = _without(cycle, missing)
     stage("roads")
     search = limited(settings.search, settings.base_share)
-    routes = base_routes(problem, travel, stops, search, executor, seed, start)
-    missing |= dict.fromkeys(routes.left, "no vehicle has room and time for it")
+    routes = base_routes(cycle.problem, travel, stops, search, executor, seed, cycle.start)
+    missing |= dict.fromkeys(routes.left, NO_ROOM)
     stage("base")
-    planner, begin, base, greedy = first_plans(
-        problem,
-        snapshot,
-        travel,
-        routes.stops,
-        missing,
-        settings,
-        sync_window_s,
-        reference_s,
-        on_road,
-    )
+    first = first_plans(cycle, travel, routes.stops, missing)
     stage("greedy")
-    sweeping = Sweeping(planner, settings, solve, begin)
+    sweeping = Sweeping(first.planner, settings, solve, first.begin.itineraries)
     timed_out = routes.timed_out
     if settings.second_rounds:
         rounds = {"rounds": settings.second_rounds}
         search = limited(settings.search.model_copy(update=rounds), settings.base_share)
-        stops = [stop for stop in stops if stop not in missing]
         second = base_routes(
-            problem, planner.travels[1], stops, search, executor, seed + 1, routes.stops
+            cycle.problem,
+            first.planner.travels[1],
+            _without(cycle, missing),
+            search,
+            executor,
+            seed + 1,
+            routes.stops,
         )
         timed_out |= second.timed_out
         if not second.left:
@@ -131,10 +109,10 @@ def plan_city(
     stage("second")
     sweeps, late = sweeping.run(seed, ends, clock)
     stage("sweeps")
-    return CityPlan(
-        choice_of(planner, sweeping.present),
-        base,
-        greedy,
+    return FleetPlan(
+        choice_of(first.planner, sweeping.present),
+        first.base,
+        first.greedy,
         missing,
         sweeps,
         walls,
@@ -142,26 +120,71 @@ def plan_city(
     )
 
 
+def city_settings(cycle: Cycle) -> CitySettings:
+    """A fleet of one block asks all of the dispatcher's solvers; a larger one those for blocks."""
+    city = cycle.settings.city
+    if len(cycle.problem.fleet.vehicles) * city.options <= city.block_variables:
+        return city.model_copy(update={"solvers": cycle.settings.solvers})
+    return city
+
+
+def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
+    """(the cycle, ways between its places, reason by stop that nobody can serve).
+
+    Where a vehicle's first stop is among these, the cycle has none of them.
+    """
+    problem = cycle.problem
+    travel = Travel(problem, roads_of(problem, cycle.snapshot))
+    missing = unservable(problem, cycle.snapshot, travel)
+    lost = any(v.first_stop in missing for v in problem.fleet.vehicles)
+    if lost and len(missing) < len(problem.fleet.stops):
+        cycle = replace(cycle, problem=without(problem, missing))
+        travel = Travel(cycle.problem, travel.roads)
+    return cycle, travel, missing
+
+
+def _without(cycle: Cycle, missing: Collection[str]) -> list[str]:
+    return [stop.id for stop in cycle.problem.fleet.stops if stop.id not in missing]
+
+
+@dataclass(frozen=True)
+class FirstPlans:
+    """Plans before any block is solved.
+
+    Attributes:
+        planner: that made them; its second ways like segments on which one could follow.
+        base: everybody leaves when ready.
+        greedy: departures chosen one vehicle after the other.
+    """
+
+    planner: Planner
+    base: Choice
+    greedy: Choice
+
+    @property
+    def begin(self) -> Choice:
+        """The better of the two."""
+        return min((self.base, self.greedy), key=lambda choice: choice.objective_kwh)
+
+
 def first_plans(
-    problem: RoutingProblem,
-    snapshot: TrafficSnapshot,
-    travel: Travel,
-    routes: StopsOf,
-    missing: dict[str, str],
-    settings: CitySettings,
-    sync_window_s: float,
-    reference_s: float,
-    on_road: Sequence[RoadUser] = (),
-) -> tuple[Planner, list[Itinerary], Choice, Choice]:
-    """(planner, the better itineraries to begin with, everybody at once, scheduled greedily)."""
-    planner = Planner(problem, snapshot, [travel], sync_window_s, reference_s, on_road=on_road)
+    cycle: Cycle, travel: Travel, routes: StopsOf, missing: dict[str, str]
+) -> FirstPlans:
+    """Plans of given routes; stops that miss a window are added to ``missing``."""
+    problem, city = cycle.problem, cycle.settings.city
+    planner = Planner(
+        problem,
+        cycle.snapshot,
+        [travel],
+        cycle.settings.sync_window_s,
+        cycle.reference_s,
+        on_road=cycle.on_road,
+    )
     alone = at_once(planner, routes, missing)
     planner.travels += (attracted(problem, travel, planner),)
-    if sum(len(i.route.legs) for i in alone if i.route is not None) <= settings.ways_legs:
-        planner.ways_per_leg = settings.ways
-    base, greedy = simple_choices(planner, alone)
-    begin = min((base, greedy), key=lambda choice: choice.objective_kwh)
-    return planner, list(begin.itineraries), base, greedy
+    if sum(len(i.route.legs) for i in alone if i.route is not None) <= city.ways_legs:
+        planner.ways_per_leg = city.ways
+    return FirstPlans(planner, *simple_choices(planner, alone))
 
 
 def at_once(planner: Planner, stops: StopsOf, missing: dict[str, str]) -> list[Itinerary]:

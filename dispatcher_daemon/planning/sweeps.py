@@ -18,6 +18,7 @@ from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.planning.pyvrp_model import StopsOf
+from dispatcher_daemon.roads.routes import Route
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome
@@ -43,6 +44,11 @@ class Choice:
     def objective_kwh(self) -> float:
         """H_cost − H_platoon."""
         return self.cost_kwh - self.saving_kwh
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """Of the vehicles that drive."""
+        return tuple(i.route for i in self.itineraries if i.route is not None)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Finished routes as verified plans: what any form and solver has to get through."""
+"""What is fixed in one cycle, and finished routes as verified plans or a refusal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, joined_segme
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.routes import Route
 from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy import Energy, total
 from slipstream.messages import SolverReport, VehiclePlan
 
 
@@ -24,16 +26,67 @@ class Candidate:
     Attributes:
         solver: what made it.
         objective_kwh: H_cost − H_platoon, re-evaluated.
-        plans: one for each vehicle that drives.
-        energies: of these plans.
+        routes: timetables of the vehicles that drive.
+        plans: of these routes, in their order.
+        energies: likewise.
         joined: places of vehicles on the road in platoons with those of the plans.
     """
 
     solver: str
     objective_kwh: float
+    routes: tuple[Route, ...]
     plans: tuple[VehiclePlan, ...]
     energies: tuple[RouteEnergy, ...]
     joined: Mapping[Passage, Place] = field(default_factory=dict)
+
+    @property
+    def driven(self) -> Energy:
+        """E_physical of all routes, drafting included."""
+        return total(e.driven for e in self.energies)
+
+    @property
+    def alone(self) -> Energy:
+        """E_physical of all routes if every vehicle drove alone."""
+        return total(e.alone for e in self.energies)
+
+    @property
+    def platooned_m(self) -> float:
+        """Distance driven in platoons, as leader or follower."""
+        return sum(e.platooned_m for e in self.energies)
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why there is no verified plan set.
+
+    Attributes:
+        faults: at least one; of an answer, the rules that it breaks.
+    """
+
+    faults: tuple[str, ...]
+
+    @property
+    def reason(self) -> str:
+        """The first fault."""
+        return self.faults[0]
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One solver's outcome and what it led to."""
+
+    outcome: Outcome
+    result: Candidate | Refusal
+
+    @property
+    def candidate(self) -> Candidate | None:
+        """The verified plans, if there are any."""
+        return self.result if isinstance(self.result, Candidate) else None
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Why there are none."""
+        return self.result.faults if isinstance(self.result, Refusal) else ()
 
 
 @dataclass(frozen=True)
@@ -44,9 +97,11 @@ class Cycle:
         number: of the cycle.
         now_ns: UTC at its start.
         seed: of everything random in it.
-        reference_s: from its start to the moment that the fleet's times count from, when a vehicle
-            that is ready at once leaves.
-        on_road: vehicles that earlier cycles sent.
+        reference_delay_s: see `reference_s`; None: the deadline, so that plans are out before
+            anybody leaves.
+        on_road: vehicles that earlier cycles sent. The route form plans to meet them; they stay as
+            they are, but for their places in platoons.
+        start: stops by vehicle that the search for routes starts from, as of the last cycle.
     """
 
     problem: RoutingProblem
@@ -55,8 +110,17 @@ class Cycle:
     number: int
     now_ns: int
     seed: int
-    reference_s: float
+    reference_delay_s: float | None = None
     on_road: tuple[RoadUser, ...] = ()
+    start: Mapping[str, Sequence[str]] | None = None
+
+    @property
+    def reference_s(self) -> float:
+        """From its start to the moment that the fleet's times count from, s: when a vehicle that
+        is ready at once leaves.
+        """
+        delay_s = self.reference_delay_s
+        return self.settings.deadline_s if delay_s is None else delay_s
 
     def candidate(
         self,
@@ -66,7 +130,7 @@ class Cycle:
         *,
         platooning: bool = True,
         unserved: Mapping[str, str] | None = None,
-    ) -> Candidate | str:
+    ) -> Candidate | Refusal:
         """The verified plan set of finished routes, or what is wrong with it.
 
         Args:
@@ -102,10 +166,10 @@ class Cycle:
             joined=joined_segments(self.on_road, places, settings.gap_m),
         )
         if faults:
-            return faults[0]
+            return Refusal(tuple(faults))
         sent = {route.vehicle for route in routes}
         joined = {passage: place for passage, place in places.items() if passage[0] not in sent}
-        return Candidate(solver, objective_kwh, plans, energies, joined)
+        return Candidate(solver, objective_kwh, tuple(routes), plans, energies, joined)
 
 
 @dataclass(frozen=True)
@@ -126,8 +190,8 @@ class Found:
     candidates: tuple[Candidate, ...]
     reports: tuple[SolverReport, ...]
     baseline: str
-    alone: Candidate | str
-    fallback: Candidate | str
+    alone: Candidate | Refusal
+    fallback: Candidate | Refusal
     variables: int
     unserved: Mapping[str, str] = field(default_factory=dict)
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

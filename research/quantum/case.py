@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from dispatcher_daemon.arc_form.form import ArcForm
 from dispatcher_daemon.formulations.decode import valid_selections
 from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.plans.forms import attempt
 from dispatcher_daemon.solvers.protocol import Outcome, Samples, Solver
 from research.instances import instance_names, open_instance
+from research.instances.forms import arc_form_of
 from research.instances.instance import Instance
 from research.quantum.controls import UNIFORM_BITS, distributions, run_controls
 from research.quantum.record import DIGITS, quantum_record
 from research.quantum.store import Record
-from research.solving.forms import ArcForm, arc_form
-from research.solving.trial import appraise
 from slipstream.errors import InputError
 
 NAMED_SET: Final = "arc25-"
@@ -52,18 +53,17 @@ class Case:
 
     def judge(self, outcome: Outcome, seed: int) -> Record:
         """What an outcome is worth."""
-        instance = self.instance
-        trial = appraise(self.form, instance.snapshot, instance.sync_window_s, outcome, None)
+        tried = attempt(self.form, outcome)
         found: dict[str, Any] = {
             "status": outcome.status,
             "reason": outcome.reason,
             "wall_s": outcome.wall_s,
             "repaired": outcome.repaired,
             "best_cost": None
-            if trial.objective_kwh is None
-            else round(trial.objective_kwh, DIGITS),
+            if tried.candidate is None or outcome.selected is None
+            else round(self.form.problem.objective_kwh(outcome.selected), DIGITS),
             "optimal_cost": round(self.optimum_kwh, DIGITS),
-            "energy_kwh": None if trial.energy is None else trial.energy.total_kwh,
+            "energy_kwh": None if tried.candidate is None else tried.candidate.driven.total_kwh,
         }
         if outcome.execution is None:
             return found
@@ -95,7 +95,7 @@ def open_case(name: str) -> Case:
         InputError: it has no proven optimum in arc form.
     """
     instance = open_instance(name)
-    known, form = instance.optimum, arc_form(instance)
+    known, form = instance.optimum, arc_form_of(instance)
     if known is None or not known.proven or known.form != "arc" or form.unserved:
         raise InputError(
             name, "no proven optimum of its arc form", "take one of solve --list", key="optimum"

@@ -11,6 +11,7 @@ from typing import Final
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.daemon import cycle_seed
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.platooning.vehicles_on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.travel import roads_of
@@ -70,18 +71,17 @@ class Dispatching:
         if fleet is None:
             return
         number, now_ns = len(self.cycles), round(now_s * 1e9)
-        result = run_cycle(
+        cycle = Cycle(
             self._problem(fleet),
             self.snapshot(now_s, roadside),
             self._settings,
-            self._solve,
-            now_ns,
             number,
+            now_ns,
             cycle_seed(self._seed, number),
-            executor=self._executor,
-            reference_s=0.0,
-            on_road=on_road(rounds.plans(), now_ns, rounds.late_s()),
+            reference_delay_s=0.0,
+            on_road=tuple(on_road(rounds.plans(), now_ns, rounds.late_s())),
         )
+        result = run_cycle(cycle, self._solve, self._executor)
         energy = result.report.energy
         open_, judged, turbulent = roadside.open, roadside.judged, roadside.is_turbulent
         self.cycles.append(

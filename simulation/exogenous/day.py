@@ -17,6 +17,7 @@ from typing import Final
 
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.daemon import cycle_seed
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.platooning.vehicles_on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
@@ -160,19 +161,19 @@ class _FleetDay:
             fleet = fleet_at(deliveries, now_s, idle, rounds.taken)
             if fleet is not None:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
-                result = run_cycle(
+                cycle = Cycle(
                     RoutingProblem(
                         rounds.network, fleet, style=_STYLE, waiting_worth_kw=DEFAULT_TIME_WORTH_KW
                     ),
                     snapshot,
                     self.settings,
-                    solve,
-                    snapshot.now_ns,
                     number,
+                    snapshot.now_ns,
                     cycle_seed(self.seed, number),
-                    reference_s=0.0,
-                    on_road=on_road(rounds.plans(), snapshot.now_ns, rounds.late_s()),
+                    reference_delay_s=0.0,
+                    on_road=tuple(on_road(rounds.plans(), snapshot.now_ns, rounds.late_s())),
                 )
+                result = run_cycle(cycle, solve)
                 for plan in result.plans:
                     self._start(rounds.begin(plan))
                 self._note(now_s, result.report.status, result.plans)

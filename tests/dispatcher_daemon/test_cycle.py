@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from dispatcher_daemon.cycle import CycleResult, run_cycle
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import ArcProblem, RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, LcQaoaSettings
@@ -45,7 +46,8 @@ def cycle(
 ) -> CycleResult:
     """Cycle 3 with a clock that stands still."""
     solve = solve_here(configured_solvers(settings) if solvers is None else solvers)
-    return run_cycle(demo, snapshot, settings, solve, snapshot.now_ns, 3, 11, lambda: 0.0)
+    this = Cycle(demo, snapshot, settings, 3, snapshot.now_ns, 11)
+    return run_cycle(this, solve, clock=lambda: 0.0)
 
 
 def stops(result: CycleResult) -> dict[str, tuple[str, ...]]:
@@ -164,7 +166,7 @@ def test_baseline_leaves_if_no_solver_has_a_valid_plan(
     """Late, invalid or absurd answers are refused with the reason; the baseline plan goes out."""
     snapshot = traffic(avenue_east=1, avenue_west=1)
     solve = BaselineOnly(Scripted(selected))
-    result = run_cycle(demo, snapshot, BOTH, solve, snapshot.now_ns, 3, 11)
+    result = run_cycle(Cycle(demo, snapshot, BOTH, 3, snapshot.now_ns, 11), solve)
     assert result.report.status == "baseline"
     assert reason in (result.report.reason or "")
     assert stops(result) == {"van-a": ("c1", "c2"), "van-b": ("c3", "c4")}

@@ -13,7 +13,7 @@ from dispatcher_daemon.settings import LcQaoaSettings, QaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Status
 from research.instances import open_instance
-from research.solving.forms import arc_form
+from research.instances.forms import arc_form_of
 from slipstream_cli.main import main
 from slipstream_cli.solve_quantum import VARIANTS, best_known_kwh
 
@@ -144,7 +144,7 @@ def test_an_optimum_is_called_one_only_where_it_is_proven(
     monkeypatch: pytest.MonkeyPatch, status: Status, proven: bool
 ) -> None:
     """The best answer of a search that ran out of time is the best known one."""
-    form = arc_form(open_instance(SMALL))
+    form = arc_form_of(open_instance(SMALL))
     outcome = replace(ExactSolver().solve(form.problem, 10.0, 1), status=status)
     monkeypatch.setattr(ExactSolver, "solve", lambda *_: outcome)
     best, is_proven = best_known_kwh(form, [], 10.0, 1)

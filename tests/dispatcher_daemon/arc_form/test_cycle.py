@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from dispatcher_daemon.cycle import CycleResult, run_cycle
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -20,7 +21,7 @@ def cycle(town: Town, **first: float) -> CycleResult:
     vans = [{"first_stop": "s0", **first}, {"first_stop": "s1", "ready_s": 40.0}]
     problem, snapshot = town(["33", "33"], vans)
     solve = solve_here([ExactSolver()])
-    return run_cycle(problem, snapshot, SETTINGS, solve, snapshot.now_ns, 1, 1)
+    return run_cycle(Cycle(problem, snapshot, SETTINGS, 1, snapshot.now_ns, 1), solve)
 
 
 def test_departures_move_within_their_windows_so_that_platoons_meet(town: Town) -> None:
@@ -60,7 +61,7 @@ def test_stops_at_one_junction_are_served_in_one_visit(town: Town) -> None:
     vans = [{"first_stop": "s0"}, {"first_stop": "s1", "ready_s": 40.0}]
     problem, snapshot = town(["33", "00", "33", "33"], vans)
     solve = solve_here([ExactSolver()])
-    result = run_cycle(problem, snapshot, SETTINGS, solve, snapshot.now_ns, 1, 1)
+    result = run_cycle(Cycle(problem, snapshot, SETTINGS, 1, snapshot.now_ns, 1), solve)
     assert result.report.status == "ok"
     stops = {p.vehicle: [s.stop for s in p.stops[1:-1]] for p in result.plans}
     first, second = (stops[v.id] for v in problem.fleet.vehicles)

@@ -18,6 +18,7 @@ from dispatcher_daemon.hardware.caretaker import Caretaker
 from dispatcher_daemon.hardware.clerk import Clerk
 from dispatcher_daemon.hardware.desk import Desk
 from dispatcher_daemon.hardware.ticket import Ticket
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import ArcProblem, RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -221,7 +222,7 @@ def test_a_device_that_never_answers_makes_no_cycle_late(demo: RoutingProblem) -
     traffic = take_snapshot(demo.network, (), 10**18, stale_after_s=60.0)
     began = time.monotonic()
     desk.begin_cycle(1)
-    done = run_cycle(demo, traffic, settings, desk, 10**18, 1, seed=1)
+    done = run_cycle(Cycle(demo, traffic, settings, 1, 10**18, seed=1), desk)
     took_s = time.monotonic() - began
     assert done.plans
     assert settings.hardware.wait_s <= took_s < 0.8 * settings.deadline_s

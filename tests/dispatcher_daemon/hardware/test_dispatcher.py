@@ -9,13 +9,11 @@ from typing import Any, cast
 
 import pytest
 
-from dispatcher_daemon.arc_form.cycle import solver_report
 from dispatcher_daemon.daemon import Dispatcher
 from dispatcher_daemon.hardware.desk import Desk
 from dispatcher_daemon.hardware.opening import Opening, kind_of, open_desk
 from dispatcher_daemon.hardware.steady_clock import SteadyClock
-from dispatcher_daemon.planning.cycle import _report
-from dispatcher_daemon.plans.candidates import Candidate
+from dispatcher_daemon.plans.solver_report import solver_report
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -143,7 +141,7 @@ def test_a_fault_in_the_health_ends_no_dispatcher(
 def test_a_report_tells_of_a_fallback() -> None:
     """The simulator's answer goes with the reason why it is not the device's."""
     outcome = Outcome("lc-qaoa", "feasible", frozenset({0}), 0.1, execution=AER)
-    report = solver_report(outcome, 1.0, None, None)
+    report = solver_report([outcome], 1.0)
     assert (report.backend, report.backend_kind) == ("aer", "simulated")
     assert (report.fallback, report.two_qubit_depth) == ("job j still queued", 4)
 
@@ -155,15 +153,16 @@ def test_blocks_are_told_of_together(backwards: bool) -> None:
         Outcome("lc-qaoa", "feasible", frozenset({0}), 0.1, execution=ran)
         for ran in (AER, DEVICE, AER)
     ]
-    best = Candidate("lc-qaoa", 1.0, (), ())
-    report = _report("lc-qaoa", outcomes[::-1] if backwards else outcomes, best)
+    report = solver_report(outcomes[::-1] if backwards else outcomes, 1.0, blocks=True)
     assert (report.backend, report.backend_kind, report.two_qubit_depth) == (
         "boston",
         "hardware",
         8,
     )
     assert report.fallback == "2 of 3 blocks: job j still queued"
-    classical = _report("exact", [Outcome("exact", "optimal", frozenset({0}), 0.1)], best)
+    proven = Outcome("exact", "optimal", frozenset({0}), 0.1)
+    classical = solver_report([proven], 1.0, blocks=True)
+    assert classical.status == "feasible"
     assert (classical.backend, classical.fallback, classical.two_qubit_depth) == (None, None, None)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.cycle import CycleResult, form_of, run_cycle
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import Problem, RoutingProblem
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
@@ -52,7 +53,8 @@ def cycle(
 ) -> CycleResult:
     """Cycle 3, in this process."""
     solve = solve_here(solvers)
-    return run_cycle(problem, snapshot, settings, solve, snapshot.now_ns, 3, 11, start=start)
+    this = Cycle(problem, snapshot, settings, 3, snapshot.now_ns, 11, start=start)
+    return run_cycle(this, solve)
 
 
 def faults(

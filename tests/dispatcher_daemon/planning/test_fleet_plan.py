@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.planning.fleet_plan import CityPlan, at_once, plan_city
+from dispatcher_daemon.planning.fleet_plan import FleetPlan, at_once, plan_fleet
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.sweeps import choice_of
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.routes import lateness_s
 from dispatcher_daemon.roads.travel import Travel, roads_of
-from dispatcher_daemon.settings import CitySettings, SearchSettings
+from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import solve_here
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -29,21 +30,26 @@ QUICK = CitySettings(
 
 
 def plan(
-    problem: RoutingProblem, snapshot: TrafficSnapshot, settings: CitySettings = QUICK, **more: Any
-) -> CityPlan:
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    city: CitySettings = QUICK,
+    *,
+    seed: int = 1,
+    deadline_s: float = 1000.0,
+    reference_s: float = 10.0,
+    clock: Callable[[], float] = time.monotonic,
+    **more: Any,
+) -> FleetPlan:
     """A plan made in this process."""
+    settings = DispatcherSettings(
+        city=city, solvers=city.solvers, interval_s=2000.0, deadline_s=deadline_s
+    )
+    cycle = Cycle(problem, snapshot, settings, 1, 0, seed, reference_s, **more)
     with ThreadPoolExecutor(1) as thread:
-        return plan_city(
-            problem,
-            snapshot,
-            settings,
-            thread,
-            solve_here([ExactSolver()]),
-            **{"sync_window_s": 3.0, "seed": 1, "reference_s": 10.0, **more},
-        )
+        return plan_fleet(cycle, thread, solve_here([ExactSolver()]), clock)
 
 
-def faults(problem: RoutingProblem, made: CityPlan) -> list[str]:
+def faults(problem: RoutingProblem, made: FleetPlan) -> list[str]:
     """Stops that are neither served once nor listed, windows missed, loads too large."""
     fleet = problem.fleet
     visits = [stop for i in made.choice.itineraries for stop in i.stops]

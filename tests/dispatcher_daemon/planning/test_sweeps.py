@@ -13,10 +13,11 @@ from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.fleet_plan import first_plans
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.sweeps import Sweeping, choice_of
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import Problem, RouteProblem, RoutingProblem
 from dispatcher_daemon.roads.routes import lateness_s
 from dispatcher_daemon.roads.travel import Travel, roads_of
-from dispatcher_daemon.settings import CitySettings, SearchSettings
+from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import solve_here
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
@@ -57,11 +58,11 @@ def start() -> tuple[Planner, list[Itinerary]]:
     with ThreadPoolExecutor(1) as thread:
         routes = base_routes(city.problem, travel, names, search, thread, 1)
     missing: dict[str, str] = {}
-    planner, _, base, _ = first_plans(
-        city.problem, city.snapshot, travel, routes.stops, missing, SETTINGS, 3.0, 10.0
-    )
+    settings = DispatcherSettings(city=SETTINGS)
+    cycle = Cycle(city.problem, city.snapshot, settings, 1, 0, 1, reference_delay_s=10.0)
+    first = first_plans(cycle, travel, routes.stops, missing)
     assert not missing
-    return planner, list(base.itineraries)
+    return first.planner, list(first.base.itineraries)
 
 
 def sweep(

@@ -8,6 +8,7 @@ import pytest
 
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
@@ -28,7 +29,7 @@ def plans(
     settings = DispatcherSettings(solvers=("exact",))
     snapshot = traffic(avenue_east=1, avenue_west=1)
     solve = solve_here([ExactSolver()])
-    return run_cycle(demo, snapshot, settings, solve, now_ns, 1, 1).plans
+    return run_cycle(Cycle(demo, snapshot, settings, 1, now_ns, 1), solve).plans
 
 
 def verify(

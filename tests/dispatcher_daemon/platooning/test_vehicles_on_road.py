@@ -7,6 +7,7 @@ import pytest
 from dispatcher_daemon.cycle import CycleResult, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning.itineraries import Planner
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, on_road
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -43,9 +44,10 @@ def cycle(city: Instance, now_ns: int, users: tuple[RoadUser, ...] = ()) -> Cycl
     """One cycle."""
     snapshot = replace(city.snapshot, now_ns=now_ns)
     solve = solve_here([ExactSolver()])
-    result = run_cycle(
-        city.problem, snapshot, SETTINGS, solve, now_ns, 2, 1, reference_s=0.0, on_road=users
+    this = Cycle(
+        city.problem, snapshot, SETTINGS, 2, now_ns, 1, reference_delay_s=0.0, on_road=users
     )
+    result = run_cycle(this, solve)
     assert result.report.status != "failed", result.report
     return result
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.cycle import run_cycle
+from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.plans.energy import route_energy
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.costs import segment_cost_kwh
@@ -182,7 +183,8 @@ def test_a_cycle_with_expectations_gives_verified_plans() -> None:
     )
     problem = replace(city.problem, time_worth_kw=5.0)
     solve = solve_here([ExactSolver()])
-    result = run_cycle(problem, snapshot, settings, solve, 0, 1, 1, reference_s=0.0)
+    this = Cycle(problem, snapshot, settings, 1, 0, 1, reference_delay_s=0.0)
+    result = run_cycle(this, solve)
     assert result.report.status == "ok"
     assert result.plans
     windows = {v.id: (v.ready_s, v.depart_by_s) for v in problem.fleet.vehicles}

@@ -7,13 +7,13 @@ from dispatcher_daemon.formulations.decode import decode, valid_selections, viol
 from dispatcher_daemon.problem import ArcProblem, CandidateArc
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from research.instances import open_instance
-from research.solving.forms import arc_form
+from research.instances.forms import arc_form_of
 
 
 @pytest.fixture(scope="module")
 def problem() -> ArcProblem:
     """A published instance of 14 arcs."""
-    problem = arc_form(open_instance("arc20-avenue")).problem
+    problem = arc_form_of(open_instance("arc20-avenue")).problem
     assert isinstance(problem, ArcProblem)
     return problem
 

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from dispatcher_daemon.cycle import run_cycle
+from dispatcher_daemon.plans.candidates import Cycle
 from research.cities.generator import CityShape, generate_city
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 
@@ -21,15 +22,17 @@ def test_cycles_are_the_same_again_and_leave_at_once() -> None:
         with ThreadPoolExecutor(1) as executor:
             results.append(
                 run_cycle(
-                    city.problem,
-                    replace(city.snapshot, now_ns=10**9),
-                    evaluation_settings(),
+                    Cycle(
+                        city.problem,
+                        replace(city.snapshot, now_ns=10**9),
+                        evaluation_settings(),
+                        3,
+                        10**9,
+                        5,
+                        reference_delay_s=0.0,
+                    ),
                     evaluation_solve(),
-                    10**9,
-                    3,
-                    5,
-                    executor=executor,
-                    reference_s=0.0,
+                    executor,
                 )
             )
     one, other = results

@@ -5,15 +5,20 @@ from functools import cache
 
 import pytest
 
+from dispatcher_daemon.arc_form.form import ArcForm
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.planning.form import RouteForm
+from dispatcher_daemon.plans.candidates import Candidate, Refusal
+from dispatcher_daemon.plans.forms import Form, attempt
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.pool import solve_here
 from dispatcher_daemon.solvers.protocol import Outcome
 from research.cities.generator import small_city
 from research.instances import open_instance
+from research.instances.forms import arc_form_of, route_form_of
 from research.instances.instance import Instance
-from research.solving.forms import ArcForm, RouteOptions, arc_form, route_form
-from research.solving.trial import appraise, road_faults
+from slipstream.energy import split_saving
 from slipstream.errors import InputError
 
 
@@ -26,14 +31,14 @@ def outcome(*selected: int) -> Outcome:
 def arcs() -> tuple[Instance, ArcForm]:
     """A published instance in which drafting pays."""
     instance = open_instance("arc25-03-avenue")
-    return instance, arc_form(instance)
+    return instance, arc_form_of(instance)
 
 
 @cache
-def options() -> tuple[Instance, RouteOptions]:
+def options() -> tuple[Instance, RouteForm]:
     """A small city in route form."""
     city = small_city(1)
-    return city, route_form(city, 5, 1)
+    return city, route_form_of(city)
 
 
 def with_vehicles(problem: RoutingProblem, **change: object) -> RoutingProblem:
@@ -50,68 +55,82 @@ def with_demand(problem: RoutingProblem, demand: int) -> RoutingProblem:
     return replace(problem, fleet=Fleet(depots=fleet.depots, stops=stops, vehicles=fleet.vehicles))
 
 
+def best_plan(form: Form) -> Candidate:
+    """The exact answer as plans."""
+    found = attempt(form, ExactSolver().solve(form.problem, 10.0, 1)).candidate
+    assert found is not None
+    return found
+
+
+def plan_alone(form: Form) -> tuple[str, Candidate]:
+    """The plan without platooning."""
+    name, alone = form.alone(solve_here([ExactSolver()]), 10.0)
+    assert isinstance(alone, Candidate)
+    return name, alone
+
+
 def test_arc_form_has_the_published_optimum() -> None:
     """What the form's problem costs at its optimum is what the file says."""
     instance, form = arcs()
     assert instance.optimum is not None
     found = ExactSolver().solve(form.problem, 10.0, 1)
     assert found.selected is not None
-    assert form.objective_kwh(found.selected) == pytest.approx(
+    assert form.problem.objective_kwh(found.selected) == pytest.approx(
         instance.optimum.objective_kwh, abs=1e-6
     )
-    routes = {
-        r.vehicle: tuple(v.place for v in r.visits[1:-1]) for r in form.routes(found.selected)
-    }
+    routes = {r.vehicle: tuple(v.place for v in r.visits[1:-1]) for r in best_plan(form).routes}
     assert routes == dict(instance.optimum.routes)
 
 
-def test_a_trial_splits_what_drafting_saves() -> None:
+def test_a_plan_splits_what_drafting_saves() -> None:
     """Where the optimum platoons, drag is saved against the plan without; the parts add up."""
+    _, form = arcs()
+    name, alone = plan_alone(form)
+    assert name == "exact"
+    plan = best_plan(form)
+    saving = split_saving(alone.alone, plan.alone, plan.driven)
+    assert plan.platooned_m > 0
+    assert saving.drag_kwh > 0
+    parts = saving.distance_kwh + saving.drag_kwh + saving.acceleration_kwh
+    assert saving.total_kwh == pytest.approx(parts)
+
+
+def test_an_answer_that_breaks_rules_becomes_no_plan() -> None:
+    """The faults are named, all of them."""
+    _, form = arcs()
+    tried = attempt(form, outcome(0, 1))
+    assert tried.candidate is None
+    assert len(tried.faults) > 1
+    silent = attempt(form, Outcome("made up", "timeout", None, 0.0, reason="too slow"))
+    assert silent.faults == ("too slow",)
+
+
+def test_missed_windows_and_overloads_are_refused() -> None:
+    """What the arc form cannot see is looked at by the verifier of all plans."""
     instance, form = arcs()
-    name, baseline = form.baseline(10.0, 1) or ("", [])
-    assert "without platooning" in name
-    best = ExactSolver().solve(form.problem, 10.0, 1)
-    trial = appraise(form, instance.snapshot, instance.sync_window_s, best, baseline)
-    assert trial.is_valid
-    assert trial.saving is not None
-    assert trial.energy is not None
-    assert trial.platooned_m > 0
-    assert trial.saving.drag_kwh > 0
-    parts = trial.saving.distance_kwh + trial.saving.drag_kwh + trial.saving.acceleration_kwh
-    assert trial.saving.total_kwh == pytest.approx(parts)
-
-
-def test_an_answer_that_breaks_rules_is_not_appraised() -> None:
-    """No routes, no energy, no objective for what is no route set; the faults are named."""
-    instance, form = arcs()
-    trial = appraise(form, instance.snapshot, instance.sync_window_s, outcome(0, 1), None)
-    assert not trial.is_valid
-    assert trial.faults
-    assert (trial.objective_kwh, trial.energy, trial.routes) == (None, None, ())
-    with pytest.raises(ValueError, match="van-a: "):
-        form.routes({0})
-
-
-def test_missed_windows_and_overloads_are_faults() -> None:
-    """What the arc form cannot see is looked at on the road."""
-    instance, form = arcs()
-    best = ExactSolver().solve(form.problem, 10.0, 1).selected
-    assert best is not None
-    routes = form.routes(best)
-    assert road_faults(form.routing, routes) == ()
-    late = with_vehicles(instance.problem, return_by_s=10.0, ready_s=0.0)
-    assert all("too late" in fault for fault in road_faults(late, routes))
-    assert len(road_faults(late, routes)) == 2
+    selected = ExactSolver().solve(form.problem, 10.0, 1).selected
+    assert selected is not None
+    short = replace(
+        form,
+        cycle=replace(form.cycle, problem=with_vehicles(form.cycle.problem, return_by_s=100.0)),
+    )
+    refused = short.candidate("exact", selected)
+    assert isinstance(refused, Refusal)
+    assert len(refused.faults) >= 2
     heavy = with_vehicles(with_demand(instance.problem, 3), capacity=5)
-    faults = road_faults(heavy, routes)
-    assert any("loads 6, more than its 5" in fault for fault in faults)
+    overloaded = replace(form, cycle=replace(form.cycle, problem=heavy))
+    refused = overloaded.candidate("exact", selected)
+    assert isinstance(refused, Refusal)
+    assert any("6" in fault and "5" in fault for fault in refused.faults)
 
 
 def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
     """First options are the greedy plan: their exact objective is its own, from nothing."""
     _, form = options()
-    first = {group[0] for group in form.problem.options_of.values() if group}
-    assert form.objective_kwh(first) == pytest.approx(min(form.rivals_kwh().values()), abs=1e-9)
+    first = frozenset(group[0] for group in form.problem.options_of.values() if group)
+    plan = form.candidate("greedy", first)
+    assert isinstance(plan, Candidate)
+    assert plan.objective_kwh == pytest.approx(min(form.rivals_kwh().values()), abs=1e-9)
 
 
 def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
@@ -120,16 +139,14 @@ def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     """
     city, form = options()
     best = ExactSolver().solve(form.problem, 10.0, 1)
-    name, baseline = form.baseline(10.0, 1) or ("", [])
-    trial = appraise(form, city.snapshot, city.sync_window_s, best, baseline)
-    assert "PyVRP" in name
-    assert trial.is_valid
-    assert trial.objective_kwh is not None
+    name, _ = plan_alone(form)
+    plan = best_plan(form)
+    assert name == "pyvrp"
     first = [options[0] for options in form.problem.options_of.values()]
     assert best.selected is not None
     assert form.problem.objective_kwh(best.selected) <= form.problem.objective_kwh(first) + 1e-9
-    assert trial.objective_kwh <= 1.001 * min(form.rivals_kwh().values())
-    served = [visit.place for route in trial.routes for visit in route.visits[1:-1]]
+    assert plan.objective_kwh <= 1.001 * min(form.rivals_kwh().values())
+    served = [visit.place for route in plan.routes for visit in route.visits[1:-1]]
     assert sorted(served) == sorted(
         stop.id for stop in city.problem.fleet.stops if stop.id not in form.unserved
     )
@@ -149,6 +166,6 @@ def test_a_fleet_that_can_serve_nothing_is_bad_input() -> None:
     city, _ = options()
     heavy = replace(city, problem=with_vehicles(with_demand(city.problem, 9), capacity=1))
     with pytest.raises(InputError, match="no stop can be served"):
-        arc_form(heavy)
+        arc_form_of(heavy)
     with pytest.raises(InputError, match=r"fleet\.stops"):
-        route_form(heavy, 5, 1)
+        route_form_of(heavy)

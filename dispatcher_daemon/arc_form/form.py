@@ -1,0 +1,138 @@
+"""The paper's arc form of one cycle: one problem, and the plans of its selections."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from dispatcher_daemon.arc_form.arcs import ArcParts, arc_parts_of
+from dispatcher_daemon.fleet import arc_form_obstacle
+from dispatcher_daemon.formulations.decode import decode
+from dispatcher_daemon.planning.itineraries import Planner
+from dispatcher_daemon.planning.sweeps import Choice, simple_choices
+from dispatcher_daemon.plans.candidates import Candidate, Cycle, Refusal
+from dispatcher_daemon.platooning.rewards import JudgedPair
+from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.roads.routes import Route, RoutedArc, timetable
+from dispatcher_daemon.solvers.insertion import cheapest_insertion
+from dispatcher_daemon.solvers.pool import Job, Solve
+from dispatcher_daemon.solvers.protocol import Outcome
+from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
+
+
+@dataclass(frozen=True)
+class ArcForm:
+    """See `dispatcher_daemon.plans.forms.Form`.
+
+    Attributes:
+        cycle: its problem has no stop that nobody can serve.
+        unserved: these stops, with the reason.
+        parts: what the problem is made of.
+    """
+
+    cycle: Cycle
+    unserved: Mapping[str, str]
+    parts: ArcParts
+    name: Literal["arc"] = "arc"
+
+    @property
+    def problem(self) -> ArcProblem:
+        """What solvers get."""
+        return self.parts.problem
+
+    @property
+    def arcs(self) -> tuple[RoutedArc, ...]:
+        """The candidate arcs."""
+        return self.parts.arcs
+
+    @property
+    def judged(self) -> tuple[JudgedPair, ...]:
+        """Every pair of arcs that share a watched segment, and why it platoons or not."""
+        return self.parts.judged
+
+    def candidate(
+        self, solver: str, selected: frozenset[int], *, platooning: bool = True
+    ) -> Candidate | Refusal:
+        """The verified plans of a selection of arcs.
+
+        Departures are chosen within the vehicles' windows so that platoons meet. The objective is
+        that of the exact times: rewards of the arc form may rest on entry times that are too early.
+        """
+        problem, cycle = self.problem, self.cycle
+        if not all(0 <= index < len(problem.arcs) for index in selected):
+            return Refusal(("not a selection of arcs",))
+        decoded = decode(problem, selected)
+        if decoded.routes is None:
+            return Refusal(tuple(decoded.violations))
+        routes = [
+            timetable(cycle.problem, self.parts.legs, v, decoded.routes[v.id], cycle.reference_s)
+            for v in cycle.problem.fleet.vehicles
+        ]
+        if not platooning:
+            cost = problem.without_platooning().objective_kwh(selected)
+            return cycle.candidate(solver, routes, cost, platooning=False)
+        choice = self._scheduled(routes)
+        if choice is None:
+            return cycle.candidate(solver, routes, problem.objective_kwh(selected))
+        return cycle.candidate(solver, choice.routes, choice.objective_kwh)
+
+    def _scheduled(self, routes: Sequence[Route]) -> Choice | None:
+        """The better of departures as early as can be and departures that meet; None where a
+        vehicle is too late for a window in any case.
+        """
+        cycle = self.cycle
+        window_s = cycle.settings.sync_window_s
+        planner = Planner(cycle.problem, cycle.snapshot, [], window_s, cycle.reference_s)
+        present = [
+            planner.itinerary(n, tuple(v.place for v in route.visits[1:-1]), route.legs)
+            for n, route in enumerate(routes)
+        ]
+        itineraries = [itinerary for itinerary in present if itinerary is not None]
+        if len(itineraries) < len(routes):
+            return None
+        return min(simple_choices(planner, itineraries), key=lambda c: c.objective_kwh)
+
+    def rivals_kwh(self) -> dict[str, float]:
+        """Cheapest insertion."""
+        selected = cheapest_insertion(self.problem)
+        plan = None if selected is None else self.candidate("insertion", selected)
+        return {"insertion": plan.objective_kwh} if isinstance(plan, Candidate) else {}
+
+    def alone(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+        """The plan without platooning: the exact one, or the best found in time."""
+        (outcome,) = solve([self.alone_job], deadline_s)
+        name, selected = self.alone_answer(outcome)
+        if selected is None:
+            return name, Refusal(("no plan found",))
+        return name, self.candidate(name, selected, platooning=False)
+
+    @property
+    def alone_job(self) -> Job:
+        """Asks for the plan without platooning."""
+        return Job(BASELINE_SOLVER, self.problem.without_platooning(), self.cycle.seed)
+
+    def alone_answer(self, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
+        """What made the plan without platooning, and its arcs; the insertion plan if the solver is
+        out.
+        """
+        if outcome.selected is not None:
+            return outcome.solver, outcome.selected
+        return "insertion", cheapest_insertion(self.problem)
+
+
+def arc_form(cycle: Cycle, unserved: Mapping[str, str] | None = None) -> ArcForm:
+    """The arc form of a cycle whose stops can all be served.
+
+    Args:
+        unserved: stops that were left out before, with the reason.
+
+    Raises:
+        ValueError: the arc form cannot express the fleet (`arc_form_obstacle`).
+    """
+    obstacle = arc_form_obstacle(cycle.problem.fleet)
+    if obstacle is not None:
+        raise ValueError(obstacle)
+    settings = cycle.settings
+    parts = arc_parts_of(cycle.problem, cycle.snapshot, settings.sync_window_s, cycle.reference_s)
+    return ArcForm(cycle, unserved or {}, parts)

@@ -1,0 +1,128 @@
+"""The route form of a small fleet in one piece: all driving vehicles as one block."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from dispatcher_daemon.formulations.decode import violations
+from dispatcher_daemon.planning.base_routes import base_routes
+from dispatcher_daemon.planning.blocks import Block, build_block
+from dispatcher_daemon.planning.cycle import BASE
+from dispatcher_daemon.planning.exchanges import best_exchanges
+from dispatcher_daemon.planning.fleet_plan import NO_ROOM, FirstPlans, first_plans, servable
+from dispatcher_daemon.planning.options import options_for
+from dispatcher_daemon.planning.sweeps import choice_of
+from dispatcher_daemon.plans.candidates import Candidate, Cycle, Refusal
+from dispatcher_daemon.platooning.rewards import JudgedPair, judge_pairs
+from dispatcher_daemon.problem import RouteProblem
+from dispatcher_daemon.roads.routes import RoutedArc
+from dispatcher_daemon.solvers.pool import Solve
+
+
+@dataclass(frozen=True)
+class RouteForm:
+    """See `dispatcher_daemon.plans.forms.Form`.
+
+    Attributes:
+        first: plans before the block is solved; the first option of each vehicle is the better one.
+        block: `block.problem` is for solvers, `block.chosen` reads their answers.
+    """
+
+    cycle: Cycle
+    unserved: Mapping[str, str]
+    first: FirstPlans
+    block: Block
+    name: Literal["route"] = "route"
+
+    @property
+    def problem(self) -> RouteProblem:
+        """What solvers get."""
+        return self.block.problem
+
+    @cached_property
+    def arcs(self) -> tuple[RoutedArc, ...]:
+        """The legs of all options."""
+        legs: dict[tuple[str, tuple[str, ...], float], RoutedArc] = {}
+        for options in self.block.options.values():
+            for route in (option.route for option in options if option.route is not None):
+                for leg, visit in zip(route.legs, route.visits, strict=False):
+                    key = (route.vehicle, leg.path, visit.departure_s)
+                    arc = RoutedArc(route.vehicle, leg, visit.departure_s, exact=True)
+                    legs.setdefault(key, arc)
+        return tuple(legs.values())
+
+    @cached_property
+    def judged(self) -> tuple[JudgedPair, ...]:
+        """Every pair of legs on a watched segment, with its reward or the reason why it is 0."""
+        cycle = self.cycle
+        window_s = cycle.settings.sync_window_s
+        return tuple(judge_pairs(cycle.problem, self.arcs, cycle.snapshot, window_s))
+
+    def candidate(self, solver: str, selected: frozenset[int]) -> Candidate | Refusal:
+        """The verified plans of a selection of options; its objective is evaluated from nothing, as
+        the block's is an expansion.
+        """
+        if not all(0 <= index < self.problem.choices for index in selected):
+            return Refusal(("not a selection of options",))
+        faults = violations(self.problem, selected)
+        if faults:
+            return Refusal(tuple(faults))
+        choice = choice_of(self.first.planner, self.block.chosen(selected))
+        return self.cycle.candidate(
+            solver, choice.routes, choice.objective_kwh, unserved=self.unserved
+        )
+
+    def rivals_kwh(self) -> dict[str, float]:
+        """Routes without platooning, and departures chosen for them afterwards."""
+        return {
+            "without platooning": self.first.base.objective_kwh,
+            "route, then schedule": self.first.greedy.objective_kwh,
+        }
+
+    def alone(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+        """Base routes, everybody leaving when ready."""
+        base = self.first.base
+        return BASE, self.cycle.candidate(
+            BASE, base.routes, base.cost_kwh, platooning=False, unserved=self.unserved
+        )
+
+
+def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
+    """Base routes, greedy departures, up to `city.options` options of each vehicle, and the best
+    exchanges of stops between each two.
+
+    Savings are expanded around the greedy plan (`blocks.build_block`).
+
+    Args:
+        executor: for the search of base routes.
+    """
+    settings = cycle.settings.city
+    part, travel, missing = servable(cycle)
+    stops = [stop.id for stop in part.problem.fleet.stops if stop.id not in missing]
+    routes = base_routes(part.problem, travel, stops, settings.search, executor, cycle.seed)
+    missing |= dict.fromkeys(routes.left, NO_ROOM)
+    first = first_plans(part, travel, routes.stops, missing)
+    planner = first.planner
+    meetings = planner.meetings()
+    for itinerary in first.begin.itineraries:
+        meetings.add(itinerary.way)
+    driving = [i for i in first.begin.itineraries if i.route is not None]
+    rng = np.random.default_rng(cycle.seed)
+    options = {
+        i.number: options_for(planner, i, driving, meetings, settings.options, rng) for i in driving
+    }
+    for one, other in combinations(driving, 2):
+        for pair in best_exchanges(planner, (one, other), meetings, settings.options - 1, rng):
+            for itinerary in pair:
+                of_one = options[itinerary.number]
+                if all(itinerary.key != known.key for known in of_one):
+                    of_one.append(itinerary)
+    names = {n: v.id for n, v in enumerate(cycle.problem.fleet.vehicles)}
+    return RouteForm(cycle, missing, first, build_block(names, options, meetings))

@@ -1,0 +1,68 @@
+"""A cycle's fleet as one problem for solvers, in the arc form or the route form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, Protocol
+
+from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, Refusal
+from dispatcher_daemon.platooning.rewards import JudgedPair
+from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.roads.routes import RoutedArc
+from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.protocol import Outcome
+
+FormName = Literal["arc", "route"]
+
+
+class Form(Protocol):
+    """What solvers get, and what their selections mean on roads."""
+
+    @property
+    def name(self) -> FormName:
+        """Which form it is."""
+        ...
+
+    @property
+    def cycle(self) -> Cycle:
+        """The cycle that plans are made for."""
+        ...
+
+    @property
+    def problem(self) -> Problem:
+        """What solvers get."""
+        ...
+
+    @property
+    def unserved(self) -> Mapping[str, str]:
+        """Reason by stop that is not served."""
+        ...
+
+    @property
+    def arcs(self) -> Sequence[RoutedArc]:
+        """The legs that vehicles may drive, with their times."""
+        ...
+
+    @property
+    def judged(self) -> Sequence[JudgedPair]:
+        """Every pair of them on a watched segment, with its reward or the reason why it is 0."""
+        ...
+
+    def candidate(self, solver: str, selected: frozenset[int]) -> Candidate | Refusal:
+        """The verified plans of a selection, or the rules that it breaks."""
+        ...
+
+    def rivals_kwh(self) -> dict[str, float]:
+        """Objectives of plans by simpler means, by what made them."""
+        ...
+
+    def alone(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+        """What made the plan without platooning, and that plan."""
+        ...
+
+
+def attempt(form: Form, outcome: Outcome) -> Attempt:
+    """What an outcome leads to: each answer becomes plans, and plans are verified."""
+    if outcome.selected is None:
+        return Attempt(outcome, Refusal((outcome.reason or outcome.status,)))
+    return Attempt(outcome, form.candidate(outcome.solver, outcome.selected))

@@ -1,1 +1,0 @@
-"""One instance, chosen solvers: the forms that they get and what their answers are worth."""
