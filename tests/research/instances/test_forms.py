@@ -96,11 +96,11 @@ def test_a_plan_splits_what_drafting_saves() -> None:
 
 
 def test_an_answer_that_breaks_rules_becomes_no_plan() -> None:
-    """The faults are named, all of them."""
+    """The faults are named; of a solver without an answer, what it says."""
     _, form = arcs()
     tried = attempt(form, outcome(0, 1))
     assert tried.candidate is None
-    assert len(tried.faults) > 1
+    assert tried.faults == ("van-b: does not leave depot",)
     silent = attempt(form, Outcome("made up", "timeout", None, 0.0, reason="too slow"))
     assert silent.faults == ("too slow",)
 
