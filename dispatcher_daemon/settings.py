@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal, Self
+from importlib.metadata import entry_points
+from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import DrivingAdvice
 
-SolverName = Literal["exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa", "qaoa"]
+BUILT_IN_SOLVERS: Final = (
+    "exact",
+    "cplex",
+    "tabu",
+    "annealing",
+    "insertion",
+    "lc-qaoa",
+    "qaoa",
+)
+SOLVER_ENTRY_POINTS: Final = "slipstream.solvers"
+"""Group of entry points by which installed packages add solvers; see `solvers.registry`."""
 
+
+def solver_names() -> tuple[str, ...]:
+    """Names of all solvers that a cycle can ask: the built-in ones, then those of packages."""
+    added = {point.name for point in entry_points(group=SOLVER_ENTRY_POINTS)}
+    return (*BUILT_IN_SOLVERS, *sorted(added.difference(BUILT_IN_SOLVERS)))
+
+
+def _known_solver(name: str) -> str:
+    names = solver_names()
+    if name not in names:
+        raise ValueError(f"there is no such solver, there are {', '.join(names)}")
+    return name
+
+
+SolverName = Annotated[str, AfterValidator(_known_solver)]
 
 GUEST_SOLVER: Final[SolverName] = "lc-qaoa"
 """The solver whose circuits go to the device that `HardwareSettings` names."""

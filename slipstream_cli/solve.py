@@ -19,6 +19,7 @@ from slipstream_cli.solve_quantum import (
     check_options,
     make_solvers,
     records,
+    settings_of,
 )
 from slipstream_cli.solve_report import Report, as_json, as_text, list_as_text
 
@@ -27,10 +28,8 @@ if TYPE_CHECKING:
     from dispatcher_daemon.plans.forms import Form
     from research.instances.instance import Instance
 
-_SOLVERS = ("exact", "cplex", "tabu", "annealing", "insertion", *QUANTUM_SOLVERS)
 _ENDINGS = (".lp", ".mps", ".json", ".coo")
 _LARGEST_ARC_FLEET = 2
-_FEWEST_OPTIONS, _MOST_OPTIONS = 2, 50
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -43,7 +42,11 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument("--instance", metavar="NAME|FILE", help="published instance, or a file")
     command.add_argument(
-        "--solver", choices=_SOLVERS, nargs="+", help="one or several (default: exact)"
+        "--solver",
+        nargs="+",
+        metavar="NAME",
+        help="one or several of exact, cplex, tabu, annealing, insertion, "
+        f"{', '.join(QUANTUM_SOLVERS)} and what installed packages add (default: exact)",
     )
     command.add_argument(
         "--form",
@@ -59,7 +62,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument(
         "--options",
-        type=_options,
+        type=int,
         default=5,
         metavar="N",
         help="of each vehicle in the route form, at most (default: 5)",
@@ -148,14 +151,12 @@ def _solve(options: argparse.Namespace) -> int:
 
 
 def _form(options: argparse.Namespace, instance: Instance) -> Form:
-    from dispatcher_daemon.settings import CitySettings, DispatcherSettings
     from research.instances.forms import arc_form_of, route_form_of
 
     few = len(instance.problem.fleet.vehicles) <= _LARGEST_ARC_FLEET
     if (options.form or ("arc" if few else "route")) == "arc":
         return arc_form_of(instance, options.seed)
-    settings = DispatcherSettings(city=CitySettings(options=options.options))
-    return route_form_of(instance, options.seed, settings)
+    return route_form_of(instance, options.seed, settings_of(options))
 
 
 def _run_solvers(
@@ -241,13 +242,4 @@ def _seed(text: str) -> int:
     value = int(text) if text.isdecimal() else -1
     if not 0 <= value < 2**32:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to {2**32 - 1}")
-    return value
-
-
-def _options(text: str) -> int:
-    value = int(text) if text.isdecimal() else 0
-    if not _FEWEST_OPTIONS <= value <= _MOST_OPTIONS:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not a whole number from {_FEWEST_OPTIONS} to {_MOST_OPTIONS}"
-        )
     return value

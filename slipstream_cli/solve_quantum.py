@@ -18,43 +18,34 @@ if TYPE_CHECKING:
     from dispatcher_daemon.solvers.protocol import Solver
 
 QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
-_MOST_LAYERS: Final = 10
-_MOST_SHOTS: Final = 1_000_000
-_MOST_ITERATIONS: Final = 100_000
-VARIANTS: Final = {
-    "lc-qaoa": (
-        *("ramp", "trained", "multi-angle", "product"),
-        *("one-hot", "one-hot-multi-angle", "one-hot-product"),
-    ),
-    "qaoa": ("x", "xy"),
+_OPTION_OF_FIELD: Final = {
+    "layers": "--p",
+    "shots": "--shots",
+    "variant": "--variant",
+    "iterations": "--iterations",
+    "options": "--options",
 }
-"""Of the settings, which are not loaded for the sake of a help text."""
 _OPTIONS: Final = ("p", "backend", "shots", "variant", "iterations", "job")
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
     """Add the options of quantum solvers."""
     group = command.add_argument_group("quantum solvers")
-    group.add_argument("--p", type=_whole(1, _MOST_LAYERS), metavar="N", help="layers (default: 2)")
+    group.add_argument("--p", type=int, metavar="N", help="layers (default: 2)")
     group.add_argument(
         "--backend",
         metavar="NAME",
         help="aer, aer:FakeBoston (or another fake device: with its noise; with RZZ and RX gates "
         "added: aer:FakeBoston+fractional), ibm:NAME, ibm:least-busy (default: aer)",
     )
-    group.add_argument(
-        "--shots", type=_whole(1, _MOST_SHOTS), metavar="N", help="samples (default: 4096)"
-    )
+    group.add_argument("--shots", type=int, metavar="N", help="samples (default: 4096)")
     group.add_argument(
         "--variant",
         metavar="NAME",
-        help="of the algorithm: "
-        + "; ".join(f"{solver}: {', '.join(of)}" for solver, of in VARIANTS.items())
-        + " (default: trained; x)",
+        help="of the algorithm, as in the settings: docs/settings.md (default: lc-qaoa: trained; "
+        "qaoa: x)",
     )
-    group.add_argument(
-        "--iterations", type=_whole(1, _MOST_ITERATIONS), metavar="N", help="of training, at most"
-    )
+    group.add_argument("--iterations", type=int, metavar="N", help="of training, at most")
     group.add_argument("--job", metavar="ID", help="take up an earlier job of iskay")
     group.add_argument(
         "--no-controls", action="store_true", help="leave out the samples without a circuit"
@@ -62,11 +53,22 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
-    """Refuse options that none of the solvers has.
+    """Refuse unknown solvers, options that none of the solvers has, and values out of bounds.
 
     Raises:
         InputError: naming the option.
     """
+    from dispatcher_daemon.settings import solver_names
+
+    known = tuple(dict.fromkeys((*solver_names(), *QUANTUM_SOLVERS)))
+    for name in names:
+        if name not in known:
+            raise InputError(
+                "solve",
+                f"there is no solver {name!r}",
+                f"take one of {', '.join(known)}",
+                key="--solver",
+            )
     if not set(names) & set(QUANTUM_SOLVERS):
         for option in _OPTIONS:
             if getattr(options, option) is not None:
@@ -76,15 +78,7 @@ def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
                     f"add --solver {'|'.join(QUANTUM_SOLVERS)}",
                     key=f"--{option}",
                 )
-    for solver in names if options.variant is not None else ():
-        if solver in VARIANTS and options.variant not in VARIANTS[solver]:
-            raise InputError(
-                "solve",
-                f"{solver} has no variant {options.variant!r}, it has "
-                f"{', '.join(VARIANTS[solver])}",
-                "give one of them" if len(set(names)) == 1 else "solve with one solver at a time",
-                key="--variant",
-            )
+    settings_of(options)
     if options.job is not None and "iskay" not in names:
         raise InputError("solve", "only iskay takes up a job", "add --solver iskay", key="--job")
     if options.job is not None and not re.fullmatch(r"[\w-]{1,100}", options.job):
@@ -151,33 +145,40 @@ def _check_backend(text: str, qubits: int) -> None:
 
 
 def settings_of(options: argparse.Namespace) -> DispatcherSettings:
-    """Settings with what was given on the command line.
+    """Settings with what was given on the command line; their types set its choices and bounds.
 
     Raises:
-        InputError: a solver has no such variant, or takes no such number.
+        InputError: naming the option: a solver has no such variant, or takes no such number.
     """
     from dispatcher_daemon.settings import DispatcherSettings
     from slipstream.config import check
 
     given = {
         field: value
-        for field, value in (
-            ("layers", options.p),
-            ("shots", options.shots),
-            ("variant", options.variant),
-            ("iterations", options.iterations),
-        )
-        if value is not None
+        for field, option in _OPTION_OF_FIELD.items()
+        if (value := getattr(options, option.removeprefix("--"), None)) is not None
+        and option != "--options"
     }
     asked = options.solver or ()
-    data: dict[str, Any] = {"gamma": options.gamma}
+    data: dict[str, Any] = {"gamma": options.gamma, "city": {"options": options.options}}
     if "lc-qaoa" in asked:
         data["lc_qaoa"] = given
+    elif "iskay" in asked:
+        data["lc_qaoa"] = {k: v for k, v in given.items() if k in ("shots", "iterations")}
     if "qaoa" in asked:
         # Who gives iterations wants them used.
         trained = {"angles": "trained"} if "iterations" in given else {}
         data["qaoa"] = given | trained
-    return check(data, DispatcherSettings, "solve")
+    try:
+        return check(data, DispatcherSettings, "solve")
+    except InputError as error:
+        section, _, field = (error.key or "").partition(".")
+        option = _OPTION_OF_FIELD.get(field, error.key)
+        solver = section.replace("_", "-")
+        whose = f"{solver}: " if solver in QUANTUM_SOLVERS else ""
+        alone = len(set(asked)) == 1 or not whose
+        mend = error.mend if alone else "solve with one solver at a time"
+        raise InputError("solve", whose + error.problem, mend, key=option) from None
 
 
 def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solver]:
@@ -194,7 +195,7 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
         if name == "iskay":
             solvers.append(_iskay(options))
         else:
-            made = make_solver(name, settings, options.encoding, options.backend)  # type: ignore[arg-type]
+            made = make_solver(name, settings, options.encoding, options.backend)
             solvers.append(made)
     return solvers
 
@@ -340,15 +341,3 @@ def _differences(added: Mapping[str, Mapping[str, float]]) -> list[str]:
         return f"{100 * added[key]['value']:+.2f} ±{100 * added[key]['standard_error']:.2f}"
 
     return [f"{points('p_feasible' + s)} / {points('p_optimal' + s)}" for s in _STAGES]
-
-
-def _whole(least: int, most: int) -> Any:
-    def parse(text: str) -> int:
-        value = int(text) if text.isdecimal() and len(text) < 12 else -1
-        if not least <= value <= most:
-            raise argparse.ArgumentTypeError(
-                f"{text!r} is not a whole number from {least} to {most}"
-            )
-        return value
-
-    return parse

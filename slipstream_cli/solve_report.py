@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slipstream.energy import Saving, split_saving
 from slipstream_cli.solve_missed import Missed
 from slipstream_cli.solve_quantum import lines_of
 
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from dispatcher_daemon.problem import Problem
     from dispatcher_daemon.roads.routes import Route, RoutedArc
     from research.instances.instance import Optimum
+    from slipstream.energy import Saving
 
 
 @dataclass
@@ -61,6 +61,8 @@ class Report:
 
     def saving(self, plan: Candidate) -> Saving | None:
         """What a plan saves against the plan without platooning, every vehicle alone."""
+        from slipstream.energy import split_saving
+
         if self.alone is None:
             return None
         return split_saving(self.alone.alone, plan.alone, plan.driven)

@@ -1,11 +1,18 @@
-"""From names in the settings to solvers."""
+"""From names in the settings to solvers: built-in ones, and those that installed packages add.
+
+A package adds a solver by an entry point of the group ``slipstream.solvers`` whose name is the
+solver's and whose object is a `Factory`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Final
 
 from dispatcher_daemon.formulations.qubo import Encoding
-from dispatcher_daemon.settings import DispatcherSettings, SolverName
+from dispatcher_daemon.settings import SOLVER_ENTRY_POINTS, DispatcherSettings
 from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
@@ -13,38 +20,68 @@ from dispatcher_daemon.solvers.insertion import InsertionSolver
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.qaoa import QaoaSolver
+from slipstream.errors import InputError
 
-BASELINE_SOLVER: SolverName = "exact"
+BASELINE_SOLVER: Final = "exact"
 """Solves the baseline, whether it is among the solvers asked for the cooperative plan or not."""
 
 
+@dataclass(frozen=True)
+class SolverOptions:
+    """What a solver is made from.
+
+    Attributes:
+        encoding: of the arc form's subtour terms, for solvers of QUBOs.
+        backend: for LC-QAOA instead of the settings' simulator; a device too.
+    """
+
+    settings: DispatcherSettings
+    encoding: Encoding = "reduced"
+    backend: str | None = None
+
+
+Factory = Callable[[SolverOptions], Solver]
+
+_FACTORIES: Final[Mapping[str, Factory]] = {
+    "exact": lambda _: ExactSolver(),
+    "cplex": lambda _: CplexSolver(),
+    "tabu": lambda o: TabuSolver(gamma=o.settings.gamma, encoding=o.encoding),
+    "annealing": lambda o: AnnealingSolver(gamma=o.settings.gamma, encoding=o.encoding),
+    "insertion": lambda _: InsertionSolver(),
+    "lc-qaoa": lambda o: LcQaoaSolver(o.settings.lc_qaoa, o.settings.gamma, o.encoding, o.backend),
+    "qaoa": lambda o: QaoaSolver(o.settings.qaoa, gamma=o.settings.gamma, encoding=o.encoding),
+}
+
+
 def make_solver(
-    name: SolverName,
+    name: str,
     settings: DispatcherSettings,
     encoding: Encoding = "reduced",
     backend: str | None = None,
 ) -> Solver:
-    """The solver of that name, as configured.
+    """The solver of that name, as configured; for the arguments see `SolverOptions`.
 
-    Args:
-        encoding: of the arc form's subtour terms, for solvers of QUBOs.
-        backend: for LC-QAOA instead of the settings' simulator; a device too.
+    Raises:
+        InputError: there is no such solver, or the package that adds it cannot be loaded.
     """
-    gamma, lc_qaoa = settings.gamma, settings.lc_qaoa
-    makers: dict[SolverName, Callable[[], Solver]] = {
-        "exact": ExactSolver,
-        "cplex": CplexSolver,
-        "tabu": lambda: TabuSolver(gamma=gamma, encoding=encoding),
-        "annealing": lambda: AnnealingSolver(gamma=gamma, encoding=encoding),
-        "insertion": InsertionSolver,
-        "lc-qaoa": lambda: LcQaoaSolver(lc_qaoa, gamma, encoding, backend),
-        "qaoa": lambda: QaoaSolver(settings.qaoa, gamma=gamma, encoding=encoding),
-    }
-    return makers[name]()
+    return _factory(name)(SolverOptions(settings, encoding, backend))
+
+
+def _factory(name: str) -> Factory:
+    built_in = _FACTORIES.get(name)
+    if built_in is not None:
+        return built_in
+    for point in entry_points(group=SOLVER_ENTRY_POINTS, name=name):
+        try:
+            factory: Factory = point.load()
+        except Exception as error:
+            problem = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
+            raise InputError(f"solver {name}", problem, "mend or remove its package") from None
+        return factory
+    raise InputError(f"solver {name}", "there is no such solver", "see slipstream solve --help")
 
 
 def configured_solvers(settings: DispatcherSettings) -> list[Solver]:
     """All solvers that a dispatcher needs, each once."""
     asked = (BASELINE_SOLVER, *settings.solvers, *settings.city.solvers)
-    names: list[SolverName] = list(dict.fromkeys(asked))
-    return [make_solver(name, settings) for name in names]
+    return [make_solver(name, settings) for name in dict.fromkeys(asked)]
