@@ -11,11 +11,11 @@ import viser
 
 from dashboard import metrics
 from dashboard.live import LiveData
-from dashboard.map import RoadMap
-from dashboard.panels import Panels
+from dashboard.panels import PanelLayout
+from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
-from dashboard.view_model import build_view
+from dashboard.view import build_view
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 
@@ -88,7 +88,7 @@ class Page:
         self._server = start_server(self._settings.host, self._settings.port)
         try:
             self._map = RoadMap(self._server, self._network, self._settings.depots)
-            self._panels = Panels(self._server)
+            self._panels = PanelLayout(self._server)
             self._server.on_client_connect(self._welcome)
             self._serving = True
         except BaseException:

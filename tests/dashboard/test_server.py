@@ -9,12 +9,12 @@ import pytest
 import viser
 
 from dashboard.live import LiveData, Snapshot
-from dashboard.map import RoadMap
 from dashboard.page import Page
-from dashboard.panels import Panels
+from dashboard.panels import PanelLayout
+from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
-from dashboard.view_model import build_view
+from dashboard.view import build_view
 from slipstream.bus import free_port
 from slipstream.errors import InputError
 
@@ -75,7 +75,7 @@ def _no_tunnel(*_: object) -> None:
 
 def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
     """After hundreds of updates, roads and vans coming and going, no more is kept than before."""
-    road_map, panels = RoadMap(server, world.network, ("depot",)), Panels(server)
+    road_map, panels = RoadMap(server, world.network, ("depot",)), PanelLayout(server)
     buffer = server._websock_server._broadcast_buffer
 
     def show(tick: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dashboard.words import Level, Rgb, Traffic
+from dashboard.view.labels import Level, Rgb, Traffic
 from slipstream.messages import SolverReport, Unserved
 
 

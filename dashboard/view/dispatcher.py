@@ -1,4 +1,4 @@
-"""One line on how the dispatcher is: silent, in trouble, or when its next cycle comes; pure."""
+"""Status lines of the dispatcher and of its quantum device; pure."""
 
 from __future__ import annotations
 
@@ -7,20 +7,25 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
-from dashboard import words
 from dashboard.live import Snapshot
-from dashboard.words import Level
+from dashboard.view import labels
+from dashboard.view.labels import Level
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import CycleReport, DispatcherHealth
+from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth, SolverReport
 
+KINDS: Final[dict[str, str]] = {
+    "simulated": "simulated",
+    "noise-model": "simulated with a device's noise",
+    "hardware": "hardware",
+}
 OVERDUE_AFTER_INTERVALS: Final = 3.0
 """How many intervals may pass without a good cycle."""
 USUAL_INTERVAL_S: Final = 30.0
 """The dispatcher's interval where too few cycles are known to tell: its default."""
 
 
-def dispatcher_line(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level]:
+def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level]:
     """The line and its level.
 
     Args:
@@ -32,7 +37,7 @@ def dispatcher_line(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> t
     shown = "; showing the stored history" if snapshot.cycles else ""
     if health is None:
         return f"Dispatcher silent{shown}", "bad"
-    off = words.duration(age_s(health.time_ns, now_ns))
+    off = labels.duration(age_s(health.time_ns, now_ns))
     fault = freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s)
     if fault is not None:
         silent = f"Dispatcher silent for {off}"
@@ -44,10 +49,10 @@ def dispatcher_line(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> t
     else:
         wait_s = -age_s(health.next_cycle_ns, now_ns)
         lines.append(
-            f"Next cycle in {words.duration(wait_s)}" if wait_s > 0 else "Cycle running now"
+            f"Next cycle in {labels.duration(wait_s)}" if wait_s > 0 else "Cycle running now"
         )
     if health.cycles_failed:
-        lines.append(f"{words.plural(health.cycles_failed, 'cycle')} failed since it started")
+        lines.append(f"{labels.plural(health.cycles_failed, 'cycle')} failed since it started")
     return " · ".join(lines), "bad" if trouble else "ok"
 
 
@@ -74,7 +79,7 @@ def _trouble(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str |
         return "No good cycle yet"
     since_s = age_s(since_ns, now_ns)
     if since_s > OVERDUE_AFTER_INTERVALS * _interval_s(snapshot.cycles):
-        return f"No good cycle for {words.duration(since_s)}"
+        return f"No good cycle for {labels.duration(since_s)}"
     return None
 
 
@@ -86,3 +91,36 @@ def _interval_s(cycles: Sequence[CycleReport]) -> float:
         if b.cycle == a.cycle + 1 and b.started_ns > a.started_ns
     ]
     return median(steps) if steps else USUAL_INTERVAL_S
+
+
+def hardware_status(health: HardwareHealth) -> tuple[str, Level]:
+    """Jobs, budget and breaker in a line, and its level; a noise model is called one.
+
+    A breaker is told only where it is not closed.
+    """
+    service, _, model = health.backend.partition(":")
+    device = f"Quantum device {health.backend}"
+    if service == "fake" and model:
+        device = f"Noise model of {model}, no device"
+    parts = [
+        f"{device}: {labels.plural(health.pending, 'job')} pending",
+        f"{health.used_s:.1f} of {health.budget_s:g} s used in the last day",
+    ]
+    if health.breaker != "closed":
+        parts.append(f"breaker {health.breaker}")
+    if health.line is not None:
+        parts.append(f"no new jobs: {health.line}")
+    return " · ".join(parts), "ok" if health.line is None else "warn"
+
+
+def execution_summary(run: SolverReport) -> str:
+    """Where a solver's circuit ran, and why not on the device; empty for a solver without one."""
+    parts = []
+    if run.backend is not None:
+        kind = KINDS.get(run.backend_kind or "", "")
+        parts.append(f"on {run.backend}" + (f", {kind}" if kind else ""))
+        if run.two_qubit_depth is not None:
+            parts.append(f"two-qubit depth {run.two_qubit_depth}")
+    if run.fallback is not None:
+        parts.append(f"instead of the device: {run.fallback}")
+    return " · ".join(parts)

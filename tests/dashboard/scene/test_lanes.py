@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashboard import geometry
-from dashboard.lanes import Lanes
+from dashboard.scene import geometry
+from dashboard.scene.lanes import Lanes
 from slipstream.roads import Segment, build_network, load_network
 
 DEMO = load_network("demo")

@@ -12,12 +12,13 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from dashboard import geometry, words
-from dashboard.canvas import FOV_RAD, Canvas, stroke_colours
-from dashboard.fleet import ROUTE_LANES, FleetLayer
-from dashboard.geometry import Array
-from dashboard.views import DashboardView, RoadView
-from dashboard.words import Rgb, Traffic
+from dashboard.scene import geometry
+from dashboard.scene.canvas import FOV_RAD, Canvas, stroke_colours
+from dashboard.scene.fleet import ROUTE_LANES, FleetLayer
+from dashboard.scene.geometry import Array
+from dashboard.view import labels
+from dashboard.view.labels import Rgb, Traffic
+from dashboard.view.model import DashboardView, RoadView
 from slipstream.roads import RoadNetwork
 
 MAX_LABELS: Final = 40
@@ -107,7 +108,7 @@ class RoadMap:
         for state in sorted(set(traffic)):
             mine = state_of_dash == state
             drawn = _pattern(state, self._dash[mine])
-            rgb[mine] = np.where(drawn[:, None], words.TRAFFIC_RGB[state], _GAP_RGB[state])
+            rgb[mine] = np.where(drawn[:, None], labels.TRAFFIC_RGB[state], _GAP_RGB[state])
         self._node.colors = stroke_colours(rgb)
 
     def _draw_watched(self, watched: Sequence[str]) -> None:
@@ -133,7 +134,7 @@ class RoadMap:
             self._labels.pop(name).remove()
         for name, road in shown.items():
             speed = "" if road.speed_kmh is None else f", {road.speed_kmh:.0f} km/h"
-            sign = words.TRAFFIC_SIGN[road.traffic]
+            sign = labels.TRAFFIC_SIGN[road.traffic]
             text = f"{sign} {name[:40]}: {road.traffic}{speed}"
             if name not in self._labels:
                 self._labels[name] = self._draw_label(name, text)

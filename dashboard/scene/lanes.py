@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dashboard import geometry
-from dashboard.geometry import Array
+from dashboard.scene import geometry
+from dashboard.scene.geometry import Array
 from slipstream.roads import RoadNetwork
 
 Indices = npt.NDArray[np.int64]

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from dashboard import geometry
-from dashboard.canvas import Canvas, stroke_colours
-from dashboard.geometry import Array
-from dashboard.lanes import Drawing, Lanes
-from dashboard.views import VehicleView
-from dashboard.words import Rgb
+from dashboard.scene import geometry
+from dashboard.scene.canvas import Canvas, stroke_colours
+from dashboard.scene.geometry import Array
+from dashboard.scene.lanes import Drawing, Lanes
+from dashboard.view.labels import Rgb
+from dashboard.view.model import VehicleView
 
 MAX_VEHICLES: Final = 500
 MAX_LABELS: Final = 40

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from dashboard import words
-from dashboard.device_line import device_line
-from dashboard.dispatcher_line import dispatcher_line
 from dashboard.live import Snapshot
-from dashboard.vehicles import FORGET_AFTER_S, vehicle_views
-from dashboard.views import (
+from dashboard.view import labels
+from dashboard.view.dispatcher import dispatcher_status, hardware_status
+from dashboard.view.labels import Level, Traffic
+from dashboard.view.model import (
     CycleView,
     DashboardView,
     EnergyView,
@@ -23,7 +22,7 @@ from dashboard.views import (
     RoadView,
     RsuView,
 )
-from dashboard.words import Level, Traffic
+from dashboard.view.vehicles import FORGET_AFTER_S, vehicle_views
 from slipstream import freshness
 from slipstream.freshness import age_s as _age_s
 from slipstream.messages import (
@@ -50,7 +49,7 @@ def build_view(
     last = snapshot.cycles[-1] if snapshot.cycles else None
     rsus = _rsus(snapshot.rsus, now_ns, stale_after_s)
     roads = _roads(snapshot, last, now_ns, stale_after_s)
-    dispatcher, dispatcher_level = dispatcher_line(snapshot, now_ns, silent_after_s)
+    dispatcher, dispatcher_level = dispatcher_status(snapshot, now_ns, silent_after_s)
     headline, headline_level = _headline(roads)
     return DashboardView(
         headline=headline,
@@ -74,7 +73,7 @@ def _device(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str
         return None
     if freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s) is not None:
         return None
-    return device_line(health.hardware)
+    return hardware_status(health.hardware)
 
 
 def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:
@@ -127,13 +126,13 @@ def _road(
     decisive = freshness.decisive(states, now_ns, stale_after_s=stale_after_s)
     state = None if decisive is None else decisive.state
     traffic: Traffic = "unknown"
-    why = words.reason("missing")
+    why = labels.reason("missing")
     speed = cv = variance = None
     if decisive is not None and decisive.fault is not None:
-        why = words.reason(decisive.fault)
+        why = labels.reason(decisive.fault)
     elif state is not None:
-        traffic = words.traffic(state.y_e)
-        why = words.reason(state.reason)
+        traffic = labels.traffic(state.y_e)
+        why = labels.reason(state.reason)
     if state is not None and traffic != "unknown" and state.features is not None:
         mean_mps = state.features.mean_speed_mps.value
         speed = mean_mps * KMH_PER_MPS
@@ -150,7 +149,7 @@ def _road(
         age_s=None if decisive is None else decisive.age_s,
         gate_cycle=cycle if gate else None,
         gate_open=gate is not None and gate.open,
-        gate_why="" if gate is None or gate.open else words.why_closed(gate.y_e, gate.reason),
+        gate_why="" if gate is None or gate.open else labels.why_closed(gate.y_e, gate.reason),
     )
 
 
@@ -171,7 +170,7 @@ def _rsus(
             continue
         status, level = _STATUS[health.status]
         if health.fault is not None:
-            status, level = words.camera_fault(health.fault), "bad"
+            status, level = labels.camera_fault(health.fault), "bad"
         fault = freshness.fault(health.time_ns, now_ns, stale_after_s=stale_after_s)
         fresh = fault is None
         if not fresh:
@@ -244,7 +243,7 @@ def _cycle(report: CycleReport, now_ns: int) -> CycleView:
         age_s=_age_s(report.started_ns, now_ns),
         status=status,
         level=level,
-        reason=words.reason(report.reason),
+        reason=labels.reason(report.reason),
         solver=report.solver or "none",
         objective_kwh=report.objective_kwh,
         feasible=chosen.status in ("optimal", "feasible") if chosen else None,

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import pytest
 from pydantic import ValidationError
 
-from dashboard.canvas import Canvas
-from dashboard.fleet import FleetLayer
 from dashboard.live import LiveData, Snapshot
+from dashboard.scene.canvas import Canvas
+from dashboard.scene.fleet import FleetLayer
 from dashboard.server import start_server, stop_server
-from dashboard.vehicles import vehicle_views
+from dashboard.view.vehicles import vehicle_views
 from slipstream.bus import free_port
 from slipstream.errors import InputError
 from slipstream.messages import PlannedStop, VehiclePosition, plan_key, position_key

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashboard import geometry
+from dashboard.scene import geometry
 from slipstream.roads import load_network
 
 BENT = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]])

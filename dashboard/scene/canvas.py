@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from dashboard import geometry
-from dashboard.geometry import Array
-from dashboard.words import Rgb
+from dashboard.scene import geometry
+from dashboard.scene.geometry import Array
+from dashboard.view.labels import Rgb
 from slipstream.roads import RoadNetwork
 
 Anchor = Literal["top-center", "bottom-center"]

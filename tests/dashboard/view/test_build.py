@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from dashboard import words
 from dashboard.live import Snapshot
-from dashboard.vehicles import FORGET_AFTER_S, planned_position
-from dashboard.view_model import build_view
-from dashboard.views import DashboardView
+from dashboard.view import build_view, labels
+from dashboard.view.model import DashboardView
+from dashboard.view.vehicles import FORGET_AFTER_S, planned_position
 from slipstream.messages import CAMERA_FAULTS, Unserved
 
 S = 1_000_000_000
@@ -116,7 +115,7 @@ def test_a_cameras_fault_is_told_in_words(world, now_ns, fault):
     view = _view(Snapshot(rsus={health.rsu: health}, states=_states(state)), now_ns)
     (unit,), (road,) = view.rsus, view.roads
     assert unit.level == "bad"
-    assert unit.status == words.camera_fault(fault)
+    assert unit.status == labels.camera_fault(fault)
     assert road.traffic == "unknown"
     assert "_" not in unit.status + road.why
     assert road.why != fault.replace("_", " ")
@@ -290,7 +289,7 @@ def test_a_van_with_an_empty_plan_is_idle_and_comes_last(world, now_ns):
     driving, idle = _view(Snapshot(plans=plans), now_ns).vehicles
     assert (driving.vehicle, driving.idle) == ("van-b", False)
     assert (idle.vehicle, idle.activity) == ("van-a", "idle")
-    assert idle.rgb == words.VEHICLE_RGB[0]
+    assert idle.rgb == labels.VEHICLE_RGB[0]
 
 
 def test_unserved_stops_reach_the_view(world, now_ns):
@@ -331,12 +330,12 @@ def test_pictures_grow_old(now_ns):
 )
 def test_durations(seconds, shown):
     """Durations read at a glance."""
-    assert words.duration(seconds) == shown
+    assert labels.duration(seconds) == shown
 
 
 def test_states_are_not_told_by_colour_alone():
     """Each state of traffic has its own sign, and no van has nearly a state's colour."""
-    assert len(set(words.TRAFFIC_SIGN.values())) == 3
-    for rgb in words.VEHICLE_RGB:
-        for state in words.TRAFFIC_RGB.values():
+    assert len(set(labels.TRAFFIC_SIGN.values())) == 3
+    for rgb in labels.VEHICLE_RGB:
+        for state in labels.TRAFFIC_RGB.values():
             assert sum((a - b) ** 2 for a, b in zip(rgb, state, strict=True)) > 60**2

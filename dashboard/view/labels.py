@@ -20,6 +20,14 @@ TRAFFIC_RGB: Final[dict[Traffic, Rgb]] = {
     "unknown": (128, 136, 148),
 }
 TRAFFIC_SIGN: Final[dict[Traffic, str]] = {"stable": "✓", "turbulent": "✕", "unknown": "?"}
+TRAFFIC_DASHES: Final[dict[Traffic, str]] = {"stable": "", "turbulent": "10 5", "unknown": "5 5"}
+"""Dash patterns as in SVG's `stroke-dasharray`, px."""
+LEVEL_RGB: Final[dict[Level, Rgb]] = {
+    "ok": (0, 128, 94),
+    "warn": (176, 104, 0),
+    "bad": (190, 50, 20),
+}
+LEVEL_SIGN: Final[dict[Level, str]] = {"ok": "●", "warn": "▲", "bad": "■"}
 
 # Blue, purple, near-black, pink, sky blue, brown: none of them near green, vermilion or grey.
 VEHICLE_RGB: Final[tuple[Rgb, ...]] = (

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from dashboard import words
 from dashboard.live import Snapshot
-from dashboard.views import VehicleView
+from dashboard.view import labels
+from dashboard.view.model import VehicleView
 from slipstream import freshness
 from slipstream.freshness import age_s
 from slipstream.messages import CycleReport, VehiclePlan, VehiclePosition
@@ -83,7 +83,7 @@ def _driving(plan: VehiclePlan, position: VehiclePosition, index: int, now_ns: i
         activity = f"at {stops[leg]}"
     else:
         wait_s = max(0.0, -age_s(plan.depart_ns, now_ns))
-        activity = f"leaves {words.when(wait_s)}" if wait_s > 0 else "leaves now"
+        activity = f"leaves {labels.when(wait_s)}" if wait_s > 0 else "leaves now"
     return _view(
         plan,
         index,
@@ -110,7 +110,7 @@ def _view(
 ) -> VehicleView:
     return VehicleView(
         vehicle=plan.vehicle,
-        rgb=words.VEHICLE_RGB[index % len(words.VEHICLE_RGB)],
+        rgb=labels.VEHICLE_RGB[index % len(labels.VEHICLE_RGB)],
         cycle=plan.cycle,
         expired=expired,
         idle=idle,
@@ -144,14 +144,14 @@ def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None
 
 def _activity(plan: VehiclePlan, now_ns: int) -> str:
     if now_ns > plan.valid_until_ns:
-        return f"plan ran out {words.when(-age_s(plan.valid_until_ns, now_ns))}"
+        return f"plan ran out {labels.when(-age_s(plan.valid_until_ns, now_ns))}"
     if now_ns < plan.depart_ns:
-        return f"leaves {words.when(-age_s(plan.depart_ns, now_ns))}"
+        return f"leaves {labels.when(-age_s(plan.depart_ns, now_ns))}"
     for stop in plan.stops:
         if now_ns < stop.arrival_ns:
-            return f"{stop.stop} {words.when(-age_s(stop.arrival_ns, now_ns))}"
+            return f"{stop.stop} {labels.when(-age_s(stop.arrival_ns, now_ns))}"
         if now_ns < stop.departure_ns:
             return f"at {stop.stop}"
     if plan.segments and now_ns < plan.segments[-1].exit_ns:
-        return f"back {words.when(-age_s(plan.segments[-1].exit_ns, now_ns))}"
+        return f"back {labels.when(-age_s(plan.segments[-1].exit_ns, now_ns))}"
     return "done"
