@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 from urllib.parse import unquote
 
 from slipstream.errors import InputError
-from slipstream.freshness import is_ahead
+from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
 from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
@@ -97,7 +97,13 @@ class LiveData:
         state = decode(SegmentState, payload, key)
         _require(key, state_key(state.rsu, state.segment))
         name = (state.segment, state.rsu)
-        self._put(self._states, name, state, state.time_ns, lambda old: old.time_ns)
+        with self._lock:
+            dispatcher = self._dispatcher
+        tolerance_s = None if dispatcher is None else dispatcher.future_tolerance_s
+        if tolerance_s is None:
+            tolerance_s = FUTURE_TOLERANCE_S
+        time_ns = state.time_ns
+        self._put(self._states, name, state, time_ns, lambda old: old.time_ns, tolerance_s)
 
     def on_rsu_health(self, key: str, payload: bytes) -> None:
         """Take an RsuHealth."""
@@ -218,6 +224,7 @@ class LiveData:
         value: _V,
         time_ns: int,
         time_of: Callable[[_V], int],
+        tolerance_s: float = FUTURE_TOLERANCE_S,
     ) -> None:
         with self._lock:
             old = entries.get(name)
@@ -225,7 +232,7 @@ class LiveData:
             if (
                 old is not None
                 and time_of(old) > time_ns
-                and not is_ahead(time_of(old), self._clock_ns())
+                and not is_ahead(time_of(old), self._clock_ns(), tolerance_s)
             ):
                 return
             entries[name] = value

@@ -34,7 +34,8 @@ class DashboardSettings(Settings):
         default=STALE_AFTER_S,
         gt=0,
         allow_inf_nan=False,
-        description="Older road data is shown as unknown.",
+        description="Age limit of RSU health and pictures, s. Road data has the limit that the "
+        "dispatcher publishes, and this one before its first health message.",
     )
     silent_after_s: float = Field(
         default=30.0,

@@ -7,6 +7,7 @@ shown as unknown, never as it last was.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from dashboard.live import Snapshot
@@ -27,6 +28,7 @@ from slipstream import freshness
 from slipstream.freshness import age_s as _age_s
 from slipstream.messages import (
     CycleReport,
+    DispatcherHealth,
     Gate,
     RsuHealth,
     SegmentState,
@@ -40,15 +42,19 @@ def build_view(
 ) -> DashboardView:
     """What to show.
 
+    Road data are judged by the limits that the dispatcher publishes and its gates use.
+
     Args:
         snapshot: the latest messages.
         now_ns: UTC in ns.
-        stale_after_s: age above which road and RSU data count as unknown, s.
+        stale_after_s: age above which RSU health and pictures are stale, s; for road data too
+            where the dispatcher has published no limit.
         silent_after_s: age above which the dispatcher counts as silent, s.
     """
+    limits = _road_limits(snapshot.dispatcher, stale_after_s)
     last = snapshot.cycles[-1] if snapshot.cycles else None
     rsus = _rsus(snapshot.rsus, now_ns, stale_after_s)
-    roads = _roads(snapshot, last, now_ns, stale_after_s)
+    roads = _roads(snapshot, last, now_ns, limits)
     dispatcher, dispatcher_level = dispatcher_status(snapshot, now_ns, silent_after_s)
     headline, headline_level = _headline(roads)
     return DashboardView(
@@ -64,6 +70,24 @@ def build_view(
         history=_history(snapshot.cycles),
         problems=(snapshot.history_problem,) if snapshot.history_problem else (),
         device=_device(snapshot, now_ns, silent_after_s),
+    )
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """Limits within which a SegmentState counts, s."""
+
+    stale_after_s: float
+    future_tolerance_s: float
+
+
+def _road_limits(dispatcher: DispatcherHealth | None, stale_after_s: float) -> _Limits:
+    stale_s = tolerance_s = None
+    if dispatcher is not None:
+        stale_s, tolerance_s = dispatcher.stale_after_s, dispatcher.future_tolerance_s
+    return _Limits(
+        stale_after_s=stale_after_s if stale_s is None else stale_s,
+        future_tolerance_s=freshness.FUTURE_TOLERANCE_S if tolerance_s is None else tolerance_s,
     )
 
 
@@ -87,7 +111,7 @@ def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:
 
 
 def _roads(
-    snapshot: Snapshot, last: CycleReport | None, now_ns: int, stale_after_s: float
+    snapshot: Snapshot, last: CycleReport | None, now_ns: int, limits: _Limits
 ) -> tuple[RoadView, ...]:
     gates = {gate.segment: gate for gate in last.gates} if last else {}
     watching = {
@@ -108,7 +132,7 @@ def _roads(
             gates.get(segment),
             last.cycle if last else None,
             now_ns,
-            stale_after_s,
+            limits,
         )
         for segment in sorted({*watching, *states, *gates})
     )
@@ -121,9 +145,14 @@ def _road(
     gate: Gate | None,
     cycle: int | None,
     now_ns: int,
-    stale_after_s: float,
+    limits: _Limits,
 ) -> RoadView:
-    decisive = freshness.decisive(states, now_ns, stale_after_s=stale_after_s)
+    decisive = freshness.decisive(
+        states,
+        now_ns,
+        stale_after_s=limits.stale_after_s,
+        future_tolerance_s=limits.future_tolerance_s,
+    )
     state = None if decisive is None else decisive.state
     traffic: Traffic = "unknown"
     why = labels.reason("missing")

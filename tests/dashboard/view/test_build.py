@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from dashboard.live import Snapshot
 from dashboard.view import build_view, labels
 from dashboard.view.model import DashboardView
 from dashboard.view.vehicles import FORGET_AFTER_S, planned_position
-from slipstream.messages import CAMERA_FAULTS, Unserved
+from dispatcher_daemon.traffic import take_snapshot
+from slipstream.messages import (
+    CAMERA_FAULTS,
+    DISPATCHER_HEALTH_KEY,
+    DispatcherHealth,
+    Unserved,
+    decode,
+)
 
 S = 1_000_000_000
 
@@ -41,6 +50,43 @@ def test_old_and_future_states_are_unknown(world, now_ns, age_s):
     assert road.traffic == "unknown"
     assert road.speed_kmh is None
     assert road.why == ("no fresh data" if age_s > 0 else "the camera's clock is ahead")
+
+
+@pytest.mark.parametrize(
+    ("limits", "age_s", "shown"),
+    [
+        ({"stale_after_s": 2.0}, 3.0, "unknown"),
+        ({"stale_after_s": 20.0}, 19.0, "stable"),
+        ({"stale_after_s": 20.0}, 21.0, "unknown"),
+        ({"future_tolerance_s": 4.0}, -3.0, "stable"),
+        ({"future_tolerance_s": 0.0}, -0.5, "unknown"),
+        ({}, 4.0, "stable"),
+        ({}, 6.0, "unknown"),
+        (None, 4.0, "stable"),
+        (None, 6.0, "unknown"),
+    ],
+)
+def test_roads_are_judged_by_the_dispatchers_limits(world, now_ns, limits, age_s, shown):
+    """The page has the published limits; the default ones with an older dispatcher or none."""
+    state = world.state("avenue_east", now_ns - round(age_s * S))
+    health = None
+    if limits is not None:
+        # A dispatcher of the version before sends neither field.
+        fields = world.dispatcher(now_ns).model_dump(mode="json", exclude_none=True) | limits
+        health = decode(DispatcherHealth, json.dumps(fields).encode(), DISPATCHER_HEALTH_KEY)
+    (road,) = _view(Snapshot(states=_states(state), dispatcher=health), now_ns).roads
+    assert road.traffic == shown
+
+
+def test_the_page_agrees_with_the_gates(world, now_ns):
+    """With limits of the dispatcher's own, a road is shown as stable where its gate is open."""
+    limits = {"stale_after_s": 8.0, "future_tolerance_s": 2.5}
+    health = world.dispatcher(now_ns).model_copy(update=limits)
+    for age_s in (-3.0, -2.0, 0.0, 4.0, 7.0, 9.0):
+        state = world.state("avenue_east", now_ns - round(age_s * S))
+        gate = take_snapshot(world.network, (state,), now_ns, **limits).segments["avenue_east"]
+        (road,) = _view(Snapshot(states=_states(state), dispatcher=health), now_ns).roads
+        assert (road.traffic == "stable") == gate.open
 
 
 def test_unknown_is_told_with_its_reason(world, now_ns):
