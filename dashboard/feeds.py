@@ -40,7 +40,7 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
         ("cycle", CYCLE_KEY, live.on_cycle),
         ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
     ):
-        bus.subscribe(key_expression, _checked(kind, take, limiter))
+        bus.subscribe(key_expression, _counting_handler(kind, take, limiter))
 
 
 class PreviewFeed:
@@ -56,13 +56,13 @@ class PreviewFeed:
         self._limiter = limiter
         self._bus: Bus | None = None
 
-    def watch(self, wanted: bool) -> None:
+    def set_active(self, active: bool) -> None:
         """Start or stop asking."""
-        if wanted and self._bus is None:
+        if active and self._bus is None:
             self._bus = Bus.open(self._settings)
-            handler = _checked("preview", self._live.on_preview, self._limiter)
+            handler = _counting_handler("preview", self._live.on_preview, self._limiter)
             self._bus.subscribe(ALL_PREVIEWS, handler, history=False)
-        elif not wanted and self._bus is not None:
+        elif not active and self._bus is not None:
             self._bus.close()
             self._bus = None
 
@@ -98,7 +98,7 @@ class HistoryFeed(threading.Thread):
         try:
             latest = self._reader.latest_cycle()
             if latest is not None and (latest.cycle, latest.started_ns) != self._latest:
-                history = self._reader.cycles(limit=self._unread(latest))
+                history = self._reader.cycles(limit=self._cycles_to_read(latest))
                 self._live.add_history(history, self._reader.latest_plans())
                 self._latest = (latest.cycle, latest.started_ns)
             self._live.set_history_problem(None)
@@ -107,7 +107,7 @@ class HistoryFeed(threading.Thread):
             if self._limiter.allow("history"):
                 log.warning("no stored history: %s", error)
 
-    def _unread(self, latest: CycleReport) -> int:
+    def _cycles_to_read(self, latest: CycleReport) -> int:
         """How many cycles to read: those since the last time, or all if they are counted anew."""
         if self._latest is None:
             return self._cycles
@@ -121,7 +121,7 @@ class HistoryFeed(threading.Thread):
         self._stopping.set()
 
 
-def _checked(
+def _counting_handler(
     kind: str, take: Callable[[str, bytes], None], limiter: LogLimiter
 ) -> Callable[[str, bytes], None]:
     messages = metrics.MESSAGES.labels(kind)

@@ -95,7 +95,7 @@ class LiveData:
     def on_state(self, key: str, payload: bytes) -> None:
         """Take a SegmentState. Like its siblings: raises InputError for what is none."""
         state = decode(SegmentState, payload, key)
-        _require(key, state_key(state.rsu, state.segment))
+        _check_key(key, state_key(state.rsu, state.segment))
         name = (state.segment, state.rsu)
         with self._lock:
             dispatcher = self._dispatcher
@@ -108,19 +108,19 @@ class LiveData:
     def on_rsu_health(self, key: str, payload: bytes) -> None:
         """Take an RsuHealth."""
         health = decode(RsuHealth, payload, key)
-        _require(key, rsu_health_key(health.rsu))
+        _check_key(key, rsu_health_key(health.rsu))
         self._put(self._rsus, health.rsu, health, health.time_ns, lambda old: old.time_ns)
 
     def on_plan(self, key: str, payload: bytes) -> None:
         """Take a VehiclePlan."""
         plan = decode(VehiclePlan, payload, key)
-        _require(key, plan_key(plan.vehicle))
+        _check_key(key, plan_key(plan.vehicle))
         self._add_plan(plan)
 
     def on_position(self, key: str, payload: bytes) -> None:
         """Take a VehiclePosition."""
         position = decode(VehiclePosition, payload, key)
-        _require(key, position_key(position.vehicle))
+        _check_key(key, position_key(position.vehicle))
         name, time_ns = position.vehicle, position.time_ns
         self._put(self._positions, name, position, time_ns, lambda old: old.time_ns)
         with self._lock:
@@ -131,19 +131,19 @@ class LiveData:
     def on_cycle(self, key: str, payload: bytes) -> None:
         """Take a CycleReport."""
         report = decode(CycleReport, payload, key)
-        _require(key, CYCLE_KEY)
+        _check_key(key, CYCLE_KEY)
         self.add_history((report,), ())
 
     def on_dispatcher_health(self, key: str, payload: bytes) -> None:
         """Take a DispatcherHealth."""
         health = decode(DispatcherHealth, payload, key)
-        _require(key, DISPATCHER_HEALTH_KEY)
+        _check_key(key, DISPATCHER_HEALTH_KEY)
         with self._lock:
-            held = self._dispatcher
+            previous = self._dispatcher
             if (
-                held is not None
-                and held.started_ns == health.started_ns
-                and held.cycles_failed < health.cycles_failed
+                previous is not None
+                and previous.started_ns == health.started_ns
+                and previous.cycles_failed < health.cycles_failed
             ):
                 self._cycle_failed_ns = self._clock_ns()
             self._dispatcher = health
@@ -151,7 +151,7 @@ class LiveData:
     def on_preview(self, key: str, payload: bytes) -> None:
         """Take an RSU's picture: a JPEG of a size that a browser takes easily."""
         rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
-        _require(key, preview_key(rsu))
+        _check_key(key, preview_key(rsu))
         if not (payload.startswith(b"\xff\xd8\xff") and payload.endswith(b"\xff\xd9")):
             raise InputError(key, "not a JPEG picture", "check the sender's version")
         if len(payload) > MAX_PREVIEW_BYTES:
@@ -174,7 +174,7 @@ class LiveData:
                 del self._cycles[number]
             # In a city each has hundreds of gates: only the last one's are shown.
             for number in sorted(self._cycles)[:-1]:
-                self._cycles[number] = _slim(self._cycles[number])
+                self._cycles[number] = _without_details(self._cycles[number])
 
     def set_history_problem(self, problem: str | None) -> None:
         """Say why the stored history cannot be read, or that it can again."""
@@ -198,7 +198,7 @@ class LiveData:
             )
 
     def _add_cycle(self, report: CycleReport) -> None:
-        if self._cycles.get(report.cycle) in (report, _slim(report)):
+        if self._cycles.get(report.cycle) in (report, _without_details(report)):
             return
         now_ns = self._clock_ns()
         last = self._cycles[max(self._cycles)] if self._cycles else None
@@ -241,13 +241,13 @@ class LiveData:
                 entries.popitem(last=False)
 
 
-def _slim(report: CycleReport) -> CycleReport:
+def _without_details(report: CycleReport) -> CycleReport:
     """A report without its long parts; itself where it has none."""
     if not (report.solvers or report.gates or report.unserved):
         return report
     return report.model_copy(update={"solvers": (), "gates": (), "unserved": ()})
 
 
-def _require(key: str, expected: str) -> None:
+def _check_key(key: str, expected: str) -> None:
     if key != expected:
         raise InputError(key, f"its message belongs under {expected}", "check the sender")

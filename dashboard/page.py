@@ -21,9 +21,9 @@ from slipstream.roads import RoadNetwork
 
 log = logging.getLogger(__name__)
 
-SETTLING_S: Final = 10.0
+FIT_CAMERA_FOR_S: Final = 10.0
 """How long after its arrival a browser's view is fitted to its canvas."""
-RENEW_AFTER_UPDATES: Final = 500_000
+RESTART_AFTER_UPDATES: Final = 500_000
 """Updates after which the server is replaced; some three days of somebody looking."""
 RETRY_AFTER_S: Final = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
 """How long to wait after each failure to serve again; in sum below systemd's watchdog."""
@@ -49,7 +49,7 @@ class Page:
         self._stopping = stopping
         self._server: viser.ViserServer
         self._serving = False
-        self.arrived = threading.Event()
+        self.client_connected = threading.Event()
         """Set when a browser has arrived; the owner clears it."""
         self._build()
 
@@ -63,7 +63,7 @@ class Page:
         Raises:
             OSError: the address was lost while the server was renewed, and not free again in time.
         """
-        if not self._renew_if_worn():
+        if not self._restart_server_if_due():
             return
         view = build_view(
             live.snapshot(),
@@ -89,18 +89,18 @@ class Page:
         try:
             self._map = RoadMap(self._server, self._network, self._settings.depots)
             self._panels = PanelLayout(self._server)
-            self._server.on_client_connect(self._welcome)
+            self._server.on_client_connect(self._on_connect)
             self._serving = True
         except BaseException:
             stop_server(self._server)
             raise
 
-    def _renew_if_worn(self) -> bool:
+    def _restart_server_if_due(self) -> bool:
         """False where there is no server any more, as the service is stopping."""
         # For each new browser viser counts through all messages there ever were, 0.2 s a million:
         # after months nobody would get in. Browsers come back to the new server by themselves, but
         # it is better done while there are none.
-        limit = RENEW_AFTER_UPDATES if self.clients() else RENEW_AFTER_UPDATES // 2
+        limit = RESTART_AFTER_UPDATES if self.clients() else RESTART_AFTER_UPDATES // 2
         if self._updates < limit:
             return True
         log.info("renewing the page after %d updates", self._updates)
@@ -119,7 +119,7 @@ class Page:
             f"{self._settings.host}:{self._settings.port}: lost while the page was renewed"
         )
 
-    def _welcome(self, client: viser.ClientHandle) -> None:
+    def _on_connect(self, client: viser.ClientHandle) -> None:
         arrived = time.monotonic()
         fitted: tuple[int, int] | None = None
 
@@ -128,7 +128,7 @@ class Page:
             # that the camera is the user's.
             nonlocal fitted
             canvas = (camera.image_width, camera.image_height)
-            if canvas == fitted or time.monotonic() - arrived > SETTLING_S:
+            if canvas == fitted or time.monotonic() - arrived > FIT_CAMERA_FOR_S:
                 return
             fitted = canvas
             position, look_at = self._map.fit(*canvas)
@@ -139,4 +139,4 @@ class Page:
 
         client.camera.on_update(fit)
         fit(client.camera)
-        self.arrived.set()
+        self.client_connected.set()

@@ -25,7 +25,7 @@ def start_server(host: str, port: int) -> viser.ViserServer:
     Raises:
         InputError: the address cannot be bound, as when the port is taken.
     """
-    refuse_taken(host, port)
+    check_address_free(host, port)
     # Each browser that comes or goes is no news.
     logging.getLogger("websockets").setLevel(logging.WARNING)
     # viser prints a banner to standard output, which belongs to our caller.
@@ -34,9 +34,9 @@ def start_server(host: str, port: int) -> viser.ViserServer:
     if server.get_port() != port:
         # Somebody was faster between our look and viser's, which then takes the next free port.
         stop_server(server)
-        raise _taken(host, port)
+        raise _port_in_use(host, port)
     # Any client can ask for a public tunnel to the page; hiding the button would not stop it.
-    server.request_share_url = _no_share_url  # type: ignore[method-assign]
+    server.request_share_url = _refuse_share_url  # type: ignore[method-assign]
     return server
 
 
@@ -54,7 +54,7 @@ def stop_server(server: viser.ViserServer) -> None:
         log.info("left open connections to themselves")
 
 
-def refuse_taken(host: str, port: int) -> None:
+def check_address_free(host: str, port: int) -> None:
     """See that an address can be bound now.
 
     Raises:
@@ -71,18 +71,18 @@ def refuse_taken(host: str, port: int) -> None:
             probe.listen(1)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            raise _taken(host, port) from None
+            raise _port_in_use(host, port) from None
         reason = error.strerror or str(error)
         raise InputError(
             f"{host}:{port}", f"cannot serve here: {reason}", "give another host or port"
         ) from None
 
 
-def _taken(host: str, port: int) -> InputError:
+def _port_in_use(host: str, port: int) -> InputError:
     return InputError(
         f"{host}:{port}", "the port is taken", "stop what listens there, or give another port"
     )
 
 
-def _no_share_url(verbose: bool = True) -> None:
+def _refuse_share_url(verbose: bool = True) -> None:
     log.warning("a client asked for a public share URL; refused")

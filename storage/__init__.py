@@ -4,9 +4,9 @@ Only the dispatcher writes (`open_database`); the dashboard and the tools read (
 store a new field of a message, add a column to `storage.models` and a migration.
 """
 
-from storage.check import CheckReport, check
 from storage.database import Database, open_database
 from storage.engine import StorageError
+from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
 from storage.reader import Reader, open_reader
 

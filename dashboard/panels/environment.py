@@ -11,9 +11,7 @@ from typing import Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from dashboard.view import labels
-from dashboard.view.dispatcher import execution_summary
-from dashboard.view.labels import Rgb
+from dashboard.view import Rgb, execution_summary, labels
 
 MAX_ROWS: Final = 20
 """Rows that a table shows."""

@@ -12,7 +12,7 @@ import viser
 
 from dashboard.scene import geometry
 from dashboard.scene.geometry import Array
-from dashboard.view.labels import Rgb
+from dashboard.view import Rgb
 from slipstream.roads import RoadNetwork
 
 Anchor = Literal["top-center", "bottom-center"]
@@ -53,9 +53,9 @@ class Canvas:
         lengths = sorted(segment.length_m for segment in network.segments.values())
         self.unit_m = min(extent / 100, lengths[len(lengths) // 2] / 12)
 
-    def beside(self, segment: str, units: float) -> Array:
+    def offset_line(self, segment: str, units: float) -> Array:
         """The line of a segment, moved to its right by some units, m."""
-        shape = geometry.without_repeats(self.network.segments[segment].shape)
+        shape = geometry.drop_repeated_points(self.network.segments[segment].shape)
         return geometry.offset(shape, units * self.unit_m)
 
     def lines(

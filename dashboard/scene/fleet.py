@@ -13,8 +13,7 @@ from dashboard.scene import geometry
 from dashboard.scene.canvas import Canvas, stroke_colours
 from dashboard.scene.geometry import Array
 from dashboard.scene.lanes import Drawing, Lanes
-from dashboard.view.labels import Rgb
-from dashboard.view.model import VehicleView
+from dashboard.view import Rgb, VehicleView
 
 MAX_VEHICLES: Final = 500
 MAX_LABELS: Final = 40
@@ -41,7 +40,7 @@ class FleetLayer:
         self._depots = frozenset(depots)
         self._lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.55 * canvas.unit_m)
         x_min, y_min, x_max, y_max = canvas.network.bounds_m()
-        self._apart_m = max(8 * canvas.unit_m, 0.05 * max(x_max - x_min, y_max - y_min))
+        self._label_spacing_m = max(8 * canvas.unit_m, 0.05 * max(x_max - x_min, y_max - y_min))
         self._routes: list[tuple[object, ...]] = []
         self._stops: tuple[tuple[str, str], ...] = ()
         self._stop_labels = 0
@@ -52,12 +51,12 @@ class FleetLayer:
 
     def update(self, vehicles: Sequence[VehicleView]) -> None:
         """Show the vehicles whose routes run on this network."""
-        numbers = self._lanes.number
+        indices = self._lanes.index
         known = [
             van
             for van in vehicles
-            if all(name in numbers for name, _ in van.route)
-            and (van.position is None or van.position[0] in numbers)
+            if all(name in indices for name, _ in van.route)
+            and (van.position is None or van.position[0] in indices)
         ]
         known = known[:MAX_VEHICLES]
         self._update_stops(known)
@@ -77,12 +76,12 @@ class FleetLayer:
             return
         places = [junctions[node] for _, node in stops]
         # Nor would labels of stops at neighbouring junctions of a large net be told apart.
-        near = geometry.near_each_other(np.array(places).reshape(-1, 2), self._apart_m)
+        near = geometry.group_nearby(np.array(places).reshape(-1, 2), self._label_spacing_m)
         groups = near if len(near) <= MAX_LABELS else []
         for index in range(len(groups), self._stop_labels):
             self._canvas.scene.remove_by_name(f"/stop_{index}")
         for index, group in enumerate(groups):
-            stop, place = _together([stops[member][0] for member in group]), places[group[0]]
+            stop, place = _joint_label([stops[member][0] for member in group]), places[group[0]]
             north = place[1] >= self._canvas.centre_m[1]
             self._canvas.label(
                 f"/stop_{index}",
@@ -105,16 +104,16 @@ class FleetLayer:
         lengths = np.array([len(van.route) for van in vehicles], dtype=np.int64)
         van_of_part = np.repeat(np.arange(len(vehicles)), lengths)
         parts = [part for van in vehicles for part in van.route]
-        roads = np.array([self._lanes.number[name] for name, _ in parts], dtype=np.int64)
+        roads = np.array([self._lanes.index[name] for name, _ in parts], dtype=np.int64)
         together = np.array([platoon is not None for _, platoon in parts], dtype=np.bool_)
         lanes_m = _LANE_UNITS[van_of_part % ROUTE_LANES] * self._canvas.unit_m
         # Not from a van's last road to the first one of the next van.
         before = np.flatnonzero(van_of_part[:-1] == van_of_part[1:])
 
-        drawing = self._lanes.along(roads, lanes_m)
+        drawing = self._lanes.road_strokes(roads, lanes_m)
         in_platoon = together[drawing.part]
-        across = self._lanes.across(roads, lanes_m, before)
-        arrows = self._lanes.arrows(roads, lanes_m)
+        across = self._lanes.junction_strokes(roads, lanes_m, before)
+        arrows = self._lanes.arrow_strokes(roads, lanes_m)
         alone = (_only(drawing, ~in_platoon), across, arrows)
         self._draw_routes("/routes_alone", alone, 0.16, vehicles, van_of_part)
         platoons = (_only(drawing, in_platoon),)
@@ -146,7 +145,7 @@ class FleetLayer:
         ]
         places_m = np.array(
             [
-                geometry.at(self._canvas.beside(name, lane), share)[0]
+                geometry.point_at(self._canvas.offset_line(name, lane), share)[0]
                 for _, name, share, lane in here
             ]
         ).reshape(-1, 2)
@@ -173,11 +172,11 @@ class FleetLayer:
 
     def _label_vans(self, places_m: Array, names: Sequence[str]) -> None:
         # Vans of one platoon share a label; theirs would lie on top of each other.
-        groups = geometry.near_each_other(places_m, self._apart_m)
+        groups = geometry.group_nearby(places_m, self._label_spacing_m)
         if len(groups) > MAX_LABELS:
             groups = []
         for index, group in enumerate(groups):
-            text = _together([names[member] for member in group])
+            text = _joint_label([names[member] for member in group])
             place = places_m[group[0]]
             if index == len(self._labels):
                 name = f"/van_label_{index}"
@@ -194,7 +193,7 @@ class FleetLayer:
         del self._labels[len(groups) :]
 
 
-def _together(names: Sequence[str]) -> str:
+def _joint_label(names: Sequence[str]) -> str:
     """One label for several things."""
     more = f" + {len(names) - 3} more" if len(names) > 3 else ""
     return " + ".join(names[:3]) + more

@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 _MITRE_LIMIT = 3.0
 
 
-def without_repeats(points: Sequence[tuple[float, float]] | Array) -> Array:
+def drop_repeated_points(points: Sequence[tuple[float, float]] | Array) -> Array:
     """The points without those that repeat the one before; at least two are kept."""
     array = np.asarray(points, dtype=np.float64)
     keep = np.concatenate(([True], np.any(np.diff(array, axis=0) != 0.0, axis=1)))
@@ -26,11 +26,11 @@ def without_repeats(points: Sequence[tuple[float, float]] | Array) -> Array:
 
 def offset(points: Array, distance_m: float) -> Array:
     """The line moved to its right by a distance, corners mitred."""
-    moved: Array = points + distance_m * sideways(points)
+    moved: Array = points + distance_m * right_normals(points)
     return moved
 
 
-def sideways(points: Array) -> Array:
+def right_normals(points: Array) -> Array:
     """How each point moves when the line moves to its right by 1 m, corners mitred."""
     direction = np.diff(points, axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -55,7 +55,7 @@ def length_m(points: Array) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-def at(points: Array, share: float) -> tuple[Array, Array]:
+def point_at(points: Array, share: float) -> tuple[Array, Array]:
     """The point at a share (0 to 1) of the line's length, and the line's direction there."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -67,7 +67,7 @@ def at(points: Array, share: float) -> tuple[Array, Array]:
     return points[index] + rest * direction, direction
 
 
-def dashes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
+def dash_strokes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
     """The line cut into dashes of about the same length.
 
     Returns:
@@ -86,7 +86,7 @@ def dashes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
     return strokes(xy), np.minimum((middles / total * count).astype(np.int64), count - 1)
 
 
-def arrowheads_at(places: Array, ahead: Array, size_m: float) -> Array:
+def arrowheads(places: Array, ahead: Array, size_m: float) -> Array:
     """Strokes of arrowheads at places, (N, 2), along unit vectors (N, 2): two each, (2N, 2, 2)."""
     side = np.column_stack((-ahead[:, 1], ahead[:, 0]))
     tips = places + ahead * size_m / 2
@@ -96,7 +96,7 @@ def arrowheads_at(places: Array, ahead: Array, size_m: float) -> Array:
     return np.stack(barbs, axis=1).reshape(-1, 2, 2)
 
 
-def near_each_other(points: Array, distance_m: float) -> list[list[int]]:
+def group_nearby(points: Array, distance_m: float) -> list[list[int]]:
     """Indices of points grouped so that each lies within a distance of its group's first one."""
     groups: list[list[int]] = []
     firsts = np.empty((len(points), 2))

@@ -40,18 +40,18 @@ class Lanes:
     """
 
     def __init__(self, network: RoadNetwork, arrow_every_m: float, arrow_m: float) -> None:
-        self.number = {name: index for index, name in enumerate(network.segments)}
+        self.index = {name: index for index, name in enumerate(network.segments)}
         self._arrow_m = arrow_m
-        lines = [geometry.without_repeats(road.shape) for road in network.segments.values()]
+        lines = [geometry.drop_repeated_points(road.shape) for road in network.segments.values()]
         self._points = np.concatenate(lines)
-        self._sideways = np.concatenate([geometry.sideways(line) for line in lines])
+        self._right_normals = np.concatenate([geometry.right_normals(line) for line in lines])
         self._first_point = _starts([len(line) for line in lines])
         marks = [_arrow_places(line, arrow_every_m) for line in lines]
         self._first_arrow = _starts([len(stroke) for stroke, _ in marks])
         self._arrow_stroke = np.concatenate([stroke for stroke, _ in marks])
         self._arrow_share = np.concatenate([share for _, share in marks])
 
-    def along(self, roads: Indices, lanes_m: Array) -> Drawing:
+    def road_strokes(self, roads: Indices, lanes_m: Array) -> Drawing:
         """The roads' lines.
 
         Args:
@@ -66,7 +66,7 @@ class Lanes:
         ends = (self._place(point, lane_m), self._place(point + 1, lane_m))
         return Drawing(np.stack(ends, axis=1), part)
 
-    def across(self, roads: Indices, lanes_m: Array, before: Indices) -> Drawing:
+    def junction_strokes(self, roads: Indices, lanes_m: Array, before: Indices) -> Drawing:
         """Strokes over the junctions, from the end of a road to the start of the one after it.
 
         Args:
@@ -79,7 +79,7 @@ class Lanes:
         )
         return Drawing(np.stack(ends, axis=1), after)
 
-    def arrows(self, roads: Indices, lanes_m: Array) -> Drawing:
+    def arrow_strokes(self, roads: Indices, lanes_m: Array) -> Drawing:
         """Arrowheads, two strokes each, that point the way each road runs."""
         starts = self._first_arrow[roads]
         counts = self._first_arrow[roads + 1] - starts
@@ -91,11 +91,11 @@ class Lanes:
         # The road's own direction: a lane inside a tight bend may shrink to nothing.
         step = self._points[point + 1] - self._points[point]
         ahead = step / np.linalg.norm(step, axis=1, keepdims=True)
-        heads = geometry.arrowheads_at(start + share * (end - start), ahead, self._arrow_m)
+        heads = geometry.arrowheads(start + share * (end - start), ahead, self._arrow_m)
         return Drawing(heads, np.repeat(part, 2))
 
     def _place(self, point: Indices, lane_m: Array) -> Array:
-        place: Array = self._points[point] + lane_m[:, None] * self._sideways[point]
+        place: Array = self._points[point] + lane_m[:, None] * self._right_normals[point]
         return place
 
 

@@ -16,9 +16,7 @@ from dashboard.scene import geometry
 from dashboard.scene.canvas import FOV_RAD, Canvas, stroke_colours
 from dashboard.scene.fleet import ROUTE_LANES, FleetLayer
 from dashboard.scene.geometry import Array
-from dashboard.view import labels
-from dashboard.view.labels import Rgb, Traffic
-from dashboard.view.model import DashboardView, RoadView
+from dashboard.view import DashboardView, Rgb, RoadView, Traffic, labels
 from slipstream.roads import RoadNetwork
 
 MAX_LABELS: Final = 40
@@ -80,7 +78,7 @@ class RoadMap:
 
     def _draw_roads(self) -> None:
         # Each direction on its own side, so that a two-way road shows both.
-        lines = [self._canvas.beside(name, 0.35) for name in self._network.segments]
+        lines = [self._canvas.offset_line(name, 0.35) for name in self._network.segments]
         strokes = np.concatenate([geometry.strokes(line) for line in lines])
         self._canvas.lines("/roads", strokes, _ROAD_RGB, 0.22, height=0.0)
 
@@ -121,7 +119,9 @@ class RoadMap:
         places = np.array([self._camera(name)[0] for name in watched])
         self._canvas.points("/cameras", places, _DARK, 1.1, "diamond")
         dash_m = 0.5 * self._canvas.unit_m
-        parts = [geometry.dashes(self._canvas.beside(name, 0.6), dash_m) for name in watched]
+        parts = [
+            geometry.dash_strokes(self._canvas.offset_line(name, 0.6), dash_m) for name in watched
+        ]
         self._dash = np.concatenate([dash for _, dash in parts])
         self._road_of_dash = np.repeat(np.arange(len(parts)), [len(dash) for _, dash in parts])
         strokes = np.concatenate([cut for cut, _ in parts])
@@ -144,7 +144,7 @@ class RoadMap:
     def _camera(self, segment: str) -> tuple[Array, Array]:
         """Where a road's camera is marked, and which way the road runs there."""
         # Beside the middle of its road, clear of the routes there.
-        return geometry.at(self._canvas.beside(segment, 1.9 + 0.5 * ROUTE_LANES), 0.5)
+        return geometry.point_at(self._canvas.offset_line(segment, 1.9 + 0.5 * ROUTE_LANES), 0.5)
 
     def _draw_label(self, segment: str, text: str) -> viser.LabelHandle:
         place, ahead = self._camera(segment)

@@ -3,7 +3,10 @@
 `build_view` gives a `DashboardView`, plain data that `dashboard.panels` and `dashboard.scene` draw.
 """
 
+from dashboard.view import labels
 from dashboard.view.build import build_view
+from dashboard.view.dispatcher import execution_summary
+from dashboard.view.labels import Level, Rgb, Traffic
 from dashboard.view.model import (
     CycleView,
     DashboardView,
@@ -20,9 +23,14 @@ __all__ = [
     "DashboardView",
     "EnergyView",
     "HistoryView",
+    "Level",
     "PreviewView",
+    "Rgb",
     "RoadView",
     "RsuView",
+    "Traffic",
     "VehicleView",
     "build_view",
+    "execution_summary",
+    "labels",
 ]

@@ -23,7 +23,7 @@ from dashboard.view.model import (
     RoadView,
     RsuView,
 )
-from dashboard.view.vehicles import FORGET_AFTER_S, vehicle_views
+from dashboard.view.vehicles import LIST_FOR_S, vehicle_views
 from slipstream import freshness
 from slipstream.freshness import age_s as _age_s
 from slipstream.messages import (
@@ -117,12 +117,12 @@ def _roads(
     watching = {
         segment: health.rsu
         for health in snapshot.rsus.values()
-        if _age_s(health.time_ns, now_ns) < FORGET_AFTER_S
+        if _age_s(health.time_ns, now_ns) < LIST_FOR_S
         for segment in health.segments
     }
     states: dict[str, list[SegmentState]] = {}
     for (segment, _), state in sorted(snapshot.states.items()):
-        if _age_s(state.time_ns, now_ns) < FORGET_AFTER_S:
+        if _age_s(state.time_ns, now_ns) < LIST_FOR_S:
             states.setdefault(segment, []).append(state)
     return tuple(
         _road(
@@ -178,7 +178,7 @@ def _road(
         age_s=None if decisive is None else decisive.age_s,
         gate_cycle=cycle if gate else None,
         gate_open=gate is not None and gate.open,
-        gate_why="" if gate is None or gate.open else labels.why_closed(gate.y_e, gate.reason),
+        gate_why="" if gate is None or gate.open else labels.gate_reason(gate.y_e, gate.reason),
     )
 
 
@@ -195,7 +195,7 @@ def _rsus(
     views = []
     for name, health in sorted(healths.items()):
         age_s = _age_s(health.time_ns, now_ns)
-        if age_s > FORGET_AFTER_S:
+        if age_s > LIST_FOR_S:
             continue
         status, level = _STATUS[health.status]
         if health.fault is not None:

@@ -14,14 +14,14 @@ from slipstream import freshness
 from slipstream.freshness import age_s
 from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth, SolverReport
 
-KINDS: Final[dict[str, str]] = {
+BACKEND_KIND: Final[dict[str, str]] = {
     "simulated": "simulated",
     "noise-model": "simulated with a device's noise",
     "hardware": "hardware",
 }
 OVERDUE_AFTER_INTERVALS: Final = 3.0
 """How many intervals may pass without a good cycle."""
-USUAL_INTERVAL_S: Final = 30.0
+DEFAULT_INTERVAL_S: Final = 30.0
 """The dispatcher's interval where too few cycles are known to tell: its default."""
 
 
@@ -42,8 +42,8 @@ def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) ->
     if fault is not None:
         silent = f"Dispatcher silent for {off}"
         return (silent if fault == "stale" else f"Dispatcher's clock is {off} ahead") + shown, "bad"
-    trouble = _trouble(snapshot, health, now_ns)
-    lines = [trouble] if trouble else []
+    problem = _problem(snapshot, health, now_ns)
+    lines = [problem] if problem else []
     if health.next_cycle_ns is None:
         lines.append("Dispatcher running")
     else:
@@ -53,10 +53,10 @@ def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) ->
         )
     if health.cycles_failed:
         lines.append(f"{labels.plural(health.cycles_failed, 'cycle')} failed since it started")
-    return " · ".join(lines), "bad" if trouble else "ok"
+    return " · ".join(lines), "bad" if problem else "ok"
 
 
-def _trouble(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
+def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
     """Why a dispatcher that is heard of does no good all the same; None where it does."""
     last = snapshot.cycles[-1] if snapshot.cycles else None
     # What is dated ahead is from before the clock was set back, and says nothing about now.
@@ -90,7 +90,7 @@ def _interval_s(cycles: Sequence[CycleReport]) -> float:
         for a, b in pairwise(cycles[-6:])
         if b.cycle == a.cycle + 1 and b.started_ns > a.started_ns
     ]
-    return median(steps) if steps else USUAL_INTERVAL_S
+    return median(steps) if steps else DEFAULT_INTERVAL_S
 
 
 def hardware_status(health: HardwareHealth) -> tuple[str, Level]:
@@ -117,7 +117,7 @@ def execution_summary(run: SolverReport) -> str:
     """Where a solver's circuit ran, and why not on the device; empty for a solver without one."""
     parts = []
     if run.backend is not None:
-        kind = KINDS.get(run.backend_kind or "", "")
+        kind = BACKEND_KIND.get(run.backend_kind or "", "")
         parts.append(f"on {run.backend}" + (f", {kind}" if kind else ""))
         if run.two_qubit_depth is not None:
             parts.append(f"two-qubit depth {run.two_qubit_depth}")

@@ -87,7 +87,7 @@ def camera_fault(code: CameraFault) -> str:
     return _FAULTS[code]
 
 
-def why_closed(flag: Literal[0, 1] | None, code: str | None) -> str:
+def gate_reason(flag: Literal[0, 1] | None, code: str | None) -> str:
     """Why platooning is closed, from the gate's flag and reason."""
     if flag == 0:
         return "turbulent traffic"

@@ -12,7 +12,7 @@ from slipstream import freshness
 from slipstream.freshness import age_s
 from slipstream.messages import CycleReport, VehiclePlan, VehiclePosition
 
-FORGET_AFTER_S: Final = 24 * 3600.0
+LIST_FOR_S: Final = 24 * 3600.0
 """Vehicles whose plan ran out longer ago are no longer listed, nor are RSUs silent for longer."""
 
 
@@ -26,7 +26,7 @@ def vehicle_views(snapshot: Snapshot, now_ns: int) -> tuple[VehicleView, ...]:
     current = [
         plan
         for _, plan in sorted(snapshot.plans.items())
-        if age_s(plan.valid_until_ns, now_ns) < FORGET_AFTER_S
+        if age_s(plan.valid_until_ns, now_ns) < LIST_FOR_S
     ]
     last = _last_good(snapshot.cycles, now_ns)
     views = []

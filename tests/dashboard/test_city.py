@@ -13,8 +13,7 @@ from dashboard.live import Snapshot
 from dashboard.panels import PanelLayout
 from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
-from dashboard.view import build_view
-from dashboard.view.model import DashboardView
+from dashboard.view import DashboardView, build_view
 from slipstream.bus import free_port
 from slipstream.roads import RoadNetwork
 from tests.dashboard import city

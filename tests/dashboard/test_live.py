@@ -84,8 +84,8 @@ def test_a_state_is_ahead_by_the_dispatchers_tolerance(live, world, now_ns, tole
     for ahead_s in (3, 0):
         state = world.state("avenue_east", now_ns + ahead_s * S)
         live.on_state(state_key(state.rsu, state.segment), state.to_bytes())
-    (held,) = live.snapshot().states.values()
-    assert held.time_ns == now_ns + kept_s * S
+    (kept,) = live.snapshot().states.values()
+    assert kept.time_ns == now_ns + kept_s * S
 
 
 def test_the_highest_cycle_is_the_last(live, world, now_ns):

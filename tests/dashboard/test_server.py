@@ -50,7 +50,7 @@ def test_a_port_lost_in_the_last_moment_is_refused(monkeypatch):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        monkeypatch.setattr("dashboard.server.refuse_taken", lambda host, port: None)
+        monkeypatch.setattr("dashboard.server.check_address_free", lambda host, port: None)
         with pytest.raises(InputError, match="the port is taken"):
             start_server("127.0.0.1", port)
 
@@ -125,7 +125,7 @@ def test_stops_at_one_junction_share_a_label_and_every_depot_is_marked(server, w
 
 def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
     """After so many updates the page goes on being served at its address by a new server."""
-    monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 8)
+    monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 8)
     settings = DashboardSettings(port=free_port(), database_url=None)
     page = Page(settings, world.network, threading.Event())
     try:
@@ -143,7 +143,7 @@ def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
 @pytest.fixture
 def worn_page(world, monkeypatch):
     """A page that is renewed at its next update."""
-    monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 0)
+    monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 0)
     monkeypatch.setattr("dashboard.page.RETRY_AFTER_S", (0.01, 0.01, 0.3))
     stopping = threading.Event()
     settings = DashboardSettings(port=free_port(), database_url=None)

@@ -9,7 +9,7 @@ import pytest
 from dashboard.live import Snapshot
 from dashboard.view import build_view, labels
 from dashboard.view.model import DashboardView
-from dashboard.view.vehicles import FORGET_AFTER_S, planned_position
+from dashboard.view.vehicles import LIST_FOR_S, planned_position
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.messages import (
     CAMERA_FAULTS,
@@ -169,7 +169,7 @@ def test_a_cameras_fault_is_told_in_words(world, now_ns, fault):
 
 def test_long_gone_units_are_forgotten(world, now_ns):
     """RSUs, roads and vans not heard of for a day are no longer listed."""
-    then_ns = now_ns - round((FORGET_AFTER_S + 1000) * S)
+    then_ns = now_ns - round((LIST_FOR_S + 1000) * S)
     health, state = world.health("avenue_east", then_ns), world.state("avenue_east", then_ns)
     plan = world.plan("van-a", 1, then_ns)
     snapshot = Snapshot(
