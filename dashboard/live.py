@@ -1,4 +1,4 @@
-"""The latest message of each kind, kept in bounded memory between bus threads and the page."""
+"""The latest message of each kind, in bounded memory, shared by the bus threads and the page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from slipstream.messages import (
 )
 
 MAX_ENTRIES: Final = 5000
-"""Segments, RSUs and vehicles remembered, each; the ones not heard of for longest go first."""
+"""Maximum number of segment states, RSUs and vehicles kept, each; the oldest are dropped first."""
 MAX_PREVIEWS: Final = 16
 MAX_PREVIEW_BYTES: Final = 512 * 1024
 
@@ -39,21 +39,21 @@ _V = TypeVar("_V")
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Everything known at one moment.
+    """The latest messages at one moment.
 
     Attributes:
         states: latest SegmentState by segment and RSU.
         rsus: latest RsuHealth by RSU.
         plans: latest VehiclePlan by vehicle.
         positions: latest VehiclePosition by vehicle.
-        followed: the plan that each vehicle was last heard to follow, which may be older than its
+        followed: the plan that each vehicle last reported to follow; it may be older than its
             latest one.
-        cycles: reports by number, the lowest first; only the last one has its solvers, gates and
-            unserved stops.
+        cycles: reports in ascending order of their numbers; only the last one has its solvers,
+            gates and unserved stops.
         dispatcher: latest DispatcherHealth.
-        cycle_failed_ns: UTC at which its count of failed cycles was last seen to rise.
+        cycle_failed_ns: UTC of the last increase of its count of failed cycles.
         previews: latest JPEG and the UTC ns of its arrival, by RSU.
-        history_problem: why the stored history cannot be read; None where it can.
+        history_problem: why the stored history cannot be read; None if it can.
     """
 
     states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
@@ -69,12 +69,12 @@ class Snapshot:
 
 
 class LiveData:
-    """Takes messages from any thread and gives consistent snapshots of the latest.
+    """Stores messages from any thread and returns consistent snapshots of the latest.
 
     Args:
-        history_cycles: how many cycle reports to keep.
-        clock_ns: UTC in ns; stamps pictures, which carry no time of their own, and tells what is
-            dated ahead: that gives way to whatever comes, or a clock set back would block the page.
+        history_cycles: number of cycle reports to keep.
+        clock_ns: UTC in ns. It is the time of pictures, which carry none. A message dated ahead of
+            it is replaced by any other, so that a clock that was set back does not block the page.
     """
 
     def __init__(self, history_cycles: int, clock_ns: Callable[[], int]) -> None:
@@ -93,7 +93,12 @@ class LiveData:
         self._history_problem: str | None = None
 
     def on_state(self, key: str, payload: bytes) -> None:
-        """Take a SegmentState. Like its siblings: raises InputError for what is none."""
+        """Store a SegmentState.
+
+        Raises:
+            InputError: the payload is no SegmentState, or belongs under another key; so for each
+                of the methods ``on_...``.
+        """
         state = decode(SegmentState, payload, key)
         _check_key(key, state_key(state.rsu, state.segment))
         name = (state.segment, state.rsu)
@@ -106,19 +111,19 @@ class LiveData:
         self._put(self._states, name, state, time_ns, lambda old: old.time_ns, tolerance_s)
 
     def on_rsu_health(self, key: str, payload: bytes) -> None:
-        """Take an RsuHealth."""
+        """Store an RsuHealth."""
         health = decode(RsuHealth, payload, key)
         _check_key(key, rsu_health_key(health.rsu))
         self._put(self._rsus, health.rsu, health, health.time_ns, lambda old: old.time_ns)
 
     def on_plan(self, key: str, payload: bytes) -> None:
-        """Take a VehiclePlan."""
+        """Store a VehiclePlan."""
         plan = decode(VehiclePlan, payload, key)
         _check_key(key, plan_key(plan.vehicle))
         self._add_plan(plan)
 
     def on_position(self, key: str, payload: bytes) -> None:
-        """Take a VehiclePosition."""
+        """Store a VehiclePosition."""
         position = decode(VehiclePosition, payload, key)
         _check_key(key, position_key(position.vehicle))
         name, time_ns = position.vehicle, position.time_ns
@@ -129,13 +134,13 @@ class LiveData:
             self._put(self._followed, name, plan, plan.issued_ns, lambda old: old.issued_ns)
 
     def on_cycle(self, key: str, payload: bytes) -> None:
-        """Take a CycleReport."""
+        """Store a CycleReport."""
         report = decode(CycleReport, payload, key)
         _check_key(key, CYCLE_KEY)
         self.add_history((report,), ())
 
     def on_dispatcher_health(self, key: str, payload: bytes) -> None:
-        """Take a DispatcherHealth."""
+        """Store a DispatcherHealth."""
         health = decode(DispatcherHealth, payload, key)
         _check_key(key, DISPATCHER_HEALTH_KEY)
         with self._lock:
@@ -149,7 +154,7 @@ class LiveData:
             self._dispatcher = health
 
     def on_preview(self, key: str, payload: bytes) -> None:
-        """Take an RSU's picture: a JPEG of a size that a browser takes easily."""
+        """Store an RSU's picture: a JPEG of at most `MAX_PREVIEW_BYTES`."""
         rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
         _check_key(key, preview_key(rsu))
         if not (payload.startswith(b"\xff\xd8\xff") and payload.endswith(b"\xff\xd9")):
@@ -163,8 +168,8 @@ class LiveData:
                 self._previews.popitem(last=False)
 
     def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
-        """Add cycles and plans, from the bus or from storage; what is newer stays."""
-        # Plans first, as the dispatcher sends them: a van is idle that has none in the last cycle.
+        """Add cycles and plans from the bus or the database; newer ones are kept."""
+        # Plans first, as the dispatcher sends them: a vehicle without a new one becomes idle.
         for plan in plans:
             self._add_plan(plan)
         with self._lock:
@@ -172,17 +177,17 @@ class LiveData:
                 self._add_cycle(report)
             for number in sorted(self._cycles)[: -self._history_cycles]:
                 del self._cycles[number]
-            # In a city each has hundreds of gates: only the last one's are shown.
+            # In a city each report has hundreds of gates; only those of the last one are shown.
             for number in sorted(self._cycles)[:-1]:
                 self._cycles[number] = _without_details(self._cycles[number])
 
     def set_history_problem(self, problem: str | None) -> None:
-        """Say why the stored history cannot be read, or that it can again."""
+        """Set why the stored history cannot be read; None if it can."""
         with self._lock:
             self._history_problem = problem
 
     def snapshot(self) -> Snapshot:
-        """What is known now."""
+        """A copy of the latest messages."""
         with self._lock:
             return Snapshot(
                 states=dict(self._states),
@@ -208,8 +213,8 @@ class LiveData:
             and not is_ahead(report.started_ns, now_ns)
             and (report.started_ns > last.started_ns or is_ahead(last.started_ns, now_ns))
         ):
-            # A lower number that began later: the dispatcher counts from another database now, or
-            # gives numbers again that it could not store.
+            # A lower number that began later: the dispatcher has another database, or reuses the
+            # numbers of cycles that it could not store.
             for number in [n for n in self._cycles if n >= report.cycle]:
                 del self._cycles[number]
         self._cycles[report.cycle] = report
@@ -228,7 +233,7 @@ class LiveData:
     ) -> None:
         with self._lock:
             old = entries.get(name)
-            # Repaired gaps arrive late: an older sample must not replace a newer one.
+            # Retransmitted samples arrive late: an older one must not replace a newer one.
             if (
                 old is not None
                 and time_of(old) > time_ns
@@ -242,7 +247,7 @@ class LiveData:
 
 
 def _without_details(report: CycleReport) -> CycleReport:
-    """A report without its long parts; itself where it has none."""
+    """The report without solvers, gates and unserved stops."""
     if not (report.solvers or report.gates or report.unserved):
         return report
     return report.model_copy(update={"solvers": (), "gates": (), "unserved": ()})

@@ -1,4 +1,4 @@
-"""The map's fleet: planned routes, stops, and the vans where their plans put them."""
+"""The map's layer of the fleet: planned routes, stops, and vehicles at their positions."""
 
 from __future__ import annotations
 
@@ -17,22 +17,21 @@ from dashboard.view import Rgb, VehicleView
 
 MAX_VEHICLES: Final = 500
 MAX_LABELS: Final = 40
-"""Labels of stops, and of groups of vans; where there are more of a kind, none has one: they would
-hide the map."""
+"""Maximum number of labels of stops, and of vehicles; with more of a kind none is drawn."""
 ROUTE_LANES: Final = 4
-"""Routes drawn beside each other before they share a lane."""
+"""Number of routes drawn side by side; further ones share their lanes."""
 _LANE_UNITS: Final[Array] = np.array([1.3 + 0.5 * lane for lane in range(ROUTE_LANES)])
-"""How far to the right of its road each lane is, in units."""
+"""Offset of each lane to the right of its road, in units."""
 _DARK: Final[Rgb] = (29, 39, 51)
 _WHITE: Final[Rgb] = (255, 255, 255)
 
 
 class FleetLayer:
-    """Draws vehicles' plans on a canvas and keeps them up to date.
+    """Draws vehicles, routes and stops on a canvas and updates them.
 
     Args:
         canvas: what to draw on.
-        depots: junctions that are marked already, so not as stops again.
+        depots: junctions with a depot's marker, which get no stop's marker.
     """
 
     def __init__(self, canvas: Canvas, depots: Sequence[str] = ()) -> None:
@@ -70,12 +69,12 @@ class FleetLayer:
             for stop, node in van.stops:
                 if node in junctions and node not in self._depots:
                     names.setdefault(node, set()).add(stop)
-        # Stops at one junction share a label; theirs would lie on top of each other.
+        # Stops at one junction share a label; separate ones would overlap.
         stops = tuple(sorted((" + ".join(sorted(names[node])), node) for node in names))
         if stops == self._stops:
             return
         places = [junctions[node] for _, node in stops]
-        # Nor would labels of stops at neighbouring junctions of a large net be told apart.
+        # Labels at neighbouring junctions of a large network would overlap too.
         near = geometry.group_nearby(np.array(places).reshape(-1, 2), self._label_spacing_m)
         groups = near if len(near) <= MAX_LABELS else []
         for index in range(len(groups), self._stop_labels):
@@ -133,7 +132,7 @@ class FleetLayer:
             return
         strokes_m = np.concatenate([drawing.strokes for drawing in drawings])
         rgb = np.array([_faded(view.rgb) if view.expired else view.rgb for view in vehicles])
-        # Between roads and vans, one above the other however many there are.
+        # Between roads and vehicles, one above the other for any number of vehicles.
         heights = 0.02 + 0.024 * van / max(len(vehicles), 60)
         self._canvas.lines(name, strokes_m, stroke_colours(rgb[van]), units, heights)
 
@@ -163,7 +162,7 @@ class FleetLayer:
             node.remove()
         self._nodes = []
         if rgb:
-            # A white rim keeps a van apart from its route.
+            # A white rim sets a vehicle off its route.
             colours = np.array(rgb, dtype=np.uint8)
             self._nodes = [
                 self._canvas.points("/vans_rim", places_m, _WHITE, 1.9, "circle", 0.05),
@@ -171,7 +170,7 @@ class FleetLayer:
             ]
 
     def _label_vans(self, places_m: Array, names: Sequence[str]) -> None:
-        # Vans of one platoon share a label; theirs would lie on top of each other.
+        # Vehicles of one platoon share a label; separate ones would overlap.
         groups = geometry.group_nearby(places_m, self._label_spacing_m)
         if len(groups) > MAX_LABELS:
             groups = []
@@ -194,7 +193,7 @@ class FleetLayer:
 
 
 def _joint_label(names: Sequence[str]) -> str:
-    """One label for several things."""
+    """One label for several names: the first three and the number of the rest."""
     more = f" + {len(names) - 3} more" if len(names) > 3 else ""
     return " + ".join(names[:3]) + more
 

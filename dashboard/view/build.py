@@ -1,7 +1,6 @@
-"""From the messages at one moment to what the page shows; pure, without a browser in sight.
+"""Builds the view model from the latest messages and the time; pure.
 
-Fail safe: whatever is older than it may be, or comes from the future of a clock that is ahead, is
-shown as unknown, never as it last was.
+Fail safe: data that is stale or dated ahead is shown as unknown, never with its last value.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ KMH_PER_MPS: Final = 3.6
 def build_view(
     snapshot: Snapshot, now_ns: int, *, stale_after_s: float, silent_after_s: float
 ) -> DashboardView:
-    """What to show.
+    """Build the view model.
 
     Road data are judged by the limits that the dispatcher publishes and its gates use.
 
@@ -155,13 +154,13 @@ def _road(
     )
     state = None if decisive is None else decisive.state
     traffic: Traffic = "unknown"
-    why = labels.reason("missing")
+    reason = labels.reason("missing")
     speed = cv = variance = None
     if decisive is not None and decisive.fault is not None:
-        why = labels.reason(decisive.fault)
+        reason = labels.reason(decisive.fault)
     elif state is not None:
         traffic = labels.traffic(state.y_e)
-        why = labels.reason(state.reason)
+        reason = labels.reason(state.reason)
     if state is not None and traffic != "unknown" and state.features is not None:
         mean_mps = state.features.mean_speed_mps.value
         speed = mean_mps * KMH_PER_MPS
@@ -171,14 +170,14 @@ def _road(
         segment=segment,
         rsu=state.rsu if state is not None else watched_by,
         traffic=traffic,
-        why=why,
+        reason=reason,
         speed_kmh=speed,
         cv=cv,
         acceleration_variance=variance,
         age_s=None if decisive is None else decisive.age_s,
         gate_cycle=cycle if gate else None,
         gate_open=gate is not None and gate.open,
-        gate_why="" if gate is None or gate.open else labels.gate_reason(gate.y_e, gate.reason),
+        gate_reason="" if gate is None or gate.open else labels.gate_reason(gate.y_e, gate.reason),
     )
 
 

@@ -20,13 +20,13 @@ BACKEND_KIND: Final[dict[str, str]] = {
     "hardware": "hardware",
 }
 OVERDUE_AFTER_INTERVALS: Final = 3.0
-"""How many intervals may pass without a good cycle."""
+"""Intervals without a successful cycle after which cycles count as overdue."""
 DEFAULT_INTERVAL_S: Final = 30.0
-"""The dispatcher's interval where too few cycles are known to tell: its default."""
+"""The dispatcher's default interval, s; used where too few cycles are known."""
 
 
 def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level]:
-    """The line and its level.
+    """Status line of the dispatcher, and its level.
 
     Args:
         snapshot: the latest messages.
@@ -57,9 +57,9 @@ def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) ->
 
 
 def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
-    """Why a dispatcher that is heard of does no good all the same; None where it does."""
+    """Why a dispatcher with recent health counts as faulty; None if it does not."""
     last = snapshot.cycles[-1] if snapshot.cycles else None
-    # What is dated ahead is from before the clock was set back, and says nothing about now.
+    # Reports dated ahead are from before the clock was set back.
     good_ns = max(
         (
             report.started_ns
@@ -72,7 +72,7 @@ def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str |
     counted = failed_ns > good_ns and not freshness.is_ahead(failed_ns, now_ns)
     if counted or (last is not None and last.status == "failed"):
         return "The last cycle failed"
-    # A dispatcher that has just started is not to blame for the time before.
+    # The time before the dispatcher's start does not count.
     started_ns = 0 if freshness.is_ahead(health.started_ns, now_ns) else health.started_ns
     since_ns = max(good_ns, started_ns)
     if not since_ns:
@@ -84,7 +84,7 @@ def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str |
 
 
 def _interval_s(cycles: Sequence[CycleReport]) -> float:
-    """From one cycle's start to the next's, as the last ones had it, s."""
+    """Median interval between the starts of the last cycles, s."""
     steps = [
         age_s(a.started_ns, b.started_ns)
         for a, b in pairwise(cycles[-6:])
@@ -94,9 +94,9 @@ def _interval_s(cycles: Sequence[CycleReport]) -> float:
 
 
 def hardware_status(health: HardwareHealth) -> tuple[str, Level]:
-    """Jobs, budget and breaker in a line, and its level; a noise model is called one.
+    """Jobs, budget and circuit breaker of the quantum device in a line, and its level.
 
-    A breaker is told only where it is not closed.
+    The breaker is named only if it is not closed; a noise model is named as one.
     """
     service, _, model = health.backend.partition(":")
     device = f"Quantum device {health.backend}"
@@ -114,7 +114,7 @@ def hardware_status(health: HardwareHealth) -> tuple[str, Level]:
 
 
 def execution_summary(run: SolverReport) -> str:
-    """Where a solver's circuit ran, and why not on the device; empty for a solver without one."""
+    """Where a solver's circuit ran, and why not on the device; empty without a circuit."""
     parts = []
     if run.backend is not None:
         kind = BACKEND_KIND.get(run.backend_kind or "", "")

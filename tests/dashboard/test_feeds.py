@@ -1,4 +1,4 @@
-"""History is read where there is some, and its absence is told and survived."""
+"""History is read where there is some; an unreadable database is shown and tried again."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
     assert limits == [1, 100]
 
 
-def test_a_bad_database_is_told_and_survived(tmp_path, live, world, now_ns):
+def test_an_unreadable_database_is_shown_and_retried(tmp_path, live, world, now_ns):
     """A file that is no database is named on the page until it is mended."""
     path = tmp_path / "x.db"
     path.write_bytes(b"no database" * 1000)

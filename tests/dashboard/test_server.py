@@ -123,7 +123,7 @@ def test_stops_at_one_junction_share_a_label_and_every_depot_is_marked(server, w
     assert server.scene.get_handle_by_name("/depot_label_2") is None
 
 
-def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
+def test_the_server_is_replaced_after_its_updates(world, now_ns, monkeypatch):
     """After so many updates the page goes on being served at its address by a new server."""
     monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 8)
     settings = DashboardSettings(port=free_port(), database_url=None)
@@ -141,8 +141,8 @@ def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
 
 
 @pytest.fixture
-def worn_page(world, monkeypatch):
-    """A page that is renewed at its next update."""
+def page_due_for_restart(world, monkeypatch):
+    """A page whose server is restarted at the next update."""
     monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 0)
     monkeypatch.setattr("dashboard.page.RETRY_AFTER_S", (0.01, 0.01, 0.3))
     stopping = threading.Event()
@@ -166,9 +166,9 @@ class _Refusals:
         return start_server(host, port)
 
 
-def test_a_port_that_comes_free_late_is_waited_for(worn_page, now_ns, monkeypatch):
-    """A renewed page whose port is not free at once is served as soon as it is."""
-    page, settings, _ = worn_page
+def test_a_port_that_comes_free_late_is_waited_for(page_due_for_restart, now_ns, monkeypatch):
+    """A restarted server whose port is not free at once serves as soon as it is."""
+    page, settings, _ = page_due_for_restart
     starts = _Refusals(2)
     monkeypatch.setattr("dashboard.page.start_server", starts)
     page.show(LiveData(2, lambda: now_ns), now_ns)
@@ -177,18 +177,20 @@ def test_a_port_that_comes_free_late_is_waited_for(worn_page, now_ns, monkeypatc
         pass
 
 
-def test_a_port_that_is_lost_in_service_is_no_mistake_of_the_users(worn_page, now_ns, monkeypatch):
+def test_a_port_that_is_lost_in_service_is_no_input_error(
+    page_due_for_restart, now_ns, monkeypatch
+):
     """After all tries the daemon ends with a fault after which it is started again."""
-    page, _, _ = worn_page
+    page, _, _ = page_due_for_restart
     monkeypatch.setattr("dashboard.page.start_server", _Refusals(99))
-    with pytest.raises(OSError, match="lost while the page was renewed") as caught:
+    with pytest.raises(OSError, match="lost during a restart of the web server") as caught:
         page.show(LiveData(2, lambda: now_ns), now_ns)
     assert not isinstance(caught.value, InputError)
 
 
-def test_a_page_that_waits_for_its_port_can_be_stopped(worn_page, now_ns, monkeypatch):
+def test_a_page_that_waits_for_its_port_can_be_stopped(page_due_for_restart, now_ns, monkeypatch):
     """A service that stops does not wait for the port any longer, and closes without a fault."""
-    page, _, stopping = worn_page
+    page, _, stopping = page_due_for_restart
     starts = _Refusals(99)
     monkeypatch.setattr("dashboard.page.start_server", starts)
     stopping.set()

@@ -195,7 +195,7 @@ def _cycle_view(world, now_ns, *unserved: Unserved) -> DashboardView:
     return _view(Snapshot(cycles=(report,)), now_ns)
 
 
-def test_stops_that_are_not_served_are_told(world, now_ns):
+def test_unserved_stops_are_listed(world, now_ns):
     """The head counts them, and the cycle's panel names the first few with reasons as they came."""
     stops = [Unserved(stop=f"c_{n}", reason=f"loaded on 'van_{n}'") for n in range(12)]
     view = _cycle_view(world, now_ns, *stops)

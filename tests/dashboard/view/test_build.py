@@ -49,7 +49,7 @@ def test_old_and_future_states_are_unknown(world, now_ns, age_s):
     (road,) = _view(Snapshot(states=_states(state)), now_ns).roads
     assert road.traffic == "unknown"
     assert road.speed_kmh is None
-    assert road.why == ("no fresh data" if age_s > 0 else "the camera's clock is ahead")
+    assert road.reason == ("no fresh data" if age_s > 0 else "the camera's clock is ahead")
 
 
 @pytest.mark.parametrize(
@@ -89,11 +89,11 @@ def test_the_page_agrees_with_the_gates(world, now_ns):
         assert (road.traffic == "stable") == gate.open
 
 
-def test_unknown_is_told_with_its_reason(world, now_ns):
+def test_unknown_is_shown_with_its_reason(world, now_ns):
     """A fresh unknown is shown with its reason in plain words and without figures."""
     state = world.state("avenue_east", now_ns, y_e=None)
     (road,) = _view(Snapshot(states=_states(state)), now_ns).roads
-    assert (road.traffic, road.why, road.cv) == ("unknown", "too few vehicles to tell", None)
+    assert (road.traffic, road.reason, road.cv) == ("unknown", "too few vehicles to tell", None)
 
 
 @pytest.mark.parametrize(
@@ -123,15 +123,15 @@ def test_a_watched_road_without_states_is_listed(world, now_ns):
     health = world.health("avenue_east", now_ns)
     (road,) = _view(Snapshot(rsus={health.rsu: health}), now_ns).roads
     assert (road.segment, road.rsu, road.traffic) == ("avenue_east", health.rsu, "unknown")
-    assert road.why == "no data"
+    assert road.reason == "no data"
 
 
 def test_gates_of_the_last_cycle(world, now_ns):
-    """Each road tells whether the last cycle opened it, and if not, why."""
+    """Each road has its gate in the last cycle, and why it is closed."""
     view = _view(Snapshot(cycles=(world.cycle(3, now_ns),)), now_ns)
     east, west = view.roads
-    assert (east.gate_cycle, east.gate_open, east.gate_why) == (3, True, "")
-    assert (west.gate_cycle, west.gate_open, west.gate_why) == (3, False, "turbulent traffic")
+    assert (east.gate_cycle, east.gate_open, east.gate_reason) == (3, True, "")
+    assert (west.gate_cycle, west.gate_open, west.gate_reason) == (3, False, "turbulent traffic")
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_rsu_status(world, now_ns, status, age_s, shown, level):
 
 
 @pytest.mark.parametrize("fault", CAMERA_FAULTS)
-def test_a_cameras_fault_is_told_in_words(world, now_ns, fault):
+def test_a_cameras_fault_is_shown_with_its_label(world, now_ns, fault):
     """The unit's status and its roads say what is wrong, and no road is shown as known."""
     health = world.health("avenue_east", now_ns).model_copy(update={"fault": fault})
     state = world.state("avenue_east", now_ns, y_e=None, reason=fault)
@@ -163,11 +163,11 @@ def test_a_cameras_fault_is_told_in_words(world, now_ns, fault):
     assert unit.level == "bad"
     assert unit.status == labels.camera_fault(fault)
     assert road.traffic == "unknown"
-    assert "_" not in unit.status + road.why
-    assert road.why != fault.replace("_", " ")
+    assert "_" not in unit.status + road.reason
+    assert road.reason != fault.replace("_", " ")
 
 
-def test_long_gone_units_are_forgotten(world, now_ns):
+def test_units_without_news_for_a_day_are_not_listed(world, now_ns):
     """RSUs, roads and vans not heard of for a day are no longer listed."""
     then_ns = now_ns - round((LIST_FOR_S + 1000) * S)
     health, state = world.health("avenue_east", then_ns), world.state("avenue_east", then_ns)
@@ -199,7 +199,7 @@ def test_history_in_order(world, now_ns):
 
 
 def test_dispatcher_lines(world, now_ns):
-    """A dispatcher tells its next cycle; one not heard of is called silent, history or not."""
+    """The line has the next cycle; a dispatcher without fresh health is called silent."""
     heard = Snapshot(dispatcher=world.dispatcher(now_ns), cycles=(world.cycle(1, now_ns),))
     assert _view(heard, now_ns).dispatcher == "Next cycle in 18 s"
     assert _view(heard, now_ns + 19 * S).dispatcher == "Cycle running now"
@@ -209,8 +209,8 @@ def test_dispatcher_lines(world, now_ns):
     assert _view(Snapshot(), now_ns).dispatcher == "Dispatcher silent"
 
 
-def test_a_failed_cycle_is_told(world, now_ns):
-    """While the last cycle failed the dispatcher is in trouble; its failures stay told after."""
+def test_a_failed_cycle_is_shown(world, now_ns):
+    """While the last cycle failed the dispatcher is in trouble; its failures stay counted after."""
     health = world.dispatcher(now_ns).model_copy(update={"cycles_failed": 1})
     good, bad = world.cycle(1, now_ns - 40 * S), world.cycle(2, now_ns - 10 * S, "failed")
     view = _view(Snapshot(dispatcher=health, cycles=(good, bad)), now_ns)
@@ -286,7 +286,7 @@ def test_planned_position_follows_the_plan(world, now_ns):
 
 
 def test_what_a_van_does(world, now_ns):
-    """The plan's next event is told; a plan that has run out is told as that."""
+    """The plan's next event is shown; an expired plan is shown as expired."""
     plan = world.plan("van-a", 1, now_ns)
 
     def at(time_ns):
@@ -379,7 +379,7 @@ def test_durations(seconds, shown):
     assert labels.duration(seconds) == shown
 
 
-def test_states_are_not_told_by_colour_alone():
+def test_states_differ_by_more_than_colour():
     """Each state of traffic has its own sign, and no van has nearly a state's colour."""
     assert len(set(labels.TRAFFIC_SIGN.values())) == 3
     for rgb in labels.VEHICLE_RGB:

@@ -45,7 +45,7 @@ def _html(name: str, view: DashboardView) -> str:
     ],
 )
 def test_jobs_budget_and_breaker(changes: dict[str, object], line: str, level: str) -> None:
-    """One line tells what is pending, what was used, and why nothing is submitted."""
+    """One line has the pending jobs, the used time, and why nothing is submitted."""
     assert hardware_status(WELL.model_copy(update=changes)) == (line, level)
 
 
@@ -76,7 +76,7 @@ def a_run(**changes: object) -> SolverReport:
     ],
 )
 def test_where_a_circuit_ran(changes: dict[str, object], line: str) -> None:
-    """Simulated, noise model and hardware are told apart; so is why it is not the device."""
+    """Simulator, noise model and hardware have their own names; a fallback has its reason."""
     assert execution_summary(a_run(**changes)) == line
 
 

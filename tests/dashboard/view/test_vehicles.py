@@ -1,4 +1,4 @@
-"""Vans that tell where they are: the page shows them there, on the plan that they follow."""
+"""Vehicles that report positions are shown there, on the plan that they follow."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_an_unknown_route_is_left_out(world, now_ns):
 
 
 def test_a_position_under_another_key_is_refused(now_ns):
-    """Nobody tells where another vehicle is."""
+    """A vehicle reports its own position only."""
     live = LiveData(10, lambda: now_ns)
     with pytest.raises(InputError, match="belongs under"):
         live.on_position(position_key("van-b"), _position(now_ns).to_bytes())
