@@ -103,10 +103,7 @@ class LiveData:
         _check_key(key, state_key(state.rsu, state.segment))
         name = (state.segment, state.rsu)
         with self._lock:
-            dispatcher = self._dispatcher
-        tolerance_s = None if dispatcher is None else dispatcher.future_tolerance_s
-        if tolerance_s is None:
-            tolerance_s = FUTURE_TOLERANCE_S
+            tolerance_s = published_tolerance_s(self._dispatcher)
         time_ns = state.time_ns
         self._put(self._states, name, state, time_ns, lambda old: old.time_ns, tolerance_s)
 
@@ -244,6 +241,12 @@ class LiveData:
             entries.move_to_end(name)
             if len(entries) > MAX_ENTRIES:
                 entries.popitem(last=False)
+
+
+def published_tolerance_s(dispatcher: DispatcherHealth | None) -> float:
+    """How far a SegmentState may be dated ahead for the gates, s; the default if not published."""
+    tolerance_s = None if dispatcher is None else dispatcher.future_tolerance_s
+    return FUTURE_TOLERANCE_S if tolerance_s is None else tolerance_s
 
 
 def _without_details(report: CycleReport) -> CycleReport:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from dashboard.live import Snapshot
+from dashboard.live import Snapshot, published_tolerance_s
 from dashboard.view import labels
 from dashboard.view.dispatcher import dispatcher_status, hardware_status
 from dashboard.view.labels import Level, Traffic
@@ -81,12 +81,10 @@ class _Limits:
 
 
 def _road_limits(dispatcher: DispatcherHealth | None, stale_after_s: float) -> _Limits:
-    stale_s = tolerance_s = None
-    if dispatcher is not None:
-        stale_s, tolerance_s = dispatcher.stale_after_s, dispatcher.future_tolerance_s
+    published_s = None if dispatcher is None else dispatcher.stale_after_s
     return _Limits(
-        stale_after_s=stale_after_s if stale_s is None else stale_s,
-        future_tolerance_s=freshness.FUTURE_TOLERANCE_S if tolerance_s is None else tolerance_s,
+        stale_after_s=stale_after_s if published_s is None else published_s,
+        future_tolerance_s=published_tolerance_s(dispatcher),
     )
 
 
