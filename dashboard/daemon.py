@@ -1,4 +1,4 @@
-"""The dashboard as a service: bus and database in, one web page out."""
+"""The dashboard's service: bus and database in, one web page out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 PERIOD_S: Final = 0.5
 IDLE_PERIOD_S: Final = 5.0
-"""How often the page is brought up to date with, and without, somebody looking at it."""
+"""Period of the page's updates with and without connected browsers, s."""
 
 
 def run_dashboard(settings: DashboardSettings) -> None:
@@ -28,7 +28,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
 
     Raises:
         InputError: the port is taken, or the network, the database URL or the bus is not usable.
-        OSError: the port was lost in service, and not to be had again.
+        OSError: another process took the port during a restart of the server.
     """
     configure_logging("dashboard", settings.service.log_level)
     network = load_network(settings.network)
@@ -45,24 +45,24 @@ def run_dashboard(settings: DashboardSettings) -> None:
         stack.callback(page.close)
         bus = stack.enter_context(Bus.open(settings.bus))
         previews = PreviewFeed(settings.bus, live, limiter)
-        stack.callback(previews.watch, False)
+        stack.callback(previews.set_active, False)
         subscribe(bus, live, limiter)
         if history is not None:
             history.start()
         log.info("serving http://%s:%d", settings.host, settings.port)
         service.ready()
         while not service.stopping.is_set():
-            previews.watch(page.clients() > 0)
+            previews.set_active(page.clients() > 0)
             page.show(live, time.time_ns())
             metrics.RESIDENT_MB.set(rss_mb())
             service.progress(f"{page.clients()} browsers")
-            _rest(service, page)
+            _wait_for_update(service, page)
 
 
-def _rest(service: Service, page: Page) -> None:
-    """Wait for the next update to be due: sooner when a browser arrives or the service stops."""
+def _wait_for_update(service: Service, page: Page) -> None:
+    """Wait for the next update; returns at once when a browser connects or the service stops."""
     until = time.monotonic() + (PERIOD_S if page.clients() else IDLE_PERIOD_S)
-    while not page.arrived.is_set() and (left := until - time.monotonic()) > 0:
+    while not page.client_connected.is_set() and (left := until - time.monotonic()) > 0:
         if service.wait(min(left, PERIOD_S)):
             return
-    page.arrived.clear()
+    page.client_connected.clear()

@@ -1,4 +1,4 @@
-"""Where live data comes from: the bus, and the dispatcher's database for what came before."""
+"""Feeds of the live data: the bus, and the dispatcher's database for the history."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ HISTORY_PERIOD_S: Final = 5.0
 
 
 def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
-    """Have all messages but pictures go from the bus to the live data."""
-    for kind, key_expression, take in (
+    """Subscribe the live data to all messages but camera pictures."""
+    for kind, key_expression, handler in (
         ("state", ALL_STATES, live.on_state),
         ("rsu_health", ALL_RSU_HEALTH, live.on_rsu_health),
         ("plan", ALL_PLANS, live.on_plan),
@@ -40,14 +40,14 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
         ("cycle", CYCLE_KEY, live.on_cycle),
         ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
     ):
-        bus.subscribe(key_expression, _checked(kind, take, limiter))
+        bus.subscribe(key_expression, _counting_handler(kind, handler, limiter))
 
 
 class PreviewFeed:
-    """Asks for camera pictures only while somebody is looking at the page.
+    """Subscribes to camera pictures only while a browser is connected.
 
-    RSUs make pictures only for subscribers, so a page that nobody looks at costs them nothing.
-    The pictures have a session of their own, which can be closed without touching the rest.
+    RSUs encode pictures only for subscribers, so a page without browsers costs them nothing.
+    Pictures have a bus session of their own, which can be closed independently.
     """
 
     def __init__(self, settings: BusSettings, live: LiveData, limiter: LogLimiter) -> None:
@@ -56,24 +56,24 @@ class PreviewFeed:
         self._limiter = limiter
         self._bus: Bus | None = None
 
-    def watch(self, wanted: bool) -> None:
-        """Start or stop asking."""
-        if wanted and self._bus is None:
+    def set_active(self, active: bool) -> None:
+        """Subscribe or unsubscribe."""
+        if active and self._bus is None:
             self._bus = Bus.open(self._settings)
-            handler = _checked("preview", self._live.on_preview, self._limiter)
+            handler = _counting_handler("preview", self._live.on_preview, self._limiter)
             self._bus.subscribe(ALL_PREVIEWS, handler, history=False)
-        elif not wanted and self._bus is not None:
+        elif not active and self._bus is not None:
             self._bus.close()
             self._bus = None
 
 
 class HistoryFeed(threading.Thread):
-    """Reads what the dispatcher has stored, at the start and whenever there is a new cycle.
+    """A thread that reads stored cycles and plans at its start and after each new cycle.
 
-    It has a thread of its own: a busy database may keep a reader waiting for seconds.
+    It is a thread because a busy database may block a reader for seconds.
 
     Raises:
-        InputError: the database URL is none.
+        InputError: the database URL is invalid.
     """
 
     def __init__(self, url: str, live: LiveData, cycles: int, limiter: LogLimiter) -> None:
@@ -86,7 +86,7 @@ class HistoryFeed(threading.Thread):
         self._stopping = threading.Event()
 
     def run(self) -> None:
-        """Read until stopped."""
+        """Read every `HISTORY_PERIOD_S` until stopped."""
         while True:
             self.refresh()
             if self._stopping.wait(HISTORY_PERIOD_S):
@@ -94,11 +94,11 @@ class HistoryFeed(threading.Thread):
         self._reader.close()
 
     def refresh(self) -> None:
-        """Read once; a database that cannot be read is told on the page and tried again."""
+        """Read once; if the database cannot be read, the page shows the reason."""
         try:
             latest = self._reader.latest_cycle()
             if latest is not None and (latest.cycle, latest.started_ns) != self._latest:
-                history = self._reader.cycles(limit=self._unread(latest))
+                history = self._reader.cycles(limit=self._cycles_to_read(latest))
                 self._live.add_history(history, self._reader.latest_plans())
                 self._latest = (latest.cycle, latest.started_ns)
             self._live.set_history_problem(None)
@@ -107,8 +107,8 @@ class HistoryFeed(threading.Thread):
             if self._limiter.allow("history"):
                 log.warning("no stored history: %s", error)
 
-    def _unread(self, latest: CycleReport) -> int:
-        """How many cycles to read: those since the last time, or all if they are counted anew."""
+    def _cycles_to_read(self, latest: CycleReport) -> int:
+        """Number of cycles to read: those since the last read, or all if numbers start again."""
         if self._latest is None:
             return self._cycles
         number, started_ns = self._latest
@@ -117,12 +117,12 @@ class HistoryFeed(threading.Thread):
         return min(latest.cycle - number, self._cycles)
 
     def stop(self) -> None:
-        """Stop reading, without waiting for a read under way."""
+        """Stop reading; does not wait for a read in progress."""
         self._stopping.set()
 
 
-def _checked(
-    kind: str, take: Callable[[str, bytes], None], limiter: LogLimiter
+def _counting_handler(
+    kind: str, handler: Callable[[str, bytes], None], limiter: LogLimiter
 ) -> Callable[[str, bytes], None]:
     messages = metrics.MESSAGES.labels(kind)
     bad_messages = metrics.BAD_MESSAGES.labels(kind)
@@ -130,7 +130,7 @@ def _checked(
     def handle(key: str, payload: bytes) -> None:
         messages.inc()
         try:
-            take(key, payload)
+            handler(key, payload)
         except InputError as error:
             bad_messages.inc()
             if limiter.allow(kind):

@@ -1,4 +1,4 @@
-"""The latest message of each kind, kept in bounded memory between bus threads and the page."""
+"""The latest message of each kind, in bounded memory, shared by the bus threads and the page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 from urllib.parse import unquote
 
 from slipstream.errors import InputError
-from slipstream.freshness import is_ahead
+from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
 from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
@@ -29,7 +29,7 @@ from slipstream.messages import (
 )
 
 MAX_ENTRIES: Final = 5000
-"""Segments, RSUs and vehicles remembered, each; the ones not heard of for longest go first."""
+"""Maximum number of segment states, RSUs and vehicles kept, each; the oldest are dropped first."""
 MAX_PREVIEWS: Final = 16
 MAX_PREVIEW_BYTES: Final = 512 * 1024
 
@@ -39,21 +39,21 @@ _V = TypeVar("_V")
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Everything known at one moment.
+    """The latest messages at one moment.
 
     Attributes:
         states: latest SegmentState by segment and RSU.
         rsus: latest RsuHealth by RSU.
         plans: latest VehiclePlan by vehicle.
         positions: latest VehiclePosition by vehicle.
-        followed: the plan that each vehicle was last heard to follow, which may be older than its
+        followed: the plan that each vehicle last reported to follow; it may be older than its
             latest one.
-        cycles: reports by number, the lowest first; only the last one has its solvers, gates and
-            unserved stops.
+        cycles: reports in ascending order of their numbers; only the last one has its solvers,
+            gates and unserved stops.
         dispatcher: latest DispatcherHealth.
-        cycle_failed_ns: UTC at which its count of failed cycles was last seen to rise.
+        cycle_failed_ns: UTC of the last increase of its count of failed cycles.
         previews: latest JPEG and the UTC ns of its arrival, by RSU.
-        history_problem: why the stored history cannot be read; None where it can.
+        history_problem: why the stored history cannot be read; None if it can.
     """
 
     states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
@@ -69,12 +69,12 @@ class Snapshot:
 
 
 class LiveData:
-    """Takes messages from any thread and gives consistent snapshots of the latest.
+    """Stores messages from any thread and returns consistent snapshots of the latest.
 
     Args:
-        history_cycles: how many cycle reports to keep.
-        clock_ns: UTC in ns; stamps pictures, which carry no time of their own, and tells what is
-            dated ahead: that gives way to whatever comes, or a clock set back would block the page.
+        history_cycles: number of cycle reports to keep.
+        clock_ns: UTC in ns. It is the time of pictures, which carry none. A message dated ahead of
+            it is replaced by any other, so that a clock that was set back does not block the page.
     """
 
     def __init__(self, history_cycles: int, clock_ns: Callable[[], int]) -> None:
@@ -93,28 +93,36 @@ class LiveData:
         self._history_problem: str | None = None
 
     def on_state(self, key: str, payload: bytes) -> None:
-        """Take a SegmentState. Like its siblings: raises InputError for what is none."""
+        """Store a SegmentState.
+
+        Raises:
+            InputError: the payload is no SegmentState, or belongs under another key; so for each
+                of the methods ``on_...``.
+        """
         state = decode(SegmentState, payload, key)
-        _require(key, state_key(state.rsu, state.segment))
+        _check_key(key, state_key(state.rsu, state.segment))
         name = (state.segment, state.rsu)
-        self._put(self._states, name, state, state.time_ns, lambda old: old.time_ns)
+        with self._lock:
+            tolerance_s = published_tolerance_s(self._dispatcher)
+        time_ns = state.time_ns
+        self._put(self._states, name, state, time_ns, lambda old: old.time_ns, tolerance_s)
 
     def on_rsu_health(self, key: str, payload: bytes) -> None:
-        """Take an RsuHealth."""
+        """Store an RsuHealth."""
         health = decode(RsuHealth, payload, key)
-        _require(key, rsu_health_key(health.rsu))
+        _check_key(key, rsu_health_key(health.rsu))
         self._put(self._rsus, health.rsu, health, health.time_ns, lambda old: old.time_ns)
 
     def on_plan(self, key: str, payload: bytes) -> None:
-        """Take a VehiclePlan."""
+        """Store a VehiclePlan."""
         plan = decode(VehiclePlan, payload, key)
-        _require(key, plan_key(plan.vehicle))
+        _check_key(key, plan_key(plan.vehicle))
         self._add_plan(plan)
 
     def on_position(self, key: str, payload: bytes) -> None:
-        """Take a VehiclePosition."""
+        """Store a VehiclePosition."""
         position = decode(VehiclePosition, payload, key)
-        _require(key, position_key(position.vehicle))
+        _check_key(key, position_key(position.vehicle))
         name, time_ns = position.vehicle, position.time_ns
         self._put(self._positions, name, position, time_ns, lambda old: old.time_ns)
         with self._lock:
@@ -123,29 +131,29 @@ class LiveData:
             self._put(self._followed, name, plan, plan.issued_ns, lambda old: old.issued_ns)
 
     def on_cycle(self, key: str, payload: bytes) -> None:
-        """Take a CycleReport."""
+        """Store a CycleReport."""
         report = decode(CycleReport, payload, key)
-        _require(key, CYCLE_KEY)
+        _check_key(key, CYCLE_KEY)
         self.add_history((report,), ())
 
     def on_dispatcher_health(self, key: str, payload: bytes) -> None:
-        """Take a DispatcherHealth."""
+        """Store a DispatcherHealth."""
         health = decode(DispatcherHealth, payload, key)
-        _require(key, DISPATCHER_HEALTH_KEY)
+        _check_key(key, DISPATCHER_HEALTH_KEY)
         with self._lock:
-            held = self._dispatcher
+            previous = self._dispatcher
             if (
-                held is not None
-                and held.started_ns == health.started_ns
-                and held.cycles_failed < health.cycles_failed
+                previous is not None
+                and previous.started_ns == health.started_ns
+                and previous.cycles_failed < health.cycles_failed
             ):
                 self._cycle_failed_ns = self._clock_ns()
             self._dispatcher = health
 
     def on_preview(self, key: str, payload: bytes) -> None:
-        """Take an RSU's picture: a JPEG of a size that a browser takes easily."""
+        """Store an RSU's picture: a JPEG of at most `MAX_PREVIEW_BYTES`."""
         rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
-        _require(key, preview_key(rsu))
+        _check_key(key, preview_key(rsu))
         if not (payload.startswith(b"\xff\xd8\xff") and payload.endswith(b"\xff\xd9")):
             raise InputError(key, "not a JPEG picture", "check the sender's version")
         if len(payload) > MAX_PREVIEW_BYTES:
@@ -157,8 +165,8 @@ class LiveData:
                 self._previews.popitem(last=False)
 
     def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
-        """Add cycles and plans, from the bus or from storage; what is newer stays."""
-        # Plans first, as the dispatcher sends them: a van is idle that has none in the last cycle.
+        """Add cycles and plans from the bus or the database; newer ones are kept."""
+        # Plans first, as the dispatcher sends them: a vehicle without a new one becomes idle.
         for plan in plans:
             self._add_plan(plan)
         with self._lock:
@@ -166,17 +174,17 @@ class LiveData:
                 self._add_cycle(report)
             for number in sorted(self._cycles)[: -self._history_cycles]:
                 del self._cycles[number]
-            # In a city each has hundreds of gates: only the last one's are shown.
+            # In a city each report has hundreds of gates; only those of the last one are shown.
             for number in sorted(self._cycles)[:-1]:
-                self._cycles[number] = _slim(self._cycles[number])
+                self._cycles[number] = _without_details(self._cycles[number])
 
     def set_history_problem(self, problem: str | None) -> None:
-        """Say why the stored history cannot be read, or that it can again."""
+        """Set why the stored history cannot be read; None if it can."""
         with self._lock:
             self._history_problem = problem
 
     def snapshot(self) -> Snapshot:
-        """What is known now."""
+        """A copy of the latest messages."""
         with self._lock:
             return Snapshot(
                 states=dict(self._states),
@@ -192,7 +200,7 @@ class LiveData:
             )
 
     def _add_cycle(self, report: CycleReport) -> None:
-        if self._cycles.get(report.cycle) in (report, _slim(report)):
+        if self._cycles.get(report.cycle) in (report, _without_details(report)):
             return
         now_ns = self._clock_ns()
         last = self._cycles[max(self._cycles)] if self._cycles else None
@@ -202,8 +210,8 @@ class LiveData:
             and not is_ahead(report.started_ns, now_ns)
             and (report.started_ns > last.started_ns or is_ahead(last.started_ns, now_ns))
         ):
-            # A lower number that began later: the dispatcher counts from another database now, or
-            # gives numbers again that it could not store.
+            # A lower number that began later: the dispatcher has another database, or reuses the
+            # numbers of cycles that it could not store.
             for number in [n for n in self._cycles if n >= report.cycle]:
                 del self._cycles[number]
         self._cycles[report.cycle] = report
@@ -218,14 +226,15 @@ class LiveData:
         value: _V,
         time_ns: int,
         time_of: Callable[[_V], int],
+        tolerance_s: float = FUTURE_TOLERANCE_S,
     ) -> None:
         with self._lock:
             old = entries.get(name)
-            # Repaired gaps arrive late: an older sample must not replace a newer one.
+            # Retransmitted samples arrive late: an older one must not replace a newer one.
             if (
                 old is not None
                 and time_of(old) > time_ns
-                and not is_ahead(time_of(old), self._clock_ns())
+                and not is_ahead(time_of(old), self._clock_ns(), tolerance_s)
             ):
                 return
             entries[name] = value
@@ -234,13 +243,19 @@ class LiveData:
                 entries.popitem(last=False)
 
 
-def _slim(report: CycleReport) -> CycleReport:
-    """A report without its long parts; itself where it has none."""
+def published_tolerance_s(dispatcher: DispatcherHealth | None) -> float:
+    """How far a SegmentState may be dated ahead for the gates, s; the default if not published."""
+    tolerance_s = None if dispatcher is None else dispatcher.future_tolerance_s
+    return FUTURE_TOLERANCE_S if tolerance_s is None else tolerance_s
+
+
+def _without_details(report: CycleReport) -> CycleReport:
+    """The report without solvers, gates and unserved stops."""
     if not (report.solvers or report.gates or report.unserved):
         return report
     return report.model_copy(update={"solvers": (), "gates": (), "unserved": ()})
 
 
-def _require(key: str, expected: str) -> None:
+def _check_key(key: str, expected: str) -> None:
     if key != expected:
         raise InputError(key, f"its message belongs under {expected}", "check the sender")

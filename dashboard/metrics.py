@@ -1,4 +1,4 @@
-"""What Prometheus can ask the dashboard."""
+"""Prometheus metrics of the dashboard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page and the browsers that look at it."""
+"""The page: one viser server with map and panels, its clients and its restart."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ import viser
 
 from dashboard import metrics
 from dashboard.live import LiveData
-from dashboard.map import RoadMap
-from dashboard.panels import Panels
+from dashboard.panels import PanelLayout
+from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
-from dashboard.view_model import build_view
+from dashboard.view import build_view
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 
 log = logging.getLogger(__name__)
 
-SETTLING_S: Final = 10.0
-"""How long after its arrival a browser's view is fitted to its canvas."""
-RENEW_AFTER_UPDATES: Final = 500_000
-"""Updates after which the server is replaced; some three days of somebody looking."""
+FIT_CAMERA_FOR_S: Final = 10.0
+"""Time after a browser connects in which its camera is fitted to its canvas, s."""
+RESTART_AFTER_UPDATES: Final = 500_000
+"""Updates after which the server is replaced; about three days with a browser connected."""
 RETRY_AFTER_S: Final = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
-"""How long to wait after each failure to serve again; in sum below systemd's watchdog."""
+"""Wait after each failed restart, s; the sum is below systemd's watchdog limit."""
 
 
 class Page:
     """One viser server with the map and the panels on it.
 
     Args:
-        settings: where to serve, what counts as stale.
+        settings: address and age limits.
         network: the road network to draw.
         stopping: set when the service is to stop; ends the wait for an address.
 
@@ -49,21 +49,21 @@ class Page:
         self._stopping = stopping
         self._server: viser.ViserServer
         self._serving = False
-        self.arrived = threading.Event()
-        """Set when a browser has arrived; the owner clears it."""
+        self.client_connected = threading.Event()
+        """Set when a browser has connected; the owner clears it."""
         self._build()
 
     def clients(self) -> int:
-        """How many browsers are connected."""
+        """Number of connected browsers."""
         return len(self._server.get_clients())
 
     def show(self, live: LiveData, now_ns: int) -> None:
-        """Bring the page up to date with the latest messages.
+        """Update the page to the latest messages.
 
         Raises:
-            OSError: the address was lost while the server was renewed, and not free again in time.
+            OSError: another process took the address during a restart and kept it.
         """
-        if not self._renew_if_worn():
+        if not self._restart_server_if_due():
             return
         view = build_view(
             live.snapshot(),
@@ -88,22 +88,22 @@ class Page:
         self._server = start_server(self._settings.host, self._settings.port)
         try:
             self._map = RoadMap(self._server, self._network, self._settings.depots)
-            self._panels = Panels(self._server)
-            self._server.on_client_connect(self._welcome)
+            self._panels = PanelLayout(self._server)
+            self._server.on_client_connect(self._on_connect)
             self._serving = True
         except BaseException:
             stop_server(self._server)
             raise
 
-    def _renew_if_worn(self) -> bool:
-        """False where there is no server any more, as the service is stopping."""
-        # For each new browser viser counts through all messages there ever were, 0.2 s a million:
-        # after months nobody would get in. Browsers come back to the new server by themselves, but
-        # it is better done while there are none.
-        limit = RENEW_AFTER_UPDATES if self.clients() else RENEW_AFTER_UPDATES // 2
+    def _restart_server_if_due(self) -> bool:
+        """Replace a server after `RESTART_AFTER_UPDATES`; False if the service stops meanwhile."""
+        # For each new browser viser iterates over all messages it ever sent, 0.2 s a million: after
+        # months no browser could connect. Browsers reconnect by themselves; a restart without any
+        # is preferred.
+        limit = RESTART_AFTER_UPDATES if self.clients() else RESTART_AFTER_UPDATES // 2
         if self._updates < limit:
             return True
-        log.info("renewing the page after %d updates", self._updates)
+        log.info("restarting the web server after %d updates", self._updates)
         self.close()
         for delay_s in RETRY_AFTER_S:
             try:
@@ -113,22 +113,22 @@ class Page:
                 log.warning("%s; trying again in %g s", error, delay_s)
             if self._stopping.wait(delay_s):
                 return False
-        # No mistake of the user's any more: the daemon served here until now. Not an InputError,
-        # then, after which it would not be started again.
+        # No InputError, after which the service would not be restarted: the settings are valid, as
+        # the daemon served here until now.
         raise OSError(
-            f"{self._settings.host}:{self._settings.port}: lost while the page was renewed"
+            f"{self._settings.host}:{self._settings.port}: lost during a restart of the web server"
         )
 
-    def _welcome(self, client: viser.ClientHandle) -> None:
+    def _on_connect(self, client: viser.ClientHandle) -> None:
         arrived = time.monotonic()
         fitted: tuple[int, int] | None = None
 
         def fit(camera: viser.CameraHandle) -> None:
-            # The canvas shrinks while the browser is still placing the panels beside it; after
-            # that the camera is the user's.
+            # The canvas shrinks while the browser lays out the panels; afterwards only the user
+            # moves the camera.
             nonlocal fitted
             canvas = (camera.image_width, camera.image_height)
-            if canvas == fitted or time.monotonic() - arrived > SETTLING_S:
+            if canvas == fitted or time.monotonic() - arrived > FIT_CAMERA_FOR_S:
                 return
             fitted = canvas
             position, look_at = self._map.fit(*canvas)
@@ -139,4 +139,4 @@ class Page:
 
         client.camera.on_update(fit)
         fit(client.camera)
-        self.arrived.set()
+        self.client_connected.set()

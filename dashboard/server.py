@@ -1,4 +1,4 @@
-"""The web server: on the address that was asked for or not at all, private, and quick to stop."""
+"""The web server: it serves on exactly the given address, without a public tunnel."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ STOP_TIMEOUT_S: Final = 3.0
 
 
 def start_server(host: str, port: int) -> viser.ViserServer:
-    """Start viser on exactly this address, with no way to open it to the world.
+    """Start viser on exactly this address, without viser's public share URLs.
 
     Raises:
         InputError: the address cannot be bound, as when the port is taken.
     """
-    refuse_taken(host, port)
-    # Each browser that comes or goes is no news.
+    check_address_free(host, port)
+    # It logs each connection at INFO.
     logging.getLogger("websockets").setLevel(logging.WARNING)
-    # viser prints a banner to standard output, which belongs to our caller.
+    # viser prints a banner to standard output, which is the caller's.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if server.get_port() != port:
-        # Somebody was faster between our look and viser's, which then takes the next free port.
+        # Another process took the port after the check; viser then uses the next free one.
         stop_server(server)
-        raise _taken(host, port)
-    # Any client can ask for a public tunnel to the page; hiding the button would not stop it.
-    server.request_share_url = _no_share_url  # type: ignore[method-assign]
+        raise _port_in_use(host, port)
+    # Any client can request a public tunnel to the page, even with the button hidden.
+    server.request_share_url = _refuse_share_url  # type: ignore[method-assign]
     return server
 
 
 def stop_server(server: viser.ViserServer) -> None:
-    """Stop viser; waits no longer than a few seconds for clients that do not let go."""
+    """Stop viser; waits at most `STOP_TIMEOUT_S` for clients to disconnect."""
 
     def stop() -> None:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -51,11 +51,11 @@ def stop_server(server: viser.ViserServer) -> None:
     stopper.start()
     stopper.join(STOP_TIMEOUT_S)
     if stopper.is_alive():
-        log.info("left open connections to themselves")
+        log.info("stopped with connections still open")
 
 
-def refuse_taken(host: str, port: int) -> None:
-    """See that an address can be bound now.
+def check_address_free(host: str, port: int) -> None:
+    """Check that an address can be bound.
 
     Raises:
         InputError: it cannot.
@@ -65,24 +65,24 @@ def refuse_taken(host: str, port: int) -> None:
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
         with socket.socket(family, kind, protocol) as probe:
-            # As asyncio binds: a port in TIME_WAIT is free, one being listened on is not.
+            # As asyncio binds: a port in TIME_WAIT is free, one with a listener is not.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(address)
             probe.listen(1)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            raise _taken(host, port) from None
+            raise _port_in_use(host, port) from None
         reason = error.strerror or str(error)
         raise InputError(
             f"{host}:{port}", f"cannot serve here: {reason}", "give another host or port"
         ) from None
 
 
-def _taken(host: str, port: int) -> InputError:
+def _port_in_use(host: str, port: int) -> InputError:
     return InputError(
         f"{host}:{port}", "the port is taken", "stop what listens there, or give another port"
     )
 
 
-def _no_share_url(verbose: bool = True) -> None:
+def _refuse_share_url(verbose: bool = True) -> None:
     log.warning("a client asked for a public share URL; refused")

@@ -10,7 +10,7 @@ from slipstream.roads import DEMO_NETWORK
 
 
 class DashboardSettings(Settings):
-    """What the dashboard listens to, what it reads, and where it is served."""
+    """The dashboard's bus, database, network and address."""
 
     bus: BusSettings = Field(default=BusSettings(), description="How to reach the other daemons.")
     service: ServiceSettings = Field(default=ServiceSettings(), description="Metrics and logs.")
@@ -19,11 +19,11 @@ class DashboardSettings(Settings):
     )
     depots: tuple[str, ...] = Field(
         default=("depot",),
-        description="Junctions to mark as depots; not drawn where they are unknown.",
+        description="Junctions to mark as depots; unknown ones are not drawn.",
     )
     database_url: str | None = Field(
         default="sqlite:///slipstream.db",
-        description="The dispatcher's database, for the history; read only, may come later.",
+        description="The dispatcher's database, for the history; read only. It need not exist yet.",
     )
     host: str = Field(
         default="127.0.0.1",
@@ -34,13 +34,14 @@ class DashboardSettings(Settings):
         default=STALE_AFTER_S,
         gt=0,
         allow_inf_nan=False,
-        description="Older road data is shown as unknown.",
+        description="Age limit of RSU health and pictures, s. Road data has the limit that the "
+        "dispatcher publishes, and this one before its first health message.",
     )
     silent_after_s: float = Field(
         default=30.0,
         gt=0,
         allow_inf_nan=False,
-        description="A dispatcher not heard of for longer is shown as silent.",
+        description="A dispatcher without health for longer is shown as silent, s.",
     )
     history_cycles: int = Field(
         default=200, ge=2, le=5000, description="Cycles shown in the energy history."

@@ -320,6 +320,8 @@ class Dispatcher:
                 next_cycle_ns=next_cycle_ns,
                 rss_mb=rss_mb(),
                 hardware=None if self._guest is None else self._guest.health(),
+                stale_after_s=self._settings.stale_after_s,
+                future_tolerance_s=self._settings.future_tolerance_s,
             )
         )
 

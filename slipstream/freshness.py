@@ -1,7 +1,7 @@
 """How long a message counts, and which one counts where several RSUs watch a segment.
 
-The dispatcher opens gates by this rule and the dashboard shows traffic by it, so that the page
-never calls calm what the dispatcher holds closed.
+The dispatcher opens gates by this rule and publishes its limits in `DispatcherHealth`. The
+dashboard shows traffic by the same rule and limits.
 """
 
 from __future__ import annotations

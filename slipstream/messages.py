@@ -329,6 +329,16 @@ class DispatcherHealth(Message):
     next_cycle_ns: TimeNs | None
     rss_mb: NonNegative
     hardware: HardwareHealth | None = Field(default=None, description="Null without a device.")
+    stale_after_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
+        default=None,
+        description="Age above which its gates ignore a SegmentState, s; senders before this field "
+        "left null.",
+    )
+    future_tolerance_s: NonNegative | None = Field(
+        default=None,
+        description="How far ahead of its clock a SegmentState may be dated for its gates to use "
+        "it, s; senders before this field left null.",
+    )
 
 
 def _chunk(name: str) -> str:

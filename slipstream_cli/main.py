@@ -43,6 +43,7 @@ _EXTRA_OF: Final = {
     "dimod": "dispatcher",
     "dwave": "dispatcher",
     "highspy": "dispatcher",
+    "jinja2": "dashboard",
     "libsumo": "sim",
     "matplotlib": "sim",
     "nncf": "train",

@@ -1,11 +1,12 @@
-"""What a pilot keeps: every dispatch cycle, in one transaction, durable once recorded.
+"""The database of dispatch cycles: each cycle is one transaction and durable once recorded.
 
-Only the dispatcher writes (`open_database`); the dashboard and the tools read (`open_reader`).
+Only the dispatcher writes (`open_database`); the dashboard and the tools read (`open_reader`). To
+store a new field of a message, add a column to `storage.models` and a migration.
 """
 
-from storage.check import CheckReport, check
 from storage.database import Database, open_database
 from storage.engine import StorageError
+from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
 from storage.reader import Reader, open_reader
 

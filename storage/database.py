@@ -1,4 +1,4 @@
-"""The writer's side: one transaction a cycle, durable when `record_cycle` returns."""
+"""The writer: one transaction a cycle, durable when `record_cycle` returns."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from storage import jobs, schema
 from storage.engine import (
     StorageError,
+    display_name,
     is_sqlite,
     parse_url,
     reader_engine,
-    shown,
     sqlite_path,
     writer_engine,
 )
@@ -29,9 +29,9 @@ from storage.models import CycleRow
 from storage.rows import cycle_row
 
 PRUNE_BATCH: Final = 200
-"""Cycles deleted in one transaction: short enough that a cycle to be recorded hardly waits."""
-LEAST_JOB_DAYS: Final = 2.0
-"""Quantum jobs are kept at least so long: the budget of a day is computed from them."""
+"""Cycles deleted in one transaction. A cycle to be recorded waits for at most one of these."""
+MIN_JOB_DAYS: Final = 2.0
+"""Quantum jobs are kept for at least this long, days: a day's budget is computed from them."""
 
 
 class Database:
@@ -47,18 +47,18 @@ class Database:
         plans: Sequence[VehiclePlan],
         states: Sequence[SegmentState],
     ) -> None:
-        """Store a cycle with its plans and the states that it was decided on, all or nothing.
+        """Store a cycle with its plans and the segment states it used, all or nothing.
 
         Raises:
             ValueError: a plan belongs to another cycle, or the cycle is already stored.
             StorageError: the database cannot be written; nothing of the cycle is stored.
         """
-        strangers = [plan.vehicle for plan in plans if plan.cycle != report.cycle]
-        if strangers:
-            raise ValueError(f"plans of another cycle than {report.cycle}: {strangers}")
+        misplaced = [plan.vehicle for plan in plans if plan.cycle != report.cycle]
+        if misplaced:
+            raise ValueError(f"plans of another cycle than {report.cycle}: {misplaced}")
         row = cycle_row(report, plans, states)
         try:
-            with self._writing() as session:
+            with self._write_session() as session:
                 session.add(row)
         except IntegrityError as error:
             raise ValueError(f"cycle {report.cycle} is refused: {error.orig}") from None
@@ -69,40 +69,40 @@ class Database:
         Raises:
             StorageError: the database cannot be read.
         """
-        with self._writing() as session:
+        with self._write_session() as session:
             return (session.scalar(select(func.max(CycleRow.cycle))) or 0) + 1
 
     def save_job(self, job: QuantumJob) -> None:
-        """Store what is known of a quantum job, durably.
+        """Store the present record of a quantum job, durably.
 
         Raises:
             StorageError: the database cannot be written.
         """
-        with self._writing() as session:
+        with self._write_session() as session:
             jobs.save(session, job)
 
     def jobs_since(self, finished_ns: int) -> list[QuantumJob]:
-        """Quantum jobs that are open or were found to be over since; oldest first.
+        """Quantum jobs that are open or finished at ``finished_ns`` or later; oldest first.
 
         Raises:
             StorageError: the database cannot be read.
         """
-        with self._writing() as session:
+        with self._write_session() as session:
             return jobs.since(session, finished_ns)
 
     def prune(self, keep_days: float, now_ns: int, *, limit: int | None = None) -> int:
         """Delete cycles that began more than ``keep_days`` before ``now_ns``.
 
         The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
-        were over by then go too, but none of the last `LEAST_JOB_DAYS`.
+        finished before then are deleted too, but none of the last `MIN_JOB_DAYS`.
 
         Args:
             keep_days: age limit, days.
             now_ns: UTC.
-            limit: delete no more cycles than this, the oldest ones; None: all that are too old.
+            limit: maximum number of cycles to delete, oldest first; None: no maximum.
 
         Returns:
-            How many cycles were deleted.
+            Number of cycles deleted.
 
         Raises:
             InputError: ``keep_days`` is negative or not finite.
@@ -117,19 +117,19 @@ class Database:
             )
         # No cycle began before 1970, and SQLite takes no number beyond 64 bits.
         before_ns = max(0, now_ns - int(min(keep_days * 86_400e9, 2.0**63)))
-        jobs_before_ns = min(before_ns, max(0, now_ns - int(LEAST_JOB_DAYS * 86_400e9)))
-        with self._writing() as session:
+        jobs_before_ns = min(before_ns, max(0, now_ns - int(MIN_JOB_DAYS * 86_400e9)))
+        with self._write_session() as session:
             jobs.prune(session, jobs_before_ns)
         pruned = 0
         while True:
-            most = PRUNE_BATCH if limit is None else min(PRUNE_BATCH, limit - pruned)
-            with self._writing() as session:
+            batch_size = PRUNE_BATCH if limit is None else min(PRUNE_BATCH, limit - pruned)
+            with self._write_session() as session:
                 latest = session.scalar(select(func.max(CycleRow.cycle)))
                 batch = session.scalars(
                     select(CycleRow.cycle)
                     .where(CycleRow.started_ns < before_ns, CycleRow.cycle != latest)
                     .order_by(CycleRow.started_ns)
-                    .limit(most)
+                    .limit(batch_size)
                 ).all()
                 session.execute(delete(CycleRow).where(CycleRow.cycle.in_(batch)))
             pruned += len(batch)
@@ -137,7 +137,7 @@ class Database:
                 return pruned
 
     def close(self) -> None:
-        """Close all connections; the last one folds the log back into the file."""
+        """Close all connections; the last one checkpoints the write-ahead log."""
         self._engine.dispose()
 
     def __enter__(self) -> Self:
@@ -147,7 +147,7 @@ class Database:
         self.close()
 
     @contextmanager
-    def _writing(self) -> Iterator[Session]:
+    def _write_session(self) -> Iterator[Session]:
         try:
             with Session(self._engine) as session, session.begin():
                 yield session
@@ -158,19 +158,19 @@ class Database:
 
 
 def open_database(url: str, *, create: bool = True) -> Database:
-    """Open the database for its one writer; bring its schema up where needed.
+    """Open the database for its one writer, and upgrade its schema if it is older.
 
     Args:
         url: such as ``sqlite:////var/lib/slipstream/slipstream.db``.
-        create: make the database where there is none; otherwise it is refused.
+        create: create a missing database; if False, a missing one is an error.
 
     Raises:
-        InputError: the URL is none, or what it names is not there though it should be, a
-            directory, not writable, not a database, damaged, another program's, or of a newer
-            version.
+        InputError: the URL is invalid, or the database is missing (with ``create`` False), a
+            directory, not writable, no database, damaged, another program's, or written by a
+            newer version.
     """
     parsed = parse_url(url)
-    source = shown(parsed)
+    source = display_name(parsed)
     if is_sqlite(parsed):
         path = sqlite_path(parsed)
         if path.is_dir():
@@ -186,16 +186,16 @@ def open_database(url: str, *, create: bool = True) -> Database:
     engine = writer_engine(parsed)
     try:
         if not is_sqlite(parsed) or sqlite_path(parsed).exists():
-            # Through the reader first: the writer's pragmas would already change a strange file.
-            with _looking(parsed) as connection:
-                schema.refuse_foreign(connection, source)
+            # Read-only first: the writer's pragmas would already change another program's file.
+            with _read_connection(parsed) as connection:
+                schema.check_ownership(connection, source)
                 if not create and schema.current(connection) is None:
                     raise InputError(source, "holds no Slipstream database", "check the path")
         with engine.begin() as connection:
             schema.upgrade(connection)
     except DBAPIError as error:
         engine.dispose()
-        raise unusable(source, error) from None
+        raise open_error(source, error) from None
     except BaseException:
         engine.dispose()
         raise
@@ -203,7 +203,7 @@ def open_database(url: str, *, create: bool = True) -> Database:
 
 
 @contextmanager
-def _looking(url: URL) -> Iterator[Connection]:
+def _read_connection(url: URL) -> Iterator[Connection]:
     engine = reader_engine(url)
     try:
         with engine.begin() as connection:
@@ -212,8 +212,8 @@ def _looking(url: URL) -> Iterator[Connection]:
         engine.dispose()
 
 
-def unusable(source: str, error: DBAPIError) -> InputError:
-    """The line that tells a user why a database cannot be opened."""
+def open_error(source: str, error: DBAPIError) -> InputError:
+    """The error for a database that cannot be opened, with its remedy."""
     reason = str(error.orig).strip()
     mend = {
         "file is not a database": "give another file, or move this one away",

@@ -1,4 +1,4 @@
-"""Connections: where a database URL leads, and how SQLite has to be opened to be durable."""
+"""Database URLs and engines; SQLite is opened so that a commit is durable."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ BUSY_TIMEOUT_MS: Final = 10_000
 
 
 class StorageError(OSError):
-    """The database could not be read or written now: disk full, locked, damaged, gone.
+    """The database could not be read or written: disk full, locked, damaged, missing.
 
-    One line; no InputError, since nobody has to have made a mistake for it and it may pass.
+    Its message is one line. It is no InputError: the cause may be temporary and is not a user's
+    mistake.
     """
 
     def __init__(self, line: str) -> None:
@@ -31,7 +32,7 @@ def parse_url(url: str) -> URL:
     """Read a database URL.
 
     Raises:
-        InputError: it is no URL, names no file, or asks for a database kept in memory.
+        InputError: it is no URL, names no file, or names an in-memory database.
     """
     try:
         parsed = make_url(url)
@@ -49,7 +50,7 @@ def parse_url(url: str) -> URL:
 
 
 def is_sqlite(url: URL) -> bool:
-    """True where the database is an SQLite file."""
+    """True if the database is an SQLite file."""
     return url.get_backend_name() == "sqlite"
 
 
@@ -59,18 +60,17 @@ def sqlite_path(url: URL) -> Path:
     return Path(url.database)
 
 
-def shown(url: URL) -> str:
-    """How to name the database to a user: the file, or the URL without its password."""
+def display_name(url: URL) -> str:
+    """Name of the database in messages: the file, or the URL without its password."""
     return str(sqlite_path(url)) if is_sqlite(url) else url.render_as_string(hide_password=True)
 
 
 def writer_engine(url: URL) -> Engine:
     """Engine of the one writer; every transaction takes the write lock when it begins.
 
-    ``synchronous`` is FULL: under WAL, NORMAL survives the death of the process, but syncs the
-    log at checkpoints only, so a power cut can take the last commits with it. FULL syncs the log
-    at each commit, which is what "committed means durable" asks for; at one commit a cycle the
-    price does not matter.
+    ``synchronous`` is FULL. Under WAL, NORMAL survives the end of the process but syncs the log at
+    checkpoints only, so a power failure can lose the last commits. FULL syncs the log at each
+    commit; at one commit a cycle its cost is negligible.
 
     Raises:
         InputError: the driver of the URL is not installed.
@@ -128,7 +128,7 @@ def _create(url: URL) -> Engine:
         return create_engine(url)
     except (NoSuchModuleError, ModuleNotFoundError) as error:
         raise InputError(
-            shown(url),
+            display_name(url),
             f"no driver for it: {error}",
             "use sqlite:///FILE, or install slipstream[postgres] for postgresql://",
         ) from None

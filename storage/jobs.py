@@ -1,6 +1,6 @@
-"""The ledger of jobs given to a quantum device: what is stored of each, written by the dispatcher.
+"""The ledger of quantum jobs, written by the dispatcher.
 
-A job is stored before it is submitted, and again whenever something new is known of it.
+A job is stored before it is submitted, and again at each change of its record.
 """
 
 from __future__ import annotations
@@ -17,38 +17,38 @@ from storage.models import QuantumJobRow
 LedgerState = Literal["intent", "queued", "running", "done", "failed", "cancelled", "lost"]
 
 OPEN_STATES: Final[tuple[LedgerState, ...]] = ("intent", "queued", "running")
-"""A job in one of these may still cost device time."""
+"""States in which a job may still use device time."""
 
 
 @dataclass(frozen=True)
 class QuantumJob:
-    """One job, as the dispatcher knows it.
+    """One job of a quantum device.
 
     Attributes:
-        tag: unique; the service keeps it with the job.
-        job_id: the service's; None until it is known.
-        backend: name of the service and of the device.
-        kind: "hardware", or "noise-model" where a simulator stands in for the device.
-        cycle: that it was made for.
-        submitted_ns: UTC at which it was stored, just before it was submitted.
-        updated_ns: UTC of the last news.
-        finished_ns: UTC at which it was found to be over; None before.
-        state: "intent": the service has not confirmed it; "lost": given up without a trace.
-        reason: of a job that failed, was cancelled or lost, in one line.
+        tag: unique; also stored by the service with the job.
+        job_id: the service's identifier; None until it is known.
+        backend: names of the service and of the device.
+        kind: "hardware", or "noise-model" for a simulator with a device's noise.
+        cycle: number of the cycle that requested it.
+        submitted_ns: UTC at which it was first stored, just before its submission.
+        updated_ns: UTC of the last change of this record.
+        finished_ns: UTC at which it was found to have finished; None before.
+        state: "intent": not yet confirmed by the service; "lost": unknown to the service.
+        reason: one line on why it failed, was cancelled or was lost; None otherwise.
         estimate_s: device time reserved for it, s.
         usage_s: device time charged, s; None while unknown.
-        shots: number of samples asked for.
-        circuit: fingerprint of the circuit.
-        variables: fingerprint of what its variables stand for.
+        shots: number of samples requested.
+        circuit: hash of the circuit.
+        variables: hash of the meaning of its variables.
         chain_order: qubit q carries variable ``chain_order[q]``.
-        variant: of the algorithm.
-        layers: depth p.
-        two_qubit_depth: layers of two-qubit gates; None if the device's compiler did not tell.
-        two_qubit_gates: their number.
-        train_s: time for the angles, s.
-        answer: "used": a cycle took it; "unfit": a cycle read it, but no sample led to routes;
-            "late": no cycle had use for it in time; None: not read yet, or none came.
-        answer_cycle: the cycle that read it.
+        variant: name of the variant of the algorithm.
+        layers: number of QAOA layers, p.
+        two_qubit_depth: layers of two-qubit gates after compilation; None if unknown.
+        two_qubit_gates: number of two-qubit gates after compilation; None if unknown.
+        train_s: time to train the angles, s.
+        answer: "used" by a cycle; "unfit": read, but no sample gave feasible routes; "late": too
+            late for any cycle; None: not read yet, or no answer.
+        answer_cycle: number of the cycle that read the answer.
     """
 
     tag: str
@@ -77,17 +77,17 @@ class QuantumJob:
 
     @property
     def open(self) -> bool:
-        """True while it may still cost device time."""
+        """True while it may still use device time."""
         return self.state in OPEN_STATES
 
 
 def save(session: Session, job: QuantumJob) -> None:
-    """Add a job, or bring what is stored of it up to date."""
+    """Add a job, or update its record."""
     session.merge(QuantumJobRow(**asdict(job) | {"chain_order": list(job.chain_order)}))
 
 
 def since(session: Session, finished_ns: int) -> list[QuantumJob]:
-    """Jobs that are open, and those found to be over at ``finished_ns`` or later; oldest first."""
+    """Jobs that are open or finished at ``finished_ns`` or later, oldest first."""
     query = (
         select(QuantumJobRow)
         .where(
@@ -113,7 +113,7 @@ def latest(session: Session, limit: int) -> Sequence[QuantumJob]:
 
 
 def prune(session: Session, before_ns: int) -> None:
-    """Delete jobs that were over before that."""
+    """Delete the jobs that finished before ``before_ns``."""
     session.execute(
         delete(QuantumJobRow).where(
             QuantumJobRow.state.not_in(OPEN_STATES), QuantumJobRow.finished_ns < before_ns

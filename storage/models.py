@@ -1,9 +1,7 @@
-"""The tables: one row a cycle, and under it its solver runs, gates, plans and segment states; and
-beside them one row a quantum job.
+"""The tables: cycles with their solver runs, gates, plans and segment states; and quantum jobs.
 
-Times are UTC nanoseconds. Parts that are only ever read together with their row (a plan's stops
-and segments, a state's features, the stops a cycle left out) are JSON in the shape of
-`slipstream.messages`.
+Times are UTC nanoseconds. Parts that are only read together with their row (a plan's stops and
+segments, a state's features, a cycle's unserved stops) are JSON as in `slipstream.messages`.
 """
 
 from __future__ import annotations
@@ -76,7 +74,7 @@ class CycleRow(Base):
 
 
 class SolverRunRow(Base):
-    """What one solver did in one cycle (a SolverReport)."""
+    """One solver's result in one cycle (a SolverReport)."""
 
     __tablename__ = "solver_runs"
 
@@ -100,7 +98,7 @@ class SolverRunRow(Base):
 
 
 class GateRow(Base):
-    """Why platooning was open or closed on one segment in one cycle (a Gate)."""
+    """One segment's platooning gate in one cycle (a Gate)."""
 
     __tablename__ = "gates"
 
@@ -115,7 +113,7 @@ class GateRow(Base):
 
 
 class PlanRow(Base):
-    """The plan that one vehicle got from one cycle (a VehiclePlan)."""
+    """One vehicle's plan from one cycle (a VehiclePlan)."""
 
     __tablename__ = "plans"
 
@@ -132,7 +130,7 @@ class PlanRow(Base):
 
 
 class StateRow(Base):
-    """What an RSU had last said of a segment when the cycle began (a SegmentState)."""
+    """An RSU's latest SegmentState of a segment at the start of a cycle."""
 
     __tablename__ = "segment_states"
 

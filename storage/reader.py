@@ -1,4 +1,4 @@
-"""The readers' side: never writes, never makes the file, waits for one that is not there yet."""
+"""The reader: never writes and never creates the file, which may appear later."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from storage import jobs, schema
 from storage.engine import (
     StorageError,
+    display_name,
     is_sqlite,
     parse_url,
     reader_engine,
-    shown,
     sqlite_path,
 )
 from storage.jobs import QuantumJob
@@ -27,11 +27,10 @@ from storage.rows import cycle_report, segment_state, vehicle_plan
 
 
 class Reader:
-    """What is stored, as messages; a context manager.
+    """Reads stored cycles, plans and states as messages; a context manager.
 
-    Each call sees one committed state of the database. While the file does not exist, or its
-    writer has not yet set it up, there is nothing to read and that is what the calls answer.
-    Every call raises `StorageError` where the database cannot be read.
+    Each call sees one committed state of the database. Results are empty while the file does not
+    exist or has no schema yet. Every call raises `StorageError` if the database cannot be read.
     """
 
     def __init__(self, engine: Engine, url: str) -> None:
@@ -44,10 +43,10 @@ class Reader:
         return cycles[-1] if cycles else None
 
     def latest_plans(self) -> tuple[VehiclePlan, ...]:
-        """The plans of the latest cycle that made any, by vehicle."""
+        """The plans of the latest cycle with plans, ordered by vehicle."""
         latest = select(func.max(PlanRow.cycle)).scalar_subquery()
         query = select(PlanRow).where(PlanRow.cycle == latest).order_by(PlanRow.vehicle)
-        with self._reading() as session:
+        with self._read_session() as session:
             return tuple(vehicle_plan(row) for row in _all(session, query))
 
     def cycles(self, limit: int) -> tuple[CycleReport, ...]:
@@ -58,24 +57,24 @@ class Reader:
             .order_by(CycleRow.cycle.desc())
             .limit(limit)
         )
-        with self._reading() as session:
+        with self._read_session() as session:
             return tuple(cycle_report(row) for row in reversed(_all(session, query)))
 
     def states(self, cycle: int) -> tuple[SegmentState, ...]:
-        """The segment states that a cycle was decided on, by segment."""
+        """The segment states that a cycle used, ordered by segment."""
         query = (
             select(StateRow).where(StateRow.cycle == cycle).order_by(StateRow.segment, StateRow.rsu)
         )
-        with self._reading() as session:
+        with self._read_session() as session:
             return tuple(segment_state(row) for row in _all(session, query))
 
     def jobs(self, limit: int) -> tuple[QuantumJob, ...]:
         """The last ``limit`` quantum jobs, latest first."""
-        with self._reading() as session:
+        with self._read_session() as session:
             return () if session is None else tuple(jobs.latest(session, limit))
 
     def close(self) -> None:
-        """Let go of the database."""
+        """Close all connections."""
         self._engine.dispose()
 
     def __enter__(self) -> Self:
@@ -85,15 +84,15 @@ class Reader:
         self.close()
 
     @contextmanager
-    def _reading(self) -> Iterator[Session | None]:
-        """A session in one read transaction; None while there is nothing to read yet."""
+    def _read_session(self) -> Iterator[Session | None]:
+        """A session in one read transaction; None while there is no schema yet."""
         if is_sqlite(self._url) and not sqlite_path(self._url).exists():
             yield None
             return
-        source = shown(self._url)
+        source = display_name(self._url)
         try:
             with Session(self._engine) as session:
-                schema.refuse_foreign(session.connection(), source)
+                schema.check_ownership(session.connection(), source)
                 revision = schema.current(session.connection())
                 if revision is None:
                     yield None
@@ -114,6 +113,6 @@ def open_reader(url: str) -> Reader:
     """Open a database for reading; it need not exist yet.
 
     Raises:
-        InputError: the URL is none, or its driver is not installed.
+        InputError: the URL is invalid, or its driver is not installed.
     """
     return Reader(reader_engine(parse_url(url)), url)

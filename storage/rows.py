@@ -1,4 +1,8 @@
-"""Messages to rows and back; the two directions are exact inverses."""
+"""Maps messages to rows and back; the two directions are exact inverses.
+
+Columns have the names of the messages' fields, so a new scalar field of a message needs a column in
+`storage.models` and a migration, and nothing here.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +19,9 @@ from slipstream.messages import (
 )
 from storage.models import CycleRow, GateRow, PlanRow, SolverRunRow, StateRow
 
-_CYCLE_FIELDS = (
-    "cycle",
-    "started_ns",
-    "wall_s",
-    "status",
-    "reason",
-    "solver",
-    "objective_kwh",
-    "variables",
-)
+_MAPPED_FIELDS = {"solvers", "gates", "energy", "unserved", "plans"}
+"""Fields of a CycleReport that `cycle_row` maps one by one."""
+_CYCLE_FIELDS = tuple(name for name in CycleReport.model_fields if name not in _MAPPED_FIELDS)
 _ENERGY_FIELDS = tuple(EnergySummary.model_fields)
 _SOLVER_FIELDS = tuple(SolverReport.model_fields)
 _GATE_FIELDS = tuple(Gate.model_fields)
@@ -35,7 +32,7 @@ _STATE_FIELDS = tuple(SegmentState.model_fields)
 def cycle_row(
     report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
 ) -> CycleRow:
-    """Build the row of a cycle with everything that hangs under it."""
+    """Build the row of a cycle with its child rows."""
     energy = report.energy.model_dump() if report.energy else {}
     return CycleRow(
         **report.model_dump(include=set(_CYCLE_FIELDS)),

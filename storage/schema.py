@@ -1,4 +1,4 @@
-"""The version of a database's schema, and the way up to the one this program knows."""
+"""The revision of a database's schema, and its upgrade to this program's revision."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sqlalchemy import Connection, inspect
 
 from slipstream.errors import InputError
 
-# It logs each look at a version as information.
+# Alembic logs each query of the revision at INFO.
 logging.getLogger("alembic.runtime.migration").setLevel(logging.WARNING)
 
 MIGRATIONS = Path(__file__).parent / "migrations"
@@ -22,7 +22,7 @@ _VERSION_TABLE = "alembic_version"
 
 @cache
 def head() -> str:
-    """The revision that this program's models describe."""
+    """The revision of this program's models."""
     revision = ScriptDirectory(str(MIGRATIONS)).get_current_head()
     assert revision is not None
     return revision
@@ -30,26 +30,26 @@ def head() -> str:
 
 @cache
 def _known() -> frozenset[str]:
-    """All revisions that this program can read or upgrade."""
+    """All revisions that this program can upgrade."""
     scripts = ScriptDirectory(str(MIGRATIONS)).walk_revisions()
     return frozenset(script.revision for script in scripts)
 
 
 def current(connection: Connection) -> str | None:
-    """The revision that the database is at; None where it has never been set up."""
-    # Alembic's own look makes a new Table each time, which stays in SQLAlchemy's cache of compiled
-    # statements: 20 MB in an hour of a dashboard that looks every 5 s.
+    """The revision of the database; None if it has no schema."""
+    # Alembic's own query makes a new Table each time, which stays in SQLAlchemy's cache of compiled
+    # statements: 20 MB in an hour at one query every 5 s.
     if not inspect(connection).has_table(_VERSION_TABLE):
         return None
     row = connection.exec_driver_sql(f"SELECT version_num FROM {_VERSION_TABLE}").first()
     return None if row is None else str(row[0])
 
 
-def refuse_foreign(connection: Connection, source: str) -> None:
-    """See that the database is empty or ours, and not newer than this program.
+def check_ownership(connection: Connection, source: str) -> None:
+    """Check that the database is empty or Slipstream's, and not newer than this program.
 
     Raises:
-        InputError: another program's tables are in it, or its schema is not known here.
+        InputError: it holds another program's tables, or a revision unknown to this program.
     """
     revision = current(connection)
     if revision is None:
@@ -70,7 +70,7 @@ def refuse_foreign(connection: Connection, source: str) -> None:
 
 
 def upgrade(connection: Connection) -> None:
-    """Bring the schema to `head` inside the transaction that the connection is in."""
+    """Upgrade the schema to `head` inside the connection's transaction."""
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
     config.attributes["connection"] = connection

@@ -1,4 +1,4 @@
-"""Run by Alembic: migrates on the connection that `storage.schema.upgrade` hands over."""
+"""Run by Alembic: migrates on the connection of `storage.schema.upgrade`."""
 
 from alembic import context
 

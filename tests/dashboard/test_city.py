@@ -10,11 +10,10 @@ import pytest
 import viser
 
 from dashboard.live import Snapshot
-from dashboard.map import RoadMap
-from dashboard.panels import Panels
+from dashboard.panels import PanelLayout
+from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
-from dashboard.view_model import build_view
-from dashboard.views import DashboardView
+from dashboard.view import DashboardView, build_view
 from slipstream.bus import free_port
 from slipstream.roads import RoadNetwork
 from tests.dashboard import city
@@ -106,7 +105,7 @@ def test_each_route_has_its_vans_colour(server, network, world, now_ns):
 
 def test_an_update_is_quick(server, network, world, now_ns):
     """Two hundred new plans are on the page in a fifth of a second of computing, as is a move."""
-    road_map, panels = RoadMap(server, network, ("x0y0",)), Panels(server)
+    road_map, panels = RoadMap(server, network, ("x0y0",)), PanelLayout(server)
     first, second = (city.snapshot(world, network, now_ns, seed, seed + 1) for seed in (0, 1))
 
     def cost_s(snapshot: Snapshot, time_ns: int) -> float:

@@ -1,16 +1,23 @@
-"""History is read where there is some, and its absence is told and survived."""
+"""History is read where there is some; an unreadable database is shown and tried again."""
 
 from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
 
 import pytest
 
 import storage
 from dashboard.feeds import HistoryFeed
 from dashboard.live import LiveData
+from dashboard.panels import PANELS
+from dashboard.view import build_view
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
 
 S = 1_000_000_000
+DATA = Path(__file__).parent / "data"
+"""Dumps of three cycles and a quantum job, each written by the version with that schema."""
 
 
 @pytest.fixture
@@ -35,6 +42,32 @@ def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
         database.record_cycle(world.cycle(2, now_ns + S), [], [])
     feed.refresh()
     assert [report.cycle for report in live.snapshot().cycles] == [1, 2]
+
+
+@pytest.mark.parametrize("revision", ["0003", "0004"])
+def test_a_database_of_a_former_version_serves_the_page(tmp_path, live, world, now_ns, revision):
+    """A file that a former version wrote opens, is upgraded, and fills the page's panels."""
+    path = tmp_path / "former.db"
+    former = sqlite3.connect(path)
+    former.executescript((DATA / f"database_{revision}.sql").read_text(encoding="utf-8"))
+    former.close()
+    url = f"sqlite:///{path}"
+    with storage.open_database(url) as database:
+        assert database.next_cycle_number() == 4
+        assert [job.tag for job in database.jobs_since(0)] == ["t1"]
+        feed = HistoryFeed(url, live, 100, LogLimiter())
+        feed.refresh()
+    assert storage.check(url).ok
+    snapshot = live.snapshot()
+    assert snapshot.history_problem is None
+    assert snapshot.cycles[-1] == world.cycle(3, now_ns)
+    assert snapshot.plans == {van: world.plan(van, 3, now_ns) for van in ("van-a", "van-b")}
+    view = build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
+    shown = {panel.name: panel.html(view) for panel in PANELS}
+    assert "Last dispatch cycle: #3" in shown["cycle"]
+    assert "Energy of the last 3 cycles" in shown["history"]
+    assert "c2 → c1" in shown["vehicles"]
+    assert "platooning open in cycle #3" in shown["roads"]
 
 
 def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
@@ -64,7 +97,7 @@ def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
     assert limits == [1, 100]
 
 
-def test_a_bad_database_is_told_and_survived(tmp_path, live, world, now_ns):
+def test_an_unreadable_database_is_shown_and_retried(tmp_path, live, world, now_ns):
     """A file that is no database is named on the page until it is mended."""
     path = tmp_path / "x.db"
     path.write_bytes(b"no database" * 1000)

@@ -76,6 +76,18 @@ def test_a_clock_that_was_set_back_does_not_block(live, world, now_ns):
     assert snapshot.plans == {"van-a": plan}
 
 
+@pytest.mark.parametrize(("tolerance_s", "kept_s"), [(4.0, 3), (0.5, 0), (None, 0)])
+def test_a_state_is_ahead_by_the_dispatchers_tolerance(live, world, now_ns, tolerance_s, kept_s):
+    """A state within the published tolerance is not replaced by an earlier one."""
+    health = world.dispatcher(now_ns).model_copy(update={"future_tolerance_s": tolerance_s})
+    live.on_dispatcher_health(DISPATCHER_HEALTH_KEY, health.to_bytes())
+    for ahead_s in (3, 0):
+        state = world.state("avenue_east", now_ns + ahead_s * S)
+        live.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+    (kept,) = live.snapshot().states.values()
+    assert kept.time_ns == now_ns + kept_s * S
+
+
 def test_the_highest_cycle_is_the_last(live, world, now_ns):
     """After a clock that was ahead is set back, the next cycle is the last one all the same."""
     for number in (1, 2, 3):

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import storage
-from dashboard import words
+from dashboard.view import labels
 from slipstream.bus import Bus, Router, free_port
 from slipstream.config import BusSettings
 
@@ -153,20 +153,20 @@ def test_what_a_dispatcher_sees(running, page, tmp_path):
     close = page.locator(".mantine-Notification-closeButton")
     if close.count():
         close.first.click()
-    _wait_for_pixels(page, words.TRAFFIC_RGB["stable"], shot, 800)
-    _wait_for_pixels(page, words.TRAFFIC_RGB["turbulent"], shot, 400)
-    _wait_for_pixels(page, words.VEHICLE_RGB[0], shot, 60)
-    _wait_for_pixels(page, words.VEHICLE_RGB[1], shot, 60)
+    _wait_for_pixels(page, labels.TRAFFIC_RGB["stable"], shot, 800)
+    _wait_for_pixels(page, labels.TRAFFIC_RGB["turbulent"], shot, 400)
+    _wait_for_pixels(page, labels.VEHICLE_RGB[0], shot, 60)
+    _wait_for_pixels(page, labels.VEHICLE_RGB[1], shot, 60)
     # Edges of labels and marks are grey too. Under load viser draws coarser: counts are rough.
-    grey = _pixels(page, words.TRAFFIC_RGB["unknown"], shot)
+    grey = _pixels(page, labels.TRAFFIC_RGB["unknown"], shot)
 
     running.stop_sending()
     page.get_by_text("Traffic is calm on 0 of 2 watched roads").wait_for(timeout=20_000)
     page.get_by_text("showing the stored history").wait_for(timeout=20_000)
     page.get_by_text("silent", exact=True).first.wait_for(timeout=20_000)
-    _wait_for_pixels(page, words.TRAFFIC_RGB["unknown"], shot, grey + 500)
-    assert _pixels(page, words.TRAFFIC_RGB["stable"], shot) < 50
-    assert _pixels(page, words.TRAFFIC_RGB["turbulent"], shot) < 50
+    _wait_for_pixels(page, labels.TRAFFIC_RGB["unknown"], shot, grey + 500)
+    assert _pixels(page, labels.TRAFFIC_RGB["stable"], shot) < 50
+    assert _pixels(page, labels.TRAFFIC_RGB["turbulent"], shot) < 50
 
     own = (running.address, "data:", "blob:")
     assert [url for url in running.requests if not url.startswith(own)] == []

@@ -9,12 +9,12 @@ import pytest
 import viser
 
 from dashboard.live import LiveData, Snapshot
-from dashboard.map import RoadMap
 from dashboard.page import Page
-from dashboard.panels import Panels
+from dashboard.panels import PanelLayout
+from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
-from dashboard.view_model import build_view
+from dashboard.view import build_view
 from slipstream.bus import free_port
 from slipstream.errors import InputError
 
@@ -50,7 +50,7 @@ def test_a_port_lost_in_the_last_moment_is_refused(monkeypatch):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        monkeypatch.setattr("dashboard.server.refuse_taken", lambda host, port: None)
+        monkeypatch.setattr("dashboard.server.check_address_free", lambda host, port: None)
         with pytest.raises(InputError, match="the port is taken"):
             start_server("127.0.0.1", port)
 
@@ -75,7 +75,7 @@ def _no_tunnel(*_: object) -> None:
 
 def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
     """After hundreds of updates, roads and vans coming and going, no more is kept than before."""
-    road_map, panels = RoadMap(server, world.network, ("depot",)), Panels(server)
+    road_map, panels = RoadMap(server, world.network, ("depot",)), PanelLayout(server)
     buffer = server._websock_server._broadcast_buffer
 
     def show(tick: int) -> None:
@@ -123,9 +123,9 @@ def test_stops_at_one_junction_share_a_label_and_every_depot_is_marked(server, w
     assert server.scene.get_handle_by_name("/depot_label_2") is None
 
 
-def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
+def test_the_server_is_replaced_after_its_updates(world, now_ns, monkeypatch):
     """After so many updates the page goes on being served at its address by a new server."""
-    monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 8)
+    monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 8)
     settings = DashboardSettings(port=free_port(), database_url=None)
     page = Page(settings, world.network, threading.Event())
     try:
@@ -141,9 +141,9 @@ def test_a_worn_server_is_replaced(world, now_ns, monkeypatch):
 
 
 @pytest.fixture
-def worn_page(world, monkeypatch):
-    """A page that is renewed at its next update."""
-    monkeypatch.setattr("dashboard.page.RENEW_AFTER_UPDATES", 0)
+def page_due_for_restart(world, monkeypatch):
+    """A page whose server is restarted at the next update."""
+    monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 0)
     monkeypatch.setattr("dashboard.page.RETRY_AFTER_S", (0.01, 0.01, 0.3))
     stopping = threading.Event()
     settings = DashboardSettings(port=free_port(), database_url=None)
@@ -166,9 +166,9 @@ class _Refusals:
         return start_server(host, port)
 
 
-def test_a_port_that_comes_free_late_is_waited_for(worn_page, now_ns, monkeypatch):
-    """A renewed page whose port is not free at once is served as soon as it is."""
-    page, settings, _ = worn_page
+def test_a_port_that_comes_free_late_is_waited_for(page_due_for_restart, now_ns, monkeypatch):
+    """A restarted server whose port is not free at once serves as soon as it is."""
+    page, settings, _ = page_due_for_restart
     starts = _Refusals(2)
     monkeypatch.setattr("dashboard.page.start_server", starts)
     page.show(LiveData(2, lambda: now_ns), now_ns)
@@ -177,18 +177,20 @@ def test_a_port_that_comes_free_late_is_waited_for(worn_page, now_ns, monkeypatc
         pass
 
 
-def test_a_port_that_is_lost_in_service_is_no_mistake_of_the_users(worn_page, now_ns, monkeypatch):
+def test_a_port_that_is_lost_in_service_is_no_input_error(
+    page_due_for_restart, now_ns, monkeypatch
+):
     """After all tries the daemon ends with a fault after which it is started again."""
-    page, _, _ = worn_page
+    page, _, _ = page_due_for_restart
     monkeypatch.setattr("dashboard.page.start_server", _Refusals(99))
-    with pytest.raises(OSError, match="lost while the page was renewed") as caught:
+    with pytest.raises(OSError, match="lost during a restart of the web server") as caught:
         page.show(LiveData(2, lambda: now_ns), now_ns)
     assert not isinstance(caught.value, InputError)
 
 
-def test_a_page_that_waits_for_its_port_can_be_stopped(worn_page, now_ns, monkeypatch):
+def test_a_page_that_waits_for_its_port_can_be_stopped(page_due_for_restart, now_ns, monkeypatch):
     """A service that stops does not wait for the port any longer, and closes without a fault."""
-    page, _, stopping = worn_page
+    page, _, stopping = page_due_for_restart
     starts = _Refusals(99)
     monkeypatch.setattr("dashboard.page.start_server", starts)
     stopping.set()

@@ -203,6 +203,7 @@ def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: Stat
     (health,) = log.published(DispatcherHealth)
     assert isinstance(health, DispatcherHealth)
     assert (health.cycles, health.states_received, health.next_cycle_ns) == (1, 1, soon)
+    assert (health.stale_after_s, health.future_tolerance_s) == (5.0, 1.0)
     assert health.rss_mb > 10
     assert dispatcher.moves_on(soon)
     assert not dispatcher.moves_on(None)

@@ -161,6 +161,23 @@ def test_reports_from_before_backends_are_read() -> None:
     assert decode(DispatcherHealth, json.dumps(health).encode(), "k").hardware is None
 
 
+def test_health_from_before_the_limits_is_read() -> None:
+    """A dispatcher's health without its staleness limits decodes, and names no limit."""
+    health = DispatcherHealth(
+        time_ns=1,
+        started_ns=1,
+        cycles=0,
+        cycles_failed=0,
+        states_received=0,
+        bad_messages=0,
+        next_cycle_ns=None,
+        rss_mb=1.0,
+    )
+    fields = health.model_dump(mode="json")
+    assert (fields.pop("stale_after_s"), fields.pop("future_tolerance_s")) == (None, None)
+    assert decode(DispatcherHealth, json.dumps(fields).encode(), "k") == health
+
+
 @pytest.mark.parametrize(
     ("unserved", "key"),
     [

@@ -1,10 +1,10 @@
-"""What the page shows at one moment, as plain data: made by `view_model`, drawn by the rest."""
+"""The view model: all that the page shows at one moment, as plain data."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dashboard.words import Level, Rgb, Traffic
+from dashboard.view.labels import Level, Rgb, Traffic
 from slipstream.messages import SolverReport, Unserved
 
 
@@ -19,19 +19,19 @@ class RoadView:
     segment: str
     rsu: str
     traffic: Traffic
-    why: str
+    reason: str
     speed_kmh: float | None
     cv: float | None
     acceleration_variance: float | None
     age_s: float | None
     gate_cycle: int | None
     gate_open: bool
-    gate_why: str
+    gate_reason: str
 
 
 @dataclass(frozen=True)
 class RsuView:
-    """Health of one roadside unit; its rates are None where it is not heard of."""
+    """Health of one roadside unit; its rates are None if its health is stale."""
 
     rsu: str
     status: str
@@ -59,10 +59,10 @@ class PreviewView:
 
 @dataclass(frozen=True)
 class VehicleView:
-    """One vehicle's plan, and where the vehicle is: by its own telling, else by its plan.
+    """One vehicle's plan and position; the position is the reported one, else the planned one.
 
-    An idle vehicle has nothing to do by its plan, or got none from the last cycle, which makes an
-    older one void; then it has no route, stops and position.
+    A vehicle is idle if its plan is empty, or if the last cycle gave it none, which voids an older
+    one. It then has no route, stops and position.
     """
 
     vehicle: str
@@ -71,11 +71,11 @@ class VehicleView:
     expired: bool
     idle: bool
     route: tuple[tuple[str, str | None], ...]
-    """Segments in driving order, each with the platoon to drive in."""
+    """(segment, platoon or None) in driving order."""
     stops: tuple[tuple[str, str], ...]
     """(stop, node) in driving order."""
     position: tuple[str, float] | None
-    """Segment and the share of it driven; None where neither vehicle nor plan tells."""
+    """(segment, fraction of it driven); None if unknown."""
     activity: str
     distance_km: float
     platoon_km: float
@@ -84,7 +84,7 @@ class VehicleView:
 
 @dataclass(frozen=True)
 class EnergyView:
-    """Energy of the last plan against its baseline."""
+    """Energy of the last cycle's plans and of their baseline."""
 
     baseline: str
     baseline_kwh: float
@@ -119,7 +119,7 @@ class CycleView:
 
 @dataclass(frozen=True)
 class HistoryView:
-    """Energy a cycle, oldest first; cycles without an energy are left out."""
+    """Energy per cycle, oldest first; cycles without energy are omitted."""
 
     cycles: tuple[int, ...] = ()
     baseline_kwh: tuple[float, ...] = ()
@@ -142,4 +142,4 @@ class DashboardView:
     history: HistoryView
     problems: tuple[str, ...]
     device: tuple[str, Level] | None = None
-    """How the dispatcher stands with its quantum device; None without one, or while silent."""
+    """Status line of the quantum device and its level; None without one, or if health is stale."""

@@ -1,4 +1,4 @@
-"""The drawing ground: metres to scene units, and the few kinds of node that the map is made of."""
+"""Draws lines, points and labels given in metres as nodes of viser's scene."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from dashboard import geometry
-from dashboard.geometry import Array
-from dashboard.words import Rgb
+from dashboard.scene import geometry
+from dashboard.scene.geometry import Array
+from dashboard.view import Rgb
 from slipstream.roads import RoadNetwork
 
 Anchor = Literal["top-center", "bottom-center"]
@@ -33,8 +33,8 @@ class Canvas:
     Attributes:
         scene: the viser scene.
         network: the network that the scale is made for.
-        unit_m: a length to give widths and distances in: wide enough to be seen from afar, slim
-            beside the shortest blocks; m.
+        unit_m: unit of widths and distances on the map, m; a share of the network's extent, but
+            small beside its typical segment.
         centre_m: middle of the network, m.
 
     Args:
@@ -53,9 +53,9 @@ class Canvas:
         lengths = sorted(segment.length_m for segment in network.segments.values())
         self.unit_m = min(extent / 100, lengths[len(lengths) // 2] / 12)
 
-    def beside(self, segment: str, units: float) -> Array:
-        """The line of a segment, moved to its right by some units, m."""
-        shape = geometry.without_repeats(self.network.segments[segment].shape)
+    def offset_line(self, segment: str, units: float) -> Array:
+        """The line of a segment, offset to its right by a number of units; (N, 2), m."""
+        shape = geometry.drop_repeated_points(self.network.segments[segment].shape)
         return geometry.offset(shape, units * self.unit_m)
 
     def lines(
@@ -66,7 +66,7 @@ class Canvas:
         units: float,
         height: float | Array,
     ) -> viser.LineSegmentsHandle:
-        """Draw strokes, (N, 2, 2) in m, so many units wide; one of that name is replaced.
+        """Draw strokes, (N, 2, 2) in m, of a width in units; replaces a node of the same name.
 
         Args:
             colours: one for all, or those of the ends of each stroke, (N, 2, 3), made by
@@ -92,7 +92,7 @@ class Canvas:
         shape: Literal["square", "diamond", "circle"],
         height: float = 0.04,
     ) -> viser.PointCloudHandle:
-        """Draw a mark at each place, (N, 2) in m; one of that name is replaced."""
+        """Draw a marker at each place, (N, 2) in m; replaces a node of the same name."""
         return self.scene.add_point_cloud(
             name,
             self.positions(np.asarray(places_m, dtype=np.float64), height),
@@ -106,13 +106,13 @@ class Canvas:
     def label(
         self, name: str, text: str, place_m: Array, units_north: float, anchor: Anchor
     ) -> viser.LabelHandle:
-        """Write a label some units to the north of a place, in m; one of that name is replaced."""
+        """Draw a label some units north of a place, in m; replaces a node of the same name."""
         return self.scene.add_label(
             name, text, position=self.label_position(place_m, units_north), anchor=anchor
         )
 
     def label_position(self, place_m: Array, units_north: float) -> npt.NDArray[np.float32]:
-        """Where a label goes, in the scene."""
+        """Position of a label in the scene."""
         moved = np.asarray(place_m) + np.array([0.0, units_north * self.unit_m])
         position: npt.NDArray[np.float32] = self.positions(moved[None, :], 0.06)[0]
         return position
@@ -139,7 +139,7 @@ class Canvas:
         distance = seen / 2 / math.tan(FOV_RAD / 2)
         shift = seen * (top - bottom) / 2 / height_px
         look_at = np.array([0.0, shift, 0.0])
-        # Straight down would leave the up direction open.
+        # Looking straight down would leave the up direction undefined.
         return look_at + np.array([0.0, -1e-3 * distance, distance]), look_at
 
 

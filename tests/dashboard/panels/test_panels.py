@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from html.parser import HTMLParser
+from pathlib import Path
 
-from dashboard import html, markup
+import pytest
+from jinja2 import UndefinedError
+
+import dashboard.panels
 from dashboard.live import Snapshot
-from dashboard.view_model import build_view
-from dashboard.views import DashboardView
+from dashboard.panels import PANELS
+from dashboard.panels.environment import MAX_ROWS, MAX_UNSERVED, render
+from dashboard.view import DashboardView, build_view
 from slipstream.messages import Unserved
 
 S = 1_000_000_000
 EVIL = '<img src=x onerror="alert(1)">&"'
+
+
+def _html(name: str, view: DashboardView) -> str:
+    """The HTML of one panel."""
+    return next(panel.html(view) for panel in PANELS if panel.name == name)
 
 
 class _Tags(HTMLParser):
@@ -30,17 +40,8 @@ class _Tags(HTMLParser):
             assert self.open.pop() == tag
 
 
-def _blocks(view) -> dict[str, str]:
-    return {
-        "about": html.about(),
-        "summary": html.summary(view),
-        "roads": html.roads(view.roads),
-        "vehicles": html.vehicles(view.vehicles),
-        "cycle": html.cycle(view.cycle),
-        "rsus": html.rsus(view.rsus),
-        "cameras": html.cameras(view.previews),
-        "history": html.history_title(view.history),
-    }
+def _blocks(view: DashboardView) -> dict[str, str]:
+    return {panel.name: panel.html(view) for panel in PANELS}
 
 
 def _view(snapshot, now_ns):
@@ -90,6 +91,42 @@ def test_foreign_text_is_escaped(world, now_ns):
         assert name == "cameras" or ("img", None) not in tags.seen, name
 
 
+@pytest.mark.parametrize("name", ["roads", "vehicles", "rsus", "cameras", "cycle"])
+def test_a_script_in_an_id_arrives_as_text(world, now_ns, name):
+    """A vehicle, segment, RSU or stop whose id is a script is shown letter by letter."""
+    script = "<script>alert(1)</script>"
+    state = world.state("avenue_east", now_ns).model_copy(update={"segment": script, "rsu": script})
+    health = world.health("avenue_east", now_ns).model_copy(update={"rsu": script})
+    plan = world.plan("van-a", 1, now_ns).model_copy(update={"vehicle": script})
+    report = world.cycle(1, now_ns - S).model_copy(
+        update={"unserved": (Unserved(stop=script, reason="no way"),)}
+    )
+    snapshot = Snapshot(
+        states={(script, script): state},
+        rsus={script: health},
+        plans={script: plan},
+        cycles=(report,),
+        previews={script: (world.jpeg(), now_ns)},
+    )
+    block = _html(name, _view(snapshot, now_ns))
+    assert "<script" not in block
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in block
+
+
+def test_each_template_has_its_panel():
+    """Panels have unique names, and no template lies unused beside theirs and the shared ones."""
+    assert len({panel.name for panel in PANELS}) == len(PANELS)
+    folder = Path(dashboard.panels.__file__).parent / "templates"
+    shared = {"macros.html.j2", "style.html.j2"}
+    assert {path.name for path in folder.iterdir()} == {p.template for p in PANELS} | shared
+
+
+def test_a_name_that_a_template_lacks_is_an_error():
+    """A template without its data fails instead of showing an empty block."""
+    with pytest.raises(UndefinedError, match="'data' is undefined"):
+        render("roads.html.j2", title="Watched roads")
+
+
 def test_an_empty_world(now_ns):
     """Before the first message each block says what it waits for."""
     blocks = _blocks(_view(Snapshot(), now_ns))
@@ -103,7 +140,7 @@ def test_an_empty_world(now_ns):
 
 def test_the_cycle_names_its_baseline_and_split(world, now_ns):
     """The saving stands with its baseline and its three parts; raw and repaired stand apart."""
-    block = html.cycle(_view(Snapshot(cycles=(world.cycle(3, now_ns),)), now_ns).cycle)
+    block = _html("cycle", _view(Snapshot(cycles=(world.cycle(3, now_ns),)), now_ns))
     for piece in (
         "each van alone on its cheapest route",
         "distance <b>+0.000</b>",
@@ -123,7 +160,7 @@ def test_a_road_that_has_changed_since_the_last_cycle(world, now_ns):
     snapshot = Snapshot(
         states={("avenue_east", state.rsu): state}, cycles=(world.cycle(3, now_ns),)
     )
-    block = html.roads(_view(snapshot, now_ns).roads)
+    block = _html("roads", _view(snapshot, now_ns))
     assert "now: no fresh data · platooning open in cycle #3" in block
     assert "platooning closed in cycle #3, turbulent traffic" in block
 
@@ -133,22 +170,22 @@ def test_a_loss_is_called_a_loss(world, now_ns):
     report = world.cycle(3, now_ns)
     worse = report.energy.model_copy(update={"cooperative_kwh": report.energy.baseline_kwh + 0.1})
     view = _view(Snapshot(cycles=(report.model_copy(update={"energy": worse}),)), now_ns)
-    assert "costs <b>0.100 kWh" in html.cycle(view.cycle)
-    assert "Extra" in html.summary(view)
+    assert "costs <b>0.100 kWh" in _html("cycle", view)
+    assert "Extra" in _html("summary", view)
 
 
 def test_long_tables_are_cut(world, now_ns):
     """A table ends after so many rows and says how many are left out."""
     rsus = {f"rsu-{n:03}": world.health(f"road-{n:03}", now_ns) for n in range(60)}
-    block = html.rsus(_view(Snapshot(rsus=rsus), now_ns).rsus)
-    assert block.count("<tr>") == markup.MAX_ROWS + 1
+    block = _html("rsus", _view(Snapshot(rsus=rsus), now_ns))
+    assert block.count("<tr>") == MAX_ROWS + 1
     assert "and 40 more" in block
 
 
 def test_an_old_picture_is_faded(world, now_ns):
     """A picture that has stopped moving is grey and called old."""
     view = _view(Snapshot(previews={"a": (world.jpeg(), now_ns - 60 * S)}), now_ns)
-    block = html.cameras(view.previews)
+    block = _html("cameras", view)
     assert "grayscale" in block
     assert "old picture, 60 s ago" in block
 
@@ -158,19 +195,19 @@ def _cycle_view(world, now_ns, *unserved: Unserved) -> DashboardView:
     return _view(Snapshot(cycles=(report,)), now_ns)
 
 
-def test_stops_that_are_not_served_are_told(world, now_ns):
+def test_unserved_stops_are_listed(world, now_ns):
     """The head counts them, and the cycle's panel names the first few with reasons as they came."""
     stops = [Unserved(stop=f"c_{n}", reason=f"loaded on 'van_{n}'") for n in range(12)]
     view = _cycle_view(world, now_ns, *stops)
-    assert "12 stops not served" in html.summary(view)
-    block = html.cycle(view.cycle)
+    assert "12 stops not served" in _html("summary", view)
+    block = _html("cycle", view)
     assert "12 stops not served" in block
-    for n in range(html.MAX_UNSERVED):
+    for n in range(MAX_UNSERVED):
         assert f"<td>c_{n}</td>" in block
-        assert f"loaded on &#x27;van_{n}&#x27;" in block
-    assert f"c_{html.MAX_UNSERVED}" not in block
-    assert f"and {12 - html.MAX_UNSERVED} more" in block
-    one = html.cycle(_cycle_view(world, now_ns, stops[0]).cycle)
+        assert f"loaded on &#39;van_{n}&#39;" in block
+    assert f"c_{MAX_UNSERVED}" not in block
+    assert f"and {12 - MAX_UNSERVED} more" in block
+    one = _html("cycle", _cycle_view(world, now_ns, stops[0]))
     assert "1 stop not served" in one
     assert "more</small>" not in one
 
@@ -178,22 +215,22 @@ def test_stops_that_are_not_served_are_told(world, now_ns):
 def test_nothing_is_said_where_all_stops_are_served(world, now_ns):
     """A cycle that serves every stop has no word on stops that it does not."""
     view = _cycle_view(world, now_ns)
-    assert "not served" not in html.cycle(view.cycle) + html.summary(view)
+    assert "not served" not in _html("cycle", view) + _html("summary", view)
 
 
 def test_a_large_fleet_stays_readable(world, now_ns):
     """Of 200 vans the first rows are listed, the idle ones after the others and counted."""
     plans = {f"van-{n:03}": world.plan("van-a", 3, now_ns) for n in range(200)}
     plans = {name: plan.model_copy(update={"vehicle": name}) for name, plan in plans.items()}
-    assert "and 180 more" in html.vehicles(_view(Snapshot(plans=plans), now_ns).vehicles)
+    assert "and 180 more" in _html("vehicles", _view(Snapshot(plans=plans), now_ns))
     idle = {"stops": (), "segments": (), "distance_m": 0.0, "energy_kwh": 0.0}
     for n in range(0, 200, 2):
         plans[f"van-{n:03}"] = plans[f"van-{n:03}"].model_copy(update=idle)
-    block = html.vehicles(_view(Snapshot(plans=plans), now_ns).vehicles)
+    block = _html("vehicles", _view(Snapshot(plans=plans), now_ns))
     assert "Vans (200, 100 idle)" in block
-    assert block.count("<tr>") == markup.MAX_ROWS + 1
+    assert block.count("<tr>") == MAX_ROWS + 1
     assert "van-001" in block
     assert "van-000" not in block
-    one = html.vehicles(_view(Snapshot(plans={"van-000": plans["van-000"]}), now_ns).vehicles)
+    one = _html("vehicles", _view(Snapshot(plans={"van-000": plans["van-000"]}), now_ns))
     assert '<td class="l">idle</td>' in one
     assert "0.0" not in one

@@ -1,4 +1,4 @@
-"""All roads of a network side by side in flat arrays, so that many routes are drawn in one go."""
+"""Strokes of many routes at once: all roads of a network lie in flat arrays."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dashboard import geometry
-from dashboard.geometry import Array
+from dashboard.scene import geometry
+from dashboard.scene.geometry import Array
 from slipstream.roads import RoadNetwork
 
 Indices = npt.NDArray[np.int64]
@@ -28,30 +28,30 @@ class Drawing:
 
 
 class Lanes:
-    """Draws any choice of roads, each in a lane of its own, without a loop over them.
+    """Computes strokes of any choice of roads, each at its own offset, without a loop over them.
 
     Args:
         network: the road network.
-        arrow_every_m: distance of the arrows along a road, m; each road has at least one.
+        arrow_every_m: distance between the arrows along a road, m; each road has at least one.
         arrow_m: size of an arrow, m.
 
     Attributes:
-        number: index of each segment, by its name; what the methods below take.
+        index: index of each segment by its name, as in ``roads`` of the methods below.
     """
 
     def __init__(self, network: RoadNetwork, arrow_every_m: float, arrow_m: float) -> None:
-        self.number = {name: index for index, name in enumerate(network.segments)}
+        self.index = {name: index for index, name in enumerate(network.segments)}
         self._arrow_m = arrow_m
-        lines = [geometry.without_repeats(road.shape) for road in network.segments.values()]
+        lines = [geometry.drop_repeated_points(road.shape) for road in network.segments.values()]
         self._points = np.concatenate(lines)
-        self._sideways = np.concatenate([geometry.sideways(line) for line in lines])
+        self._right_normals = np.concatenate([geometry.right_normals(line) for line in lines])
         self._first_point = _starts([len(line) for line in lines])
         marks = [_arrow_places(line, arrow_every_m) for line in lines]
         self._first_arrow = _starts([len(stroke) for stroke, _ in marks])
         self._arrow_stroke = np.concatenate([stroke for stroke, _ in marks])
-        self._arrow_share = np.concatenate([share for _, share in marks])
+        self._arrow_fraction = np.concatenate([fraction for _, fraction in marks])
 
-    def along(self, roads: Indices, lanes_m: Array) -> Drawing:
+    def road_strokes(self, roads: Indices, lanes_m: Array) -> Drawing:
         """The roads' lines.
 
         Args:
@@ -66,7 +66,7 @@ class Lanes:
         ends = (self._place(point, lane_m), self._place(point + 1, lane_m))
         return Drawing(np.stack(ends, axis=1), part)
 
-    def across(self, roads: Indices, lanes_m: Array, before: Indices) -> Drawing:
+    def junction_strokes(self, roads: Indices, lanes_m: Array, before: Indices) -> Drawing:
         """Strokes over the junctions, from the end of a road to the start of the one after it.
 
         Args:
@@ -79,38 +79,38 @@ class Lanes:
         )
         return Drawing(np.stack(ends, axis=1), after)
 
-    def arrows(self, roads: Indices, lanes_m: Array) -> Drawing:
-        """Arrowheads, two strokes each, that point the way each road runs."""
+    def arrow_strokes(self, roads: Indices, lanes_m: Array) -> Drawing:
+        """Arrowheads in the roads' directions, two strokes each."""
         starts = self._first_arrow[roads]
         counts = self._first_arrow[roads + 1] - starts
         part = np.repeat(np.arange(len(roads)), counts)
         arrow = starts[part] + _count_up(counts)
         point = self._first_point[roads[part]] + self._arrow_stroke[arrow]
-        share, lane_m = self._arrow_share[arrow][:, None], lanes_m[part]
+        fraction, lane_m = self._arrow_fraction[arrow][:, None], lanes_m[part]
         start, end = self._place(point, lane_m), self._place(point + 1, lane_m)
-        # The road's own direction: a lane inside a tight bend may shrink to nothing.
+        # The road's own direction: a lane inside a tight bend may shrink to zero length.
         step = self._points[point + 1] - self._points[point]
         ahead = step / np.linalg.norm(step, axis=1, keepdims=True)
-        heads = geometry.arrowheads_at(start + share * (end - start), ahead, self._arrow_m)
+        heads = geometry.arrowheads(start + fraction * (end - start), ahead, self._arrow_m)
         return Drawing(heads, np.repeat(part, 2))
 
     def _place(self, point: Indices, lane_m: Array) -> Array:
-        place: Array = self._points[point] + lane_m[:, None] * self._sideways[point]
+        place: Array = self._points[point] + lane_m[:, None] * self._right_normals[point]
         return place
 
 
 def _starts(counts: list[int]) -> Indices:
-    """Where each run begins when they lie one after the other, and where the last one ends."""
+    """Start of each run in their concatenation, and the end of the last."""
     return np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))
 
 
 def _count_up(counts: Indices) -> Indices:
-    """0, 1, 2, … for each count, one after the other."""
+    """The ranges 0 … count − 1, concatenated."""
     return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _arrow_places(line: Array, every_m: float) -> tuple[Indices, Array]:
-    """Which stroke each arrow of a line is on, and the share of the stroke before it."""
+    """The stroke of each arrow of a line, and the fraction of the stroke before the arrow."""
     ends = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))))
     count = max(1, int(ends[-1] // every_m))
     goals = (np.arange(count) + 0.5) / count * ends[-1]

@@ -1,4 +1,4 @@
-"""Vans that tell where they are: the page shows them there, on the plan that they follow."""
+"""Vehicles that report positions are shown there, on the plan that they follow."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import pytest
 from pydantic import ValidationError
 
-from dashboard.canvas import Canvas
-from dashboard.fleet import FleetLayer
 from dashboard.live import LiveData, Snapshot
+from dashboard.scene.canvas import Canvas
+from dashboard.scene.fleet import FleetLayer
 from dashboard.server import start_server, stop_server
-from dashboard.vehicles import vehicle_views
+from dashboard.view.vehicles import vehicle_views
 from slipstream.bus import free_port
 from slipstream.errors import InputError
 from slipstream.messages import PlannedStop, VehiclePosition, plan_key, position_key
@@ -126,7 +126,7 @@ def test_an_unknown_route_is_left_out(world, now_ns):
 
 
 def test_a_position_under_another_key_is_refused(now_ns):
-    """Nobody tells where another vehicle is."""
+    """A vehicle reports its own position only."""
     live = LiveData(10, lambda: now_ns)
     with pytest.raises(InputError, match="belongs under"):
         live.on_position(position_key("van-b"), _position(now_ns).to_bytes())

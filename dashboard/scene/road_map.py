@@ -1,6 +1,6 @@
-"""The map: all roads, and the watched ones by their traffic.
+"""The map: all roads, the watched ones by their traffic, depots, cameras and the fleet.
 
-Each layer is one scene node, touched only when what it shows has changed.
+Each layer is one scene node, updated only when its content has changed.
 """
 
 from __future__ import annotations
@@ -12,16 +12,15 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from dashboard import geometry, words
-from dashboard.canvas import FOV_RAD, Canvas, stroke_colours
-from dashboard.fleet import ROUTE_LANES, FleetLayer
-from dashboard.geometry import Array
-from dashboard.views import DashboardView, RoadView
-from dashboard.words import Rgb, Traffic
+from dashboard.scene import geometry
+from dashboard.scene.canvas import FOV_RAD, Canvas, stroke_colours
+from dashboard.scene.fleet import ROUTE_LANES, FleetLayer
+from dashboard.scene.geometry import Array
+from dashboard.view import DashboardView, Rgb, RoadView, Traffic, labels
 from slipstream.roads import RoadNetwork
 
 MAX_LABELS: Final = 40
-"""Roads that get a label; where there are more none does: the map would be nothing but labels."""
+"""Maximum number of labelled roads; with more none is labelled, as labels would hide the map."""
 _ROAD_RGB: Final[Rgb] = (195, 202, 211)
 _GAP_RGB: Final[dict[Traffic, Rgb]] = {
     "stable": (0, 158, 115),
@@ -32,7 +31,7 @@ _DARK: Final[Rgb] = (29, 39, 51)
 
 
 class RoadMap:
-    """Draws a network and keeps what moves on it up to date.
+    """Draws a network, its traffic and its fleet, and updates them.
 
     Args:
         server: the viser server to draw on.
@@ -58,7 +57,7 @@ class RoadMap:
         self._draw_depots(depots)
 
     def update(self, view: DashboardView) -> None:
-        """Show a view; what has not changed is not sent again."""
+        """Show a view; unchanged nodes are not sent again."""
         roads = [road for road in view.roads if road.segment in self._network.segments]
         with self._server.atomic():
             self._update_watched(roads)
@@ -79,7 +78,7 @@ class RoadMap:
 
     def _draw_roads(self) -> None:
         # Each direction on its own side, so that a two-way road shows both.
-        lines = [self._canvas.beside(name, 0.35) for name in self._network.segments]
+        lines = [self._canvas.offset_line(name, 0.35) for name in self._network.segments]
         strokes = np.concatenate([geometry.strokes(line) for line in lines])
         self._canvas.lines("/roads", strokes, _ROAD_RGB, 0.22, height=0.0)
 
@@ -107,7 +106,7 @@ class RoadMap:
         for state in sorted(set(traffic)):
             mine = state_of_dash == state
             drawn = _pattern(state, self._dash[mine])
-            rgb[mine] = np.where(drawn[:, None], words.TRAFFIC_RGB[state], _GAP_RGB[state])
+            rgb[mine] = np.where(drawn[:, None], labels.TRAFFIC_RGB[state], _GAP_RGB[state])
         self._node.colors = stroke_colours(rgb)
 
     def _draw_watched(self, watched: Sequence[str]) -> None:
@@ -120,7 +119,9 @@ class RoadMap:
         places = np.array([self._camera(name)[0] for name in watched])
         self._canvas.points("/cameras", places, _DARK, 1.1, "diamond")
         dash_m = 0.5 * self._canvas.unit_m
-        parts = [geometry.dashes(self._canvas.beside(name, 0.6), dash_m) for name in watched]
+        parts = [
+            geometry.dash_strokes(self._canvas.offset_line(name, 0.6), dash_m) for name in watched
+        ]
         self._dash = np.concatenate([dash for _, dash in parts])
         self._road_of_dash = np.repeat(np.arange(len(parts)), [len(dash) for _, dash in parts])
         strokes = np.concatenate([cut for cut, _ in parts])
@@ -133,7 +134,7 @@ class RoadMap:
             self._labels.pop(name).remove()
         for name, road in shown.items():
             speed = "" if road.speed_kmh is None else f", {road.speed_kmh:.0f} km/h"
-            sign = words.TRAFFIC_SIGN[road.traffic]
+            sign = labels.TRAFFIC_SIGN[road.traffic]
             text = f"{sign} {name[:40]}: {road.traffic}{speed}"
             if name not in self._labels:
                 self._labels[name] = self._draw_label(name, text)
@@ -141,21 +142,21 @@ class RoadMap:
                 self._labels[name].text = text
 
     def _camera(self, segment: str) -> tuple[Array, Array]:
-        """Where a road's camera is marked, and which way the road runs there."""
-        # Beside the middle of its road, clear of the routes there.
-        return geometry.at(self._canvas.beside(segment, 1.9 + 0.5 * ROUTE_LANES), 0.5)
+        """Place of the marker of a road's camera, and the road's direction there."""
+        # Beside the middle of its road, outside the routes' lanes.
+        return geometry.point_at(self._canvas.offset_line(segment, 1.9 + 0.5 * ROUTE_LANES), 0.5)
 
     def _draw_label(self, segment: str, text: str) -> viser.LabelHandle:
         place, ahead = self._camera(segment)
         node = f"/camera_{segment.encode().hex()}_label"
-        # Away from the road: the right-hand side of an eastbound road is its south.
+        # On the side away from the road: the right-hand side of an eastbound road is its south.
         if ahead[0] >= 0:
             return self._canvas.label(node, text, place, -1.0, "top-center")
         return self._canvas.label(node, text, place, 1.0, "bottom-center")
 
 
 def _pattern(state: Traffic, dash: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Which dashes carry the colour: all, long strokes, or every other short one."""
+    """Which dashes are coloured: all (stable), two of three (turbulent), or every other pair."""
     if state == "stable":
         return np.ones(len(dash), dtype=np.bool_)
     drawn: npt.NDArray[np.bool_] = dash % 6 < 4 if state == "turbulent" else dash % 4 < 2

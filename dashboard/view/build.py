@@ -1,20 +1,19 @@
-"""From the messages at one moment to what the page shows; pure, without a browser in sight.
+"""Builds the view model from the latest messages and the time; pure.
 
-Fail safe: whatever is older than it may be, or comes from the future of a clock that is ahead, is
-shown as unknown, never as it last was.
+Fail safe: data that is stale or dated ahead is shown as unknown, never with its last value.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from dashboard import words
-from dashboard.device_line import device_line
-from dashboard.dispatcher_line import dispatcher_line
-from dashboard.live import Snapshot
-from dashboard.vehicles import FORGET_AFTER_S, vehicle_views
-from dashboard.views import (
+from dashboard.live import Snapshot, published_tolerance_s
+from dashboard.view import labels
+from dashboard.view.dispatcher import dispatcher_status, hardware_status
+from dashboard.view.labels import Level, Traffic
+from dashboard.view.model import (
     CycleView,
     DashboardView,
     EnergyView,
@@ -23,11 +22,12 @@ from dashboard.views import (
     RoadView,
     RsuView,
 )
-from dashboard.words import Level, Traffic
+from dashboard.view.vehicles import LIST_FOR_S, vehicle_views
 from slipstream import freshness
 from slipstream.freshness import age_s as _age_s
 from slipstream.messages import (
     CycleReport,
+    DispatcherHealth,
     Gate,
     RsuHealth,
     SegmentState,
@@ -39,18 +39,22 @@ KMH_PER_MPS: Final = 3.6
 def build_view(
     snapshot: Snapshot, now_ns: int, *, stale_after_s: float, silent_after_s: float
 ) -> DashboardView:
-    """What to show.
+    """Build the view model.
+
+    Road data are judged by the limits that the dispatcher publishes and its gates use.
 
     Args:
         snapshot: the latest messages.
         now_ns: UTC in ns.
-        stale_after_s: age above which road and RSU data count as unknown, s.
+        stale_after_s: age above which RSU health and pictures are stale, s; for road data too
+            where the dispatcher has published no limit.
         silent_after_s: age above which the dispatcher counts as silent, s.
     """
+    limits = _road_limits(snapshot.dispatcher, stale_after_s)
     last = snapshot.cycles[-1] if snapshot.cycles else None
     rsus = _rsus(snapshot.rsus, now_ns, stale_after_s)
-    roads = _roads(snapshot, last, now_ns, stale_after_s)
-    dispatcher, dispatcher_level = dispatcher_line(snapshot, now_ns, silent_after_s)
+    roads = _roads(snapshot, last, now_ns, limits)
+    dispatcher, dispatcher_level = dispatcher_status(snapshot, now_ns, silent_after_s)
     headline, headline_level = _headline(roads)
     return DashboardView(
         headline=headline,
@@ -68,13 +72,29 @@ def build_view(
     )
 
 
+@dataclass(frozen=True)
+class _Limits:
+    """Limits within which a SegmentState counts, s."""
+
+    stale_after_s: float
+    future_tolerance_s: float
+
+
+def _road_limits(dispatcher: DispatcherHealth | None, stale_after_s: float) -> _Limits:
+    published_s = None if dispatcher is None else dispatcher.stale_after_s
+    return _Limits(
+        stale_after_s=stale_after_s if published_s is None else published_s,
+        future_tolerance_s=published_tolerance_s(dispatcher),
+    )
+
+
 def _device(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level] | None:
     health = snapshot.dispatcher
     if health is None or health.hardware is None:
         return None
     if freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s) is not None:
         return None
-    return device_line(health.hardware)
+    return hardware_status(health.hardware)
 
 
 def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:
@@ -88,18 +108,18 @@ def _headline(roads: Sequence[RoadView]) -> tuple[str, Level]:
 
 
 def _roads(
-    snapshot: Snapshot, last: CycleReport | None, now_ns: int, stale_after_s: float
+    snapshot: Snapshot, last: CycleReport | None, now_ns: int, limits: _Limits
 ) -> tuple[RoadView, ...]:
     gates = {gate.segment: gate for gate in last.gates} if last else {}
     watching = {
         segment: health.rsu
         for health in snapshot.rsus.values()
-        if _age_s(health.time_ns, now_ns) < FORGET_AFTER_S
+        if _age_s(health.time_ns, now_ns) < LIST_FOR_S
         for segment in health.segments
     }
     states: dict[str, list[SegmentState]] = {}
     for (segment, _), state in sorted(snapshot.states.items()):
-        if _age_s(state.time_ns, now_ns) < FORGET_AFTER_S:
+        if _age_s(state.time_ns, now_ns) < LIST_FOR_S:
             states.setdefault(segment, []).append(state)
     return tuple(
         _road(
@@ -109,7 +129,7 @@ def _roads(
             gates.get(segment),
             last.cycle if last else None,
             now_ns,
-            stale_after_s,
+            limits,
         )
         for segment in sorted({*watching, *states, *gates})
     )
@@ -122,18 +142,23 @@ def _road(
     gate: Gate | None,
     cycle: int | None,
     now_ns: int,
-    stale_after_s: float,
+    limits: _Limits,
 ) -> RoadView:
-    decisive = freshness.decisive(states, now_ns, stale_after_s=stale_after_s)
+    decisive = freshness.decisive(
+        states,
+        now_ns,
+        stale_after_s=limits.stale_after_s,
+        future_tolerance_s=limits.future_tolerance_s,
+    )
     state = None if decisive is None else decisive.state
     traffic: Traffic = "unknown"
-    why = words.reason("missing")
+    reason = labels.reason("missing")
     speed = cv = variance = None
     if decisive is not None and decisive.fault is not None:
-        why = words.reason(decisive.fault)
+        reason = labels.reason(decisive.fault)
     elif state is not None:
-        traffic = words.traffic(state.y_e)
-        why = words.reason(state.reason)
+        traffic = labels.traffic(state.y_e)
+        reason = labels.reason(state.reason)
     if state is not None and traffic != "unknown" and state.features is not None:
         mean_mps = state.features.mean_speed_mps.value
         speed = mean_mps * KMH_PER_MPS
@@ -143,14 +168,14 @@ def _road(
         segment=segment,
         rsu=state.rsu if state is not None else watched_by,
         traffic=traffic,
-        why=why,
+        reason=reason,
         speed_kmh=speed,
         cv=cv,
         acceleration_variance=variance,
         age_s=None if decisive is None else decisive.age_s,
         gate_cycle=cycle if gate else None,
         gate_open=gate is not None and gate.open,
-        gate_why="" if gate is None or gate.open else words.why_closed(gate.y_e, gate.reason),
+        gate_reason="" if gate is None or gate.open else labels.gate_reason(gate.y_e, gate.reason),
     )
 
 
@@ -167,11 +192,11 @@ def _rsus(
     views = []
     for name, health in sorted(healths.items()):
         age_s = _age_s(health.time_ns, now_ns)
-        if age_s > FORGET_AFTER_S:
+        if age_s > LIST_FOR_S:
             continue
         status, level = _STATUS[health.status]
         if health.fault is not None:
-            status, level = words.camera_fault(health.fault), "bad"
+            status, level = labels.camera_fault(health.fault), "bad"
         fault = freshness.fault(health.time_ns, now_ns, stale_after_s=stale_after_s)
         fresh = fault is None
         if not fresh:
@@ -244,7 +269,7 @@ def _cycle(report: CycleReport, now_ns: int) -> CycleView:
         age_s=_age_s(report.started_ns, now_ns),
         status=status,
         level=level,
-        reason=words.reason(report.reason),
+        reason=labels.reason(report.reason),
         solver=report.solver or "none",
         objective_kwh=report.objective_kwh,
         feasible=chosen.status in ("optimal", "feasible") if chosen else None,

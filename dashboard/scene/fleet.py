@@ -1,4 +1,4 @@
-"""The map's fleet: planned routes, stops, and the vans where their plans put them."""
+"""The map's layer of the fleet: planned routes, stops, and vehicles at their positions."""
 
 from __future__ import annotations
 
@@ -9,31 +9,29 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from dashboard import geometry
-from dashboard.canvas import Canvas, stroke_colours
-from dashboard.geometry import Array
-from dashboard.lanes import Drawing, Lanes
-from dashboard.views import VehicleView
-from dashboard.words import Rgb
+from dashboard.scene import geometry
+from dashboard.scene.canvas import Canvas, stroke_colours
+from dashboard.scene.geometry import Array
+from dashboard.scene.lanes import Drawing, Lanes
+from dashboard.view import Rgb, VehicleView
 
 MAX_VEHICLES: Final = 500
 MAX_LABELS: Final = 40
-"""Labels of stops, and of groups of vans; where there are more of a kind, none has one: they would
-hide the map."""
+"""Maximum number of labels of stops, and of vehicles; with more of a kind none is drawn."""
 ROUTE_LANES: Final = 4
-"""Routes drawn beside each other before they share a lane."""
+"""Number of routes drawn side by side; further ones share their lanes."""
 _LANE_UNITS: Final[Array] = np.array([1.3 + 0.5 * lane for lane in range(ROUTE_LANES)])
-"""How far to the right of its road each lane is, in units."""
+"""Offset of each lane to the right of its road, in units."""
 _DARK: Final[Rgb] = (29, 39, 51)
 _WHITE: Final[Rgb] = (255, 255, 255)
 
 
 class FleetLayer:
-    """Draws vehicles' plans on a canvas and keeps them up to date.
+    """Draws vehicles, routes and stops on a canvas and updates them.
 
     Args:
         canvas: what to draw on.
-        depots: junctions that are marked already, so not as stops again.
+        depots: junctions with a depot's marker, which get no stop's marker.
     """
 
     def __init__(self, canvas: Canvas, depots: Sequence[str] = ()) -> None:
@@ -41,7 +39,7 @@ class FleetLayer:
         self._depots = frozenset(depots)
         self._lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.55 * canvas.unit_m)
         x_min, y_min, x_max, y_max = canvas.network.bounds_m()
-        self._apart_m = max(8 * canvas.unit_m, 0.05 * max(x_max - x_min, y_max - y_min))
+        self._label_spacing_m = max(8 * canvas.unit_m, 0.05 * max(x_max - x_min, y_max - y_min))
         self._routes: list[tuple[object, ...]] = []
         self._stops: tuple[tuple[str, str], ...] = ()
         self._stop_labels = 0
@@ -52,12 +50,12 @@ class FleetLayer:
 
     def update(self, vehicles: Sequence[VehicleView]) -> None:
         """Show the vehicles whose routes run on this network."""
-        numbers = self._lanes.number
+        indices = self._lanes.index
         known = [
             van
             for van in vehicles
-            if all(name in numbers for name, _ in van.route)
-            and (van.position is None or van.position[0] in numbers)
+            if all(name in indices for name, _ in van.route)
+            and (van.position is None or van.position[0] in indices)
         ]
         known = known[:MAX_VEHICLES]
         self._update_stops(known)
@@ -71,18 +69,18 @@ class FleetLayer:
             for stop, node in van.stops:
                 if node in junctions and node not in self._depots:
                     names.setdefault(node, set()).add(stop)
-        # Stops at one junction share a label; theirs would lie on top of each other.
+        # Stops at one junction share a label; separate ones would overlap.
         stops = tuple(sorted((" + ".join(sorted(names[node])), node) for node in names))
         if stops == self._stops:
             return
         places = [junctions[node] for _, node in stops]
-        # Nor would labels of stops at neighbouring junctions of a large net be told apart.
-        near = geometry.near_each_other(np.array(places).reshape(-1, 2), self._apart_m)
+        # Labels at neighbouring junctions of a large network would overlap too.
+        near = geometry.group_nearby(np.array(places).reshape(-1, 2), self._label_spacing_m)
         groups = near if len(near) <= MAX_LABELS else []
         for index in range(len(groups), self._stop_labels):
             self._canvas.scene.remove_by_name(f"/stop_{index}")
         for index, group in enumerate(groups):
-            stop, place = _together([stops[member][0] for member in group]), places[group[0]]
+            stop, place = _joint_label([stops[member][0] for member in group]), places[group[0]]
             north = place[1] >= self._canvas.centre_m[1]
             self._canvas.label(
                 f"/stop_{index}",
@@ -105,16 +103,16 @@ class FleetLayer:
         lengths = np.array([len(van.route) for van in vehicles], dtype=np.int64)
         van_of_part = np.repeat(np.arange(len(vehicles)), lengths)
         parts = [part for van in vehicles for part in van.route]
-        roads = np.array([self._lanes.number[name] for name, _ in parts], dtype=np.int64)
+        roads = np.array([self._lanes.index[name] for name, _ in parts], dtype=np.int64)
         together = np.array([platoon is not None for _, platoon in parts], dtype=np.bool_)
         lanes_m = _LANE_UNITS[van_of_part % ROUTE_LANES] * self._canvas.unit_m
         # Not from a van's last road to the first one of the next van.
         before = np.flatnonzero(van_of_part[:-1] == van_of_part[1:])
 
-        drawing = self._lanes.along(roads, lanes_m)
+        drawing = self._lanes.road_strokes(roads, lanes_m)
         in_platoon = together[drawing.part]
-        across = self._lanes.across(roads, lanes_m, before)
-        arrows = self._lanes.arrows(roads, lanes_m)
+        across = self._lanes.junction_strokes(roads, lanes_m, before)
+        arrows = self._lanes.arrow_strokes(roads, lanes_m)
         alone = (_only(drawing, ~in_platoon), across, arrows)
         self._draw_routes("/routes_alone", alone, 0.16, vehicles, van_of_part)
         platoons = (_only(drawing, in_platoon),)
@@ -134,7 +132,7 @@ class FleetLayer:
             return
         strokes_m = np.concatenate([drawing.strokes for drawing in drawings])
         rgb = np.array([_faded(view.rgb) if view.expired else view.rgb for view in vehicles])
-        # Between roads and vans, one above the other however many there are.
+        # Between roads and vehicles, one above the other for any number of vehicles.
         heights = 0.02 + 0.024 * van / max(len(vehicles), 60)
         self._canvas.lines(name, strokes_m, stroke_colours(rgb[van]), units, heights)
 
@@ -146,7 +144,7 @@ class FleetLayer:
         ]
         places_m = np.array(
             [
-                geometry.at(self._canvas.beside(name, lane), share)[0]
+                geometry.point_at(self._canvas.offset_line(name, lane), share)[0]
                 for _, name, share, lane in here
             ]
         ).reshape(-1, 2)
@@ -164,7 +162,7 @@ class FleetLayer:
             node.remove()
         self._nodes = []
         if rgb:
-            # A white rim keeps a van apart from its route.
+            # A white rim sets a vehicle off its route.
             colours = np.array(rgb, dtype=np.uint8)
             self._nodes = [
                 self._canvas.points("/vans_rim", places_m, _WHITE, 1.9, "circle", 0.05),
@@ -172,12 +170,12 @@ class FleetLayer:
             ]
 
     def _label_vans(self, places_m: Array, names: Sequence[str]) -> None:
-        # Vans of one platoon share a label; theirs would lie on top of each other.
-        groups = geometry.near_each_other(places_m, self._apart_m)
+        # Vehicles of one platoon share a label; separate ones would overlap.
+        groups = geometry.group_nearby(places_m, self._label_spacing_m)
         if len(groups) > MAX_LABELS:
             groups = []
         for index, group in enumerate(groups):
-            text = _together([names[member] for member in group])
+            text = _joint_label([names[member] for member in group])
             place = places_m[group[0]]
             if index == len(self._labels):
                 name = f"/van_label_{index}"
@@ -194,8 +192,8 @@ class FleetLayer:
         del self._labels[len(groups) :]
 
 
-def _together(names: Sequence[str]) -> str:
-    """One label for several things."""
+def _joint_label(names: Sequence[str]) -> str:
+    """One label for several names: the first three and the number of the rest."""
     more = f" + {len(names) - 3} more" if len(names) > 3 else ""
     return " + ".join(names[:3]) + more
 

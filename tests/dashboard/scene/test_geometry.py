@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashboard import geometry
+from dashboard.scene import geometry
 from slipstream.roads import load_network
 
 BENT = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]])
@@ -27,14 +27,14 @@ def test_two_directions_part():
 
 def test_offset_survives_u_turns_and_repeats():
     """A line that turns back on itself, or repeats a point, stays finite."""
-    u_turn = geometry.without_repeats([(0.0, 0.0), (50.0, 0.0), (50.0, 0.0), (0.0, 0.0)])
+    u_turn = geometry.drop_repeated_points([(0.0, 0.0), (50.0, 0.0), (50.0, 0.0), (0.0, 0.0)])
     assert np.isfinite(geometry.offset(u_turn, 10.0)).all()
-    assert len(geometry.without_repeats([(1.0, 1.0), (1.0, 1.0)])) == 2
+    assert len(geometry.drop_repeated_points([(1.0, 1.0), (1.0, 1.0)])) == 2
 
 
 def test_dashes_cover_the_line():
     """Dashes follow each other without gaps, are of one length, and go round corners."""
-    cut, dash = geometry.dashes(BENT, 12.0)
+    cut, dash = geometry.dash_strokes(BENT, 12.0)
     lengths = np.linalg.norm(cut[:, 1] - cut[:, 0], axis=1)
     assert lengths.sum() == pytest.approx(150.0)
     np.testing.assert_allclose(cut[1:, 0], cut[:-1, 1])
@@ -45,17 +45,17 @@ def test_dashes_cover_the_line():
 
 def test_places_along_a_line():
     """A share of a line's length is found on it, with the direction there."""
-    place, ahead = geometry.at(BENT, 0.8)
+    place, ahead = geometry.point_at(BENT, 0.8)
     np.testing.assert_allclose(place, (100.0, 20.0))
     np.testing.assert_allclose(ahead, (0.0, 1.0))
-    np.testing.assert_allclose(geometry.at(BENT, -1.0)[0], (0.0, 0.0))
-    np.testing.assert_allclose(geometry.at(BENT, 2.0)[0], (100.0, 50.0))
+    np.testing.assert_allclose(geometry.point_at(BENT, -1.0)[0], (0.0, 0.0))
+    np.testing.assert_allclose(geometry.point_at(BENT, 2.0)[0], (100.0, 50.0))
 
 
 def test_arrowheads_point_ahead():
     """Both strokes of an arrowhead end in its tip, half its size ahead of its place."""
     places, ahead = np.array([[10.0, 0.0], [0.0, 20.0]]), np.array([[1.0, 0.0], [0.0, -1.0]])
-    heads = geometry.arrowheads_at(places, ahead, 6.0)
+    heads = geometry.arrowheads(places, ahead, 6.0)
     np.testing.assert_allclose(heads[:2, 1], [[13.0, 0.0]] * 2)
     np.testing.assert_allclose(heads[2:, 1], [[0.0, 17.0]] * 2)
     np.testing.assert_allclose(heads[:2, 0], [[7.0, -4.2], [7.0, 4.2]])
@@ -64,12 +64,12 @@ def test_arrowheads_point_ahead():
 def test_every_road_of_the_demo_can_be_drawn():
     """All segments of the demo network give finite lines and dashes."""
     for segment in load_network("demo").segments.values():
-        line = geometry.offset(geometry.without_repeats(segment.shape), 20.0)
-        cut, _ = geometry.dashes(line, 15.0)
+        line = geometry.offset(geometry.drop_repeated_points(segment.shape), 20.0)
+        cut, _ = geometry.dash_strokes(line, 15.0)
         assert np.isfinite(cut).all()
 
 
 def test_neighbours_share_a_group():
     """Points near a group's first point join it, others start their own."""
     points = np.array([[0.0, 0.0], [3.0, 0.0], [30.0, 0.0], [4.0, 0.0]])
-    assert geometry.near_each_other(points, 5.0) == [[0, 1, 3], [2]]
+    assert geometry.group_nearby(points, 5.0) == [[0, 1, 3], [2]]

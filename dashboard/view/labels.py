@@ -1,7 +1,7 @@
-"""The page's plain words: traffic, reasons, ages, and colours that all eyes can tell apart.
+"""Labels and colours of the page: traffic states, reason codes, durations.
 
-Colours are from Okabe and Ito's palette, made for colour-blind readers; no state is told by its
-colour alone, each also has a line pattern on the map and a sign and a word in the tables.
+State colours are from Okabe and Ito's palette for colour-blind readers. No state is shown by its
+colour alone: each also has a dash pattern on the map, and a sign and a word in the tables.
 """
 
 from __future__ import annotations
@@ -20,6 +20,14 @@ TRAFFIC_RGB: Final[dict[Traffic, Rgb]] = {
     "unknown": (128, 136, 148),
 }
 TRAFFIC_SIGN: Final[dict[Traffic, str]] = {"stable": "✓", "turbulent": "✕", "unknown": "?"}
+TRAFFIC_DASHES: Final[dict[Traffic, str]] = {"stable": "", "turbulent": "10 5", "unknown": "5 5"}
+"""Dash patterns as in SVG's `stroke-dasharray`, px."""
+LEVEL_RGB: Final[dict[Level, Rgb]] = {
+    "ok": (0, 128, 94),
+    "warn": (176, 104, 0),
+    "bad": (190, 50, 20),
+}
+LEVEL_SIGN: Final[dict[Level, str]] = {"ok": "●", "warn": "▲", "bad": "■"}
 
 # Blue, purple, near-black, pink, sky blue, brown: none of them near green, vermilion or grey.
 VEHICLE_RGB: Final[tuple[Rgb, ...]] = (
@@ -62,12 +70,12 @@ _REASONS: Final[dict[str, str]] = {
 
 
 def traffic(y_e: Literal[0, 1] | None) -> Traffic:
-    """The word for a stability flag."""
+    """The traffic state of a stability flag."""
     return "unknown" if y_e is None else "stable" if y_e else "turbulent"
 
 
 def reason(code: str | None) -> str:
-    """A reason code in plain words; codes not known here lose their underscores."""
+    """Label of a reason code; an unknown code with spaces for its underscores."""
     if not code:
         return ""
     code = code.removeprefix("unknown: ")
@@ -75,19 +83,19 @@ def reason(code: str | None) -> str:
 
 
 def camera_fault(code: CameraFault) -> str:
-    """A camera's fault in a word or two."""
+    """Short label of a camera's fault."""
     return _FAULTS[code]
 
 
-def why_closed(flag: Literal[0, 1] | None, code: str | None) -> str:
-    """Why platooning is closed, from the gate's flag and reason."""
+def gate_reason(flag: Literal[0, 1] | None, code: str | None) -> str:
+    """Label of why a gate is closed, from its flag and reason code."""
     if flag == 0:
         return "turbulent traffic"
     return reason(code) or "no data"
 
 
 def duration(seconds: float) -> str:
-    """A duration that reads at a glance: ``0.4 s``, ``12 s``, ``3 min``, ``5 h``, ``2 days``."""
+    """A duration in one unit: ``0.4 s``, ``12 s``, ``3 min``, ``5 h``, ``2 days``."""
     seconds = abs(seconds)
     if seconds < 1.95:
         return f"{seconds:.1f} s"
@@ -100,11 +108,11 @@ def duration(seconds: float) -> str:
     return f"{seconds / 86400:.0f} days"
 
 
-def when(seconds: float) -> str:
-    """A moment seen from now: ``in 12 s`` or ``3 min ago``."""
+def relative_time(seconds: float) -> str:
+    """A time relative to now: ``in 12 s`` or ``3 min ago``."""
     return f"in {duration(seconds)}" if seconds > 0 else f"{duration(seconds)} ago"
 
 
 def plural(count: int, one: str) -> str:
-    """``1 road``, ``2 roads``."""
+    """A count with its noun: ``1 road``, ``2 roads``."""
     return f"{count} {one}" if count == 1 else f"{count} {one}s"

@@ -11,7 +11,7 @@ from slipstream.errors import InputError
 
 
 def test_sound(url, make_cycle):
-    """A database in use is sound, and the check tells what is in it."""
+    """A database in use is sound, and the report has its cycles."""
     with storage.open_database(url) as database:
         for number in (1, 2, 3):
             database.record_cycle(*make_cycle(number))
@@ -41,7 +41,7 @@ def test_damaged_page(url, make_cycle):
 
 @pytest.mark.parametrize("content", [None, b"diary " * 200])
 def test_nothing_to_check(tmp_path, content):
-    """A missing file and one that is no database are told in one line."""
+    """A missing file and one that is no database give an error of one line."""
     path = tmp_path / "x.db"
     if content is not None:
         path.write_bytes(content)

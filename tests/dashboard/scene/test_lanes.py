@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashboard import geometry
-from dashboard.lanes import Lanes
+from dashboard.scene import geometry
+from dashboard.scene.lanes import Lanes
 from slipstream.roads import Segment, build_network, load_network
 
 DEMO = load_network("demo")
@@ -27,12 +27,12 @@ def driven(lanes) -> tuple[np.ndarray, np.ndarray]:
 
 def _line(number: int, lane_m: float) -> np.ndarray:
     shape = list(DEMO.segments.values())[number].shape
-    return geometry.offset(geometry.without_repeats(shape), lane_m)
+    return geometry.offset(geometry.drop_repeated_points(shape), lane_m)
 
 
 def test_lines_are_those_of_the_roads_drawn_alone(lanes, driven):
     """Each road's strokes are its line moved to its right, and say whose they are."""
-    drawing = lanes.along(*driven)
+    drawing = lanes.road_strokes(*driven)
     alone = [geometry.strokes(_line(*pair)) for pair in zip(*driven, strict=True)]
     np.testing.assert_allclose(drawing.strokes, np.concatenate(alone))
     owners = np.repeat(np.arange(len(alone)), [len(line) for line in alone])
@@ -41,7 +41,7 @@ def test_lines_are_those_of_the_roads_drawn_alone(lanes, driven):
 
 def test_junctions_are_crossed_from_end_to_start(lanes, driven):
     """A stroke leads from where a road's line ends to where the next one's begins."""
-    drawing = lanes.across(*driven, np.array([0, 4]))
+    drawing = lanes.junction_strokes(*driven, np.array([0, 4]))
     ends = [_line(roads, lane) for roads, lane in zip(*driven, strict=True)]
     expected = [[ends[0][-1], ends[1][0]], [ends[4][-1], ends[5][0]]]
     np.testing.assert_allclose(drawing.strokes, expected)
@@ -50,7 +50,7 @@ def test_junctions_are_crossed_from_end_to_start(lanes, driven):
 
 def test_arrows_are_on_their_lines_and_point_along_them(lanes, driven):
     """A road has an arrow each so many metres, at least one; all lie on its line, along it."""
-    drawing = lanes.arrows(*driven)
+    drawing = lanes.arrow_strokes(*driven)
     for part, (road, lane_m) in enumerate(zip(*driven, strict=True)):
         heads = drawing.strokes[drawing.part == part]
         centre = _line(road, 0.0)
@@ -74,9 +74,9 @@ def test_nothing_driven_is_nothing_drawn(lanes):
     """No roads give no strokes, not an error."""
     none = np.empty(0, dtype=np.int64)
     for drawing in (
-        lanes.along(none, np.empty(0)),
-        lanes.across(none, np.empty(0), none),
-        lanes.arrows(none, np.empty(0)),
+        lanes.road_strokes(none, np.empty(0)),
+        lanes.junction_strokes(none, np.empty(0), none),
+        lanes.arrow_strokes(none, np.empty(0)),
     ):
         assert drawing.strokes.shape == (0, 2, 2)
         assert drawing.part.shape == (0,)
@@ -92,6 +92,6 @@ def test_odd_roads_stay_finite():
     segments = [Segment(name, "a", "b", 50.0, 10.0, 1, shape) for name, shape in shapes.items()]
     lanes = Lanes(build_network("odd", segments, {"a": (0, 0), "b": (50, 0)}, {}), 20.0, 5.0)
     roads, lanes_m = np.arange(3), np.full(3, 4.0)
-    for drawing in (lanes.along(roads, lanes_m), lanes.arrows(roads, lanes_m)):
+    for drawing in (lanes.road_strokes(roads, lanes_m), lanes.arrow_strokes(roads, lanes_m)):
         assert set(drawing.part) == {0, 1, 2}
         assert np.isfinite(drawing.strokes).all()

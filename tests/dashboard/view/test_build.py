@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
-from dashboard import words
 from dashboard.live import Snapshot
-from dashboard.vehicles import FORGET_AFTER_S, planned_position
-from dashboard.view_model import build_view
-from dashboard.views import DashboardView
-from slipstream.messages import CAMERA_FAULTS, Unserved
+from dashboard.view import build_view, labels
+from dashboard.view.model import DashboardView
+from dashboard.view.vehicles import LIST_FOR_S, planned_position
+from dispatcher_daemon.traffic import take_snapshot
+from slipstream.messages import (
+    CAMERA_FAULTS,
+    DISPATCHER_HEALTH_KEY,
+    DispatcherHealth,
+    Unserved,
+    decode,
+)
 
 S = 1_000_000_000
 
@@ -41,14 +49,51 @@ def test_old_and_future_states_are_unknown(world, now_ns, age_s):
     (road,) = _view(Snapshot(states=_states(state)), now_ns).roads
     assert road.traffic == "unknown"
     assert road.speed_kmh is None
-    assert road.why == ("no fresh data" if age_s > 0 else "the camera's clock is ahead")
+    assert road.reason == ("no fresh data" if age_s > 0 else "the camera's clock is ahead")
 
 
-def test_unknown_is_told_with_its_reason(world, now_ns):
+@pytest.mark.parametrize(
+    ("limits", "age_s", "shown"),
+    [
+        ({"stale_after_s": 2.0}, 3.0, "unknown"),
+        ({"stale_after_s": 20.0}, 19.0, "stable"),
+        ({"stale_after_s": 20.0}, 21.0, "unknown"),
+        ({"future_tolerance_s": 4.0}, -3.0, "stable"),
+        ({"future_tolerance_s": 0.0}, -0.5, "unknown"),
+        ({}, 4.0, "stable"),
+        ({}, 6.0, "unknown"),
+        (None, 4.0, "stable"),
+        (None, 6.0, "unknown"),
+    ],
+)
+def test_roads_are_judged_by_the_dispatchers_limits(world, now_ns, limits, age_s, shown):
+    """The page has the published limits; the default ones with an older dispatcher or none."""
+    state = world.state("avenue_east", now_ns - round(age_s * S))
+    health = None
+    if limits is not None:
+        # A dispatcher of the version before sends neither field.
+        fields = world.dispatcher(now_ns).model_dump(mode="json", exclude_none=True) | limits
+        health = decode(DispatcherHealth, json.dumps(fields).encode(), DISPATCHER_HEALTH_KEY)
+    (road,) = _view(Snapshot(states=_states(state), dispatcher=health), now_ns).roads
+    assert road.traffic == shown
+
+
+def test_the_page_agrees_with_the_gates(world, now_ns):
+    """With limits of the dispatcher's own, a road is shown as stable where its gate is open."""
+    limits = {"stale_after_s": 8.0, "future_tolerance_s": 2.5}
+    health = world.dispatcher(now_ns).model_copy(update=limits)
+    for age_s in (-3.0, -2.0, 0.0, 4.0, 7.0, 9.0):
+        state = world.state("avenue_east", now_ns - round(age_s * S))
+        gate = take_snapshot(world.network, (state,), now_ns, **limits).segments["avenue_east"]
+        (road,) = _view(Snapshot(states=_states(state), dispatcher=health), now_ns).roads
+        assert (road.traffic == "stable") == gate.open
+
+
+def test_unknown_is_shown_with_its_reason(world, now_ns):
     """A fresh unknown is shown with its reason in plain words and without figures."""
     state = world.state("avenue_east", now_ns, y_e=None)
     (road,) = _view(Snapshot(states=_states(state)), now_ns).roads
-    assert (road.traffic, road.why, road.cv) == ("unknown", "too few vehicles to tell", None)
+    assert (road.traffic, road.reason, road.cv) == ("unknown", "too few vehicles to tell", None)
 
 
 @pytest.mark.parametrize(
@@ -78,15 +123,15 @@ def test_a_watched_road_without_states_is_listed(world, now_ns):
     health = world.health("avenue_east", now_ns)
     (road,) = _view(Snapshot(rsus={health.rsu: health}), now_ns).roads
     assert (road.segment, road.rsu, road.traffic) == ("avenue_east", health.rsu, "unknown")
-    assert road.why == "no data"
+    assert road.reason == "no data"
 
 
 def test_gates_of_the_last_cycle(world, now_ns):
-    """Each road tells whether the last cycle opened it, and if not, why."""
+    """Each road has its gate in the last cycle, and why it is closed."""
     view = _view(Snapshot(cycles=(world.cycle(3, now_ns),)), now_ns)
     east, west = view.roads
-    assert (east.gate_cycle, east.gate_open, east.gate_why) == (3, True, "")
-    assert (west.gate_cycle, west.gate_open, west.gate_why) == (3, False, "turbulent traffic")
+    assert (east.gate_cycle, east.gate_open, east.gate_reason) == (3, True, "")
+    assert (west.gate_cycle, west.gate_open, west.gate_reason) == (3, False, "turbulent traffic")
 
 
 @pytest.mark.parametrize(
@@ -109,22 +154,22 @@ def test_rsu_status(world, now_ns, status, age_s, shown, level):
 
 
 @pytest.mark.parametrize("fault", CAMERA_FAULTS)
-def test_a_cameras_fault_is_told_in_words(world, now_ns, fault):
+def test_a_cameras_fault_is_shown_with_its_label(world, now_ns, fault):
     """The unit's status and its roads say what is wrong, and no road is shown as known."""
     health = world.health("avenue_east", now_ns).model_copy(update={"fault": fault})
     state = world.state("avenue_east", now_ns, y_e=None, reason=fault)
     view = _view(Snapshot(rsus={health.rsu: health}, states=_states(state)), now_ns)
     (unit,), (road,) = view.rsus, view.roads
     assert unit.level == "bad"
-    assert unit.status == words.camera_fault(fault)
+    assert unit.status == labels.camera_fault(fault)
     assert road.traffic == "unknown"
-    assert "_" not in unit.status + road.why
-    assert road.why != fault.replace("_", " ")
+    assert "_" not in unit.status + road.reason
+    assert road.reason != fault.replace("_", " ")
 
 
-def test_long_gone_units_are_forgotten(world, now_ns):
+def test_units_without_news_for_a_day_are_not_listed(world, now_ns):
     """RSUs, roads and vans not heard of for a day are no longer listed."""
-    then_ns = now_ns - round((FORGET_AFTER_S + 1000) * S)
+    then_ns = now_ns - round((LIST_FOR_S + 1000) * S)
     health, state = world.health("avenue_east", then_ns), world.state("avenue_east", then_ns)
     plan = world.plan("van-a", 1, then_ns)
     snapshot = Snapshot(
@@ -154,7 +199,7 @@ def test_history_in_order(world, now_ns):
 
 
 def test_dispatcher_lines(world, now_ns):
-    """A dispatcher tells its next cycle; one not heard of is called silent, history or not."""
+    """The line has the next cycle; a dispatcher without fresh health is called silent."""
     heard = Snapshot(dispatcher=world.dispatcher(now_ns), cycles=(world.cycle(1, now_ns),))
     assert _view(heard, now_ns).dispatcher == "Next cycle in 18 s"
     assert _view(heard, now_ns + 19 * S).dispatcher == "Cycle running now"
@@ -164,8 +209,8 @@ def test_dispatcher_lines(world, now_ns):
     assert _view(Snapshot(), now_ns).dispatcher == "Dispatcher silent"
 
 
-def test_a_failed_cycle_is_told(world, now_ns):
-    """While the last cycle failed the dispatcher is in trouble; its failures stay told after."""
+def test_a_failed_cycle_is_shown(world, now_ns):
+    """While the last cycle failed the dispatcher is in trouble; its failures stay counted after."""
     health = world.dispatcher(now_ns).model_copy(update={"cycles_failed": 1})
     good, bad = world.cycle(1, now_ns - 40 * S), world.cycle(2, now_ns - 10 * S, "failed")
     view = _view(Snapshot(dispatcher=health, cycles=(good, bad)), now_ns)
@@ -241,7 +286,7 @@ def test_planned_position_follows_the_plan(world, now_ns):
 
 
 def test_what_a_van_does(world, now_ns):
-    """The plan's next event is told; a plan that has run out is told as that."""
+    """The plan's next event is shown; an expired plan is shown as expired."""
     plan = world.plan("van-a", 1, now_ns)
 
     def at(time_ns):
@@ -290,7 +335,7 @@ def test_a_van_with_an_empty_plan_is_idle_and_comes_last(world, now_ns):
     driving, idle = _view(Snapshot(plans=plans), now_ns).vehicles
     assert (driving.vehicle, driving.idle) == ("van-b", False)
     assert (idle.vehicle, idle.activity) == ("van-a", "idle")
-    assert idle.rgb == words.VEHICLE_RGB[0]
+    assert idle.rgb == labels.VEHICLE_RGB[0]
 
 
 def test_unserved_stops_reach_the_view(world, now_ns):
@@ -331,12 +376,12 @@ def test_pictures_grow_old(now_ns):
 )
 def test_durations(seconds, shown):
     """Durations read at a glance."""
-    assert words.duration(seconds) == shown
+    assert labels.duration(seconds) == shown
 
 
-def test_states_are_not_told_by_colour_alone():
+def test_states_differ_by_more_than_colour():
     """Each state of traffic has its own sign, and no van has nearly a state's colour."""
-    assert len(set(words.TRAFFIC_SIGN.values())) == 3
-    for rgb in words.VEHICLE_RGB:
-        for state in words.TRAFFIC_RGB.values():
+    assert len(set(labels.TRAFFIC_SIGN.values())) == 3
+    for rgb in labels.VEHICLE_RGB:
+        for state in labels.TRAFFIC_RGB.values():
             assert sum((a - b) ** 2 for a, b in zip(rgb, state, strict=True)) > 60**2

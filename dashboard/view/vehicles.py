@@ -1,23 +1,23 @@
-"""From plans to what the page tells of each vehicle; pure."""
+"""Builds the vehicles' views from plans and reported positions; pure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Final
 
-from dashboard import words
 from dashboard.live import Snapshot
-from dashboard.views import VehicleView
+from dashboard.view import labels
+from dashboard.view.model import VehicleView
 from slipstream import freshness
 from slipstream.freshness import age_s
 from slipstream.messages import CycleReport, VehiclePlan, VehiclePosition
 
-FORGET_AFTER_S: Final = 24 * 3600.0
-"""Vehicles whose plan ran out longer ago are no longer listed, nor are RSUs silent for longer."""
+LIST_FOR_S: Final = 24 * 3600.0
+"""Vehicles are listed this long after their plan expired, RSUs this long after their health, s."""
 
 
 def vehicle_views(snapshot: Snapshot, now_ns: int) -> tuple[VehicleView, ...]:
-    """The vehicles heard of in the last day, by name, the idle ones last.
+    """The vehicles whose plan expired less than `LIST_FOR_S` ago, by name, idle ones last.
 
     Args:
         snapshot: the latest messages.
@@ -26,7 +26,7 @@ def vehicle_views(snapshot: Snapshot, now_ns: int) -> tuple[VehicleView, ...]:
     current = [
         plan
         for _, plan in sorted(snapshot.plans.items())
-        if age_s(plan.valid_until_ns, now_ns) < FORGET_AFTER_S
+        if age_s(plan.valid_until_ns, now_ns) < LIST_FOR_S
     ]
     last = _last_good(snapshot.cycles, now_ns)
     views = []
@@ -41,12 +41,12 @@ def vehicle_views(snapshot: Snapshot, now_ns: int) -> tuple[VehicleView, ...]:
             if followed is None or followed.cycle != position.cycle:
                 followed = _without_route(plan)
             views.append(_driving(followed, position, index, now_ns))
-    # Colours go by name, so that none changes when a van becomes idle.
+    # Colours follow the names, so that none changes when a vehicle becomes idle.
     return tuple(sorted(views, key=lambda van: van.idle))
 
 
 def _last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None:
-    """The last cycle that made plans; those of a failed one before it still hold."""
+    """The last successful cycle; a failed one leaves earlier plans valid."""
     for report in reversed(cycles):
         if report.status != "failed" and not freshness.is_ahead(report.started_ns, now_ns):
             return report
@@ -54,7 +54,7 @@ def _last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None
 
 
 def _planned(plan: VehiclePlan, index: int, last: CycleReport | None, now_ns: int) -> VehicleView:
-    """A vehicle that tells nothing of itself, or follows no plan yet: as its latest plan has it."""
+    """The view of a vehicle without a reported position on a plan: by its latest plan."""
     left_out = last is not None and plan.cycle != last.cycle and plan.issued_ns < last.started_ns
     idle = left_out or not (plan.segments or plan.stops)
     activity = _activity(plan, now_ns)
@@ -72,7 +72,7 @@ def _planned(plan: VehiclePlan, index: int, last: CycleReport | None, now_ns: in
 
 
 def _driving(plan: VehiclePlan, position: VehiclePosition, index: int, now_ns: int) -> VehicleView:
-    """A vehicle that tells where it is on its plan, however old that is."""
+    """The view of a vehicle that reports its position on a plan, which may be an older one."""
     kmh = 3.6 * position.speed_mps
     leg = position.leg or 0
     stops = [stop.stop for stop in plan.stops]
@@ -83,7 +83,7 @@ def _driving(plan: VehiclePlan, position: VehiclePosition, index: int, now_ns: i
         activity = f"at {stops[leg]}"
     else:
         wait_s = max(0.0, -age_s(plan.depart_ns, now_ns))
-        activity = f"leaves {words.when(wait_s)}" if wait_s > 0 else "leaves now"
+        activity = f"leaves {labels.relative_time(wait_s)}" if wait_s > 0 else "leaves now"
     return _view(
         plan,
         index,
@@ -110,7 +110,7 @@ def _view(
 ) -> VehicleView:
     return VehicleView(
         vehicle=plan.vehicle,
-        rgb=words.VEHICLE_RGB[index % len(words.VEHICLE_RGB)],
+        rgb=labels.VEHICLE_RGB[index % len(labels.VEHICLE_RGB)],
         cycle=plan.cycle,
         expired=expired,
         idle=idle,
@@ -129,7 +129,7 @@ def _view(
 
 
 def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None:
-    """Where the plan puts its vehicle: a segment and the share of it driven, 0 to 1."""
+    """Planned position: the segment, and the fraction of it driven, 0 to 1."""
     if not plan.segments:
         return None
     last = plan.segments[0].segment, 0.0
@@ -144,14 +144,14 @@ def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None
 
 def _activity(plan: VehiclePlan, now_ns: int) -> str:
     if now_ns > plan.valid_until_ns:
-        return f"plan ran out {words.when(-age_s(plan.valid_until_ns, now_ns))}"
+        return f"plan ran out {labels.relative_time(-age_s(plan.valid_until_ns, now_ns))}"
     if now_ns < plan.depart_ns:
-        return f"leaves {words.when(-age_s(plan.depart_ns, now_ns))}"
+        return f"leaves {labels.relative_time(-age_s(plan.depart_ns, now_ns))}"
     for stop in plan.stops:
         if now_ns < stop.arrival_ns:
-            return f"{stop.stop} {words.when(-age_s(stop.arrival_ns, now_ns))}"
+            return f"{stop.stop} {labels.relative_time(-age_s(stop.arrival_ns, now_ns))}"
         if now_ns < stop.departure_ns:
             return f"at {stop.stop}"
     if plan.segments and now_ns < plan.segments[-1].exit_ns:
-        return f"back {words.when(-age_s(plan.segments[-1].exit_ns, now_ns))}"
+        return f"back {labels.relative_time(-age_s(plan.segments[-1].exit_ns, now_ns))}"
     return "done"

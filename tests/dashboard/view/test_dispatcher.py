@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from dashboard import html
-from dashboard.device_line import device_line, where_it_ran
 from dashboard.live import Snapshot
-from dashboard.view_model import build_view
+from dashboard.panels import PANELS
+from dashboard.view import DashboardView, build_view
+from dashboard.view.dispatcher import execution_summary, hardware_status
 from slipstream.messages import HardwareHealth, SolverReport
 
 S = 1_000_000_000
@@ -15,6 +15,11 @@ WELL = HardwareHealth(
     backend="ibm:boston", pending=1, used_s=12.5, budget_s=60.0, breaker="closed", line=None
 )
 EVIL = "<script>alert(1)</script>"
+
+
+def _html(name: str, view: DashboardView) -> str:
+    """The HTML of one panel."""
+    return next(panel.html(view) for panel in PANELS if panel.name == name)
 
 
 @pytest.mark.parametrize(
@@ -40,8 +45,8 @@ EVIL = "<script>alert(1)</script>"
     ],
 )
 def test_jobs_budget_and_breaker(changes: dict[str, object], line: str, level: str) -> None:
-    """One line tells what is pending, what was used, and why nothing is submitted."""
-    assert device_line(WELL.model_copy(update=changes)) == (line, level)
+    """One line has the pending jobs, the used time, and why nothing is submitted."""
+    assert hardware_status(WELL.model_copy(update=changes)) == (line, level)
 
 
 def a_run(**changes: object) -> SolverReport:
@@ -71,8 +76,8 @@ def a_run(**changes: object) -> SolverReport:
     ],
 )
 def test_where_a_circuit_ran(changes: dict[str, object], line: str) -> None:
-    """Simulated, noise model and hardware are told apart; so is why it is not the device."""
-    assert where_it_ran(a_run(**changes)) == line
+    """Simulator, noise model and hardware have their own names; a fallback has its reason."""
+    assert execution_summary(a_run(**changes)) == line
 
 
 def test_the_page_shows_both(world, now_ns) -> None:
@@ -80,13 +85,13 @@ def test_the_page_shows_both(world, now_ns) -> None:
     health = world.dispatcher().model_copy(update={"hardware": WELL})
     snapshot = Snapshot(dispatcher=health, cycles=(world.cycle(3),))
     view = build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
-    assert "Quantum device ibm:boston: 1 job pending" in html.summary(view)
-    page = html.cycle(view.cycle)
+    assert "Quantum device ibm:boston: 1 job pending" in _html("summary", view)
+    page = _html("cycle", view)
     assert "on aer, simulated · two-qubit depth 8" in page
     assert "instead of the device: job c1 still queued after 8.0 s" in page
     without = Snapshot(dispatcher=world.dispatcher(), cycles=(world.cycle(3),))
     plain = build_view(without, now_ns, stale_after_s=5.0, silent_after_s=30.0)
-    assert "Quantum device" not in html.summary(plain)
+    assert "Quantum device" not in _html("summary", plain)
     later = build_view(snapshot, now_ns + 60 * S, stale_after_s=5.0, silent_after_s=30.0)
     assert later.device is None
 
@@ -103,6 +108,6 @@ def test_foreign_words_are_escaped(world, now_ns) -> None:
         cycles=(report.model_copy(update={"solvers": runs}),),
     )
     view = build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
-    assert "<script>" not in html.summary(view) + html.cycle(view.cycle)
-    assert "&lt;script&gt;" in html.summary(view)
-    assert "&lt;script&gt;" in html.cycle(view.cycle)
+    assert "<script>" not in _html("summary", view) + _html("cycle", view)
+    assert "&lt;script&gt;" in _html("summary", view)
+    assert "&lt;script&gt;" in _html("cycle", view)

@@ -1,4 +1,4 @@
-"""Is a stored database whole? For `slipstream db check`."""
+"""The integrity check behind `slipstream db check`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from sqlalchemy.exc import DBAPIError
 
 from slipstream.errors import InputError
 from storage import schema
-from storage.database import unusable
-from storage.engine import is_sqlite, parse_url, reader_engine, shown, sqlite_path
+from storage.database import open_error
+from storage.engine import display_name, is_sqlite, parse_url, reader_engine, sqlite_path
 from storage.models import CycleRow
 
 
@@ -20,12 +20,12 @@ class CheckReport:
 
     Attributes:
         database: the file, or the URL without its password.
-        schema_version: revision of its schema; None where it was never set up.
+        schema_version: revision of its schema; None if it has none yet.
         schema_head: revision that this program writes.
-        faults: what the integrity and foreign key checks found; empty where all is well.
+        faults: findings of the integrity and foreign key checks; empty if there are none.
         cycles: cycles stored.
-        first_ns: UTC ns at which the oldest of them began; None where there is none.
-        last_ns: UTC ns at which the newest of them began.
+        first_ns: UTC ns at which the oldest cycle began; None without cycles.
+        last_ns: UTC ns at which the newest cycle began; None without cycles.
         size_bytes: size of the SQLite file; None for other databases.
     """
 
@@ -40,19 +40,19 @@ class CheckReport:
 
     @property
     def ok(self) -> bool:
-        """True where the schema is current and no fault was found."""
+        """True if the schema is current and no fault was found."""
         return self.schema_version == self.schema_head and not self.faults
 
 
 def check(url: str) -> CheckReport:
-    """Read the whole database once and say whether it is sound; changes nothing.
+    """Read the whole database once and report faults; changes nothing.
 
     Raises:
-        InputError: there is no such file, it is not a database or not ours, or it is of a newer
-            version.
+        InputError: there is no such file, it is not a Slipstream database, or a newer version wrote
+            it.
     """
     parsed = parse_url(url)
-    source = shown(parsed)
+    source = display_name(parsed)
     size = None
     if is_sqlite(parsed):
         path = sqlite_path(parsed)
@@ -64,7 +64,7 @@ def check(url: str) -> CheckReport:
     version, faults, cycles, first, last = None, [], 0, None, None
     try:
         with engine.begin() as connection:
-            schema.refuse_foreign(connection, source)
+            schema.check_ownership(connection, source)
             version = schema.current(connection)
             if is_sqlite(parsed):
                 faults = _sqlite_faults(connection)
@@ -76,7 +76,7 @@ def check(url: str) -> CheckReport:
                 ).one()
     except DBAPIError as error:
         if "malformed" not in str(error.orig):
-            raise unusable(source, error) from None
+            raise open_error(source, error) from None
         faults = [str(error.orig)]
     finally:
         engine.dispose()

@@ -1,4 +1,4 @@
-"""Lines on the map: offset to the side, cut into dashes, measured, marked with arrows.
+"""Geometry of the map's lines: offsets, dashes, lengths, arrowheads.
 
 Arrays of points have the shape (N, 2), arrays of strokes (N, 2, 2): start and end of each, in m.
 """
@@ -15,23 +15,23 @@ Array = npt.NDArray[np.float64]
 _MITRE_LIMIT = 3.0
 
 
-def without_repeats(points: Sequence[tuple[float, float]] | Array) -> Array:
-    """The points without those that repeat the one before; at least two are kept."""
+def drop_repeated_points(points: Sequence[tuple[float, float]] | Array) -> Array:
+    """The points without consecutive duplicates; at least two are kept."""
     array = np.asarray(points, dtype=np.float64)
     keep = np.concatenate(([True], np.any(np.diff(array, axis=0) != 0.0, axis=1)))
     kept = array[keep]
-    # A road of no length still needs a direction.
+    # A road of zero length still needs a direction.
     return kept if len(kept) >= 2 else np.vstack((kept, kept + np.array([1e-3, 0.0])))
 
 
 def offset(points: Array, distance_m: float) -> Array:
-    """The line moved to its right by a distance, corners mitred."""
-    moved: Array = points + distance_m * sideways(points)
+    """The line offset to its right by a distance, with mitred corners."""
+    moved: Array = points + distance_m * right_normals(points)
     return moved
 
 
-def sideways(points: Array) -> Array:
-    """How each point moves when the line moves to its right by 1 m, corners mitred."""
+def right_normals(points: Array) -> Array:
+    """Displacement of each point for an offset of 1 m to the right, with mitred corners."""
     direction = np.diff(points, axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     right = np.column_stack((direction[:, 1], -direction[:, 0]))
@@ -46,7 +46,7 @@ def sideways(points: Array) -> Array:
 
 
 def strokes(points: Array) -> Array:
-    """The line as separate strokes."""
+    """The line's strokes."""
     return np.stack((points[:-1], points[1:]), axis=1)
 
 
@@ -55,11 +55,11 @@ def length_m(points: Array) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-def at(points: Array, share: float) -> tuple[Array, Array]:
-    """The point at a share (0 to 1) of the line's length, and the line's direction there."""
+def point_at(points: Array, fraction: float) -> tuple[Array, Array]:
+    """The point at a fraction (0 to 1) of the line's length, and the line's direction there."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
-    goal = min(max(share, 0.0), 1.0) * lengths.sum()
+    goal = min(max(fraction, 0.0), 1.0) * lengths.sum()
     ends = np.cumsum(lengths)
     index = min(int(np.searchsorted(ends, goal)), len(steps) - 1)
     rest = goal - (ends[index] - lengths[index])
@@ -67,17 +67,17 @@ def at(points: Array, share: float) -> tuple[Array, Array]:
     return points[index] + rest * direction, direction
 
 
-def dashes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
+def dash_strokes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
     """The line cut into dashes of about the same length.
 
     Returns:
-        Strokes, and for each of them the number of its dash; a dash around a corner has several.
+        The strokes, and for each the index of its dash; a dash around a corner has several strokes.
     """
     total = length_m(points)
     count = max(1, round(total / dash_m))
     corners = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     cuts = np.unique(np.concatenate((np.linspace(0.0, total, count + 1), corners)))
-    # Cuts nearer than a thousandth of a dash are the same one, apart by rounding.
+    # Cuts nearer than a thousandth of a dash differ by rounding only.
     cuts = cuts[np.concatenate(([True], np.diff(cuts) > total / count * 1e-3))]
     if len(cuts) < 2:
         cuts = np.array([0.0, total])
@@ -86,8 +86,8 @@ def dashes(points: Array, dash_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
     return strokes(xy), np.minimum((middles / total * count).astype(np.int64), count - 1)
 
 
-def arrowheads_at(places: Array, ahead: Array, size_m: float) -> Array:
-    """Strokes of arrowheads at places, (N, 2), along unit vectors (N, 2): two each, (2N, 2, 2)."""
+def arrowheads(places: Array, ahead: Array, size_m: float) -> Array:
+    """Strokes of arrowheads, (2N, 2, 2), at places (N, 2) along unit vectors (N, 2)."""
     side = np.column_stack((-ahead[:, 1], ahead[:, 0]))
     tips = places + ahead * size_m / 2
     barbs = [
@@ -96,8 +96,8 @@ def arrowheads_at(places: Array, ahead: Array, size_m: float) -> Array:
     return np.stack(barbs, axis=1).reshape(-1, 2, 2)
 
 
-def near_each_other(points: Array, distance_m: float) -> list[list[int]]:
-    """Indices of points grouped so that each lies within a distance of its group's first one."""
+def group_nearby(points: Array, distance_m: float) -> list[list[int]]:
+    """Groups of the points' indices; each point is within a distance of its group's first."""
     groups: list[list[int]] = []
     firsts = np.empty((len(points), 2))
     for index, point in enumerate(points):

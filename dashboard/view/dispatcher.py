@@ -1,0 +1,126 @@
+"""Status lines of the dispatcher and of its quantum device; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from dashboard.live import Snapshot
+from dashboard.view import labels
+from dashboard.view.labels import Level
+from slipstream import freshness
+from slipstream.freshness import age_s
+from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth, SolverReport
+
+BACKEND_KIND: Final[dict[str, str]] = {
+    "simulated": "simulated",
+    "noise-model": "simulated with a device's noise",
+    "hardware": "hardware",
+}
+OVERDUE_AFTER_INTERVALS: Final = 3.0
+"""Intervals without a successful cycle after which cycles count as overdue."""
+DEFAULT_INTERVAL_S: Final = 30.0
+"""The dispatcher's default interval, s; used where too few cycles are known."""
+
+
+def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level]:
+    """Status line of the dispatcher, and its level.
+
+    Args:
+        snapshot: the latest messages.
+        now_ns: UTC.
+        silent_after_s: age above which the dispatcher counts as silent, s.
+    """
+    health = snapshot.dispatcher
+    shown = "; showing the stored history" if snapshot.cycles else ""
+    if health is None:
+        return f"Dispatcher silent{shown}", "bad"
+    off = labels.duration(age_s(health.time_ns, now_ns))
+    fault = freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s)
+    if fault is not None:
+        silent = f"Dispatcher silent for {off}"
+        return (silent if fault == "stale" else f"Dispatcher's clock is {off} ahead") + shown, "bad"
+    problem = _problem(snapshot, health, now_ns)
+    lines = [problem] if problem else []
+    if health.next_cycle_ns is None:
+        lines.append("Dispatcher running")
+    else:
+        wait_s = -age_s(health.next_cycle_ns, now_ns)
+        lines.append(
+            f"Next cycle in {labels.duration(wait_s)}" if wait_s > 0 else "Cycle running now"
+        )
+    if health.cycles_failed:
+        lines.append(f"{labels.plural(health.cycles_failed, 'cycle')} failed since it started")
+    return " · ".join(lines), "bad" if problem else "ok"
+
+
+def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
+    """Why a dispatcher with recent health counts as faulty; None if it does not."""
+    last = snapshot.cycles[-1] if snapshot.cycles else None
+    # Reports dated ahead are from before the clock was set back.
+    good_ns = max(
+        (
+            report.started_ns
+            for report in snapshot.cycles
+            if report.status != "failed" and not freshness.is_ahead(report.started_ns, now_ns)
+        ),
+        default=0,
+    )
+    failed_ns = snapshot.cycle_failed_ns or 0
+    counted = failed_ns > good_ns and not freshness.is_ahead(failed_ns, now_ns)
+    if counted or (last is not None and last.status == "failed"):
+        return "The last cycle failed"
+    # The time before the dispatcher's start does not count.
+    started_ns = 0 if freshness.is_ahead(health.started_ns, now_ns) else health.started_ns
+    since_ns = max(good_ns, started_ns)
+    if not since_ns:
+        return "No good cycle yet"
+    since_s = age_s(since_ns, now_ns)
+    if since_s > OVERDUE_AFTER_INTERVALS * _interval_s(snapshot.cycles):
+        return f"No good cycle for {labels.duration(since_s)}"
+    return None
+
+
+def _interval_s(cycles: Sequence[CycleReport]) -> float:
+    """Median interval between the starts of the last cycles, s."""
+    steps = [
+        age_s(a.started_ns, b.started_ns)
+        for a, b in pairwise(cycles[-6:])
+        if b.cycle == a.cycle + 1 and b.started_ns > a.started_ns
+    ]
+    return median(steps) if steps else DEFAULT_INTERVAL_S
+
+
+def hardware_status(health: HardwareHealth) -> tuple[str, Level]:
+    """Jobs, budget and circuit breaker of the quantum device in a line, and its level.
+
+    The breaker is named only if it is not closed; a noise model is named as one.
+    """
+    service, _, model = health.backend.partition(":")
+    device = f"Quantum device {health.backend}"
+    if service == "fake" and model:
+        device = f"Noise model of {model}, no device"
+    parts = [
+        f"{device}: {labels.plural(health.pending, 'job')} pending",
+        f"{health.used_s:.1f} of {health.budget_s:g} s used in the last day",
+    ]
+    if health.breaker != "closed":
+        parts.append(f"breaker {health.breaker}")
+    if health.line is not None:
+        parts.append(f"no new jobs: {health.line}")
+    return " · ".join(parts), "ok" if health.line is None else "warn"
+
+
+def execution_summary(run: SolverReport) -> str:
+    """Where a solver's circuit ran, and why not on the device; empty without a circuit."""
+    parts = []
+    if run.backend is not None:
+        kind = BACKEND_KIND.get(run.backend_kind or "", "")
+        parts.append(f"on {run.backend}" + (f", {kind}" if kind else ""))
+        if run.two_qubit_depth is not None:
+            parts.append(f"two-qubit depth {run.two_qubit_depth}")
+    if run.fallback is not None:
+        parts.append(f"instead of the device: {run.fallback}")
+    return " · ".join(parts)
