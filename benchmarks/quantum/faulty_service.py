@@ -143,16 +143,16 @@ def pid_file(path: Path) -> Path:
 
 
 @dataclass(frozen=True)
-class Opening:
+class FaultyServiceFactory:
     """Opens the service, in whatever process.
 
     Attributes:
         path: of its `Books`.
-        stale_s: see `Opener`.
+        max_age_s: see `ServiceFactory`.
     """
 
     path: str
-    stale_s: float = math.inf
+    max_age_s: float = math.inf
 
     def __call__(self) -> FaultyService:
         """Never fails; says which process it is in."""

@@ -77,7 +77,7 @@ def long_search(budget_s: float) -> CitySettings:
         second_rounds=max(2, int(budget_s / 20)),
         block_variables=80,
         options=8,
-        most_sweeps=1000,
+        max_sweeps=1000,
         patience=20,
         block_deadline_s=20.0,
     )

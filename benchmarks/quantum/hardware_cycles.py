@@ -14,13 +14,13 @@ from typing import Any, Final
 
 import psutil
 
-from benchmarks.quantum.ansatz_maker import AnsatzMaker
-from benchmarks.quantum.faulty_service import EVERYTHING, Books, Opening, pid_file
-from benchmarks.quantum.guest_judge import DAY_S, Run, judge
+from benchmarks.quantum.ansatz_builder import AnsatzBuilder
+from benchmarks.quantum.faulty_service import EVERYTHING, Books, FaultyServiceFactory, pid_file
+from benchmarks.quantum.hardware_judge import DAY_S, Run, judge
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.fleet import load_fleet
-from dispatcher_daemon.hardware.clerk import Clerk
-from dispatcher_daemon.hardware.desk import Desk
+from dispatcher_daemon.hardware import JobManager
+from dispatcher_daemon.hardware.thread import JobThread
 from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
@@ -44,16 +44,16 @@ SETTINGS: Final = DispatcherSettings(
         backend="ibm:faulty",
         shots=256,
         budget_s_per_day=40.0,
-        most_pending=3,
+        max_pending_jobs=3,
         wait_s=0.6,
         poll_s=0.05,
-        most_poll_s=0.5,
-        call_limit_s=0.5,
-        give_up_after_s=5.0,
+        max_poll_s=0.5,
+        call_timeout_s=0.5,
+        job_timeout_s=5.0,
         lost_after_s=1.0,
-        faults=4,
-        rest_s=0.3,
-        most_rest_s=1.5,
+        fault_threshold=4,
+        open_s=0.3,
+        max_open_s=1.5,
     ),
 )
 
@@ -80,7 +80,7 @@ class Timed:
 
 
 class Stage:
-    """Everything around the cycles; desk and database can be torn down and opened again."""
+    """Everything around the cycles; job manager and database can be torn down and opened again."""
 
     def __init__(
         self, folder: Path, seed: int, settings: DispatcherSettings, solve: Solve | None
@@ -99,25 +99,25 @@ class Stage:
         self.open(warm=True)
 
     def open(self, *, warm: bool) -> None:
-        """Database and desk.
+        """Database and job manager.
 
         Args:
             warm: whether to wait for the device's worker, so that the next cycles meet the device.
         """
         self.database = self._stack.enter_context(open_database(self.url))
         hardware = self.settings.hardware
-        clerk = Clerk(
+        thread = JobThread(
             hardware,
             "hardware",
-            Opening(str(self.books.path)),
-            AnsatzMaker(LcQaoaSolver(self.settings.lc_qaoa)),
+            FaultyServiceFactory(str(self.books.path)),
+            AnsatzBuilder(LcQaoaSolver(self.settings.lc_qaoa)),
             self.database,
             day_s=DAY_S,
         )
-        desk = Desk(self.inner, clerk, hardware.wait_s, self.settings.deadline_s)
-        self.desk = self._stack.enter_context(desk)
+        manager = JobManager(self.inner, thread, hardware.wait_s, self.settings.deadline_s)
+        self.manager = self._stack.enter_context(manager)
         if warm:
-            clerk.warm.wait(60.0)
+            thread.warm.wait(60.0)
 
     def rest(self) -> None:
         """Between cycles: a killed solver's successor gets time to start, as it has in service.
@@ -215,9 +215,9 @@ def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
     killer = threading.Timer(after_s, _kill_worker, (stage.books.path, killed))
     if kills:
         killer.start()
-    outer = Timed(stage.desk)
+    outer = Timed(stage.manager)
     began = time.monotonic()
-    stage.desk.begin_cycle(number)
+    stage.manager.begin_cycle(number)
     done = run_cycle(
         stage.problem, snapshot, stage.settings, outer, snapshot.now_ns, number, seed=number
     )
@@ -282,11 +282,11 @@ def _settle(stage: Stage, result: Run) -> None:
     """Without new faults all jobs must come to an end by themselves."""
     stage.books.expect({})
     limits = stage.settings.hardware
-    until = time.monotonic() + limits.give_up_after_s + limits.lost_after_s + 20.0
-    while stage.desk.health().pending and time.monotonic() < until:
+    until = time.monotonic() + limits.job_timeout_s + limits.lost_after_s + 20.0
+    while stage.manager.health().pending and time.monotonic() < until:
         time.sleep(0.1)
-    if stage.desk.health().pending:
-        result.broken.append(f"{stage.desk.health().pending} jobs never came to an end")
+    if stage.manager.health().pending:
+        result.broken.append(f"{stage.manager.health().pending} jobs never came to an end")
 
 
 def _kind_of(why: str) -> str:

@@ -22,13 +22,13 @@ class Run:
 
     Attributes:
         cycles: that were run.
-        restarts: of desk and database in between.
+        restarts: of job manager and database in between.
         kills: by what was killed.
         answered: cycles by where the circuit's answer came from.
         fallbacks: reasons, their figures left out, by how often.
         walls_s: time of each cycle from its beginning to the stored, verified plan.
-        beyond_s: time that the desk took in each cycle beyond what it may wait for: the pool's
-            answers, and the device until the wait or the reserve before the deadline ends it.
+        beyond_s: time that the job manager took in each cycle beyond what it may wait for: the
+            pool's answers, and the device until the wait or the reserve before the deadline ends.
         events: what the service did, by how often.
         jobs: of the ledger at the end, by state.
         answers: what became of the answers.
@@ -77,7 +77,7 @@ class Run:
         figures = dict(vars(self))
         del figures["walls_s"], figures["limit_s"], figures["beyond_s"]
         figures["wall_s"] = _spread(self.walls_s) | {"limit": self.limit_s}
-        figures["desk_beyond_s"] = _spread(self.beyond_s)
+        figures["manager_beyond_s"] = _spread(self.beyond_s)
         return figures
 
 
@@ -116,8 +116,8 @@ def judge(books: Books, url: str, result: Run) -> None:
         for run in report.solvers
         if run.backend_kind == "hardware"
     )
-    # A desk torn down between an answer and its entry leaves the entry out; never the answer. A
-    # process that is killed may leave out either.
+    # A job manager closed between an answer and its entry leaves the entry out; never the answer.
+    # A process that is killed may leave out either.
     killed = result.kills["dispatcher"]
     unseen, unentered = used - shown, shown - used
     if unseen.total() > killed or unentered.total() > result.restarts + killed:
