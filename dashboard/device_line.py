@@ -1,4 +1,4 @@
-"""A quantum device in words: where circuits ran, and how the dispatcher stands with its guest."""
+"""A quantum device in words: where circuits ran, and the state of the dispatcher's device."""
 
 from __future__ import annotations
 

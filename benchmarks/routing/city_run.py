@@ -129,7 +129,7 @@ def workers(settings: CitySettings) -> Iterator[tuple[Executor, Solve]]:
 
 
 def _warm_up(solvers: Sequence[Solver]) -> None:
-    from dispatcher_daemon import vrp  # noqa: F401
+    from dispatcher_daemon.planning import pyvrp_model  # noqa: F401
 
     for solver in solvers:
         solver.warm_up()
