@@ -25,9 +25,9 @@ from typing import Any, Final
 
 import psutil
 
-from benchmarks.quantum.faulty_service import Books
+from benchmarks.quantum.faulty_service import ServiceRecords
+from benchmarks.quantum.hardware_checks import Run, check_run
 from benchmarks.quantum.hardware_cycles import SETTINGS, empty_run, run
-from benchmarks.quantum.hardware_judge import Run, judge
 
 STRETCH: Final = (30, 90)
 """Cycles until the whole process is killed, at least and at most."""
@@ -63,7 +63,7 @@ def run_killed(
             break
         result.kills["dispatcher"] += 1
         tell(f"{result.cycles} cycles, {dict(result.answered)}, broken: {result.broken[-3:]}")
-    judge(Books(folder / "service.db", seed), f"sqlite:///{folder}/cycles.db", result)
+    check_run(ServiceRecords(folder / "service.db", seed), f"sqlite:///{folder}/cycles.db", result)
     return result
 
 
@@ -117,14 +117,14 @@ def _in_a_stretch(cycles: int, seed: int, folder: Path, notes: Path) -> int:
             file.write(json.dumps(entry) + "\n")
             file.flush()
 
-        told: list[str] = []
+        written_faults: list[str] = []
 
         def write_cycle(entry: Mapping[str, Any]) -> None:
-            told.extend(entry["broken"])
+            written_faults.extend(entry["broken"])
             write(entry)
 
-        result = run(cycles, seed, folder, write=write_cycle, judged=False)
-        broken = result.broken[len(told) :]
+        result = run(cycles, seed, folder, write=write_cycle, checked=False)
+        broken = result.broken[len(written_faults) :]
         write({"growth": result.growth, "leaks": result.leaks, "broken": broken})
     return 1 if result.broken else 0
 

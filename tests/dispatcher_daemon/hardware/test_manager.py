@@ -12,7 +12,7 @@ from typing import Any, cast
 import psutil
 import pytest
 
-from benchmarks.quantum.faulty_service import Books, FaultyServiceFactory
+from benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.hardware.ledger import MonotonicUtcClock
 from dispatcher_daemon.hardware.manager import (
@@ -71,13 +71,15 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 @pytest.fixture
-def books(tmp_path: Path) -> Books:
+def records(tmp_path: Path) -> ServiceRecords:
     """The service's side: all goes well until told otherwise."""
-    return Books(tmp_path / "service.db")
+    return ServiceRecords(tmp_path / "service.db")
 
 
 @pytest.fixture
-def open_manager(database: Database, books: Books) -> Iterator[Callable[..., JobManager]]:
+def open_manager(
+    database: Database, records: ServiceRecords
+) -> Iterator[Callable[..., JobManager]]:
     """Opens managers, one after the other; each closes the one before."""
     managers: list[JobManager] = []
 
@@ -86,7 +88,7 @@ def open_manager(database: Database, books: Books) -> Iterator[Callable[..., Job
             managers.pop().close()
         settings = SETTINGS.model_copy(update=changes)
         thread = JobThread(
-            settings, "hardware", FaultyServiceFactory(str(books.path)), LightBuilder(), database
+            settings, "hardware", FaultyServiceFactory(str(records.path)), LightBuilder(), database
         )
         manager = JobManager(solve, thread, settings.wait_s).__enter__()
         managers.append(manager)
@@ -116,18 +118,21 @@ def the_read_job(database: Database) -> QuantumJob:
 
 
 def test_hung_in_submit_and_found_by_its_tag(
-    open_manager: Callable[..., JobManager], books: Books, database: Database, demo_arcs: Demo
+    open_manager: Callable[..., JobManager],
+    records: ServiceRecords,
+    database: Database,
+    demo_arcs: Demo,
 ) -> None:
     """The worker is killed in the call, the next one finds the job, the same cycle has its answer;
-    the ledger agrees with the service's books, and no worker is left over.
+    the ledger agrees with the service's records, and no worker is left over.
     """
-    books.expect({"submit": {"hangs but taken": 1}})
+    records.expect({"submit": {"hangs but taken": 1}})
     manager = open_manager()
     outcome = ask(manager, demo_arcs(avenue_east=1), 60.0, 1)
     assert outcome.execution is not None
     assert (outcome.execution.kind, outcome.execution.fallback) == ("hardware", None)
     job = the_read_job(database)
-    (theirs,) = books.jobs()
+    (theirs,) = records.jobs()
     assert (job.state, job.answer, job.job_id, job.tag) == (
         "done",
         "used",
@@ -145,7 +150,10 @@ def test_hung_in_submit_and_found_by_its_tag(
 
 
 def test_a_hanging_poll_holds_no_cycle_up_and_a_restart_picks_the_job_up(
-    open_manager: Callable[..., JobManager], books: Books, database: Database, demo_arcs: Demo
+    open_manager: Callable[..., JobManager],
+    records: ServiceRecords,
+    database: Database,
+    demo_arcs: Demo,
 ) -> None:
     """The simulator's answer goes out with the reason; the next manager has the device's."""
 
@@ -155,7 +163,7 @@ def test_a_hanging_poll_holds_no_cycle_up_and_a_restart_picks_the_job_up(
             time.sleep(0.02)
         return aer(jobs, deadline_s)
 
-    books.expect({"call": {"hangs": 1}})
+    records.expect({"call": {"hangs": 1}})
     manager = open_manager(until_it_is_out, wait_s=0.6)
     began = time.monotonic()
     outcome = ask(manager, demo_arcs(avenue_east=1), 60.0, 1)
@@ -163,7 +171,7 @@ def test_a_hanging_poll_holds_no_cycle_up_and_a_restart_picks_the_job_up(
     assert outcome.execution is not None
     assert outcome.execution.kind == "simulated"
     assert " still queued after " in (outcome.execution.fallback or "")
-    books.expect({})
+    records.expect({})
     manager = open_manager(call_timeout_s=20.0)
     outcome = ask(manager, demo_arcs(avenue_east=1, avenue_west=1), 60.0, 2)
     assert outcome.execution is not None
