@@ -157,7 +157,7 @@ class JobRunner:
         tracked = self._tracked[job.tag] = self._new_tracked()
         tracked.requests.append(request)
         request.set_status("the job was still being submitted")
-        args = (self._factory, prepared.circuit, job.shots, job.tag)
+        args = (self._factory, prepared.built.circuit, job.shots, job.tag)
         try:
             job_id = self._call(service.submit, args, self._settings.call_timeout_s)
             if not isinstance(job_id, str) or not job_id:

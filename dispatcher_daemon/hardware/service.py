@@ -12,12 +12,12 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor, TimeoutError
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol, TypeVar, runtime_checkable
 
 import pebble
 
-from dispatcher_daemon.hardware.circuits import CircuitBuilder, Unsuitable
+from dispatcher_daemon.hardware.circuits import BuiltCircuit, CircuitBuilder, Unsuitable
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.pool import error_line
 from dispatcher_daemon.solvers.processes import Processes
@@ -68,24 +68,18 @@ class PreparedCircuit:
     """A circuit, ready to be submitted.
 
     Attributes:
-        circuit: pickled, so that only the worker needs what can read it.
+        built: its circuit is pickled, so that only the worker needs what can read it.
         backend: name of the device.
         estimate_s: upper estimate of the device time, s.
         two_qubit_depth: of the compiled circuit; None if the service does not tell.
         two_qubit_gates: likewise.
-        order, fingerprint, variant, layers, train_s: see `BuiltCircuit`.
     """
 
-    circuit: bytes
+    built: BuiltCircuit
     backend: str
     estimate_s: float
     two_qubit_depth: int | None
     two_qubit_gates: int | None
-    order: tuple[int, ...]
-    fingerprint: str
-    variant: str
-    layers: int
-    train_s: float
 
 
 _open: dict[ServiceFactory, tuple[JobService, float]] = {}
@@ -113,18 +107,10 @@ def prepare(
         depth, gates = None, None
         if isinstance(service, Compiler):
             depth, gates = service.two_qubit(built.circuit)
-        return PreparedCircuit(
-            pickle.dumps(built.circuit),
-            service.name,
-            float(service.estimate_s(built.circuit, shots)),
-            depth,
-            gates,
-            tuple(int(variable) for variable in built.order),
-            built.fingerprint,
-            built.variant,
-            built.layers,
-            built.train_s,
-        )
+        order = tuple(int(variable) for variable in built.order)
+        pickled = replace(built, circuit=pickle.dumps(built.circuit), order=order)
+        estimate_s = float(service.estimate_s(built.circuit, shots))
+        return PreparedCircuit(pickled, service.name, estimate_s, depth, gates)
 
     return _with_service(factory, do, fresh=True)
 

@@ -74,6 +74,7 @@ def new_job(
     Args:
         now_ns: UTC, ns.
     """
+    built = prepared.built
     return QuantumJob(
         tag=f"slipstream-{request.cycle}-{secrets.token_hex(8)}",
         job_id=None,
@@ -89,14 +90,14 @@ def new_job(
         estimate_s=prepared.estimate_s,
         usage_s=None,
         shots=settings.shots,
-        circuit=prepared.fingerprint,
+        circuit=built.fingerprint,
         variables=request.problem_key,
-        chain_order=prepared.order,
-        variant=prepared.variant,
-        layers=prepared.layers,
+        chain_order=built.order,
+        variant=built.variant,
+        layers=built.layers,
         two_qubit_depth=prepared.two_qubit_depth,
         two_qubit_gates=prepared.two_qubit_gates,
-        train_s=prepared.train_s,
+        train_s=built.train_s,
     )
 
 

@@ -130,7 +130,7 @@ def test_a_chain_is_cut_where_the_device_has_no_edge(
     prepared = service.prepare(_Opens(opened), builder, problem, 5.0, 1, 64)
     whole = gated(builder.build(problem, 5.0, 1).circuit)
     assert 2 in whole
-    assert gated(pickle.loads(prepared.circuit)) == whole - {2}
+    assert gated(pickle.loads(prepared.built.circuit)) == whole - {2}
 
 
 class _Opens:
