@@ -64,7 +64,7 @@ class Load:
 def _times_s() -> tuple[float, float]:
     """Stolen, and in all: seconds of all cores since the machine came up."""
     times = psutil.cpu_times()
-    # What guests of this machine used is in `user` and `nice` too.
+    # The time of virtual machines is in `user` and `nice` too.
     twice = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)
     return getattr(times, "steal", 0.0), sum(times) - twice
 

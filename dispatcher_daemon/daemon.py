@@ -16,8 +16,7 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import form_of, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
-from dispatcher_daemon.hardware.desk import Desk
-from dispatcher_daemon.hardware.opening import open_desk
+from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
@@ -98,7 +97,7 @@ class Dispatcher:
         store: database.
         solve: solver pool.
         executor: for the search of the route form's base routes; None: the cycle's own thread.
-        guest: the desk of a quantum device, which then solves in place of the pool.
+        job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: asked for the fleet of each cycle; None: it is `fleet`, always.
     """
 
@@ -111,11 +110,11 @@ class Dispatcher:
         store: CycleStore,
         solve: Solve,
         executor: Executor | None = None,
-        guest: Desk | None = None,
+        job_manager: JobManager | None = None,
         fleet_file: FleetFile | None = None,
     ) -> None:
         self._executor = executor
-        self._guest = guest
+        self._job_manager = job_manager
         self._stops: Mapping[str, tuple[str, ...]] = {}
         self._settings = settings
         self._network = network
@@ -123,7 +122,7 @@ class Dispatcher:
         self._fleet_file = fleet_file
         self._bus = bus
         self._store = store
-        self._solve = solve if guest is None else guest
+        self._solve = solve if job_manager is None else job_manager
         self._book = TrafficBook(network, future_tolerance_s=settings.future_tolerance_s)
         self._limiter = LogLimiter()
         vehicles = () if fleet is None else fleet.vehicles
@@ -175,8 +174,8 @@ class Dispatcher:
         number, began, now_ns = self._cycle, time.monotonic(), time.time_ns()
         plans: tuple[VehiclePlan, ...] = ()
         states: tuple[SegmentState, ...] = ()
-        if self._guest is not None:
-            self._guest.begin_cycle(number)
+        if self._job_manager is not None:
+            self._job_manager.begin_cycle(number)
         try:
             snapshot = take_snapshot(
                 self._network,
@@ -319,7 +318,7 @@ class Dispatcher:
                 bad_messages=self.bad_messages,
                 next_cycle_ns=next_cycle_ns,
                 rss_mb=rss_mb(),
-                hardware=None if self._guest is None else self._guest.health(),
+                hardware=None if self._job_manager is None else self._job_manager.health(),
                 stale_after_s=self._settings.stale_after_s,
                 future_tolerance_s=self._settings.future_tolerance_s,
             )
@@ -416,11 +415,11 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             return
         for name, reason in cold.items():
             log.warning("solver %s is not ready: %s", name, reason)
-        guest = open_desk(settings, pool, database)
-        if guest is not None:
-            stack.enter_context(guest)
+        job_manager = open_job_manager(settings, pool, database)
+        if job_manager is not None:
+            stack.enter_context(job_manager)
         dispatcher = Dispatcher(
-            settings, network, fleet, bus, database, pool, executor, guest, fleet_file
+            settings, network, fleet, bus, database, pool, executor, job_manager, fleet_file
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state)
         scheduler = CycleScheduler(
@@ -437,7 +436,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()
             pool.close()
-            if guest is not None:
-                guest.close()
+            if job_manager is not None:
+                job_manager.close()
             executor.shutdown()
             scheduler.stop()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.metadata import entry_points
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
@@ -39,7 +40,7 @@ def _known_solver(name: str) -> str:
 
 SolverName = Annotated[str, AfterValidator(_known_solver)]
 
-GUEST_SOLVER: Final[SolverName] = "lc-qaoa"
+HARDWARE_SOLVER: Final[SolverName] = "lc-qaoa"
 """The solver whose circuits go to the device that `HardwareSettings` names."""
 
 
@@ -65,7 +66,9 @@ class LcQaoaSettings(Settings):
         "construction (route form only).",
     )
     layers: int = Field(default=2, ge=1, le=10, description="Depth p; the cost grows with 4^p.")
-    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    shots: int = Field(
+        default=4096, ge=1, le=1_000_000, description="Number of samples of the circuit."
+    )
     delta_beta: float = Field(
         default=0.3, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
     )
@@ -73,9 +76,17 @@ class LcQaoaSettings(Settings):
         default=0.6, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
     )
     iterations: int = Field(
-        default=100, ge=1, le=100_000, description="Evaluations of training, for each restart."
+        default=100,
+        ge=1,
+        le=100_000,
+        description="Maximum number of energy evaluations in training, for each restart.",
     )
-    restarts: int = Field(default=16, ge=1, le=10_000, description="Of every gate its own angle.")
+    restarts: int = Field(
+        default=16,
+        ge=1,
+        le=10_000,
+        description="Number of starting points of training with an angle for each gate.",
+    )
     spread: float = Field(
         default=0.5,
         ge=0,
@@ -86,16 +97,18 @@ class LcQaoaSettings(Settings):
         default=1.0,
         gt=0,
         le=1,
-        description="Trained: below 1, the mean of so much of the samples instead of all energies.",
+        description="Share of the samples, lowest energies first, whose mean energy the variant "
+        "trained minimises (CVaR); 1: all energies.",
     )
     order: Literal["heavy", "random"] = Field(
-        default="heavy", description="Of the chain: along heavy couplings, or drawn."
+        default="heavy",
+        description="Order of the chain: along heavy couplings, or drawn at random.",
     )
     backend: str = Field(
         default="aer",
         pattern=r"^aer(|:Fake[A-Za-z0-9]+(|\+fractional))$",
-        description="Simulator: aer, or aer:FakeBoston with that device's noise. A device is a "
-        "guest, see hardware: there a budget holds.",
+        description="Simulator: aer, or aer:FakeBoston with that device's noise. A device is set "
+        "in hardware.backend, where a budget holds.",
     )
 
 
@@ -108,11 +121,13 @@ class QaoaSettings(Settings):
         "only).",
     )
     layers: int = Field(default=2, ge=1, le=20, description="Depth p.")
-    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    shots: int = Field(
+        default=4096, ge=1, le=1_000_000, description="Number of samples of the circuit."
+    )
     angles: Literal["transferred", "trained", "ramp"] = Field(
         default="transferred",
-        description="transferred: the linear ramp below as it is; trained: all 2p angles from "
-        "there, by COBYLA; ramp: only the ramp's two heights.",
+        description="transferred: the linear ramp of delta_beta and delta_gamma without training; "
+        "trained: all 2p angles from that ramp on, by COBYLA; ramp: only the ramp's two heights.",
     )
     delta_beta: float | None = Field(
         default=None,
@@ -127,13 +142,17 @@ class QaoaSettings(Settings):
         description="Height of the phase's ramp, rad; None: as measured for p and mixer.",
     )
     iterations: int = Field(
-        default=100, ge=1, le=100_000, description="Of training, each one state, at most."
+        default=100,
+        ge=1,
+        le=100_000,
+        description="Maximum number of state evaluations in training.",
     )
     alpha: float = Field(
         default=1.0,
         gt=0,
         le=1,
-        description="Training lowers the mean energy of so much of the probability (CVaR).",
+        description="Share of the probability, lowest energies first, whose mean energy training "
+        "minimises (CVaR); 1: all of it.",
     )
     pairs: Literal["ring", "chain"] = Field(
         default="ring", description="Pairs of options that the xy mixer acts on."
@@ -141,7 +160,17 @@ class QaoaSettings(Settings):
 
 
 class HardwareSettings(Settings):
-    """A quantum device as a guest of the cycle; without a backend there is none."""
+    """A quantum device beside the solvers: its jobs, budget and circuit breaker."""
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "most_pending": "max_pending_jobs",
+        "most_poll_s": "max_poll_s",
+        "call_limit_s": "call_timeout_s",
+        "give_up_after_s": "job_timeout_s",
+        "faults": "fault_threshold",
+        "rest_s": "open_s",
+        "most_rest_s": "max_open_s",
+    }
 
     backend: str = Field(
         default="",
@@ -149,60 +178,86 @@ class HardwareSettings(Settings):
         description="ibm:NAME, ibm:least-busy, or for a trial without an account fake:FakeBoston; "
         "empty: no device.",
     )
-    shots: int = Field(default=4096, ge=1, le=100_000)
+    shots: int = Field(default=4096, ge=1, le=100_000, description="Number of samples of a job.")
     budget_s_per_day: float = Field(
         default=60.0,
         gt=0,
         allow_inf_nan=False,
-        description="Device time in any 24 hours; what a job may take is reserved beforehand.",
+        description="Maximum device time in any 24 hours, s. A job's estimate is reserved before "
+        "it is submitted.",
     )
-    most_pending: int = Field(default=2, ge=1, le=100, description="Jobs at the service at once.")
-    jobs_per_cycle: int = Field(default=1, ge=1, le=100, description="Most that one cycle submits.")
+    max_pending_jobs: int = Field(
+        default=2, ge=1, le=100, description="Maximum number of jobs at the service at once."
+    )
+    jobs_per_cycle: int = Field(
+        default=1, ge=1, le=100, description="Maximum number of jobs that one cycle submits."
+    )
     wait_s: float = Field(
         default=3.0,
         ge=0,
         allow_inf_nan=False,
-        description="How long a cycle waits for the device when all other solvers are done, over "
-        "all its blocks and never into the last fifth of its deadline.",
+        description="How long a cycle waits for the device once all other solvers are done, s: in "
+        "all its blocks together, and never into the last fifth of its deadline.",
     )
     poll_s: float = Field(
-        default=1.0, gt=0, allow_inf_nan=False, description="First look at a job; then ever rarer."
+        default=1.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time from submitting a job to its first poll, s; it grows by half with each "
+        "poll.",
     )
-    most_poll_s: float = Field(default=60.0, gt=0, allow_inf_nan=False)
-    call_limit_s: float = Field(
+    max_poll_s: float = Field(
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Maximum time between two polls of a job, s; at least 3600 s where only its "
+        "charge is not known yet.",
+    )
+    call_timeout_s: float = Field(
         default=20.0,
         gt=0,
         allow_inf_nan=False,
-        description="A call of the service that takes longer is ended with its process.",
+        description="Maximum time of one call of the service, s; a longer one is ended with its "
+        "process.",
     )
-    give_up_after_s: float = Field(
+    job_timeout_s: float = Field(
         default=1800.0,
         gt=0,
         allow_inf_nan=False,
-        description="Older jobs are cancelled; older answers are recorded as late.",
+        description="Maximum age of a pending job, s; an older one is cancelled. An answer that is "
+        "unused for so long is recorded as late.",
     )
     lost_after_s: float = Field(
         default=300.0,
         gt=0,
         allow_inf_nan=False,
-        description="A job that the service does not know for so long is given up.",
+        description="Time after which a job that the service does not know is given up, s.",
     )
-    faults: int = Field(
-        default=3, ge=1, le=1000, description="So many in a row, and nothing is submitted for ..."
+    fault_threshold: int = Field(
+        default=3,
+        ge=1,
+        le=1000,
+        description="Number of faults, without a good answer in between, that opens the circuit "
+        "breaker. While it is open no job is submitted.",
     )
-    rest_s: float = Field(
-        default=60.0, gt=0, allow_inf_nan=False, description="... so long, twice as long each time,"
+    open_s: float = Field(
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="First open time of the circuit breaker, s; it doubles each time the breaker "
+        "opens again.",
     )
-    most_rest_s: float = Field(
+    max_open_s: float = Field(
         default=3600.0,
         gt=0,
         allow_inf_nan=False,
-        description="up to this; refused credentials rest so long at once.",
+        description="Maximum open time of the circuit breaker, s, and its open time after refused "
+        "credentials.",
     )
 
     @model_validator(mode="after")
     def _limits_are_above(self) -> Self:
-        for low, high in (("poll_s", "most_poll_s"), ("rest_s", "most_rest_s")):
+        for low, high in (("poll_s", "max_poll_s"), ("open_s", "max_open_s")):
             if getattr(self, low) > getattr(self, high):
                 raise ValueError(f"{low} must not be above {high}")
         return self
@@ -211,36 +266,54 @@ class HardwareSettings(Settings):
 class SearchSettings(Settings):
     """How long base routes are searched: by iterations, so that a result can be repeated."""
 
-    rounds: int = Field(default=15, ge=0, le=10_000)
+    renamed: ClassVar[Mapping[str, str]] = {"most_penalty_kwh": "max_penalty_kwh"}
+
+    rounds: int = Field(
+        default=15, ge=0, le=10_000, description="Number of rounds after the first search."
+    )
     iterations_per_stop: int = Field(
-        default=16, ge=1, le=100_000, description="Of iterated local search, in each round."
+        default=16,
+        ge=1,
+        le=100_000,
+        description="Iterations of iterated local search for each stop, in each round.",
     )
     iterations_to_feasible: int = Field(
         default=20_000,
         ge=1,
-        description="Most of the first search, which ends with the first routes that are feasible.",
+        description="Maximum number of iterations of the first search, which ends with the first "
+        "feasible routes.",
     )
-    most_penalty_kwh: float = Field(
+    max_penalty_kwh: float = Field(
         default=0.1,
         gt=0,
         le=1000,
         allow_inf_nan=False,
-        description="Most that a unit of load too many, or 0.1 s of lateness, counts for on the "
-        "way to feasible routes; where vehicles carry few units, some detours' energy is needed.",
+        description="Maximum penalty of one unit of excess load, or of 0.1 s of lateness, on the "
+        "way to feasible routes, kWh. Where vehicles carry few units, it has to reach the energy "
+        "of some detours.",
     )
     part_stops: int = Field(
-        default=250, ge=10, description="A round searches parts of so many stops side by side."
+        default=250, ge=10, description="Maximum mean number of stops of a round's parts."
     )
-    workers: int = Field(default=2, ge=1, le=256, description="Parts searched side by side.")
+    workers: int = Field(
+        default=2, ge=1, le=256, description="Number of parts searched side by side."
+    )
     time_limit_s: float = Field(
-        default=20.0, gt=0, allow_inf_nan=False, description="Guard: ends the search early."
+        default=20.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time after which the search ends early, s.",
     )
 
 
 class CitySettings(Settings):
     """The route form: base routes, blocks and sweeps."""
 
-    search: SearchSettings = SearchSettings()
+    renamed: ClassVar[Mapping[str, str]] = {"most_sweeps": "max_sweeps"}
+
+    search: SearchSettings = Field(
+        default=SearchSettings(), description="The search of base routes."
+    )
     base_share: float = Field(
         default=0.6, gt=0, lt=1, description="Share of a deadline that base routes may take."
     )
@@ -251,79 +324,103 @@ class CitySettings(Settings):
         description="Rounds of a second search, in which open roads that others use cost less.",
     )
     block_variables: int = Field(
-        default=25, ge=4, le=200, description="Most variables of one block."
+        default=25, ge=4, le=200, description="Maximum number of variables of one block."
     )
     options: int = Field(
         default=5, ge=2, le=50, description="Options of each vehicle of a full block."
     )
     ways: int = Field(
-        default=3, ge=1, le=20, description="Cheapest ways of each leg among the options ..."
+        default=3,
+        ge=1,
+        le=20,
+        description="Number of cheapest ways of each leg that the options contain.",
     )
     ways_legs: int = Field(
-        default=100, ge=0, description="... of fleets with at most so many legs: each takes time."
+        default=100,
+        ge=0,
+        description="Maximum number of legs of a fleet whose options contain several ways of a "
+        "leg; finding them takes time.",
     )
-    wave: int = Field(default=8, ge=1, description="Blocks that are solved side by side.")
-    most_sweeps: int = Field(default=20, ge=0)
+    wave: int = Field(default=8, ge=1, description="Number of blocks that are solved side by side.")
+    max_sweeps: int = Field(default=20, ge=0, description="Maximum number of sweeps.")
     patience: int = Field(
-        default=3, ge=1, description="Sweeps without improvement, each cut anew, that end it."
+        default=3,
+        ge=1,
+        description="Number of sweeps in a row without improvement after which sweeping ends; "
+        "each cuts other blocks.",
     )
     block_deadline_s: float = Field(
-        default=5.0, gt=0, allow_inf_nan=False, description="For the solvers of one wave."
+        default=5.0, gt=0, allow_inf_nan=False, description="Deadline of the solvers of a wave, s."
     )
     solvers: tuple[SolverName, ...] = Field(
-        default=("exact",), min_length=1, description="Asked for each block, the best answer wins."
+        default=("exact",),
+        min_length=1,
+        description="Solvers that are asked for each block; the best answer is taken.",
     )
 
 
 class DispatcherSettings(Settings):
     """Everything that the dispatcher can be told; the defaults run the built-in demo."""
 
-    bus: BusSettings = BusSettings()
-    service: ServiceSettings = ServiceSettings()
+    bus: BusSettings = Field(default=BusSettings(), description="The zenoh bus.")
+    service: ServiceSettings = Field(
+        default=ServiceSettings(), description="Metrics and log of the service."
+    )
     network: str = Field(default="demo", min_length=1, description="A SUMO net, or 'demo'.")
     fleet: str = Field(default="demo", min_length=1, description="A fleet file, or 'demo'.")
-    database_url: str = Field(default="sqlite:///slipstream.db", min_length=1)
+    database_url: str = Field(
+        default="sqlite:///slipstream.db",
+        min_length=1,
+        description="SQLAlchemy URL of the database: SQLite or PostgreSQL.",
+    )
     keep_days: float = Field(
-        default=90.0, gt=0, allow_inf_nan=False, description="Older cycles are deleted."
+        default=90.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Age from which cycles are deleted, days.",
     )
     interval_s: float = Field(
-        default=30.0, gt=0, allow_inf_nan=False, description="From one cycle's start to the next's."
+        default=30.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time from one cycle's start to the next one's, s.",
     )
     deadline_s: float = Field(
         default=10.0,
         gt=0,
         allow_inf_nan=False,
-        description="What the solvers get of a cycle. Vehicles leave no sooner than this after it "
-        "starts, so that plans are out before.",
+        description="Time that the solvers have in a cycle, s. Vehicles leave no sooner than this "
+        "after the cycle starts, so that plans are out before.",
     )
     sync_window_s: float = Field(
         default=3.0,
         ge=0,
         allow_inf_nan=False,
-        description="Vehicles that enter a segment no further apart than this can platoon there.",
+        description="Maximum time between two vehicles' entries to a segment at which they can "
+        "platoon there, s.",
     )
     stale_after_s: float = Field(
         default=STALE_AFTER_S,
         gt=0,
         allow_inf_nan=False,
-        description="An older SegmentState counts for nothing.",
+        description="Age from which a SegmentState is ignored, s.",
     )
     future_tolerance_s: float = Field(
         default=FUTURE_TOLERANCE_S,
         ge=0,
         allow_inf_nan=False,
-        description="A SegmentState dated further ahead of this clock is refused.",
+        description="A SegmentState dated further ahead of this clock is refused, s.",
     )
     stops_at_signals: float = Field(
         default=0.0,
         ge=0,
         le=100,
         allow_inf_nan=False,
-        description="Full stops that a passage of a segment ending at traffic lights is expected "
-        "to cost; no camera tells of it.",
+        description="Expected number of full stops in a passage of a segment that ends at traffic "
+        "lights, which no camera measures.",
     )
     gap_m: float = Field(
-        default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers."
+        default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers, m."
     )
     advice: DrivingAdvice = Field(
         default=DrivingAdvice(),
@@ -331,24 +428,28 @@ class DispatcherSettings(Settings):
     )
     form: Literal["auto", "arc", "route"] = Field(
         default="auto",
-        description="The paper's arcs, or routes; auto: arcs for two vehicles and eight stops.",
+        description="arc: the paper's form; route: the route form; auto: arc for up to two "
+        "vehicles and eight stops.",
     )
     solvers: tuple[SolverName, ...] = Field(
         default=("exact", "lc-qaoa"),
         min_length=1,
-        description="Asked side by side, best one wins; fleets of many blocks ask city.solvers.",
+        description="Solvers that are asked side by side; the best answer is taken. Fleets of "
+        "many blocks ask city.solvers instead.",
     )
-    city: CitySettings = CitySettings()
+    city: CitySettings = Field(default=CitySettings(), description="The route form.")
     gamma: float | None = Field(
         default=None,
         gt=0,
         allow_inf_nan=False,
         description="Penalty weight of the QUBO, kWh; None: computed per instance.",
     )
-    lc_qaoa: LcQaoaSettings = LcQaoaSettings()
-    qaoa: QaoaSettings = QaoaSettings()
-    hardware: HardwareSettings = HardwareSettings()
-    seed: int = Field(default=1, ge=0, lt=2**32)
+    lc_qaoa: LcQaoaSettings = Field(default=LcQaoaSettings(), description="The solver lc-qaoa.")
+    qaoa: QaoaSettings = Field(default=QaoaSettings(), description="The solver qaoa.")
+    hardware: HardwareSettings = Field(
+        default=HardwareSettings(), description="A quantum device beside the solvers."
+    )
+    seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of everything random.")
 
     @field_validator("solvers")
     @classmethod
@@ -368,6 +469,8 @@ class DispatcherSettings(Settings):
     @model_validator(mode="after")
     def _device_has_its_solver(self) -> Self:
         asked = {*self.solvers, *self.city.solvers}
-        if self.hardware.backend and GUEST_SOLVER not in asked:
-            raise ValueError(f"hardware.backend runs circuits of {GUEST_SOLVER}: add it to solvers")
+        if self.hardware.backend and HARDWARE_SOLVER not in asked:
+            raise ValueError(
+                f"hardware.backend runs circuits of {HARDWARE_SOLVER}: add it to solvers"
+            )
         return self

@@ -112,7 +112,7 @@ def write_settings(
     """Write one settings file a daemon.
 
     Args:
-        hardware: a quantum device as a guest, see `HardwareSettings.backend`.
+        hardware: a quantum device, see `HardwareSettings.backend`.
 
     Returns:
         For each process name the sub-command to run and its settings file.

@@ -32,7 +32,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--hardware",
         default="",
         metavar="BACKEND",
-        help="a quantum device as a guest: fake:FakeBoston, ibm:NAME or ibm:least-busy",
+        help="a quantum device beside the solvers: fake:FakeBoston, ibm:NAME or ibm:least-busy",
     )
     command.add_argument("--seconds", type=float, help="stop after so long (default: run on)")
     command.add_argument("--json", action="store_true", help="print one JSON object at the end")

@@ -53,7 +53,7 @@ PARTS: Final = {
     "large": Part(
         "Beyond 25 qubits", *_module("large", "--sizes", "50", "--shots", "100", "--no-sweeps")
     ),
-    "guest": Part("A device as a guest", *_module("guest", "--cycles", "20")),
+    "hardware": Part("A device that fails", *_module("hardware", "--cycles", "20")),
 }
 
 

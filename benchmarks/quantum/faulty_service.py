@@ -1,6 +1,6 @@
 """A stand-in for a device's service that fails in every way that is known, by seed.
 
-The service's side is a file, so that its jobs and its books go on when whoever calls is killed.
+The service's side is a file, so that its jobs and its records go on when whoever calls is killed.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ _LATE_S: Final = (1.0, 4.0)
 _FOR_EVER_S: Final = 600.0
 
 
-class Books:
+class ServiceRecords:
     """The service's side: what it was given, what it does, what it charges.
 
     Args:
@@ -128,7 +128,7 @@ class Books:
             if job["ready"] <= now and not (job["cancelled"] or job["fate"] == "never")
         )
 
-    def most_in_a_day(self, now: float, day_s: float) -> float:
+    def max_in_a_day_s(self, now: float, day_s: float) -> float:
         """Most that was charged in any window of that length, s."""
         charges = self.charges(now)
         return max(
@@ -138,21 +138,21 @@ class Books:
 
 
 def pid_file(path: Path) -> Path:
-    """Where the process that opened the service of these books last says its number."""
+    """Where the process that opened the service of these records last says its number."""
     return path.with_suffix(".pid")
 
 
 @dataclass(frozen=True)
-class Opening:
+class FaultyServiceFactory:
     """Opens the service, in whatever process.
 
     Attributes:
-        path: of its `Books`.
-        stale_s: see `Opener`.
+        path: of its `ServiceRecords`.
+        max_age_s: see `ServiceFactory`.
     """
 
     path: str
-    stale_s: float = math.inf
+    max_age_s: float = math.inf
 
     def __call__(self) -> FaultyService:
         """Never fails; says which process it is in."""

@@ -77,7 +77,7 @@ def long_search(budget_s: float) -> CitySettings:
         second_rounds=max(2, int(budget_s / 20)),
         block_variables=80,
         options=8,
-        most_sweeps=1000,
+        max_sweeps=1000,
         patience=20,
         block_deadline_s=20.0,
     )
@@ -124,7 +124,7 @@ def workers(settings: CitySettings) -> Iterator[tuple[Executor, Solve]]:
 
 
 def _warm_up(solvers: Sequence[Solver]) -> None:
-    from dispatcher_daemon import vrp  # noqa: F401
+    from dispatcher_daemon.planning import pyvrp_model  # noqa: F401
 
     for solver in solvers:
         solver.warm_up()

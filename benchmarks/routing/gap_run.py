@@ -88,7 +88,7 @@ def measure_gap(
     numbered = nx.convert_node_labels_to_integers(graph, label_attribute="name", ordering="sorted")
     name = nx.get_node_attributes(numbered, "name")
     chosen, idle, cut, blocks = start, 0, 0, 0
-    while idle < settings.patience and cut < settings.most_sweeps:
+    while idle < settings.patience and cut < settings.max_sweeps:
         groups = blocks_of(numbered, max(2, settings.block_variables // settings.options), cut)
         blocks = blocks or len(groups)
         before = problem.objective_kwh(chosen)

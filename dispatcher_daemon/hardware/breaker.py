@@ -1,7 +1,7 @@
-"""A circuit breaker: after repeated faults nothing is submitted for a while, then one job on trial.
+"""A circuit breaker: after repeated faults nothing is submitted for a while, then one trial job.
 
-Only a good answer makes up for faults. A job that the service merely takes does not, or a service
-that takes jobs and answers garbage would never be left alone.
+Only a good answer resets the count of faults. An accepted job does not: a service that accepts jobs
+and answers garbage would never open the breaker.
 """
 
 from __future__ import annotations
@@ -13,46 +13,46 @@ from typing import Final, Literal
 
 from dispatcher_daemon.solvers.quantum.backends.jobs import FaultKind
 
-_LONGEST_RETRY_S: Final = 86_400.0
+_MAX_RETRY_S: Final = 86_400.0
 
 BreakerState = Literal["closed", "open", "half-open"]
 
 
 @dataclass(frozen=True)
-class Patience:
+class BreakerLimits:
     """When the breaker opens, and for how long.
 
     Attributes:
-        faults: so many without a good answer in between open it.
-        rest_s: the first rest; each further one is twice as long.
-        most_rest_s: the longest, and the rest after refused credentials.
+        fault_threshold: number of faults, without a good answer in between, that opens it.
+        open_s: first open time, s; it doubles each time the breaker opens again.
+        max_open_s: longest open time, and the open time after refused credentials, s.
     """
 
-    faults: int
-    rest_s: float
-    most_rest_s: float
+    fault_threshold: int
+    open_s: float
+    max_open_s: float
 
 
-class Breaker:
-    """The state of one device's breaker; changed by one thread, `state` and `refusal` are for any.
+class CircuitBreaker:
+    """The breaker of one device; one thread changes it, any may read `state` and `refusal`.
 
     Args:
-        patience: its limits.
-        clock: seconds, monotonic.
+        limits: when it opens, and for how long.
+        clock: monotonic time, s.
     """
 
-    def __init__(self, patience: Patience, clock: Callable[[], float]) -> None:
-        self._patience = patience
+    def __init__(self, limits: BreakerLimits, clock: Callable[[], float]) -> None:
+        self._limits = limits
         self._clock = clock
         self._faults = 0
-        self._rests = 0
+        self._openings = 0
         self._open_until: float | None = None
-        self._trying = False
-        self._why = ""
+        self._trial_pending = False
+        self._reason = ""
 
     @property
     def state(self) -> BreakerState:
-        """Closed, open, or half-open: one job may be, or is being, tried."""
+        """Closed, open, or half-open: one trial job may be, or is being, submitted."""
         until = self._open_until
         if until is None:
             return "closed"
@@ -66,55 +66,59 @@ class Breaker:
         left_s = open_until - self._clock()
         if left_s > 0:
             until = datetime.fromtimestamp(datetime.now(UTC).timestamp() + left_s, UTC)
-            return f"breaker open until {until:%H:%M:%S} UTC: {self._why}"
-        return f"breaker half-open, one job is on trial: {self._why}" if self._trying else None
+            return f"breaker open until {until:%H:%M:%S} UTC: {self._reason}"
+        if self._trial_pending:
+            return f"breaker half-open, one job is on trial: {self._reason}"
+        return None
 
     def submitting(self) -> None:
-        """A job is about to be submitted; on trial, if the breaker is half-open."""
-        self._trying = self._open_until is not None
+        """A job is about to be submitted; it is the trial job if the breaker is half-open."""
+        self._trial_pending = self._open_until is not None
 
     def withdrawn(self) -> None:
-        """The job never reached the service: another one may be tried."""
-        self._trying = False
+        """The job never reached the service: another trial job may be submitted."""
+        self._trial_pending = False
 
-    def submitted(self) -> None:
-        """The service took a job: after a rest it is on probation until a good answer."""
+    def accepted(self) -> None:
+        """The service accepted a job: a breaker that was open closes, the next fault reopens it."""
         if self._open_until is not None:
-            self._open_until, self._trying = None, False
-            self._faults = self._patience.faults - 1
+            self._open_until, self._trial_pending = None, False
+            self._faults = self._limits.fault_threshold - 1
 
     def answered(self) -> None:
         """A good answer came."""
-        self._faults = self._rests = 0
-        self._open_until, self._trying = None, False
+        self._faults = self._openings = 0
+        self._open_until, self._trial_pending = None, False
 
-    def fault(self, kind: FaultKind, why: str, retry_s: float | None = None) -> None:
-        """The service did not do what it was asked.
+    def fault(self, kind: FaultKind, reason: str, retry_s: float | None = None) -> None:
+        """The service failed.
 
         Args:
-            kind: refused credentials rest for longest; "limited" for as long as the service says,
-                and no less than the first rest.
-            why: in one line.
-            retry_s: that time.
+            kind: "refused" (credentials) opens the breaker for the longest time; "limited" for the
+                time that the service names, but no less than the first open time.
+            reason: in one line.
+            retry_s: the time that the service names, s.
         """
-        self._why = why
+        self._reason = reason
         self._faults += 1
         if kind == "refused":
-            self._open(self._patience.most_rest_s)
+            self._open(self._limits.max_open_s)
         elif kind == "limited":
-            believed = retry_s if retry_s is not None and 0 <= retry_s <= _LONGEST_RETRY_S else None
-            self._open(self._rest_s() if believed is None else max(believed, self._patience.rest_s))
-        elif self._trying or self._faults >= self._patience.faults:
-            self._open(self._rest_s())
+            if retry_s is not None and 0 <= retry_s <= _MAX_RETRY_S:
+                self._open(max(retry_s, self._limits.open_s))
+            else:
+                self._open(self._next_open_s())
+        elif self._trial_pending or self._faults >= self._limits.fault_threshold:
+            self._open(self._next_open_s())
 
-    def _rest_s(self) -> float:
-        rest_s = self._patience.rest_s * 2.0 ** min(self._rests, 60)
-        return min(rest_s, self._patience.most_rest_s)
+    def _next_open_s(self) -> float:
+        open_s = self._limits.open_s * 2.0 ** min(self._openings, 60)
+        return min(open_s, self._limits.max_open_s)
 
-    def _open(self, rest_s: float) -> None:
+    def _open(self, open_s: float) -> None:
         if self.state == "open":
-            # Looks at older jobs go on while it is open; their faults prolong nothing.
+            # Older jobs are still polled while it is open; their faults do not prolong that.
             return
-        self._rests += 1
-        self._trying = False
-        self._open_until = self._clock() + rest_s
+        self._openings += 1
+        self._trial_pending = False
+        self._open_until = self._clock() + open_s

@@ -1,20 +1,80 @@
-"""The jobs that matter now, in memory and in the database."""
+"""Jobs in memory and in the database, and the device time that they use of a rolling day's budget.
+
+A rolling day, not a calendar day: at midnight the latter would let twice its budget through within
+an hour. A job counts from before it is submitted until a day after it was found to be over: with
+its charge once that is known, and with its estimate, or more, until then. So whenever in a day a
+job ran, it counts against each job submitted later in that day.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
-from typing import Literal, Protocol
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final, Literal, Protocol
 
-from dispatcher_daemon.hardware.budget import DAY_S, counts, used_s
 from slipstream.service import LogLimiter
 from storage import QuantumJob, StorageError
 
 log = logging.getLogger(__name__)
 
+DAY_S: Final = 86_400.0
+
 DeviceKind = Literal["noise-model", "hardware"]
 """A simulator that stands in for the device, or the device."""
+
+
+class MonotonicUtcClock:
+    """UTC, ns: the wall clock's time at the start plus the monotonic time since.
+
+    Setting the wall clock while the process runs would age jobs or free budget.
+
+    Args:
+        wall_ns: UTC, read once.
+        monotonic_ns: monotonic time.
+    """
+
+    def __init__(
+        self,
+        wall_ns: Callable[[], int] = time.time_ns,
+        monotonic_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._monotonic_ns = monotonic_ns
+        self._offset_ns = wall_ns() - monotonic_ns()
+
+    def __call__(self) -> int:
+        """UTC, ns."""
+        return self._offset_ns + self._monotonic_ns()
+
+
+def counted_s(job: QuantumJob) -> float:
+    """Device time that a job counts for, s."""
+    if not job.open and job.usage_s is not None:
+        return job.usage_s
+    return max(job.estimate_s, job.usage_s or 0.0)
+
+
+def counts(job: QuantumJob, now_ns: int, day_s: float = DAY_S) -> bool:
+    """True while a job counts."""
+    return job.open or job.finished_ns is None or job.finished_ns > now_ns - int(day_s * 1e9)
+
+
+def used_s(jobs: Iterable[QuantumJob], now_ns: int, day_s: float = DAY_S) -> float:
+    """Device time charged or reserved in the day up to now, s."""
+    return sum(counted_s(job) for job in jobs if counts(job, now_ns, day_s))
+
+
+def budget_refusal(used: float, estimate_s: float, budget_s: float) -> str | None:
+    """Why no job of that estimate may be submitted; None if it may.
+
+    Args:
+        used: device time charged or reserved, s.
+    """
+    if used + estimate_s <= budget_s:
+        return None
+    line = f"budget of {budget_s:g} s a day used up: {used:.1f} s charged or reserved"
+    return f"{line}, the job may take {estimate_s:.1f} s" if estimate_s else line
 
 
 class JobStore(Protocol):
@@ -30,16 +90,16 @@ class JobStore(Protocol):
 
 
 class Ledger:
-    """All jobs that are open or count in the budget; any thread may ask, one writes.
+    """All jobs that are open or count in the budget; one thread writes, any may read.
 
-    What the database refuses for the moment is kept here and stored as soon as it can be; but a
-    job is only begun once it is stored.
+    An update that the database refuses is kept here and stored as soon as possible; but a job only
+    begins once it is stored.
 
     Args:
-        store: database; what it holds from before is taken over.
-        kind: of the device; the jobs of another kind are none of this ledger's.
-        clock_ns: UTC, at an even pace (`SteadyClock`).
-        day_s: the budget's day.
+        store: database; the jobs in it are loaded.
+        kind: of the device; jobs of the other kind are ignored.
+        clock_ns: UTC, ns (`MonotonicUtcClock`).
+        day_s: length of the budget's day, s.
 
     Raises:
         StorageError: the database cannot be read.
@@ -66,12 +126,12 @@ class Ledger:
             return self._jobs[tag]
 
     def jobs(self) -> list[QuantumJob]:
-        """All of them, oldest first."""
+        """All jobs, oldest first."""
         with self._lock:
             return list(self._jobs.values())
 
     def pending(self) -> list[QuantumJob]:
-        """Those that may still cost device time."""
+        """Jobs that may still cost device time."""
         return [job for job in self.jobs() if job.open]
 
     def used_s(self) -> float:
@@ -89,23 +149,23 @@ class Ledger:
             self._jobs[job.tag] = job
 
     def update(self, job: QuantumJob) -> None:
-        """Keep what is new about a job, and store it now or later."""
+        """Take in a job's new state, and store it now or later."""
         with self._lock:
             self._jobs[job.tag] = job
         self._unstored.add(job.tag)
         self.flush()
 
     def flush(self) -> None:
-        """Store what is not stored yet."""
+        """Store the updates that are not stored yet."""
         for tag in tuple(self._unstored):
             try:
                 self._store.save_job(self[tag])
             except Exception as error:
                 if self._limiter.allow("unstored"):
-                    log.warning("news of quantum job %s could not be stored yet: %s", tag, error)
+                    log.warning("update of quantum job %s could not be stored yet: %s", tag, error)
                 if isinstance(error, StorageError):
                     return
-                # This one is refused, not all of them.
+                # Only this job is refused; the others may still be stored.
                 continue
             self._unstored.discard(tag)
 

@@ -40,7 +40,7 @@ _STRICT: Final = pyvrp.PenaltyParams(max_penalty=1e9)
 
 def _loose(settings: SearchSettings) -> pyvrp.PenaltyParams:
     """Passing through routes that are too full or late, the search gets further."""
-    return pyvrp.PenaltyParams(max_penalty=settings.most_penalty_kwh * MWH_PER_KWH)
+    return pyvrp.PenaltyParams(max_penalty=settings.max_penalty_kwh * MWH_PER_KWH)
 
 
 @dataclass(frozen=True)

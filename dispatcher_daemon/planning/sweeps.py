@@ -116,14 +116,14 @@ class Sweeping:
     def run(
         self, seed: int, ends: float, clock: Callable[[], float]
     ) -> tuple[tuple[Sweep, ...], bool]:
-        """Sweep until nothing improves, or for `settings.most_sweeps`.
+        """Sweep until nothing improves, or for `settings.max_sweeps`.
 
         Returns:
             (the sweeps, whether the time was up before).
         """
         sweeps: list[Sweep] = []
         idle = 0
-        while len(sweeps) < self.settings.most_sweeps and idle < self.settings.patience:
+        while len(sweeps) < self.settings.max_sweeps and idle < self.settings.patience:
             sweep = self._sweep(seed + len(sweeps), ends, clock)
             if sweep is None:
                 return tuple(sweeps), True

@@ -23,7 +23,7 @@ def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> Di
         iterations_per_stop=30,
         iterations_to_feasible=2000,
         # A parcel too many saves a detour of some tenths of a kWh.
-        most_penalty_kwh=10.0,
+        max_penalty_kwh=10.0,
         workers=1,
         time_limit_s=_AMPLE_S,
     )
@@ -33,7 +33,7 @@ def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> Di
         ways=3,
         ways_legs=100,
         wave=1,
-        most_sweeps=6,
+        max_sweeps=6,
         patience=2,
         block_deadline_s=_AMPLE_S,
         solvers=("exact",),

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.config import check
+from slipstream.config import Settings, check, load
 from slipstream.errors import InputError
 
 
@@ -33,8 +35,8 @@ def test_defaults_run_the_demo() -> None:
         ({"hardware": {"backend": "aer:FakeBoston"}}, "hardware.backend"),
         ({"hardware": {"token": "secret"}}, "hardware.token: unknown key"),
         ({"hardware": {"budget_s_per_day": 0}}, "hardware.budget_s_per_day"),
-        ({"hardware": {"poll_s": 90}}, "poll_s must not be above most_poll_s"),
-        ({"hardware": {"rest_s": 1e6}}, "rest_s must not be above most_rest_s"),
+        ({"hardware": {"poll_s": 90}}, "poll_s must not be above max_poll_s"),
+        ({"hardware": {"open_s": 1e6}}, "open_s must not be above max_open_s"),
         (
             {"hardware": {"backend": "ibm:least-busy"}, "solvers": ["exact"]},
             "add it to solvers",
@@ -47,3 +49,78 @@ def test_bad_settings_are_named(data: dict[str, object], part: str) -> None:
         check(data, DispatcherSettings, "dispatcher.toml")
     assert str(caught.value).startswith("dispatcher.toml")
     assert "\n" not in str(caught.value)
+
+
+SHARED = ("bus", "service")
+"""Sections that other rooms define."""
+
+FORMER = """
+[city]
+most_sweeps = 7
+
+[city.search]
+most_penalty_kwh = 0.5
+
+[hardware]
+backend = "fake:FakeBoston"
+most_pending = 3
+most_poll_s = 50.0
+call_limit_s = 15.0
+give_up_after_s = 900.0
+faults = 4
+rest_s = 30.0
+most_rest_s = 1200.0
+"""
+PRESENT = """
+[city]
+max_sweeps = 7
+
+[city.search]
+max_penalty_kwh = 0.5
+
+[hardware]
+backend = "fake:FakeBoston"
+max_pending_jobs = 3
+max_poll_s = 50.0
+call_timeout_s = 15.0
+job_timeout_s = 900.0
+fault_threshold = 4
+open_s = 30.0
+max_open_s = 1200.0
+"""
+
+
+def test_a_settings_file_with_the_former_keys_still_loads(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It means the same as one with the present keys, and each former key is named in a warning."""
+    former, present = tmp_path / "former.toml", tmp_path / "present.toml"
+    former.write_text(FORMER, encoding="utf-8")
+    present.write_text(PRESENT, encoding="utf-8")
+    expected = load(present, DispatcherSettings)
+    assert caplog.messages == []
+    assert load(former, DispatcherSettings) == expected
+    assert expected != DispatcherSettings()
+    city, hardware = type(expected.city), type(expected.hardware)
+    search = type(expected.city.search)
+    for section, model in (("city", city), ("city.search", search), ("hardware", hardware)):
+        for old, new in model.renamed.items():
+            line = f"{section}.{old} is deprecated, the key is now {section}.{new}"
+            assert any(line in message for message in caplog.messages)
+    assert len(caplog.messages) == 9
+
+
+def test_every_key_has_a_description() -> None:
+    """No key of the dispatcher's own settings is left without one."""
+
+    def undescribed(model: type[Settings], path: str) -> list[str]:
+        missing = []
+        for name, field in model.model_fields.items():
+            inner = field.annotation
+            if not field.description:
+                missing.append(path + name)
+            if isinstance(inner, type) and issubclass(inner, Settings) and name not in SHARED:
+                missing += undescribed(inner, f"{path}{name}.")
+        return missing
+
+    assert undescribed(DispatcherSettings, "") == []

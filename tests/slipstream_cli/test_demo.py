@@ -15,7 +15,7 @@ from slipstream_cli.demo import ROADSIDES, write_settings
     ("hardware", "shots", "budget_s"),
     [("", 4096, 60.0), ("fake:FakeBoston", 256, 3600.0), ("ibm:least-busy", 4096, 60.0)],
 )
-def test_a_device_is_a_guest_where_it_is_asked_for(
+def test_a_device_is_configured_where_it_is_asked_for(
     tmp_path: Path, hardware: str, shots: int, budget_s: float
 ) -> None:
     """Off by default; a fake device gets a trial's settings, a real one the careful defaults."""

@@ -1,4 +1,4 @@
-"""A device's service that does as it is told, and a caretaker with a clock of our own."""
+"""A device's service that does as it is told, and a runner with a clock of our own."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.hardware.breaker import Breaker, Patience
-from dispatcher_daemon.hardware.caretaker import Caretaker
+from dispatcher_daemon.hardware.breaker import BreakerLimits, CircuitBreaker
+from dispatcher_daemon.hardware.circuits import BuiltCircuit, Unsuitable, problem_key
 from dispatcher_daemon.hardware.ledger import Ledger
-from dispatcher_daemon.hardware.making import Made, Unsuitable, meaning
-from dispatcher_daemon.hardware.ticket import Ticket
+from dispatcher_daemon.hardware.request import JobRequest
+from dispatcher_daemon.hardware.runner import JobRunner
 from dispatcher_daemon.problem import ArcProblem, CandidateArc, Problem
 from dispatcher_daemon.settings import HardwareSettings
 from dispatcher_daemon.solvers.lc_qaoa import Place
@@ -27,15 +27,15 @@ SETTINGS = HardwareSettings(
     backend="ibm:toy",
     shots=SHOTS,
     budget_s_per_day=10.0,
-    most_pending=2,
+    max_pending_jobs=2,
     jobs_per_cycle=9,
     poll_s=1.0,
-    most_poll_s=8.0,
-    give_up_after_s=100.0,
+    max_poll_s=8.0,
+    job_timeout_s=100.0,
     lost_after_s=20.0,
-    faults=3,
-    rest_s=60.0,
-    most_rest_s=3600.0,
+    fault_threshold=3,
+    open_s=60.0,
+    max_open_s=3600.0,
 )
 
 
@@ -45,24 +45,24 @@ def toy_problem(*stops: str) -> ArcProblem:
 
 
 @dataclass(frozen=True)
-class ToyMaker:
+class ToyBuilder:
     """Two qubits a problem; valid if any sample is."""
 
     name: str = "lc-qaoa"
-    dialect: str = "toy"
+    encoding: str = "toy"
 
     def warm_up(self) -> None:
         """Nothing to import."""
 
-    def make(
+    def build(
         self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
-    ) -> Made:
+    ) -> BuiltCircuit:
         """No training."""
         if not problem.choices:
             raise Unsuitable("nothing to choose")
-        return Made("circuit", (1, 0), "f" * 16, "ramp", 2, 0.25)
+        return BuiltCircuit("circuit", (1, 0), "f" * 16, "ramp", 2, 0.25)
 
-    def read(
+    def decode(
         self, problem: Problem, order: Sequence[int], samples: Mapping[str, int], seed: int
     ) -> Outcome:
         """The first arc, unless every sample is 00."""
@@ -84,7 +84,7 @@ class ToyService:
     jobs: dict[str, str] = field(default_factory=dict)
     made: int = 0
     cancelled: list[str] = field(default_factory=list)
-    stale_s: float = math.inf
+    max_age_s: float = math.inf
     opened: int = 0
     asked: list[bool] = field(default_factory=list)
 
@@ -153,27 +153,27 @@ class ToyStore:
         return [j for j in self.rows.values() if j.open or (j.finished_ns or 0) >= finished_ns]
 
 
-class World:
-    """A caretaker with a clock, a service and a store; the first two survive its restart."""
+class RunnerHarness:
+    """A runner with a clock, a service and a store; the first two survive its restart."""
 
     def __init__(self, settings: HardwareSettings = SETTINGS) -> None:
         self.now_s = 1000.0
         self.settings = settings
-        self.service, self.store, self.maker = ToyService(), ToyStore(), ToyMaker()
+        self.service, self.store, self.builder = ToyService(), ToyStore(), ToyBuilder()
         self.cycle = 0
         self.restart()
 
     def restart(self) -> None:
-        """A new caretaker, as after a crash: only service and store know what was."""
+        """A new runner, as after a crash: only service and store know what was."""
         self.ledger = Ledger(self.store, "hardware", self.now_ns)
         limits = self.settings
-        patience = Patience(limits.faults, limits.rest_s, limits.most_rest_s)
-        self.breaker = Breaker(patience, lambda: self.now_s)
-        self.caretaker = Caretaker(
+        breaker_limits = BreakerLimits(limits.fault_threshold, limits.open_s, limits.max_open_s)
+        self.breaker = CircuitBreaker(breaker_limits, lambda: self.now_s)
+        self.runner = JobRunner(
             limits,
             "hardware",
             self.service,
-            self.maker,
+            self.builder,
             self.ledger,
             self.breaker,
             self.call,
@@ -185,8 +185,8 @@ class World:
         """UTC."""
         return int(self.now_s * 1e9)
 
-    def call(self, function: Callable[..., Any], args: Sequence[Any], limit_s: float) -> Any:
-        """Here, with the faults of a worker turned as `GuestWorker.call` does."""
+    def call(self, function: Callable[..., Any], args: Sequence[Any], timeout_s: float) -> Any:
+        """Here, with the faults of a worker turned as `ServiceWorker.call` does."""
         try:
             return function(*args)
         except (ServiceFault, Unsuitable):
@@ -194,28 +194,29 @@ class World:
         except Exception as error:
             raise ServiceFault("broken", str(error)) from None
 
-    def ticket(self, *stops: str) -> Ticket:
-        """A new cycle's question about a problem with these stops, not asked yet."""
+    def request(self, *stops: str) -> JobRequest:
+        """A new cycle's request for a problem with these stops, not served yet."""
         self.cycle += 1
         problem = toy_problem(*stops or ("a", "b"))
-        ends = self.now_s + 10.0
-        return Ticket(problem, meaning(problem, "toy"), 1, self.cycle, ends, lambda: self.now_s)
+        ends_at = self.now_s + 10.0
+        key = problem_key(problem, "toy")
+        return JobRequest(problem, key, 1, self.cycle, ends_at, lambda: self.now_s)
 
-    def ask(self, *stops: str) -> Ticket:
+    def ask(self, *stops: str) -> JobRequest:
         """A new cycle asks."""
-        ticket = self.ticket(*stops)
-        self.caretaker.begin_cycle()
-        self.caretaker.serve(ticket)
-        return ticket
+        request = self.request(*stops)
+        self.runner.begin_cycle()
+        self.runner.serve(request)
+        return request
 
     def wait(self, seconds: float) -> None:
-        """Time goes by, and every look that is due is had."""
+        """Time goes by, and every poll that is due is done."""
         until = self.now_s + seconds
-        while (due := self.caretaker.next_look()) is not None and due[0] <= until:
+        while (due := self.runner.next_poll()) is not None and due[0] <= until:
             self.now_s = max(self.now_s, due[0])
-            self.caretaker.look_after(due[1])
+            self.runner.poll(due[1])
         self.now_s = until
-        self.caretaker.tidy()
+        self.runner.tidy()
 
     @property
     def job(self) -> QuantumJob:
@@ -225,20 +226,20 @@ class World:
 
 
 @pytest.fixture
-def world() -> World:
-    """A caretaker of nothing yet."""
-    return World()
+def harness() -> RunnerHarness:
+    """A runner without jobs."""
+    return RunnerHarness()
 
 
 @pytest.fixture
-def make_world() -> type[World]:
-    """Makes caretakers with other settings."""
-    return World
+def make_harness() -> type[RunnerHarness]:
+    """Makes runners with other settings."""
+    return RunnerHarness
 
 
 @pytest.fixture
 def limits() -> HardwareSettings:
-    """The world's settings."""
+    """The harness's settings."""
     return SETTINGS
 
 

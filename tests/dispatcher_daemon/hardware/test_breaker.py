@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from dispatcher_daemon.hardware.breaker import Breaker, Patience
+from dispatcher_daemon.hardware.breaker import BreakerLimits, CircuitBreaker
 
 
 class Clock:
@@ -26,12 +26,12 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def breaker(clock: Callable[[], float]) -> Breaker:
+def breaker(clock: Callable[[], float]) -> CircuitBreaker:
     """Three faults open it for 10, 20, 40, then always 60 s."""
-    return Breaker(Patience(3, 10.0, 60.0), clock)
+    return CircuitBreaker(BreakerLimits(3, 10.0, 60.0), clock)
 
 
-def test_it_opens_after_so_many_faults(breaker: Breaker, clock: Clock) -> None:
+def test_it_opens_after_so_many_faults(breaker: CircuitBreaker, clock: Clock) -> None:
     """Two faults are borne, the third opens it; good answers in between make up for them."""
     for _ in range(2):
         breaker.fault("broken", "500")
@@ -47,39 +47,39 @@ def test_it_opens_after_so_many_faults(breaker: Breaker, clock: Clock) -> None:
     assert breaker.state == "open"
 
 
-def test_one_job_is_tried_when_it_is_half_open(breaker: Breaker, clock: Clock) -> None:
+def test_one_job_is_tried_when_it_is_half_open(breaker: CircuitBreaker, clock: Clock) -> None:
     """While it is on trial nothing else is; its fault opens the breaker for twice as long."""
-    rests = []
+    times_s = []
     for _ in range(5):
         while breaker.state != "open":
             breaker.fault("broken", "500")
         began = clock.now
         while breaker.refusal() is not None:
             clock.now += 1.0
-        rests.append(clock.now - began)
+        times_s.append(clock.now - began)
         assert breaker.state == "half-open"
         breaker.submitting()
         assert "on trial" in (breaker.refusal() or "")
         breaker.fault("broken", "500")
         assert breaker.state == "open"
         clock.now += 1.0
-    # Each fault on trial doubles the rest, the first fault after it finds it open already.
-    assert rests == [10.0, 19.0, 39.0, 59.0, 59.0]
+    # Each fault on trial doubles the time, the first fault after it finds it open already.
+    assert times_s == [10.0, 19.0, 39.0, 59.0, 59.0]
 
 
-def test_a_job_that_is_taken_is_on_probation(breaker: Breaker, clock: Clock) -> None:
+def test_a_job_that_is_taken_is_on_probation(breaker: CircuitBreaker, clock: Clock) -> None:
     """A job taken closes it; the next fault opens it at once, a good answer clears it."""
     for _ in range(3):
         breaker.fault("broken", "500")
     clock.now += 10.0
     breaker.submitting()
-    breaker.submitted()
+    breaker.accepted()
     assert breaker.refusal() is None
     breaker.fault("garbage", "not binary")
     assert breaker.state == "open"
     clock.now += 20.0
     breaker.submitting()
-    breaker.submitted()
+    breaker.accepted()
     breaker.answered()
     for _ in range(2):
         breaker.fault("broken", "500")
@@ -87,7 +87,7 @@ def test_a_job_that_is_taken_is_on_probation(breaker: Breaker, clock: Clock) -> 
 
 
 @pytest.mark.parametrize(
-    ("kind", "retry_s", "rest_s"),
+    ("kind", "retry_s", "open_s"),
     [
         ("refused", None, 60.0),
         ("limited", 0.0, 10.0),
@@ -101,20 +101,20 @@ def test_a_job_that_is_taken_is_on_probation(breaker: Breaker, clock: Clock) -> 
     ],
 )
 def test_some_faults_open_it_at_once(
-    breaker: Breaker, clock: Clock, kind: str, retry_s: float | None, rest_s: float
+    breaker: CircuitBreaker, clock: Clock, kind: str, retry_s: float | None, open_s: float
 ) -> None:
-    """Refused credentials rest for longest, 429 as long as it says, if that can be believed, and
+    """Refused credentials open it for longest, 429 as long as it says, if that can be believed, and
     at least as long as after other faults.
     """
     breaker.fault(kind, "no", retry_s)  # type: ignore[arg-type]
-    clock.now += rest_s - 0.5
+    clock.now += open_s - 0.5
     assert breaker.state == "open"
     clock.now += 0.5
     assert breaker.state == "half-open"
 
 
-def test_faults_of_older_jobs_prolong_nothing(breaker: Breaker, clock: Clock) -> None:
-    """Looks go on while it is open; what they run into does not keep it open for ever."""
+def test_faults_of_older_jobs_prolong_nothing(breaker: CircuitBreaker, clock: Clock) -> None:
+    """Polls go on while it is open; their faults do not keep it open for ever."""
     for _ in range(3):
         breaker.fault("broken", "500")
     for _ in range(9):
@@ -126,7 +126,7 @@ def test_faults_of_older_jobs_prolong_nothing(breaker: Breaker, clock: Clock) ->
 
 def test_its_state_can_be_read_while_it_changes(clock: Clock) -> None:
     """Another thread that asks gets an answer, whatever the device's thread does meanwhile."""
-    breaker = Breaker(Patience(1, 10.0, 60.0), lambda: clock())
+    breaker = CircuitBreaker(BreakerLimits(1, 10.0, 60.0), lambda: clock())
     breaker.fault("broken", "500")
     clock.now += 11.0
 

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, cast
 
 import pytest
 
 from dispatcher_daemon.daemon import Dispatcher
-from dispatcher_daemon.hardware.desk import Desk
-from dispatcher_daemon.hardware.opening import Opening, kind_of, open_desk
-from dispatcher_daemon.hardware.steady_clock import SteadyClock
+from dispatcher_daemon.hardware.manager import JobManager
 from dispatcher_daemon.plans.solver_report import solver_report
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
+from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import Job, solve_here
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
-from slipstream.errors import InputError
 from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth
-from storage import open_database
 
 HEALTH = HardwareHealth(
     backend="ibm:boston", pending=1, used_s=1.0, budget_s=60.0, breaker="closed", line=None
@@ -30,8 +25,8 @@ AER = Execution("aer", "simulated", "ramp", 2, 4, 40, 0.1, 0.2, fallback="job j 
 DEVICE = Execution("boston", "hardware", "ramp", 2, 8, 48, 0.1, 3.0, job="j7")
 
 
-class Guest:
-    """A desk whose device answers what the exact solver does."""
+class ExactDevice:
+    """A job manager whose device answers what the exact solver does."""
 
     def __init__(self) -> None:
         self.cycles: list[int] = []
@@ -80,18 +75,18 @@ class Log:
         return 0
 
 
-def test_the_dispatcher_solves_through_the_desk(demo: RoutingProblem) -> None:
+def test_the_dispatcher_solves_through_the_job_manager(demo: RoutingProblem) -> None:
     """It learns each cycle's number, its answers are reported, its state is in the health."""
-    log, guest = Log(), Guest()
+    log, device = Log(), ExactDevice()
     settings = DispatcherSettings(solvers=("exact", "lc-qaoa"))
     solve = solve_here([])
     dispatcher = Dispatcher(
-        settings, demo.network, demo.fleet, log, log, solve, guest=cast(Desk, guest)
+        settings, demo.network, demo.fleet, log, log, solve, job_manager=cast(JobManager, device)
     )
     for _ in range(2):
         dispatcher.run_cycle()
     dispatcher.publish_health(None)
-    assert guest.cycles == [7, 8]
+    assert device.cycles == [7, 8]
     report = next(m for m in log.messages if isinstance(m, CycleReport))
     assert report.status == "ok"
     exact, chain = report.solvers
@@ -113,7 +108,7 @@ def test_a_fault_in_the_health_ends_no_dispatcher(
     demo: RoutingProblem, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It is logged, once a minute; the next one is published again."""
-    log, guest = Log(), Guest()
+    log, device = Log(), ExactDevice()
     dispatcher = Dispatcher(
         DispatcherSettings(),
         demo.network,
@@ -121,19 +116,19 @@ def test_a_fault_in_the_health_ends_no_dispatcher(
         log,
         log,
         solve_here([]),
-        guest=cast(Desk, guest),
+        job_manager=cast(JobManager, device),
     )
-    health = guest.health
+    health = device.health
 
     def broken() -> HardwareHealth:
         raise TypeError("'<' not supported")
 
-    guest.health = broken  # type: ignore[method-assign]
+    device.health = broken  # type: ignore[method-assign]
     for _ in range(3):
         dispatcher.publish_health(None)
     assert log.messages == []
     assert len(caplog.records) == 1
-    guest.health = health  # type: ignore[method-assign]
+    device.health = health  # type: ignore[method-assign]
     dispatcher.publish_health(None)
     assert len(log.messages) == 1
 
@@ -164,25 +159,3 @@ def test_blocks_are_told_of_together(backwards: bool) -> None:
     classical = solver_report([proven], 1.0, blocks=True)
     assert classical.status == "feasible"
     assert (classical.backend, classical.fallback, classical.two_qubit_depth) == (None, None, None)
-
-
-def test_there_is_no_desk_without_a_device(tmp_path: Path) -> None:
-    """By default nothing of it is there; opening a desk starts no process yet."""
-    with open_database(f"sqlite:///{tmp_path}/x.db") as database:
-        assert open_desk(DispatcherSettings(), solve_here([]), database) is None
-        hardware = HardwareSettings(backend="fake:FakeBoston")
-        desk = open_desk(DispatcherSettings(hardware=hardware), solve_here([]), database)
-        assert desk is not None
-        assert desk.health().line is None
-        assert isinstance(desk._clerk._ledger._clock_ns, SteadyClock)
-        assert desk._cycle_s == DispatcherSettings().deadline_s
-        desk.close()
-
-
-def test_kinds_and_services() -> None:
-    """Only IBM's are hardware; a service that does not exist is refused by name."""
-    assert (kind_of("ibm:boston"), kind_of("fake:FakeBoston")) == ("hardware", "noise-model")
-    with pytest.raises(InputError, match="no job service"):
-        Opening("aer")()
-    assert Opening("ibm:least-busy").stale_s == 3600.0
-    assert Opening("ibm:boston").stale_s == Opening("fake:FakeBoston").stale_s == float("inf")

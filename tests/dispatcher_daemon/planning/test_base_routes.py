@@ -252,7 +252,7 @@ def test_few_large_parcels_need_a_penalty_above_a_detour() -> None:
     city = generate_city(2, vehicles=8, stops=32, segments=200, shape=shape)
     made = city.problem, city.snapshot
     low, high = (
-        routed(made, SHORT.model_copy(update={"most_penalty_kwh": kwh})) for kwh in (1e-3, 10.0)
+        routed(made, SHORT.model_copy(update={"max_penalty_kwh": kwh})) for kwh in (1e-3, 10.0)
     )
     assert not high.left
     assert cost_kwh(made, high.stops) < 0.99 * cost_kwh(made, low.stops)

@@ -24,7 +24,7 @@ SETTINGS = DispatcherSettings(
     city=CitySettings(
         search=SearchSettings(rounds=2, iterations_per_stop=5, workers=1),
         second_rounds=1,
-        most_sweeps=4,
+        max_sweeps=4,
         patience=2,
     ),
 )
@@ -164,7 +164,7 @@ def test_a_cycle_starts_from_the_last_one_s_routes(town: Town) -> None:
     """Without search the next cycle serves the stops as the given routes do, not as its own."""
     problem, snapshot = town(["33", "30", "03", "22"], [{}, {}])
     still = SETTINGS.city.model_copy(
-        update={"search": SearchSettings(rounds=0, workers=1), "second_rounds": 0, "most_sweeps": 0}
+        update={"search": SearchSettings(rounds=0, workers=1), "second_rounds": 0, "max_sweeps": 0}
     )
     settings = SETTINGS.model_copy(update={"city": still})
     start = {"van-0": ("s1", "s0"), "van-1": ("s3", "s2")}

@@ -24,7 +24,7 @@ Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 QUICK = CitySettings(
     search=SearchSettings(rounds=2, iterations_per_stop=5, workers=1),
     second_rounds=1,
-    most_sweeps=4,
+    max_sweeps=4,
     patience=2,
 )
 
@@ -109,7 +109,7 @@ def test_a_short_deadline_is_kept_with_a_sound_plan() -> None:
         update={
             "search": SearchSettings(rounds=1000, iterations_per_stop=1000, workers=1),
             "second_rounds": 1000,
-            "most_sweeps": 1000,
+            "max_sweeps": 1000,
             "patience": 1000,
         }
     )
@@ -180,7 +180,7 @@ def test_the_last_cycle_s_routes_are_a_start(town: Town) -> None:
     """Without any search the plan keeps to the routes that it was given."""
     problem, snapshot = town(["33", "30", "03", "22"], [{}, {}])
     still = QUICK.model_copy(
-        update={"search": SearchSettings(rounds=0, workers=1), "second_rounds": 0, "most_sweeps": 0}
+        update={"search": SearchSettings(rounds=0, workers=1), "second_rounds": 0, "max_sweeps": 0}
     )
     start = {"van-0": ["s1", "s0"], "van-1": ["s3", "s2"]}
     made = plan(problem, snapshot, still, start=start)

@@ -25,7 +25,7 @@ from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import CityShape, generate_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
-SETTINGS = CitySettings(most_sweeps=6, block_variables=16, options=4, wave=2)
+SETTINGS = CitySettings(max_sweeps=6, block_variables=16, options=4, wave=2)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ SETTINGS = DispatcherSettings(
     city=CitySettings(
         search=SearchSettings(rounds=1, iterations_per_stop=5, workers=1),
         second_rounds=0,
-        most_sweeps=1,
+        max_sweeps=1,
     ),
 )
 LATER_NS = 10_000_000_000

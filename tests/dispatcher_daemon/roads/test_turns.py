@@ -178,7 +178,7 @@ def test_a_cycle_with_expectations_gives_verified_plans() -> None:
         city=CitySettings(
             search=SearchSettings(rounds=1, iterations_per_stop=5, workers=1),
             second_rounds=0,
-            most_sweeps=1,
+            max_sweeps=1,
         ),
     )
     problem = replace(city.problem, time_worth_kw=5.0)

@@ -14,13 +14,18 @@ from typing import Any, Final
 
 import psutil
 
-from benchmarks.quantum.ansatz_maker import AnsatzMaker
-from benchmarks.quantum.faulty_service import EVERYTHING, Books, Opening, pid_file
-from benchmarks.quantum.guest_judge import DAY_S, Run, judge
+from benchmarks.quantum.ansatz_builder import AnsatzBuilder
+from benchmarks.quantum.faulty_service import (
+    EVERYTHING,
+    FaultyServiceFactory,
+    ServiceRecords,
+    pid_file,
+)
+from benchmarks.quantum.hardware_checks import DAY_S, Run, check_run
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.fleet import load_fleet
-from dispatcher_daemon.hardware.clerk import Clerk
-from dispatcher_daemon.hardware.desk import Desk
+from dispatcher_daemon.hardware import JobManager
+from dispatcher_daemon.hardware.thread import JobThread
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import RoutingProblem
@@ -45,16 +50,16 @@ SETTINGS: Final = DispatcherSettings(
         backend="ibm:faulty",
         shots=256,
         budget_s_per_day=40.0,
-        most_pending=3,
+        max_pending_jobs=3,
         wait_s=0.6,
         poll_s=0.05,
-        most_poll_s=0.5,
-        call_limit_s=0.5,
-        give_up_after_s=5.0,
+        max_poll_s=0.5,
+        call_timeout_s=0.5,
+        job_timeout_s=5.0,
         lost_after_s=1.0,
-        faults=4,
-        rest_s=0.3,
-        most_rest_s=1.5,
+        fault_threshold=4,
+        open_s=0.3,
+        max_open_s=1.5,
     ),
 )
 
@@ -80,15 +85,15 @@ class Timed:
         return outcomes
 
 
-class Stage:
-    """Everything around the cycles; desk and database can be torn down and opened again."""
+class Harness:
+    """Everything around the cycles; job manager and database can be torn down and opened again."""
 
     def __init__(
         self, folder: Path, seed: int, settings: DispatcherSettings, solve: Solve | None
     ) -> None:
         self.settings = settings
         self.url = f"sqlite:///{folder}/cycles.db"
-        self.books = Books(folder / "service.db", seed, EVERYTHING, (0.0, 0.25))
+        self.records = ServiceRecords(folder / "service.db", seed, EVERYTHING, (0.0, 0.25))
         self._pool = None
         if solve is None:
             solve = self._pool = SolverPool(configured_solvers(settings))
@@ -100,27 +105,27 @@ class Stage:
         self.open(warm=True)
 
     def open(self, *, warm: bool) -> None:
-        """Database and desk.
+        """Database and job manager.
 
         Args:
             warm: whether to wait for the device's worker, so that the next cycles meet the device.
         """
         self.database = self._stack.enter_context(open_database(self.url))
         hardware = self.settings.hardware
-        clerk = Clerk(
+        thread = JobThread(
             hardware,
             "hardware",
-            Opening(str(self.books.path)),
-            AnsatzMaker(LcQaoaSolver(self.settings.lc_qaoa)),
+            FaultyServiceFactory(str(self.records.path)),
+            AnsatzBuilder(LcQaoaSolver(self.settings.lc_qaoa)),
             self.database,
             day_s=DAY_S,
         )
-        desk = Desk(self.inner, clerk, hardware.wait_s, self.settings.deadline_s)
-        self.desk = self._stack.enter_context(desk)
+        manager = JobManager(self.inner, thread, hardware.wait_s, self.settings.deadline_s)
+        self.manager = self._stack.enter_context(manager)
         if warm:
-            clerk.warm.wait(60.0)
+            thread.warm.wait(60.0)
 
-    def rest(self) -> None:
+    def wait_for_pool(self) -> None:
         """Between cycles: a killed solver's successor gets time to start, as it has in service.
 
         A cycle here is shorter than importing Aer takes, and would kill each successor in turn.
@@ -128,13 +133,13 @@ class Stage:
         if self.inner.late and self._pool is not None:
             self._pool.warm_up(30.0)
 
-    def tear_down(self) -> None:
+    def close_device(self) -> None:
         """As a crash would: nothing is finished, nothing is told."""
         self._stack.close()
 
     def close(self) -> None:
         """All of it."""
-        self.tear_down()
+        self.close_device()
         if self._pool is not None:
             self._pool.close()
 
@@ -148,7 +153,7 @@ def run(
     solve: Solve | None = None,
     restart_every: int = 40,
     write: Callable[[Mapping[str, Any]], object] = lambda _: None,
-    judged: bool = True,
+    checked: bool = True,
 ) -> Run:
     """Run cycles to the end, in this process.
 
@@ -157,31 +162,31 @@ def run(
         solve: in place of a pool of the settings' solvers.
         restart_every: cycles between two restarts, on average.
         write: takes what is to be told of each cycle, when it is over.
-        judged: whether to hold the ledger against the service's books in the end.
+        checked: whether to hold the ledger against the service's records in the end.
     """
     result = empty_run(settings)
     before = _resources()
-    stage = Stage(folder, seed, settings, solve)
+    harness = Harness(folder, seed, settings, solve)
     early = before
-    first = stage.database.next_cycle_number()
+    first = harness.database.next_cycle_number()
     rng = random.Random(f"{seed} {first}")
     try:
         for number in range(first, first + cycles):
-            entry = _cycle(stage, number, rng)
+            entry = _cycle(harness, number, rng)
             if restarts := rng.random() * restart_every < 1:
-                stage.tear_down()
-                stage.open(warm=rng.random() < 0.5)
+                harness.close_device()
+                harness.open(warm=rng.random() < 0.5)
             entry["restarted"] = int(restarts)
             result.add(entry)
             write(entry)
             if result.cycles == min(20, cycles):
                 early = _resources()
-        _settle(stage, result)
+        _settle(harness, result)
         late = _resources()
     finally:
-        stage.close()
-    if judged:
-        judge(stage.books, stage.url, result)
+        harness.close()
+    if checked:
+        check_run(harness.records, harness.url, result)
     after = _resources()
     result.growth = {name: late[name] - early[name] for name in early}
     result.leaks = {name: after[name] - before[name] for name in before}
@@ -207,23 +212,23 @@ def _kill_worker(path: Path, killed: list[int]) -> None:
             killed.append(worker.pid)
 
 
-def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
+def _cycle(harness: Harness, number: int, rng: random.Random) -> dict[str, Any]:
     """Run a cycle; what is to be told of it."""
     broken = []
-    snapshot = _traffic(stage.problem, rng)
+    snapshot = _traffic(harness.problem, rng)
     kills, after_s = rng.random() * KILL_WORKER_EVERY < 1, rng.uniform(0.0, 0.5)
     killed: list[int] = []
-    killer = threading.Timer(after_s, _kill_worker, (stage.books.path, killed))
+    killer = threading.Timer(after_s, _kill_worker, (harness.records.path, killed))
     if kills:
         killer.start()
-    outer = Timed(stage.desk)
+    outer = Timed(harness.manager)
     began = time.monotonic()
-    stage.desk.begin_cycle(number)
-    cycle = Cycle(stage.problem, snapshot, stage.settings, number, snapshot.now_ns, seed=number)
+    harness.manager.begin_cycle(number)
+    cycle = Cycle(harness.problem, snapshot, harness.settings, number, snapshot.now_ns, seed=number)
     done = run_cycle(cycle, outer)
-    stage.database.record_cycle(done.report, done.plans, snapshot.states)
+    harness.database.record_cycle(done.report, done.plans, snapshot.states)
     wall_s = time.monotonic() - began
-    settings, pool_s = stage.settings, stage.inner.wall_s
+    settings, pool_s = harness.settings, harness.inner.wall_s
     may_wait_s = min(pool_s + settings.hardware.wait_s, (1 - RESERVE) * settings.deadline_s)
     beyond_s = outer.wall_s - max(pool_s, may_wait_s)
     if wall_s > settings.deadline_s:
@@ -235,8 +240,8 @@ def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
         broken.append(f"cycle {number} made no plan: {done.report.reason}")
     faults = verify_plans(
         done.plans,
-        stage.problem.network,
-        stage.problem.fleet,
+        harness.problem.network,
+        harness.problem.fleet,
         {name for name, traffic in snapshot.segments.items() if traffic.open},
         settings.sync_window_s,
         unserved={},
@@ -245,7 +250,7 @@ def _cycle(stage: Stage, number: int, rng: random.Random) -> dict[str, Any]:
     broken += [f"cycle {number}: {fault}" for fault in faults]
     if kills:
         killer.join()
-    stage.rest()
+    harness.wait_for_pool()
     (chain,) = (run for run in done.report.solvers if run.solver == "lc-qaoa")
     fallback = None
     if chain.backend_kind != "hardware":
@@ -271,22 +276,24 @@ def _traffic(problem: RoutingProblem, rng: random.Random) -> TrafficSnapshot:
         limit = problem.network.segments[name].speed_limit_mps
         calm = rng.random() < 0.7
         speed = limit * (rng.choice((0.9, 1.0)) if calm else rng.choice((0.3, 0.5)))
-        seen[name] = SegmentTraffic(name, speed, y_e=int(calm), open=calm, reason=None, age_s=1.0)
+        seen[name] = SegmentTraffic(
+            name, speed, y_e=1 if calm else 0, open=calm, reason=None, age_s=1.0
+        )
     segments = {
         s: SegmentTraffic(s, r.speed_limit_mps) for s, r in problem.network.segments.items()
     }
     return TrafficSnapshot(time.time_ns(), segments | seen, ())
 
 
-def _settle(stage: Stage, result: Run) -> None:
+def _settle(harness: Harness, result: Run) -> None:
     """Without new faults all jobs must come to an end by themselves."""
-    stage.books.expect({})
-    limits = stage.settings.hardware
-    until = time.monotonic() + limits.give_up_after_s + limits.lost_after_s + 20.0
-    while stage.desk.health().pending and time.monotonic() < until:
+    harness.records.expect({})
+    limits = harness.settings.hardware
+    until = time.monotonic() + limits.job_timeout_s + limits.lost_after_s + 20.0
+    while harness.manager.health().pending and time.monotonic() < until:
         time.sleep(0.1)
-    if stage.desk.health().pending:
-        result.broken.append(f"{stage.desk.health().pending} jobs never came to an end")
+    if harness.manager.health().pending:
+        result.broken.append(f"{harness.manager.health().pending} jobs never came to an end")
 
 
 def _kind_of(why: str) -> str:

@@ -1,4 +1,4 @@
-"""The desk's thread: takes problems in, and looks after the device's jobs at all times.
+"""The job thread: takes in requests, and polls the device's jobs at all times.
 
 Only this thread changes the ledger and calls the worker.
 """
@@ -14,16 +14,19 @@ from functools import partial
 from typing import Final, get_args
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.hardware import calls
-from dispatcher_daemon.hardware.breaker import Breaker, BreakerState, Patience
-from dispatcher_daemon.hardware.budget import DAY_S
-from dispatcher_daemon.hardware.calls import Opener
-from dispatcher_daemon.hardware.caretaker import Caretaker
-from dispatcher_daemon.hardware.ledger import DeviceKind, JobStore, Ledger
-from dispatcher_daemon.hardware.making import Maker
-from dispatcher_daemon.hardware.steady_clock import SteadyClock
-from dispatcher_daemon.hardware.ticket import Ticket
-from dispatcher_daemon.hardware.worker import GuestWorker, WorkerClosed
+from dispatcher_daemon.hardware import service
+from dispatcher_daemon.hardware.breaker import BreakerLimits, BreakerState, CircuitBreaker
+from dispatcher_daemon.hardware.circuits import CircuitBuilder
+from dispatcher_daemon.hardware.ledger import (
+    DAY_S,
+    DeviceKind,
+    JobStore,
+    Ledger,
+    MonotonicUtcClock,
+)
+from dispatcher_daemon.hardware.request import JobRequest
+from dispatcher_daemon.hardware.runner import JobRunner
+from dispatcher_daemon.hardware.service import ServiceFactory, ServiceWorker, WorkerClosed
 from dispatcher_daemon.settings import HardwareSettings
 from dispatcher_daemon.solvers.pool import error_line
 from slipstream.messages import HardwareHealth
@@ -38,21 +41,21 @@ _WARM_UP_S: Final = 120.0
 _STOPPING: Final = "the dispatcher is stopping"
 
 
-class Clerk:
-    """Deals with one device.
+class JobThread:
+    """The thread of one device, with its ledger, breaker and worker.
 
     Attributes:
-        maker: see there.
+        builder: builds circuits and decodes samples, in the worker.
         warm: set once the worker has imported what it needs, or has failed to.
 
     Args:
         settings: of the device.
         kind: of the device.
-        opener: opens the service, in the worker process.
-        maker: makes circuits and reads samples, there too.
+        factory: opens the service, in the worker.
+        builder: see above.
         store: of the ledger.
-        clock_ns: UTC, at an even pace; None: a `SteadyClock`.
-        day_s: the budget's day.
+        clock_ns: UTC, ns; None: a `MonotonicUtcClock`.
+        day_s: length of the budget's day, s.
 
     Raises:
         StorageError: the ledger cannot be read.
@@ -62,57 +65,57 @@ class Clerk:
         self,
         settings: HardwareSettings,
         kind: DeviceKind,
-        opener: Opener,
-        maker: Maker,
+        factory: ServiceFactory,
+        builder: CircuitBuilder,
         store: JobStore,
         clock_ns: Callable[[], int] | None = None,
         day_s: float = DAY_S,
     ) -> None:
-        self.maker = maker
+        self.builder = builder
         self.warm = threading.Event()
         self._settings = settings
-        clock_ns = clock_ns or SteadyClock()
+        clock_ns = clock_ns or MonotonicUtcClock()
         self._ledger = Ledger(store, kind, clock_ns, day_s)
-        patience = Patience(settings.faults, settings.rest_s, settings.most_rest_s)
-        self._breaker = Breaker(patience, time.monotonic)
-        self._worker = GuestWorker()
-        self._caretaker = Caretaker(
+        limits = BreakerLimits(settings.fault_threshold, settings.open_s, settings.max_open_s)
+        self._breaker = CircuitBreaker(limits, time.monotonic)
+        self._worker = ServiceWorker()
+        self._runner = JobRunner(
             settings,
             kind,
-            opener,
-            maker,
+            factory,
+            builder,
             self._ledger,
             self._breaker,
             self._worker.call,
             clock_ns,
         )
-        self._new: deque[Ticket] = deque()
-        self._out: list[Ticket] = []
+        self._new: deque[JobRequest] = deque()
+        self._unsettled: list[JobRequest] = []
         self._lock = threading.Lock()
         self._wake, self._stopping = threading.Event(), threading.Event()
         self._limiter = LogLimiter()
-        self._thread = threading.Thread(target=self._run, name="guest", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="quantum-jobs", daemon=True)
 
     def start(self) -> None:
-        """Start its thread, and with it the worker."""
+        """Start the thread, and with it the worker."""
         self._thread.start()
 
     def begin_cycle(self) -> None:
         """A new cycle may submit jobs again."""
-        self._caretaker.begin_cycle()
+        self._runner.begin_cycle()
 
-    def take(self, tickets: Iterable[Ticket]) -> None:
-        """Take in what a cycle wants to know."""
+    def add(self, requests: Iterable[JobRequest]) -> None:
+        """Take in a cycle's requests."""
         with self._lock:
-            given = tuple(tickets)
-            self._out = [*(ticket for ticket in self._out if ticket.open), *given]
+            given = tuple(requests)
+            self._unsettled = [*(request for request in self._unsettled if request.open), *given]
             self._new.extend(given)
         self._wake.set()
         if self._stopping.is_set():
             self._decline_all()
 
     def health(self) -> HardwareHealth:
-        """How it stands; for any thread."""
+        """State of jobs, budget and breaker; for any thread."""
         jobs, used_s, state = self._ledger.jobs(), self._ledger.used_s(), self._breaker.state
         in_state = Counter(job.state for job in jobs)
         for name in get_args(LedgerState):
@@ -126,11 +129,11 @@ class Clerk:
             used_s=used_s,
             budget_s=self._settings.budget_s_per_day,
             breaker=state,
-            line=self._caretaker.refusal(),
+            line=self._runner.refusal(),
         )
 
     def close(self) -> None:
-        """Stop, whatever is going on; whoever waits is told."""
+        """Stop, whatever is going on; open requests are declined."""
         self._stopping.set()
         self._wake.set()
         self._worker.close()
@@ -140,46 +143,46 @@ class Clerk:
 
     def _decline_all(self) -> None:
         with self._lock:
-            for ticket in self._out:
-                ticket.decline(_STOPPING)
+            for request in self._unsettled:
+                request.decline(_STOPPING)
 
     def _run(self) -> None:
         try:
             self._step("warming up", self._warm_up)
             self.warm.set()
             while not self._stopping.is_set():
-                self._step("the device", self._round)
+                self._step("the device", self._run_once)
         except WorkerClosed:
             return
 
-    def _round(self) -> None:
-        """Wait for something to do, and do it: problems of cycles first, one look after them."""
-        self._step("the ledger", self._caretaker.tidy)
+    def _run_once(self) -> None:
+        """Wait until something is due; serve all new requests first, then poll one job."""
+        self._step("the ledger", self._runner.tidy)
         self._wake.wait(self._idle_s())
         self._wake.clear()
         while self._new and not self._stopping.is_set():
             self._step("a problem", partial(self._serve, self._new.popleft()))
-        if self._idle_s() <= 0 and (due := self._caretaker.next_look()) is not None:
-            self._step("a job", partial(self._caretaker.look_after, due[1]))
+        if self._idle_s() <= 0 and (due := self._runner.next_poll()) is not None:
+            self._step("a job", partial(self._runner.poll, due[1]))
 
-    def _serve(self, ticket: Ticket) -> None:
+    def _serve(self, request: JobRequest) -> None:
         try:
-            self._caretaker.serve(ticket)
+            self._runner.serve(request)
         except WorkerClosed:
             raise
         except Exception as error:
-            ticket.decline(f"the device could not be asked: {error_line(error)}")
+            request.decline(f"the device could not be asked: {error_line(error)}")
             raise
 
     def _idle_s(self) -> float:
-        due = self._caretaker.next_look()
+        due = self._runner.next_poll()
         return _IDLE_S if due is None else min(_IDLE_S, due[0] - time.monotonic())
 
     def _warm_up(self) -> None:
-        self._worker.call(calls.warm_up, (self.maker,), _WARM_UP_S)
+        self._worker.call(service.warm_up, (self.builder,), _WARM_UP_S)
 
     def _step(self, what: str, step: Callable[[], None]) -> None:
-        """Faults of our own cost one step, not the thread."""
+        """Run one step; a fault of our own ends the step, not the thread."""
         try:
             step()
         except WorkerClosed:

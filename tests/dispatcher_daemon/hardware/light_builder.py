@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.hardware.making import Made
+from dispatcher_daemon.hardware.circuits import BuiltCircuit
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.lc_qaoa import Place
 from dispatcher_daemon.solvers.protocol import Outcome
@@ -19,23 +19,23 @@ class Width:
 
 
 @dataclass(frozen=True)
-class LightMaker:
+class LightBuilder:
     """One qubit an arc; any samples lead to the first arc."""
 
     name: str = "lc-qaoa"
-    dialect: str = "light"
+    encoding: str = "light"
 
     def warm_up(self) -> None:
         """Nothing to import."""
 
-    def make(
+    def build(
         self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
-    ) -> Made:
+    ) -> BuiltCircuit:
         """No training."""
         n = problem.choices
-        return Made(Width(n), tuple(range(n)), "f" * 16, "ramp", 2, 0.0)
+        return BuiltCircuit(Width(n), tuple(range(n)), "f" * 16, "ramp", 2, 0.0)
 
-    def read(
+    def decode(
         self, problem: Problem, order: Sequence[int], samples: Mapping[str, int], seed: int
     ) -> Outcome:
         """The first arc."""

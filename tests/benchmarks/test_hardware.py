@@ -1,4 +1,4 @@
-"""Cycles beside a faulty device, in short; in full: `python -m benchmarks.quantum.guest`."""
+"""Cycles beside a faulty device, in short; in full: `python -m benchmarks.quantum.hardware`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.quantum import guest
-from benchmarks.quantum.faulty_service import Books, Opening
-from benchmarks.quantum.guest_cycles import SETTINGS, run
-from benchmarks.quantum.guest_judge import Run, judge
+from benchmarks.quantum import hardware
+from benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
+from benchmarks.quantum.hardware_checks import Run, check_run
+from benchmarks.quantum.hardware_cycles import SETTINGS, run
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.pool import Job, solve_here
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
@@ -23,7 +23,7 @@ SHORT = SETTINGS.model_copy(
         "deadline_s": 2.5,
         "interval_s": 3.0,
         "hardware": SETTINGS.hardware.model_copy(
-            update={"wait_s": 0.15, "give_up_after_s": 1.0, "lost_after_s": 0.3}
+            update={"wait_s": 0.15, "job_timeout_s": 1.0, "lost_after_s": 0.3}
         ),
     }
 )
@@ -42,8 +42,8 @@ def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
 
 
 def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
-    """On time, verified, within the budget, nothing leaked, ledger and books agree; also the
-    device must have had its part: jobs were submitted, and the desk was torn down in between.
+    """On time, verified, within the budget, nothing leaked, ledger and records agree; also the
+    device must have had its part: jobs were submitted, and the job manager was closed in between.
     """
     ran = run(20, SEED, tmp_path, settings=SHORT, solve=solve, restart_every=10)
     assert ran.broken == []
@@ -62,28 +62,28 @@ def test_a_late_cycle_is_a_broken_promise(tmp_path: Path) -> None:
         return solve(jobs, deadline_s)
 
     settings = SHORT.model_copy(update={"deadline_s": 0.25})
-    ran = run(1, SEED, tmp_path, settings=settings, solve=late, judged=False)
+    ran = run(1, SEED, tmp_path, settings=settings, solve=late, checked=False)
     assert any(line.startswith("cycle 1 took") for line in ran.broken)
 
 
 def test_a_process_that_was_killed_leaves_whole_notes(tmp_path: Path) -> None:
     """A line cut short is no cycle; what is whole counts, and the next process goes on."""
     notes = tmp_path / "stretch-0.jsonl"
-    assert list(guest.read_notes(notes)) == []
+    assert list(hardware.read_notes(notes)) == []
     notes.write_text('{"cycle": 1}\n{"cycle": 2}\n{"cyc', encoding="utf-8")
-    assert [note["cycle"] for note in guest.read_notes(notes)] == [1, 2]
+    assert [note["cycle"] for note in hardware.read_notes(notes)] == [1, 2]
 
 
-def test_the_judge_sees_what_is_wrong(tmp_path: Path) -> None:
+def test_the_checks_find_what_is_wrong(tmp_path: Path) -> None:
     """Jobs that are in no ledger, or were submitted twice, and an overdrawn budget are noticed."""
     ran = Run(budget_s=1.0)
-    books = Books(tmp_path / "service.db")
-    service = Opening(str(books.path))()
+    records = ServiceRecords(tmp_path / "service.db")
+    service = FaultyServiceFactory(str(records.path))()
     for _ in range(2):
         service.submit(_Width(), 8, ["stray"])
     url = f"sqlite:///{tmp_path}/cycles.db"
     open_database(url).close()
-    judge(books, url, ran)
+    check_run(records, url, ran)
     assert any("in no ledger" in line for line in ran.broken)
     assert any("submitted twice" in line for line in ran.broken)
     assert any("charged in one window" in line for line in ran.broken)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from benchmarks.quantum.faulty_service import Books
+from benchmarks.quantum.faulty_service import ServiceRecords
 from storage import QuantumJob, open_reader
 
 DAY_S: Final = 30.0
@@ -22,18 +22,18 @@ class Run:
 
     Attributes:
         cycles: that were run.
-        restarts: of desk and database in between.
+        restarts: of job manager and database in between.
         kills: by what was killed.
         answered: cycles by where the circuit's answer came from.
         fallbacks: reasons, their figures left out, by how often.
         walls_s: time of each cycle from its beginning to the stored, verified plan.
-        beyond_s: time that the desk took in each cycle beyond what it may wait for: the pool's
-            answers, and the device until the wait or the reserve before the deadline ends it.
+        beyond_s: time that the job manager took in each cycle beyond what it may wait for: the
+            pool's answers, and the device until the wait or the reserve before the deadline ends.
         events: what the service did, by how often.
         jobs: of the ledger at the end, by state.
         answers: what became of the answers.
         charged_s: device time that the service charged in all.
-        most_in_a_day_s: the most of it in any window of the budget's length.
+        max_in_a_day_s: the most of it in any window of the budget's length.
         budget_s: what was allowed.
         limit_s: deadline of a cycle.
         growth: threads, processes, descriptors in the last cycle less those in the first ones, of
@@ -53,7 +53,7 @@ class Run:
     jobs: dict[str, int] = field(default_factory=dict)
     answers: dict[str, int] = field(default_factory=dict)
     charged_s: float = 0.0
-    most_in_a_day_s: float = 0.0
+    max_in_a_day_s: float = 0.0
     budget_s: float = 0.0
     limit_s: float = 0.0
     growth: dict[str, int] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class Run:
         figures = dict(vars(self))
         del figures["walls_s"], figures["limit_s"], figures["beyond_s"]
         figures["wall_s"] = _spread(self.walls_s) | {"limit": self.limit_s}
-        figures["desk_beyond_s"] = _spread(self.beyond_s)
+        figures["manager_beyond_s"] = _spread(self.beyond_s)
         return figures
 
 
@@ -90,34 +90,34 @@ def _spread(times_s: Sequence[float]) -> dict[str, float]:
     }
 
 
-def judge(books: Books, url: str, result: Run) -> None:
-    """The ledger against the service's own books, and against the cycles."""
+def check_run(records: ServiceRecords, url: str, result: Run) -> None:
+    """The ledger against the service's own records, and against the cycles."""
     now = time.time()
     with open_reader(url) as reader:
         ledger = {job.tag: job for job in reader.jobs(limit=10**6)}
         reports = reader.cycles(limit=10**6)
-    taken = {job["tag"]: job for job in books.jobs()}
-    result.events = dict(books.happened())
+    taken = {job["tag"]: job for job in records.jobs()}
+    result.events = dict(records.happened())
     result.jobs = dict(Counter(job.state for job in ledger.values()))
     result.answers = dict(Counter(job.answer or "none" for job in ledger.values()))
-    charges = books.charges(now)
+    charges = records.charges(now)
     result.charged_s = sum(usage for _, usage in charges)
-    result.most_in_a_day_s = books.most_in_a_day(now, DAY_S)
-    if result.most_in_a_day_s > result.budget_s:
-        result.broken.append(f"{result.most_in_a_day_s:.1f} s charged in one window of the budget")
-    if len(taken) < len(books.jobs()):
+    result.max_in_a_day_s = records.max_in_a_day_s(now, DAY_S)
+    if result.max_in_a_day_s > result.budget_s:
+        result.broken.append(f"{result.max_in_a_day_s:.1f} s charged in one window of the budget")
+    if len(taken) < len(records.jobs()):
         result.broken.append("a job was submitted twice")
     for tag, theirs in taken.items():
         result.broken += _differences(ledger.get(tag), theirs, now)
     used = Counter(job.answer_cycle for job in ledger.values() if job.answer == "used")
-    shown = Counter(
+    shown: Counter[int | None] = Counter(
         report.cycle
         for report in reports
         for run in report.solvers
         if run.backend_kind == "hardware"
     )
-    # A desk torn down between an answer and its entry leaves the entry out; never the answer. A
-    # process that is killed may leave out either.
+    # A job manager closed between an answer and its entry leaves the entry out; never the answer.
+    # A process that is killed may leave out either.
     killed = result.kills["dispatcher"]
     unseen, unentered = used - shown, shown - used
     if unseen.total() > killed or unentered.total() > result.restarts + killed:

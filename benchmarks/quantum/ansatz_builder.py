@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dispatcher_daemon.hardware.chain_maker import ChainMaker
+from dispatcher_daemon.hardware.circuits import ChainCircuitBuilder
 
 
 @dataclass(frozen=True)
-class AnsatzMaker(ChainMaker):
+class AnsatzBuilder(ChainCircuitBuilder):
     """Circuits as tables of angles: the stand-in needs no more, and a new worker no Qiskit."""
 
     def warm_up(self) -> None:

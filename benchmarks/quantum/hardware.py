@@ -1,11 +1,11 @@
-"""`python -m benchmarks.quantum.guest`: dispatch cycles beside a device that fails in every way.
+"""`python -m benchmarks.quantum.hardware`: dispatch cycles beside a device that fails in every way.
 
-Real cycles, workers, database and desk; the device's service is a stand-in that times out, refuses,
-loses jobs, answers garbage, late or never, hangs and takes the worker down with it. Every few
-cycles desk and database are torn down, whatever they are at, and opened again; the device's worker
-is killed now and then, and so is the whole process, which goes on with the same database. A cycle
-is on time if its plan is verified and stored before its deadline. Exit status 1 if any promise is
-broken.
+Real cycles, workers, database and job manager; the device's service is a stand-in that times out,
+refuses, loses jobs, answers garbage, late or never, hangs and takes the worker down with it. Every
+few cycles job manager and database are closed, whatever they are at, and opened again; the device's
+worker is killed now and then, and so is the whole process, which goes on with the same database. A
+cycle is on time if its plan is verified and stored before its deadline. Exit status 1 if any
+promise is broken.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from typing import Any, Final
 
 import psutil
 
-from benchmarks.quantum.faulty_service import Books
-from benchmarks.quantum.guest_cycles import SETTINGS, empty_run, run
-from benchmarks.quantum.guest_judge import Run, judge
+from benchmarks.quantum.faulty_service import ServiceRecords
+from benchmarks.quantum.hardware_checks import Run, check_run
+from benchmarks.quantum.hardware_cycles import SETTINGS, empty_run, run
 
 STRETCH: Final = (30, 90)
 """Cycles until the whole process is killed, at least and at most."""
@@ -63,7 +63,7 @@ def run_killed(
             break
         result.kills["dispatcher"] += 1
         tell(f"{result.cycles} cycles, {dict(result.answered)}, broken: {result.broken[-3:]}")
-    judge(Books(folder / "service.db", seed), f"sqlite:///{folder}/cycles.db", result)
+    check_run(ServiceRecords(folder / "service.db", seed), f"sqlite:///{folder}/cycles.db", result)
     return result
 
 
@@ -71,7 +71,7 @@ def _stretch(
     cycles: int, seed: int, folder: Path, notes: Path, rng: random.Random, *, kill: bool
 ) -> list[str]:
     """Run one process, to its end or until it has written down so many cycles; what is wrong."""
-    command = [sys.executable, "-m", "benchmarks.quantum.guest", "--notes", str(notes)]
+    command = [sys.executable, "-m", "benchmarks.quantum.hardware", "--notes", str(notes)]
     # One that is to be killed shall not come to its end before.
     command += ["--cycles", str(10 * cycles if kill else cycles)]
     process = subprocess.Popen([*command, "--seed", str(seed), "--folder", str(folder)])
@@ -117,21 +117,23 @@ def _in_a_stretch(cycles: int, seed: int, folder: Path, notes: Path) -> int:
             file.write(json.dumps(entry) + "\n")
             file.flush()
 
-        told: list[str] = []
+        written_faults: list[str] = []
 
         def write_cycle(entry: Mapping[str, Any]) -> None:
-            told.extend(entry["broken"])
+            written_faults.extend(entry["broken"])
             write(entry)
 
-        result = run(cycles, seed, folder, write=write_cycle, judged=False)
-        broken = result.broken[len(told) :]
+        result = run(cycles, seed, folder, write=write_cycle, checked=False)
+        broken = result.broken[len(written_faults) :]
         write({"growth": result.growth, "leaks": result.leaks, "broken": broken})
     return 1 if result.broken else 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run it and print the figures as JSON."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.quantum.guest", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.quantum.hardware", description=__doc__
+    )
     parser.add_argument("--cycles", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, help="kept afterwards (default: a temporary one)")
