@@ -47,10 +47,12 @@ def anchors(text: str) -> set[str]:
 
 @cache
 def anchors_of(page: Path) -> set[str]:
+    """The anchors of a page, read once."""
     return anchors(page.read_text(encoding="utf-8"))
 
 
 def dead_links(page: Path) -> list[str]:
+    """Relative links of a page whose file or anchor is missing."""
     dead = []
     for link in links(page.read_text(encoding="utf-8")):
         if link.startswith(_ELSEWHERE):
