@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
+.PHONY: setup run test lint format settings-doc soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
 
 setup: $(VENV)/.ready
 
@@ -31,6 +31,10 @@ lint: setup
 format: setup
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+# The page of all settings, from the models that check them.
+settings-doc: setup
+	$(BIN)/python -m slipstream_cli.settings_doc > docs/settings.md
 
 # The same processes on recorded video for MINUTES, sampled each second; fails on growth.
 soak: setup

@@ -39,7 +39,7 @@ class LcQaoaSettings(Settings):
         "construction (route form only).",
     )
     layers: int = Field(default=2, ge=1, le=10, description="Depth p; the cost grows with 4^p.")
-    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    shots: int = Field(default=4096, ge=1, le=1_000_000, description="Samples of each circuit.")
     delta_beta: float = Field(
         default=0.3, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
     )
@@ -47,9 +47,17 @@ class LcQaoaSettings(Settings):
         default=0.6, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
     )
     iterations: int = Field(
-        default=100, ge=1, le=100_000, description="Evaluations of training, for each restart."
+        default=100,
+        ge=1,
+        le=100_000,
+        description="Evaluations of the energy by training, for each restart.",
     )
-    restarts: int = Field(default=16, ge=1, le=10_000, description="Of every gate its own angle.")
+    restarts: int = Field(
+        default=16,
+        ge=1,
+        le=10_000,
+        description="Starts of the training of the multi-angle variants.",
+    )
     spread: float = Field(
         default=0.5,
         ge=0,
@@ -60,16 +68,19 @@ class LcQaoaSettings(Settings):
         default=1.0,
         gt=0,
         le=1,
-        description="Trained: below 1, the mean of so much of the samples instead of all energies.",
+        description="Share of the samples, the best ones, whose mean energy the variant trained "
+        "minimises (CVaR); 1: all energies.",
     )
     order: Literal["heavy", "random"] = Field(
-        default="heavy", description="Of the chain: along heavy couplings, or drawn."
+        default="heavy",
+        description="Order of the variables in the chain. heavy: along heavy couplings; random: "
+        "drawn.",
     )
     backend: str = Field(
         default="aer",
         pattern=r"^aer(|:Fake[A-Za-z0-9]+(|\+fractional))$",
-        description="Simulator: aer, or aer:FakeBoston with that device's noise. A device is a "
-        "guest, see hardware: there a budget holds.",
+        description="Simulator: aer, or aer:FakeBoston with that device's noise. A device is set "
+        "in the section hardware, where a budget holds.",
     )
 
 
@@ -82,7 +93,7 @@ class QaoaSettings(Settings):
         "only).",
     )
     layers: int = Field(default=2, ge=1, le=20, description="Depth p.")
-    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    shots: int = Field(default=4096, ge=1, le=1_000_000, description="Samples of each circuit.")
     angles: Literal["transferred", "trained", "ramp"] = Field(
         default="transferred",
         description="transferred: the linear ramp below as it is; trained: all 2p angles from "
@@ -92,16 +103,16 @@ class QaoaSettings(Settings):
         default=None,
         gt=0,
         allow_inf_nan=False,
-        description="Height of the mixer's ramp, rad; None: as measured for p and mixer.",
+        description="Height of the mixer's ramp, rad; not given: as measured for p and mixer.",
     )
     delta_gamma: float | None = Field(
         default=None,
         gt=0,
         allow_inf_nan=False,
-        description="Height of the phase's ramp, rad; None: as measured for p and mixer.",
+        description="Height of the phase's ramp, rad; not given: as measured for p and mixer.",
     )
     iterations: int = Field(
-        default=100, ge=1, le=100_000, description="Of training, each one state, at most."
+        default=100, ge=1, le=100_000, description="Evaluations of the state by training, at most."
     )
     alpha: float = Field(
         default=1.0,
@@ -115,7 +126,7 @@ class QaoaSettings(Settings):
 
 
 class HardwareSettings(Settings):
-    """A quantum device as a guest of the cycle; without a backend there is none."""
+    """A quantum device that is asked beside the cycle; without a backend there is none."""
 
     backend: str = Field(
         default="",
@@ -123,55 +134,78 @@ class HardwareSettings(Settings):
         description="ibm:NAME, ibm:least-busy, or for a trial without an account fake:FakeBoston; "
         "empty: no device.",
     )
-    shots: int = Field(default=4096, ge=1, le=100_000)
+    shots: int = Field(default=4096, ge=1, le=100_000, description="Samples of each job.")
     budget_s_per_day: float = Field(
         default=60.0,
         gt=0,
         allow_inf_nan=False,
-        description="Device time in any 24 hours; what a job may take is reserved beforehand.",
+        description="Device time that may be used in any 24 hours, s. What a job may take is "
+        "reserved "
+        "beforehand.",
     )
-    most_pending: int = Field(default=2, ge=1, le=100, description="Jobs at the service at once.")
-    jobs_per_cycle: int = Field(default=1, ge=1, le=100, description="Most that one cycle submits.")
+    most_pending: int = Field(
+        default=2, ge=1, le=100, description="Jobs that may be pending at the service at once."
+    )
+    jobs_per_cycle: int = Field(
+        default=1, ge=1, le=100, description="Jobs that one cycle may submit."
+    )
     wait_s: float = Field(
         default=3.0,
         ge=0,
         allow_inf_nan=False,
-        description="How long a cycle waits for the device when all other solvers are done, over "
-        "all its blocks and never into the last fifth of its deadline.",
+        description="How long a cycle waits for the device when all other solvers are done, s. It "
+        "counts over all blocks and ends before the last fifth of the deadline.",
     )
     poll_s: float = Field(
-        default=1.0, gt=0, allow_inf_nan=False, description="First look at a job; then ever rarer."
+        default=1.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time until a job is first polled, s. The interval then grows up to the "
+        "maximum.",
     )
-    most_poll_s: float = Field(default=60.0, gt=0, allow_inf_nan=False)
+    most_poll_s: float = Field(
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Longest interval between two polls of a job, s.",
+    )
     call_limit_s: float = Field(
         default=20.0,
         gt=0,
         allow_inf_nan=False,
-        description="A call of the service that takes longer is ended with its process.",
+        description="A call to the service that takes longer is ended with its process, s.",
     )
     give_up_after_s: float = Field(
         default=1800.0,
         gt=0,
         allow_inf_nan=False,
-        description="Older jobs are cancelled; older answers are recorded as late.",
+        description="Age at which a job is cancelled, s. An older answer is recorded as late.",
     )
     lost_after_s: float = Field(
         default=300.0,
         gt=0,
         allow_inf_nan=False,
-        description="A job that the service does not know for so long is given up.",
+        description="A job that the service does not know for this long is given up, s.",
     )
     faults: int = Field(
-        default=3, ge=1, le=1000, description="So many in a row, and nothing is submitted for ..."
+        default=3,
+        ge=1,
+        le=1000,
+        description="Faults in a row that open the circuit breaker: no job is then submitted.",
     )
     rest_s: float = Field(
-        default=60.0, gt=0, allow_inf_nan=False, description="... so long, twice as long each time,"
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="First rest of an open circuit breaker, s. Each further rest is twice as long.",
     )
     most_rest_s: float = Field(
         default=3600.0,
         gt=0,
         allow_inf_nan=False,
-        description="up to this; refused credentials rest so long at once.",
+        description="Longest rest of an open circuit breaker, s. After refused credentials it "
+        "applies "
+        "at once.",
     )
 
     @model_validator(mode="after")
@@ -185,29 +219,43 @@ class HardwareSettings(Settings):
 class SearchSettings(Settings):
     """How long base routes are searched: by iterations, so that a result can be repeated."""
 
-    rounds: int = Field(default=15, ge=0, le=10_000)
+    rounds: int = Field(
+        default=15, ge=0, le=10_000, description="Rounds of the search, each over all parts."
+    )
     iterations_per_stop: int = Field(
-        default=16, ge=1, le=100_000, description="Of iterated local search, in each round."
+        default=16,
+        ge=1,
+        le=100_000,
+        description="Iterations of local search for each stop in each round.",
     )
     iterations_to_feasible: int = Field(
         default=20_000,
         ge=1,
-        description="Most of the first search, which ends with the first routes that are feasible.",
+        description="Iterations of the first search, at most. It ends with the first feasible "
+        "routes.",
     )
     most_penalty_kwh: float = Field(
         default=0.1,
         gt=0,
         le=1000,
         allow_inf_nan=False,
-        description="Most that a unit of load too many, or 0.1 s of lateness, counts for on the "
-        "way to feasible routes; where vehicles carry few units, some detours' energy is needed.",
+        description="Largest penalty for one unit of load too many, or 0.1 s of lateness, while "
+        "feasible routes are sought, kWh. Where vehicles carry few units it must exceed the "
+        "energy of a detour.",
     )
     part_stops: int = Field(
-        default=250, ge=10, description="A round searches parts of so many stops side by side."
+        default=250,
+        ge=10,
+        description="Stops of one part of the city. A round searches its parts side by side.",
     )
-    workers: int = Field(default=2, ge=1, le=256, description="Parts searched side by side.")
+    workers: int = Field(
+        default=2, ge=1, le=256, description="Parts of the city searched side by side."
+    )
     time_limit_s: float = Field(
-        default=20.0, gt=0, allow_inf_nan=False, description="Guard: ends the search early."
+        default=20.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time after which the search is ended early, s.",
     )
 
 
@@ -222,30 +270,44 @@ class CitySettings(Settings):
         default=2,
         ge=0,
         le=1000,
-        description="Rounds of a second search, in which open roads that others use cost less.",
+        description="Rounds of a second search, in which open roads that other vehicles use cost "
+        "less.",
     )
     block_variables: int = Field(
-        default=25, ge=4, le=200, description="Most variables of one block."
+        default=25, ge=4, le=200, description="Variables of one block, at most."
     )
     options: int = Field(
-        default=5, ge=2, le=50, description="Options of each vehicle of a full block."
+        default=5, ge=2, le=50, description="Options of each vehicle in a full block."
     )
     ways: int = Field(
-        default=3, ge=1, le=20, description="Cheapest ways of each leg among the options ..."
+        default=3, ge=1, le=20, description="Cheapest ways of each leg that become options."
     )
     ways_legs: int = Field(
-        default=100, ge=0, description="... of fleets with at most so many legs: each takes time."
+        default=100,
+        ge=0,
+        description="Legs up to which a fleet gets further ways as options. A fleet with more "
+        "legs gets "
+        "only the cheapest way of each.",
     )
     wave: int = Field(default=8, ge=1, description="Blocks that are solved side by side.")
-    most_sweeps: int = Field(default=20, ge=0)
+    most_sweeps: int = Field(default=20, ge=0, description="Sweeps over all blocks, at most.")
     patience: int = Field(
-        default=3, ge=1, description="Sweeps without improvement, each cut anew, that end it."
+        default=3,
+        ge=1,
+        description="Sweeps in a row without improvement after which the sweeping ends. Each cuts "
+        "the "
+        "fleet into blocks anew.",
     )
     block_deadline_s: float = Field(
-        default=5.0, gt=0, allow_inf_nan=False, description="For the solvers of one wave."
+        default=5.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Deadline of the solvers of one wave of blocks, s.",
     )
     solvers: tuple[SolverName, ...] = Field(
-        default=("exact",), min_length=1, description="Asked for each block, the best answer wins."
+        default=("exact",),
+        min_length=1,
+        description="Solvers asked for each block. The best answer is taken.",
     )
 
 
@@ -254,50 +316,65 @@ class DispatcherSettings(Settings):
 
     bus: BusSettings = BusSettings()
     service: ServiceSettings = ServiceSettings()
-    network: str = Field(default="demo", min_length=1, description="A SUMO net, or 'demo'.")
-    fleet: str = Field(default="demo", min_length=1, description="A fleet file, or 'demo'.")
-    database_url: str = Field(default="sqlite:///slipstream.db", min_length=1)
+    network: str = Field(
+        default="demo", min_length=1, description="Road network: path of a SUMO net, or 'demo'."
+    )
+    fleet: str = Field(
+        default="demo", min_length=1, description="Path of the fleet file, or 'demo'."
+    )
+    database_url: str = Field(
+        default="sqlite:///slipstream.db",
+        min_length=1,
+        description="SQLAlchemy URL of the database that cycles are stored in.",
+    )
     keep_days: float = Field(
-        default=90.0, gt=0, allow_inf_nan=False, description="Older cycles are deleted."
+        default=90.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Age in days at which stored cycles are deleted.",
     )
     interval_s: float = Field(
-        default=30.0, gt=0, allow_inf_nan=False, description="From one cycle's start to the next's."
+        default=30.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time from one cycle's start to the next's, s.",
     )
     deadline_s: float = Field(
         default=10.0,
         gt=0,
         allow_inf_nan=False,
-        description="What the solvers get of a cycle. Vehicles leave no sooner than this after it "
-        "starts, so that plans are out before.",
+        description="Time within which a cycle has solved, stored and sent its plans, s. Vehicles "
+        "leave no sooner than this after it starts.",
     )
     sync_window_s: float = Field(
         default=3.0,
         ge=0,
         allow_inf_nan=False,
-        description="Vehicles that enter a segment no further apart than this can platoon there.",
+        description="Vehicles whose entries into a segment lie no further apart can platoon "
+        "there, s.",
     )
     stale_after_s: float = Field(
         default=STALE_AFTER_S,
         gt=0,
         allow_inf_nan=False,
-        description="An older SegmentState counts for nothing.",
+        description="Age at which a SegmentState no longer counts, s.",
     )
     future_tolerance_s: float = Field(
         default=FUTURE_TOLERANCE_S,
         ge=0,
         allow_inf_nan=False,
-        description="A SegmentState dated further ahead of this clock is refused.",
+        description="A SegmentState dated further ahead of the dispatcher's clock is refused, s.",
     )
     stops_at_signals: float = Field(
         default=0.0,
         ge=0,
         le=100,
         allow_inf_nan=False,
-        description="Full stops that a passage of a segment ending at traffic lights is expected "
-        "to cost; no camera tells of it.",
+        description="Full stops expected at each passage of a segment that ends at traffic lights. "
+        "Cameras do not measure it.",
     )
     gap_m: float = Field(
-        default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers."
+        default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers, m."
     )
     advice: DrivingAdvice = Field(
         default=DrivingAdvice(),
@@ -305,24 +382,27 @@ class DispatcherSettings(Settings):
     )
     form: Literal["auto", "arc", "route"] = Field(
         default="auto",
-        description="The paper's arcs, or routes; auto: arcs for two vehicles and eight stops.",
+        description="arc: the paper's form; route: options of routes; auto: arc for up to two "
+        "vehicles and eight stops, else route.",
     )
     solvers: tuple[SolverName, ...] = Field(
         default=("exact", "lc-qaoa"),
         min_length=1,
-        description="Asked side by side, best one wins; fleets of many blocks ask city.solvers.",
+        description="Solvers asked side by side. The best answer is taken. Fleets of several "
+        "blocks "
+        "ask city.solvers.",
     )
     city: CitySettings = CitySettings()
     gamma: float | None = Field(
         default=None,
         gt=0,
         allow_inf_nan=False,
-        description="Penalty weight of the QUBO, kWh; None: computed per instance.",
+        description="Penalty weight of the QUBO, kWh; not given: computed per instance.",
     )
     lc_qaoa: LcQaoaSettings = LcQaoaSettings()
     qaoa: QaoaSettings = QaoaSettings()
     hardware: HardwareSettings = HardwareSettings()
-    seed: int = Field(default=1, ge=0, lt=2**32)
+    seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of all random draws.")
 
     @field_validator("solvers")
     @classmethod
