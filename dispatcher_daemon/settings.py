@@ -56,7 +56,7 @@ class LcQaoaSettings(Settings):
         default=16,
         ge=1,
         le=10_000,
-        description="Starts of the training of the multi-angle variants.",
+        description="Starts of the training of variants with an angle for each gate.",
     )
     spread: float = Field(
         default=0.5,
@@ -140,8 +140,7 @@ class HardwareSettings(Settings):
         gt=0,
         allow_inf_nan=False,
         description="Device time that may be used in any 24 hours, s. What a job may take is "
-        "reserved "
-        "beforehand.",
+        "reserved beforehand.",
     )
     most_pending: int = Field(
         default=2, ge=1, le=100, description="Jobs that may be pending at the service at once."
@@ -204,8 +203,7 @@ class HardwareSettings(Settings):
         gt=0,
         allow_inf_nan=False,
         description="Longest rest of an open circuit breaker, s. After refused credentials it "
-        "applies "
-        "at once.",
+        "applies at once.",
     )
 
     @model_validator(mode="after")
@@ -286,8 +284,7 @@ class CitySettings(Settings):
         default=100,
         ge=0,
         description="Legs up to which a fleet gets further ways as options. A fleet with more "
-        "legs gets "
-        "only the cheapest way of each.",
+        "legs gets only the cheapest way of each.",
     )
     wave: int = Field(default=8, ge=1, description="Blocks that are solved side by side.")
     most_sweeps: int = Field(default=20, ge=0, description="Sweeps over all blocks, at most.")
@@ -295,8 +292,7 @@ class CitySettings(Settings):
         default=3,
         ge=1,
         description="Sweeps in a row without improvement after which the sweeping ends. Each cuts "
-        "the "
-        "fleet into blocks anew.",
+        "the fleet into blocks anew.",
     )
     block_deadline_s: float = Field(
         default=5.0,
@@ -389,8 +385,7 @@ class DispatcherSettings(Settings):
         default=("exact", "lc-qaoa"),
         min_length=1,
         description="Solvers asked side by side. The best answer is taken. Fleets of several "
-        "blocks "
-        "ask city.solvers.",
+        "blocks ask city.solvers.",
     )
     city: CitySettings = CitySettings()
     gamma: float | None = Field(
