@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import Counter
 from functools import cache
@@ -11,14 +12,19 @@ from urllib.parse import unquote
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted(
-    path
-    for path in ROOT.rglob("*.md")
-    if not any(
-        part.startswith(".") or part in ("build", "dist", "node_modules")
-        for part in path.relative_to(ROOT).parts
-    )
-)
+_NO_PAGES = ("build", "dist", "node_modules")
+
+
+def pages(root: Path) -> list[Path]:
+    """All Markdown files below a folder, those of hidden and generated folders left out."""
+    found = []
+    for folder, folders, files in os.walk(root):
+        folders[:] = [f for f in folders if not f.startswith(".") and f not in _NO_PAGES]
+        found += [Path(folder) / name for name in files if name.endswith(".md")]
+    return sorted(found)
+
+
+PAGES = pages(ROOT)
 
 _FENCE = re.compile(r"^(```|~~~).*?^\1", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`[^`\n]*`")
