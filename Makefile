@@ -6,7 +6,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format settings-doc soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
+.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
 
 setup: $(VENV)/.ready
 
@@ -33,6 +33,7 @@ format: setup
 	$(BIN)/ruff check --fix .
 
 # The page of all settings, from the models that check them.
+.PHONY: settings-doc
 settings-doc: setup
 	$(BIN)/python -m slipstream_cli.settings_doc > docs/settings.md
 

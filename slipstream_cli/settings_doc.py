@@ -127,7 +127,8 @@ def page() -> str:
         for section in sections(model):
             title = f"### `[{section.path}]`" if section.path else f"## {daemon}"
             title += f" ({daemon})" if section.path else ""
-            parts.append(f"{title}\n\n{' '.join(section.summary.split())}\n")
+            summary = " ".join(section.summary.split()).replace("``", "`")
+            parts.append(f"{title}\n\n{summary}\n")
             if section.keys:
                 parts.append("\n".join(_table(section)) + "\n")
     return "\n".join(parts)
