@@ -32,6 +32,11 @@ format: setup
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
+# The page of all settings, from the models that check them.
+.PHONY: settings-doc
+settings-doc: setup
+	$(BIN)/python -m slipstream_cli.settings_doc > docs/settings.md
+
 # The same processes on recorded video for MINUTES, sampled each second; fails on growth.
 soak: setup
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)

@@ -54,7 +54,11 @@ class ServiceSettings(Settings):
     metrics_port: int = Field(
         default=0, ge=0, le=65535, description="Prometheus metrics on 127.0.0.1; 0: not served."
     )
-    log_level: str = Field(default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$")
+    log_level: str = Field(
+        default="INFO",
+        pattern="^(DEBUG|INFO|WARNING|ERROR)$",
+        description="Lowest level of messages that are logged.",
+    )
 
 
 def read_toml(path: Path) -> dict[str, object]:

@@ -1,0 +1,199 @@
+"""The reference of all settings, ``docs/settings.md``, from the daemons' settings models.
+
+Run as ``python -m slipstream_cli.settings_doc > docs/settings.md``. A test holds the committed page
+to it, and each field to having a description.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel
+
+from dashboard.settings import DashboardSettings
+from dispatcher_daemon.settings import DispatcherSettings
+from edge_daemon.settings import EdgeSettings
+
+DAEMONS: Final[Mapping[str, type[BaseModel]]] = {
+    "edge": EdgeSettings,
+    "dispatcher": DispatcherSettings,
+    "dashboard": DashboardSettings,
+}
+"""The settings of each daemon, by its sub-command."""
+
+_HEAD: Final = """\
+# Settings
+
+Generated from the settings models; do not edit. `make settings-doc` writes this page and a test
+holds it to the models.
+
+A daemon reads one TOML file: `slipstream edge|dispatcher|dashboard --config FILE.toml`.
+`slipstream check FILE.toml` validates it. Unknown keys are refused by name. A former name of a key
+is read for one more version, with a warning in the log; a key may not be given under both names.
+"required" stands for a key that has to be given, "–" for no default value or no bound.
+"""
+
+_TYPES: Final = {
+    "integer": "integer",
+    "number": "number",
+    "boolean": "true or false",
+    "string": "text",
+}
+
+_BOUNDS: Final = {
+    "minimum": "≥ {}",
+    "exclusiveMinimum": "> {}",
+    "maximum": "≤ {}",
+    "exclusiveMaximum": "< {}",
+    "minLength": "length ≥ {}",
+    "maxLength": "length ≤ {}",
+    "minItems": "entries ≥ {}",
+    "maxItems": "entries ≤ {}",
+    "pattern": "`{}`",
+}
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a settings file, as the page shows it.
+
+    Attributes:
+        path: dotted, from the top of the file.
+        former: the key's former name within its section, or "".
+    """
+
+    path: str
+    type: str
+    default: str
+    bounds: str
+    description: str
+    former: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """One table of a settings file; the top of the file has the path ""."""
+
+    path: str
+    summary: str
+    keys: tuple[Key, ...]
+
+
+def sections(model: type[BaseModel], path: str = "", values: object = None) -> Iterator[Section]:
+    """A model's own keys, then its nested models' sections, in the order of the fields.
+
+    Args:
+        model: the settings model.
+        path: dotted path of the section.
+        values: an instance whose values are the defaults; None: the fields' own.
+    """
+    properties = model.model_json_schema()["properties"]
+    former = {new: old for old, new in getattr(model, "renamed", {}).items()}
+    keys: list[Key] = []
+    nested: list[Section] = []
+    for name, field in model.model_fields.items():
+        key = field.alias or name
+        inner = f"{path}.{key}" if path else key
+        default = field.get_default(call_default_factory=True) if values is None else None
+        default = default if values is None else getattr(values, name)
+        below = _nested_model(field.annotation)
+        if below is not None:
+            instance = default if isinstance(default, below) else None
+            nested.extend(sections(below, inner, instance))
+            continue
+        schema = properties[key]
+        keys.append(
+            Key(
+                path=inner,
+                type=_type(schema),
+                default="required" if field.is_required() else _value(default),
+                bounds=", ".join(_bounds(schema)) or "–",
+                description=field.description or "",
+                former=former.get(name, ""),
+            )
+        )
+    yield Section(path, (model.__doc__ or "").strip().split("\n\n")[0], tuple(keys))
+    yield from nested
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    parts = [_HEAD]
+    for daemon, model in DAEMONS.items():
+        for section in sections(model):
+            title = f"### `[{section.path}]`" if section.path else f"## {daemon}"
+            title += f" ({daemon})" if section.path else ""
+            summary = " ".join(section.summary.split()).replace("``", "`")
+            parts.append(f"{title}\n\n{summary}\n")
+            if section.keys:
+                parts.append("\n".join(_table(section)) + "\n")
+    return "\n".join(parts)
+
+
+def _table(section: Section) -> Iterator[str]:
+    renamed = any(key.former for key in section.keys)
+    yield "| key | type | default | bounds | meaning |" + (" former name |" if renamed else "")
+    yield "|---|---|---|---|---|" + ("---|" if renamed else "")
+    for key in section.keys:
+        cells = [f"`{key.path}`", key.type, key.default, key.bounds, key.description]
+        if renamed:
+            cells.append(f"`{key.former}`" if key.former else "")
+        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _nested_model(annotation: object) -> type[BaseModel] | None:
+    """The model that an annotation is, or allows beside None."""
+    for option in (annotation, *get_args(annotation)):
+        if isinstance(option, type) and issubclass(option, BaseModel):
+            return option
+    return None
+
+
+def _options(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What a JSON schema allows beside null."""
+    return [option for option in schema.get("anyOf", [schema]) if option.get("type") != "null"]
+
+
+def _type(schema: Mapping[str, Any]) -> str:
+    names = []
+    for option in _options(schema):
+        if "const" in option or "enum" in option:
+            choices = option.get("enum", [option.get("const")])
+            names.append(", ".join(f"`{choice}`" for choice in choices))
+        elif option.get("type") == "array":
+            items = option.get("items") or (option.get("prefixItems") or [{}])[0]
+            names.append(f"list of {_type(items)}")
+        elif option.get("format") == "path":
+            names.append("path")
+        else:
+            names.append(_TYPES[option["type"]])
+    return " or ".join(names)
+
+
+def _bounds(schema: Mapping[str, Any]) -> Iterator[str]:
+    for option in _options(schema):
+        for key, text in _BOUNDS.items():
+            if key in option:
+                value = option[key]
+                yield text.format(f"{value:g}" if isinstance(value, float) else value)
+
+
+def _value(value: object) -> str:
+    """A default as TOML writes it."""
+    if value is None:
+        return "–"
+    if isinstance(value, tuple | list):
+        return "`[" + ", ".join(_value(entry).strip("`") for entry in value) + "]`"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, str | PurePath):
+        return f'`"{value}"`'
+    return f"`{value}`"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())
