@@ -17,10 +17,9 @@ from edge_daemon import metrics
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
-from edge_daemon.heap import GIVE_BACK_EVERY_S, give_back_freed, keep_shape
-from edge_daemon.pauses import Pauses
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
+from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, open_source
 from edge_daemon.watch import Watch, read_reference
@@ -48,7 +47,7 @@ def run_edge(settings: EdgeSettings) -> None:
     Raises:
         InputError: the camera file, the model, the clip or the bus settings are unusable.
     """
-    keep_shape()
+    configure_allocator()
     configure_logging(f"edge {settings.rsu}", settings.service.log_level)
     camera = load_camera(settings.camera)
     reference = read_reference(camera)
@@ -113,7 +112,7 @@ class EdgeDaemon:
         self._fault: CameraFault | None = None
         self._fault_began_s = 0.0
         self._limiter = LogLimiter()
-        self._pauses = Pauses()
+        self._stages = StageTimer()
         self._skipped = 0
         self._given_back_s = time.monotonic()
 
@@ -127,33 +126,36 @@ class EdgeDaemon:
         gc.freeze()
         due_s = preview_due_s = -math.inf
         telling: Iterator[None] = iter(())
-        pauses = self._pauses
+        stages = self._stages
         with (
-            pauses.of_garbage_collector(),
+            stages.measure_garbage_collection(),
             closing(detect_stream(self._source.frames(), self._detector)) as results,
         ):
             done_s = time.monotonic()
             for frame, found in results:
                 if frame is not None:
-                    pauses.note("waiting for a picture and its vehicles", time.monotonic() - done_s)
+                    stages.note("waiting for a picture and its vehicles", time.monotonic() - done_s)
                 if self._service.stopping.is_set():
                     break
-                with pauses.of("watching and tracking"):
+                with stages.measure("watching and tracking"):
                     self._judge(frame)
                     if frame is not None and found is not None:
                         self._take(frame, found)
                 now = self._now_s(frame)
-                with pauses.of("states"):
+                with stages.measure("states"):
                     if now >= due_s:
                         _finish(telling)
                         telling = self._tell("ok" if frame is not None else "no_signal")
-                        due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
+                        due_s = (
+                            max(due_s, now - self._settings.state_interval_s)
+                            + self._settings.state_interval_s
+                        )
                     # One segment a frame: all at once would keep the next frames waiting.
                     next(telling, None)
                     if frame is None:
                         _finish(telling)
                 if frame is not None and now >= preview_due_s:
-                    with pauses.of("preview"):
+                    with stages.measure("preview"):
                         self._show(frame)
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
                 done_s = time.monotonic()
@@ -230,16 +232,19 @@ class EdgeDaemon:
         metrics.DECODE_ERRORS.set(health.decode_errors)
         metrics.RECONNECTS.set(health.reconnects)
         # Trying to reach an absent camera is progress too: a restart would not bring it back.
-        stall_s = self._settings.source.stall_s
-        if now - self._given_back_s >= GIVE_BACK_EVERY_S:
-            give_back_freed()
+        stall_timeout_s = self._settings.source.stall_timeout_s
+        if now - self._given_back_s >= TRIM_INTERVAL_S:
+            trim_memory()
             self._given_back_s = now
-        if status == "ok" or now - self._source.counters.tried_s < 2 * stall_s + _PATIENCE_S:
+        if (
+            status == "ok"
+            or now - self._source.counters.tried_s < 2 * stall_timeout_s + _PATIENCE_S
+        ):
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
 
     def _account_for_skipped(self, skipped: int) -> None:
         """Say what took long, if frames were skipped since the last states."""
-        longest = self._pauses.told()
+        longest = self._stages.report()
         if skipped > self._skipped and self._limiter.allow("skipped"):
             log.warning("%d frames skipped; longest: %s", skipped - self._skipped, longest)
         self._skipped = skipped

@@ -3,44 +3,72 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Final, Self
 
 import cv2
 import numpy as np
-from pydantic import Field
 
 from edge_daemon.camera import Camera
-from edge_daemon.detection import DetectorSettings, open_detector
-from edge_daemon.detection.stream import ahead, detect_stream
-from edge_daemon.evaluation.score import Recorder
+from edge_daemon.detection import ahead, detect_stream, open_detector
+from edge_daemon.features import VehicleMotion
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
+from edge_daemon.settings import TrackSettings
 from edge_daemon.sources.clip import FastClip, open_clip
-from edge_daemon.stability import StabilitySettings
-from edge_daemon.tracking import TrackerSettings
-from edge_daemon.watch import Watch, WatchSettings, read_reference
-from slipstream.config import Settings
+from edge_daemon.tracking import Sightings
+from edge_daemon.watch import Watch, read_reference
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault, SegmentState
 from slipstream.service import rss_mb
 
-_DECODED_AHEAD = 3
+_DECODED_AHEAD: Final = 3
+_SPEED_LAG_S: Final = 1.0
 
 
-class TrackSettings(Settings):
-    """How a video is followed."""
+@dataclass
+class Recorder:
+    """Keeps what the pipeline said, frame by frame and state by state."""
 
-    window_s: Annotated[float, Field(ge=2.0, le=60.0)] = 10.0
-    every_s: Annotated[float, Field(gt=0, le=10.0)] = 1.0
-    detector: DetectorSettings = DetectorSettings()
-    tracker: TrackerSettings = TrackerSettings()
-    stability: StabilitySettings = StabilitySettings()
-    watch: WatchSettings = WatchSettings()
+    frame_times_s: list[float] = field(default_factory=list)
+    frame_numbers: list[int] = field(default_factory=list)
+    sightings: list[Sightings] = field(default_factory=list)
+    states: list[tuple[float, SegmentState]] = field(default_factory=list)
+    speeds: list[tuple[int, float, float, float]] = field(default_factory=list)
+
+    def frame(self, number: int, time_s: float, sightings: Sightings) -> None:
+        """Note one frame, by its number in the video, and the sightings that it confirmed."""
+        self.frame_times_s.append(time_s)
+        self.frame_numbers.append(number)
+        self.sightings.append(sightings)
+
+    def tick(
+        self,
+        time_s: float,
+        every_s: float,
+        states: Sequence[SegmentState],
+        vehicles: dict[str, tuple[VehicleMotion, ...]],
+    ) -> None:
+        """Note the states at a media time; speeds are taken once, a second later than they were."""
+        self.states.extend((time_s, state) for state in states)
+        begin, end = time_s - _SPEED_LAG_S - every_s, time_s - _SPEED_LAG_S
+        for vehicle in (v for of_segment in vehicles.values() for v in of_segment):
+            motion = vehicle.motion
+            deviation = vehicle.speed_std_mps
+            for i in np.flatnonzero((motion.time_s >= begin) & (motion.time_s < end)):
+                if vehicle.weight_s[i] > 0:
+                    self.speeds.append(
+                        (
+                            vehicle.track,
+                            float(motion.time_s[i]),
+                            float(motion.speed_mps[i]),
+                            float(deviation[i]),
+                        )
+                    )
 
 
 @dataclass
@@ -117,10 +145,10 @@ def track(
             last_s = now
             if now >= due_s:
                 states = pipeline.states(round(now * 1e9), fault=fault)
-                run.recorder.tick(now, settings.every_s, states, pipeline.vehicles)
+                run.recorder.tick(now, settings.state_interval_s, states, pipeline.vehicles)
                 run.states += states
                 latest |= {state.segment: state for state in states}
-                due_s += settings.every_s
+                due_s += settings.state_interval_s
             run.done_s.append(time.monotonic())
             run.latency_s.append(run.done_s[-1] - frame.captured_s)
             film.add(frame, pipeline, latest)

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
+from edge_daemon.features.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
+from edge_daemon.features.stability import StabilityJudge
 from edge_daemon.frame import Frame
-from edge_daemon.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
-from edge_daemon.measurement import to_road_points
-from edge_daemon.memory import Memory
-from edge_daemon.stability import StabilityJudge, StabilitySettings
-from edge_daemon.tracking import Sightings, Track, Tracker, TrackerSettings
+from edge_daemon.settings import StabilitySettings, TrackerSettings
+from edge_daemon.tracking import Sightings, Track, Tracker
+from edge_daemon.tracking.measurement import to_road_points
+from edge_daemon.tracking.sightings import SightingBuffer
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState, UnknownReason
 
@@ -59,7 +60,7 @@ class Pipeline:
         self._tracker = Tracker(tracker)
         self._judge = StabilityJudge(stability)
         self._window_s = window_s
-        self._sightings = Memory()
+        self._sightings = SightingBuffer()
         self._frames: deque[_Seen] = deque()
         self._sequence = 0
         self._kinematics = {
@@ -120,11 +121,11 @@ class Pipeline:
         """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
         self._tracker.reset()
         self._judge.forget()
-        self._sightings = Memory()
+        self._sightings = SightingBuffer()
         self._frames.clear()
 
     def _forget(self, before_s: float) -> None:
-        self._sightings.forget(before_s - _LEAD_S)
+        self._sightings.drop(before_s - _LEAD_S)
         while self._frames and self._frames[0].time_s < before_s:
             self._frames.popleft()
 

@@ -47,8 +47,10 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Track, write the states, print the summary."""
     from edge_daemon.camera import load_camera
-    from edge_daemon.evaluation import compare, load_truth, score
-    from edge_daemon.offline import TrackSettings, frame_times_ms, track
+    from edge_daemon.offline import frame_times_ms, track
+    from edge_daemon.settings import TrackSettings
+    from research.perception import compare, score
+    from simulation.ground_truth import load_truth
     from slipstream.config import check
 
     camera = load_camera(options.camera)
@@ -59,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     settings = check(
         {
             "window_s": options.window,
-            "every_s": options.every,
+            "state_interval_s": options.every,
             "detector": detector,
         },
         TrackSettings,

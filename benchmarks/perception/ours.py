@@ -16,14 +16,12 @@ from pathlib import Path
 
 from benchmarks.perception.speed import Speed, speed_of, written
 from edge_daemon.camera import load_camera
-from edge_daemon.detection import DetectorSettings, ahead, detect_stream, open_detector
+from edge_daemon.detection import ahead, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
+from edge_daemon.settings import DetectorSettings, StabilitySettings, TrackerSettings, WatchSettings
 from edge_daemon.sources.clip import ClipReader, open_clip
-from edge_daemon.stability import StabilitySettings
-from edge_daemon.tracking import TrackerSettings
 from edge_daemon.watch import Watch
-from edge_daemon.watch.settings import WatchSettings
 from slipstream.service import rss_mb
 
 _WINDOW_S = 10.0

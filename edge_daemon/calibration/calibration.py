@@ -19,7 +19,7 @@ from edge_daemon.camera.consensus import agreeing, tolerance_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.camera.settings import CalibrationPoint, SegmentSettings
+from edge_daemon.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
 CLICK_PX: Final = 1.0

@@ -13,9 +13,8 @@ import tomli_w
 from pydantic import Field
 
 from edge_daemon.calibration.calibration import Calibration
-from edge_daemon.camera.settings import CalibrationPoint, ImageSize, SegmentSettings
-from edge_daemon.frame import Image
-from edge_daemon.stills import readable_picture
+from edge_daemon.frame import Image, read_image
+from edge_daemon.settings import CalibrationPoint, ImageSize, SegmentSettings
 from slipstream.config import Settings, check, load
 from slipstream.errors import InputError
 
@@ -70,7 +69,7 @@ def read_picture(path: Path) -> tuple[Image, bool]:
     """
     if not path.is_file():
         raise InputError(path, "no such picture or video", "check the path")
-    picture = readable_picture(path)
+    picture = read_image(path)
     if picture is not None:
         return picture, False
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)

@@ -15,7 +15,7 @@ from edge_daemon.camera.checks import check_points, fit_points, watched
 from edge_daemon.camera.homography import Array, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.camera.settings import CameraSettings
+from edge_daemon.settings import CameraSettings
 from slipstream.config import load
 from slipstream.errors import InputError
 

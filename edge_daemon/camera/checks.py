@@ -11,7 +11,7 @@ import numpy as np
 from edge_daemon.camera.consensus import agreeing, tolerance_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.camera.settings import CalibrationPoint, SegmentSettings
+from edge_daemon.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
 _WORST_RMS: Final = 0.01  # of the picture's width

@@ -17,9 +17,10 @@ from openvino.preprocess import ColorFormat, PrePostProcessor
 from edge_daemon.camera import Camera
 from edge_daemon.detection.placement import Placement, place_freely, place_in
 from edge_daemon.detection.processor import float_precision
-from edge_daemon.detection.protocol import Detections, DetectorSettings, vehicle_class_of
+from edge_daemon.detection.protocol import Detections, vehicle_class_of
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
+from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
 
 _GREY = 114  # what YOLO's letterbox is padded with in training
@@ -72,7 +73,7 @@ class OpenVinoDetector:
                 boxes.tolist(),
                 scores.tolist(),
                 self._settings.min_score,
-                self._settings.max_overlap,
+                self._settings.nms_iou,
             ),
             dtype=np.int64,
         ).reshape(-1)

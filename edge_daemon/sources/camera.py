@@ -34,12 +34,14 @@ def without_password(url: str) -> str:
     return urlunsplit(parts._replace(netloc=host, query=""))
 
 
-def open_camera(url: str, stall_s: float, size: tuple[int, int] | None = None) -> LiveSource:
+def open_camera(
+    url: str, stall_timeout_s: float, size: tuple[int, int] | None = None
+) -> LiveSource:
     """Watch a camera; it need not be there yet.
 
     Args:
         url: RTSP or HTTP address.
-        stall_s: reconnect after so many seconds without a frame.
+        stall_timeout_s: reconnect after so many seconds without a frame.
         size: (width, height) of the pictures that are wanted, px; others are counted and left
             out. None takes any.
     """
@@ -47,7 +49,7 @@ def open_camera(url: str, stall_s: float, size: tuple[int, int] | None = None) -
     limiter = LogLimiter()
 
     def capture(offer: Offer, stopping: threading.Event, counters: SourceCounters) -> None:
-        watched = _Camera(url, shown, stall_s, size, counters, limiter)
+        watched = _Camera(url, shown, stall_timeout_s, size, counters, limiter)
         wait_s = _FIRST_WAIT_S
         while not stopping.is_set():
             if watched.stream(offer, stopping):
@@ -56,7 +58,7 @@ def open_camera(url: str, stall_s: float, size: tuple[int, int] | None = None) -
                 return
             counters.reconnects += 1
             if limiter.allow("lost"):
-                why = diagnose(url, min(stall_s, _ASK_S))
+                why = diagnose(url, min(stall_timeout_s, _ASK_S))
                 log.warning("%s: no picture (%s); trying again every 0.5 to 30 s", shown, why)
             stopping.wait(wait_s)
             wait_s = min(2 * wait_s, _LONGEST_WAIT_S)
@@ -71,14 +73,14 @@ class _Camera:
         self,
         url: str,
         shown: str,
-        stall_s: float,
+        stall_timeout_s: float,
         size: tuple[int, int] | None,
         counters: SourceCounters,
         limiter: LogLimiter,
     ) -> None:
         self._url = url
         self._shown = shown
-        self._stall_ms = int(1e3 * stall_s)
+        self._stall_ms = int(1e3 * stall_timeout_s)
         self._size = size
         self._pictures = None if size is None else Pictures((size[1], size[0], 3))
         self._counters = counters

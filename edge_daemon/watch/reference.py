@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from edge_daemon.camera import Camera
-from edge_daemon.frame import Image
-from edge_daemon.stills import readable_picture
+from edge_daemon.frame import Image, read_image
 from slipstream.errors import InputError
 
 
@@ -18,7 +17,7 @@ def read_reference(camera: Camera) -> Image | None:
     if path is None:
         return None
     mend = "save the picture that the calibration was made on"
-    picture = readable_picture(path)
+    picture = read_image(path)
     if picture is None:
         raise InputError(path, "not a picture that can be read", mend)
     height, width = picture.shape[:2]

@@ -6,20 +6,13 @@ import numpy as np
 
 from edge_daemon.camera import Camera
 from edge_daemon.frame import Frame, Image
+from edge_daemon.settings import WatchSettings
 from edge_daemon.watch.clocks import ClockJudge
 from edge_daemon.watch.corrupt import CorruptJudge
 from edge_daemon.watch.exposure import exposure, is_obscured, sharpness
 from edge_daemon.watch.frozen import FrozenJudge
 from edge_daemon.watch.hold import Hold
-from edge_daemon.watch.sample import (
-    Sample,
-    grid_step,
-    road_mask,
-    small_grey,
-    take_sample,
-    texture,
-)
-from edge_daemon.watch.settings import WatchSettings
+from edge_daemon.watch.sample import Sample, grid_step, road_mask, small_grey, take_sample, texture
 from edge_daemon.watch.view import ViewJudge
 from slipstream.messages import CameraFault
 
@@ -55,7 +48,7 @@ class Watch:
         self._corrupt = CorruptJudge(settings.max_repeated_share)
         self._frozen = FrozenJudge(settings.frozen_after_s, road_mask(camera, grid, 0.0))
         self._view = ViewJudge(
-            settings.moved_share,
+            settings.max_shift_share,
             settings.moved_after_s,
             road_mask(camera, (shape[0], shape[1]), _VEHICLE_REACH),
             small,
@@ -88,7 +81,10 @@ class Watch:
         jumped = self._clocks.look(frame)
         if jumped or frame.cut:
             self._restart()
-        if self._sampled_s is not None and 0 <= now_s - self._sampled_s < self._settings.sample_s:
+        if (
+            self._sampled_s is not None
+            and 0 <= now_s - self._sampled_s < self._settings.sample_interval_s
+        ):
             if not jumped:
                 return self.fault
             seen: CameraFault | None = None

@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 
 from edge_daemon.camera import load_camera
-from edge_daemon.detection import DetectorSettings
 from edge_daemon.detection.placement import Placement, place_freely
 from edge_daemon.detection.region import Region, road_region
-from edge_daemon.frame import Image
-from edge_daemon.stills import readable_picture
+from edge_daemon.frame import Image, read_image
+from edge_daemon.settings import DetectorSettings
 from simulation.training.judge import fill
 from slipstream.errors import InputError
 
@@ -50,7 +49,7 @@ def _from_folder(folder: Path, shape: tuple[int, int], count: int, seed: int) ->
     order = np.random.default_rng(seed).permutation(len(paths))[:count]
     inputs = []
     for index in order:
-        image = readable_picture(paths[index])
+        image = read_image(paths[index])
         if image is None:
             raise InputError(paths[index], "not a readable picture", "remove it")
         size = image.shape[1], image.shape[0]

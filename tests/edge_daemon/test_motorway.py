@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from edge_daemon.camera import load_camera
-from edge_daemon.detection import DetectorSettings
-from edge_daemon.offline import Run, TrackSettings, track
+from edge_daemon.offline import Run, track
+from edge_daemon.settings import DetectorSettings, TrackSettings
 from slipstream_cli.main import main
 
 POINTS = Path(__file__).parent / "data" / "motorway-points.toml"
