@@ -75,8 +75,8 @@ def reason(code: str | None) -> str:
 
 
 def camera_fault(code: CameraFault) -> str:
-    """A camera's fault in a word or two."""
-    return _FAULTS[code]
+    """A camera's fault in a word or two; one not known here loses its underscores."""
+    return _FAULTS.get(code, code.replace("_", " "))
 
 
 def why_closed(flag: Literal[0, 1] | None, code: str | None) -> str:

@@ -155,7 +155,7 @@ def _rows(folder: Path) -> list[tuple[str, tuple[float, float, float]]]:
 
 
 def main() -> None:
-    """Print the table that stands in `edge_daemon/features/occlusion.py`, and how far it can be trusted."""
+    """Print the table of `edge_daemon/features/occlusion.py`, and how far it can be trusted."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.accuracy.allowances", description=__doc__
     )

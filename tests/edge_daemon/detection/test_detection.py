@@ -273,7 +273,8 @@ def test_pt_files_need_the_extra_or_run_through_the_same_protocol(
 def test_nothing_is_told_to_anybody(tmp_path: Path) -> None:
     """Opening a model writes no identity into the home folder, as its telemetry would."""
     code = (
-        "from edge_daemon.detection import DetectorSettings, open_detector\n"
+        "from edge_daemon.detection import open_detector\n"
+        "from edge_daemon.settings import DetectorSettings\n"
         "open_detector(DetectorSettings())"
     )
     subprocess.run(

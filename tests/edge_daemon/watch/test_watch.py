@@ -17,11 +17,11 @@ from edge_daemon.camera import Camera, load_camera
 from edge_daemon.frame import Frame
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch import Watch, read_reference
-from edge_daemon.watch.clocks import ClockJudge
-from edge_daemon.watch.hold import Hold
-from edge_daemon.watch.sample import small_grey, texture
+from edge_daemon.watch.camera_moved import ViewShift
+from edge_daemon.watch.clock_jump import ClockJumpJudge
+from edge_daemon.watch.debounce import Debounce
+from edge_daemon.watch.sample import Sample, small_grey, texture
 from edge_daemon.watch.tiles import choose_tiles
-from edge_daemon.watch.view import ViewJudge
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault
 
@@ -308,13 +308,12 @@ def test_pictures_of_any_size_can_be_watched(tmp_path: Path) -> None:
 
 def test_a_wall_clock_that_steps_is_told_once(road: Road) -> None:
     """A step counts; slewing by 500 ppm does not, and neither does one late thread."""
-    judge = ClockJudge(0.5)
+    judge = ClockJumpJudge(0.5)
     picture = road.picture
 
     def look(time_s: float, wall_s: float, *, jump: bool = False) -> bool:
-        return judge.look(
-            Frame(picture, time_s, round(1e18 + 1e9 * wall_s), time_s, clock_jump=jump)
-        )
+        frame = Frame(picture, time_s, round(1e18 + 1e9 * wall_s), time_s, clock_jump=jump)
+        return judge.look(Sample(frame, 1))
 
     assert not any(look(t, 1.0005 * t) for t in range(2000))
     assert not look(2000.0, 2001.7)
@@ -325,10 +324,11 @@ def test_a_wall_clock_that_steps_is_told_once(road: Road) -> None:
 
 def test_media_time_that_leaps_is_told(road: Road) -> None:
     """Back, or much further than time has passed; a pause of a camera is no leap."""
-    judge = ClockJudge(0.5)
+    judge = ClockJumpJudge(0.5)
 
     def look(media_s: float, passed_s: float) -> bool:
-        return judge.look(Frame(road.picture, media_s, round(1e9 * passed_s), passed_s))
+        frame = Frame(road.picture, media_s, round(1e9 * passed_s), passed_s)
+        return judge.look(Sample(frame, 1))
 
     assert not look(0.0, 0.0)
     assert not look(60.0, 60.0)
@@ -366,9 +366,9 @@ def test_no_picture_for_a_while_is_stale(road: Road) -> None:
 
 def test_evidence_must_last_to_begin_and_be_gone_to_end() -> None:
     """A flicker neither begins nor ends a fault."""
-    hold = Hold(after_s=1.0, clear_s=2.0)
+    debounce = Debounce(after_s=1.0, clear_s=2.0)
     seen = {0.0, 0.5, 1.5, 2.0, 2.5, 3.0, 4.0}
-    active = [t / 2 for t in range(20) if hold.update(t / 2, t / 2 in seen)]
+    active = [t / 2 for t in range(20) if debounce.update(t / 2, t / 2 in seen)]
     assert active == [2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5]
 
 
@@ -376,12 +376,12 @@ def test_a_view_that_changes_with_the_hours_is_followed_but_a_turn_is_not(road: 
     """Over 50 minutes the scene becomes another; the camera is then turned by 8 px."""
     first = small_grey(road.picture)
     other = small_grey(np.ascontiguousarray(road.picture[::-1, ::-1]))
-    judge = ViewJudge(0.003, 20.0, np.zeros(first.shape, np.bool_), first)
+    view = ViewShift(0.003, 20.0, np.zeros(first.shape, np.bool_), first)
 
     def moved(time_s: float, share: float, aside: int) -> bool:
         mixed = cv2.addWeighted(other, share, first, 1 - share, 0)
         mixed = np.roll(np.asarray(mixed, dtype=np.uint8), aside, axis=1)
-        return judge.look(time_s, mixed, texture(mixed))
+        return view.is_shifted(time_s, mixed, texture(mixed))
 
     assert not any(moved(time_s, time_s / 3000, 0) for time_s in range(0, 3000, 5))
     assert not any(moved(time_s, 1.0, 0) for time_s in range(3000, 3400, 5))
@@ -389,5 +389,5 @@ def test_a_view_that_changes_with_the_hours_is_followed_but_a_turn_is_not(road: 
     later = [moved(time_s, 1.0, 2 if time_s >= 3420 else 0) for time_s in range(3400, 3460, 5)]
     assert later[-1]
     assert not later[0]
-    turned_at_once = ViewJudge(0.003, 20.0, np.zeros(first.shape, np.bool_), first)
-    assert [turned_at_once.look(t, other, texture(other)) for t in range(0, 40, 5)][-1]
+    turned_at_once = ViewShift(0.003, 20.0, np.zeros(first.shape, np.bool_), first)
+    assert [turned_at_once.is_shifted(t, other, texture(other)) for t in range(0, 40, 5)][-1]

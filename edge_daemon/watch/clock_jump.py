@@ -1,27 +1,45 @@
-"""Clocks that step: the stream's own, and the machine's wall clock."""
+"""`clock_jump`: a clock that stepped, the stream's own or the machine's wall clock."""
 
 from __future__ import annotations
 
+from typing import ClassVar, Final
+
 from edge_daemon.frame import Frame
+from edge_daemon.watch.sample import Sample
+from slipstream.messages import CameraFault
 
-_LEAP_S = 5.0
-_SLACK_S = 2.0
+_MAX_LEAP_S: Final = 5.0
+_SLACK_S: Final = 2.0
 
 
-class ClockJudge:
+class ClockJumpJudge:
     """Compares media time and wall clock with the monotonic clock, which never steps."""
 
+    fault: ClassVar[CameraFault] = "clock_jump"
+    every_frame: ClassVar[bool] = True
+    hides_scene: ClassVar[bool] = False
+
     def __init__(self, step_s: float) -> None:
+        """Set it up.
+
+        Args:
+            step_s: a step of the wall clock from here up counts, s.
+        """
+        self.after_s = 0.0
         self._step_s = step_s
         self._last: Frame | None = None
         self._wall_s: float | None = None
         self._steps = 0
 
-    def look(self, frame: Frame) -> bool:
+    def look(self, sample: Sample) -> bool:
         """True if a clock stepped before this frame."""
+        frame = sample.frame
         last, self._last = self._last, frame
         jumped = frame.clock_jump or (last is not None and _leapt(last, frame))
         return self._wall_stepped(frame) or jumped
+
+    def interrupt(self, by: CameraFault | None) -> None:
+        """Clocks run on, whatever the frames show."""
 
     def _wall_stepped(self, frame: Frame) -> bool:
         # Since 1970 a double resolves 0.2 µs: enough here.
@@ -43,4 +61,4 @@ class ClockJudge:
 def _leapt(last: Frame, frame: Frame) -> bool:
     media_s = frame.media_time_s - last.media_time_s
     passed_s = frame.captured_s - last.captured_s
-    return media_s < 0 or media_s > max(_LEAP_S, passed_s + _SLACK_S)
+    return media_s < 0 or media_s > max(_MAX_LEAP_S, passed_s + _SLACK_S)

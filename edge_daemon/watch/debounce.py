@@ -1,17 +1,17 @@
-"""Evidence that must last before it counts, and be gone for a while before it no longer does."""
+"""Debouncing: evidence must last before a fault begins, and be absent before it ends."""
 
 from __future__ import annotations
 
 
-class Hold:
+class Debounce:
     """Turns momentary evidence into a fault that begins and ends once."""
 
     def __init__(self, after_s: float, clear_s: float) -> None:
         """Set it up.
 
         Args:
-            after_s: evidence without a break for so long begins the fault.
-            clear_s: no evidence for so long ends it.
+            after_s: evidence without a break for so long begins the fault, s.
+            clear_s: no evidence for so long ends it, s.
         """
         self._after_s = after_s
         self._clear_s = clear_s
@@ -20,7 +20,7 @@ class Hold:
         self.active = False
 
     def update(self, now_s: float, seen: bool) -> bool:
-        """Take in what was seen at a moment; True while the fault lasts."""
+        """Take in what was seen at a media time; True while the fault lasts."""
         if seen:
             if self._since_s is None:
                 self._since_s = now_s
@@ -32,5 +32,5 @@ class Hold:
         return self.active
 
     def restart(self) -> None:
-        """Forget evidence that has not yet become a fault: time or scene went on elsewhere."""
+        """Drop evidence that has not yet become a fault: the time line or the scene was cut."""
         self._since_s = None
