@@ -38,7 +38,7 @@ from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 log = logging.getLogger(__name__)
 
 _RECENT_S = 10.0
-_PATIENCE_S = 30.0
+_RECONNECT_S = 30.0
 
 
 def run_edge(settings: EdgeSettings) -> None:
@@ -114,7 +114,7 @@ class EdgeDaemon:
         self._limiter = LogLimiter()
         self._stages = StageTimer()
         self._skipped = 0
-        self._given_back_s = time.monotonic()
+        self._trimmed_s = time.monotonic()
 
     def run(self) -> None:
         """Process frames until the service stops or the source ends."""
@@ -125,7 +125,7 @@ class EdgeDaemon:
         gc.collect()
         gc.freeze()
         due_s = preview_due_s = -math.inf
-        telling: Iterator[None] = iter(())
+        publishing: Iterator[None] = iter(())
         stages = self._stages
         with (
             stages.measure_garbage_collection(),
@@ -134,33 +134,33 @@ class EdgeDaemon:
             done_s = time.monotonic()
             for frame, found in results:
                 if frame is not None:
-                    stages.note("waiting for a picture and its vehicles", time.monotonic() - done_s)
+                    stages.note("waiting for a frame and its detections", time.monotonic() - done_s)
                 if self._service.stopping.is_set():
                     break
-                with stages.measure("watching and tracking"):
-                    self._judge(frame)
+                with stages.measure("fault check and tracking"):
+                    self._check_camera(frame)
                     if frame is not None and found is not None:
-                        self._take(frame, found)
+                        self._update(frame, found)
                 now = self._now_s(frame)
                 with stages.measure("states"):
                     if now >= due_s:
-                        _finish(telling)
-                        telling = self._tell("ok" if frame is not None else "no_signal")
+                        _finish(publishing)
+                        publishing = self._publish("ok" if frame is not None else "no_signal")
                         due_s = (
                             max(due_s, now - self._settings.state_interval_s)
                             + self._settings.state_interval_s
                         )
                     # One segment a frame: all at once would keep the next frames waiting.
-                    next(telling, None)
+                    next(publishing, None)
                     if frame is None:
-                        _finish(telling)
+                        _finish(publishing)
                 if frame is not None and now >= preview_due_s:
                     with stages.measure("preview"):
-                        self._show(frame)
+                        self._publish_preview(frame)
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
                 done_s = time.monotonic()
-        _finish(telling)
-        _finish(self._tell("ended"))
+        _finish(publishing)
+        _finish(self._publish("ended"))
 
     def _now_s(self, frame: Frame | None) -> float:
         """What the once-a-second beat follows: a fast clip's own time, else the wall's."""
@@ -168,7 +168,7 @@ class EdgeDaemon:
             return frame.media_time_s
         return time.monotonic()
 
-    def _judge(self, frame: Frame | None) -> None:
+    def _check_camera(self, frame: Frame | None) -> None:
         """Look for a fault of the camera, and say when one begins or ends."""
         now = time.monotonic()
         fault = self._watch.look(frame) if frame is not None else self._fault_without_frame(now)
@@ -183,7 +183,7 @@ class EdgeDaemon:
             metrics.FAULTS.labels(fault).inc()
             log.warning("the camera has a fault: %s; all its segments are unknown", fault)
             # Neither what was seen while it came up nor what is seen now may count later.
-            self._pipeline.forget()
+            self._pipeline.reset()
         self._fault, self._fault_began_s = fault, now
 
     def _fault_without_frame(self, now: float) -> CameraFault | None:
@@ -195,10 +195,10 @@ class EdgeDaemon:
             return None
         return self._watch.absent(now - self._last_frame.captured_s)
 
-    def _take(self, frame: Frame, found: Detections) -> None:
+    def _update(self, frame: Frame, found: Detections) -> None:
         """Take in a frame with what was detected in it, unless the camera has a fault."""
         if self._fault is None:
-            self._pipeline.take(frame, found)
+            self._pipeline.update(frame, found)
         done = time.monotonic()
         self._frames += 1
         self._last_frame = frame
@@ -208,7 +208,7 @@ class EdgeDaemon:
         metrics.FRAMES.inc()
         metrics.LATENCY.observe(done - frame.captured_s)
 
-    def _tell(self, status: str) -> Iterator[None]:
+    def _publish(self, status: str) -> Iterator[None]:
         """Tell the bus of one segment at each step and, at the last, how the daemon is."""
         fault = self._fault
         last = self._last_frame
@@ -227,22 +227,22 @@ class EdgeDaemon:
             log.warning("no picture %s", f"for {idle_s:.0f} s" if last else "yet")
         health = self._health(status)
         self._health_publisher.put(health)
-        self._account_for_skipped(health.frames_skipped)
+        self._log_skipped(health.frames_skipped)
         metrics.SKIPPED.set(health.frames_skipped)
         metrics.DECODE_ERRORS.set(health.decode_errors)
         metrics.RECONNECTS.set(health.reconnects)
         # Trying to reach an absent camera is progress too: a restart would not bring it back.
         stall_timeout_s = self._settings.source.stall_timeout_s
-        if now - self._given_back_s >= TRIM_INTERVAL_S:
+        if now - self._trimmed_s >= TRIM_INTERVAL_S:
             trim_memory()
-            self._given_back_s = now
+            self._trimmed_s = now
         if (
             status == "ok"
-            or now - self._source.counters.tried_s < 2 * stall_timeout_s + _PATIENCE_S
+            or now - self._source.counters.tried_s < 2 * stall_timeout_s + _RECONNECT_S
         ):
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
 
-    def _account_for_skipped(self, skipped: int) -> None:
+    def _log_skipped(self, skipped: int) -> None:
         """Say what took long, if frames were skipped since the last states."""
         longest = self._stages.report()
         if skipped > self._skipped and self._limiter.allow("skipped"):
@@ -275,7 +275,7 @@ class EdgeDaemon:
             rss_mb=rss_mb(),
         )
 
-    def _show(self, frame: Frame) -> None:
+    def _publish_preview(self, frame: Frame) -> None:
         publisher = self._preview_publisher
         if publisher is None or not publisher.has_subscribers():
             return

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from edge_daemon.camera import Camera
-from edge_daemon.detection import ahead, detect_stream, open_detector
+from edge_daemon.detection import detect_stream, open_detector, prefetch
 from edge_daemon.features import VehicleMotion
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
@@ -26,7 +26,7 @@ from slipstream.errors import InputError
 from slipstream.messages import CameraFault, SegmentState
 from slipstream.service import rss_mb
 
-_DECODED_AHEAD: Final = 3
+_PREFETCHED_FRAMES: Final = 3
 _SPEED_LAG_S: Final = 1.0
 
 
@@ -72,7 +72,7 @@ class Recorder:
 
 
 @dataclass
-class Run:
+class TrackResult:
     """What came of a video.
 
     Attributes:
@@ -102,7 +102,7 @@ def track(
     *,
     annotated: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Run:
+) -> TrackResult:
     """Follow a video from its first to its last frame, as fast as it goes; no frame is left out.
 
     Args:
@@ -122,13 +122,13 @@ def track(
     pipeline = Pipeline(
         "offline", camera, detector, settings.tracker, settings.stability, settings.window_s
     )
-    run = Run()
+    result = TrackResult()
     due_s = last_s = 0.0
     fault: CameraFault | None = None
     latest: dict[str, SegmentState] = {}
     source = FastClip(reader)
-    frames = detect_stream(ahead(source.frames(), _DECODED_AHEAD), detector)
-    with closing(frames), _Film(annotated, reader.fps, camera) as film:
+    frames = detect_stream(prefetch(source.frames(), _PREFETCHED_FRAMES), detector)
+    with closing(frames), _AnnotatedVideo(annotated, reader.fps, camera) as annotated_video:
         for frame, detections in frames:
             if frame is None or detections is None:
                 continue
@@ -137,29 +137,29 @@ def track(
             seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
             before, fault = fault, watch.look(seen)
             if fault is None:
-                run.recorder.frame(len(run.done_s), now, pipeline.take(frame, detections))
+                result.recorder.frame(len(result.done_s), now, pipeline.update(frame, detections))
             else:
-                run.fault_s[fault] = run.fault_s.get(fault, 0.0) + now - last_s
+                result.fault_s[fault] = result.fault_s.get(fault, 0.0) + now - last_s
                 if fault != before:
-                    pipeline.forget()
+                    pipeline.reset()
             last_s = now
             if now >= due_s:
                 states = pipeline.states(round(now * 1e9), fault=fault)
-                run.recorder.tick(now, settings.state_interval_s, states, pipeline.vehicles)
-                run.states += states
+                result.recorder.tick(now, settings.state_interval_s, states, pipeline.vehicles)
+                result.states += states
                 latest |= {state.segment: state for state in states}
                 due_s += settings.state_interval_s
-            run.done_s.append(time.monotonic())
-            run.latency_s.append(run.done_s[-1] - frame.captured_s)
-            film.add(frame, pipeline, latest)
+            result.done_s.append(time.monotonic())
+            result.latency_s.append(result.done_s[-1] - frame.captured_s)
+            annotated_video.add(frame, pipeline, latest)
             if progress is not None:
-                progress(len(run.done_s), reader.expected_frames)
-    run.decode_errors = source.counters.decode_errors
-    run.rss_mb = rss_mb()
-    return run
+                progress(len(result.done_s), reader.expected_frames)
+    result.decode_errors = source.counters.decode_errors
+    result.rss_mb = rss_mb()
+    return result
 
 
-class _Film:
+class _AnnotatedVideo:
     """The annotated video, if one is wanted; under its name only when complete."""
 
     def __init__(self, path: Path | None, fps: float, camera: Camera) -> None:
@@ -202,14 +202,14 @@ class _Film:
                 self._part.unlink(missing_ok=True)
 
 
-def frame_times_ms(run: Run) -> tuple[float, float, float, float]:
+def frame_times_ms(result: TrackResult) -> tuple[float, float, float, float]:
     """Median and 95th percentile of the time a frame takes, and of its latency, ms.
 
     The time a frame takes is that between frames leaving the pipeline: stages overlap, so it is
     shorter than the latency. Ticks at which states are made are part of it.
     """
-    steps = 1e3 * np.diff(run.done_s) if len(run.done_s) > 1 else np.zeros(1)
-    latency = 1e3 * np.array(run.latency_s) if run.latency_s else np.zeros(1)
+    steps = 1e3 * np.diff(result.done_s) if len(result.done_s) > 1 else np.zeros(1)
+    latency = 1e3 * np.array(result.latency_s) if result.latency_s else np.zeros(1)
     return (
         float(np.median(steps)),
         float(np.percentile(steps, 95)),

@@ -21,12 +21,12 @@ from edge_daemon.tracking.sightings import SightingBuffer
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState, UnknownReason
 
-_LONGEST_GAP_S = 0.5
+_MAX_GAP_S = 0.5
 _LEAD_S = 3.0  # what was seen before the window helps to smooth its beginning
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _FrameTime:
     time_s: float
     gap_s: float
 
@@ -61,7 +61,7 @@ class Pipeline:
         self._judge = StabilityJudge(stability)
         self._window_s = window_s
         self._sightings = SightingBuffer()
-        self._frames: deque[_Seen] = deque()
+        self._frames: deque[_FrameTime] = deque()
         self._sequence = 0
         self._kinematics = {
             segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
@@ -84,14 +84,14 @@ class Pipeline:
         return self._windows
 
     def process(self, frame: Frame) -> Sightings:
-        """Detect in one frame and take it in: what `take` does after the detector.
+        """Detect in one frame and take it in: what `update` does after the detector.
 
         Raises:
             InputError: the picture has another size than the calibration.
         """
-        return self.take(frame, self._detector.detect(frame.image))
+        return self.update(frame, self._detector.detect(frame.image))
 
-    def take(self, frame: Frame, detections: Detections) -> Sightings:
+    def update(self, frame: Frame, detections: Detections) -> Sightings:
         """Take in one frame with what was detected in it; the sightings that it confirmed.
 
         Raises:
@@ -113,14 +113,14 @@ class Pipeline:
         sightings = self._tracker.update(now, found)
         self._sightings.add(sightings)
         last = self._frames[-1].time_s if self._frames else now
-        self._frames.append(_Seen(now, now - last))
+        self._frames.append(_FrameTime(now, now - last))
         self._forget(now - self._window_s)
         return sightings
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
         self._tracker.reset()
-        self._judge.forget()
+        self._judge.reset()
         self._sightings = SightingBuffer()
         self._frames.clear()
 
@@ -151,7 +151,7 @@ class Pipeline:
         if idle_s > 0:
             self._forget(begin_s)
         # A frame stands for the time since the one before it, unless the source paused.
-        observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _LONGEST_GAP_S)
+        observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _MAX_GAP_S)
         window = _Window(
             self._sightings.all(),
             begin_s,
@@ -183,7 +183,7 @@ class Pipeline:
                 segment.id, time_ns, features, vehicles, window.frames, window.coverage
             )
             if fault is None
-            else self._judge.distrust(segment.id, fault)
+            else self._judge.invalidate(segment.id, fault)
         )
         self._sequence += 1
         return SegmentState(

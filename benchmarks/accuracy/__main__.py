@@ -20,7 +20,7 @@ from slipstream_cli.progress import Progress
 
 
 def main() -> int:
-    """Run the benchmark; 1 if a target is missed."""
+    """TrackResult the benchmark; 1 if a target is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
     parser.add_argument("--folder", type=Path, default=Path(".slipstream/accuracy"))
     parser.add_argument("--only", default="", help="clips whose name contains this")

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera.checks import check_points, fit_points, seen_share, watched
-from edge_daemon.camera.consensus import agreeing, tolerance_px
+from edge_daemon.camera.consensus import find_inliers, tolerance_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
@@ -23,8 +23,8 @@ from edge_daemon.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
 CLICK_PX: Final = 1.0
-WORST_SPEED_ERROR: Final = 0.03
-_LEAST_SEEN: Final = 0.95
+MAX_SPEED_ERROR: Final = 0.03
+_MIN_SEEN_SHARE: Final = 0.95
 _WIDTH_FACTOR: Final = 1.5
 _PLAUSIBLE_HEIGHT_M: Final = (2.5, 80.0)
 
@@ -59,7 +59,7 @@ class Calibration:
         road_m: the points on the road, shape (n, 2).
         image_px: the points in the picture, shape (n, 2).
         used: which points the fit rests on, shape (n,); the others contradict them.
-        misses_px: of each point, shape (n,).
+        residuals_px: of each point, shape (n,).
         reprojection_error_px: root mean square of those used.
         click_px: the clicks' standard error that the accuracy is stated for: 1 px, or what the
             misses tell where they tell more.
@@ -74,7 +74,7 @@ class Calibration:
     road_m: Array
     image_px: Array
     used: npt.NDArray[np.bool_]
-    misses_px: Array
+    residuals_px: Array
     reprojection_error_px: float
     click_px: float
     homography: Homography
@@ -103,11 +103,11 @@ def calibrate(
     """
     road, image = check_points(points, size, source)
     try:
-        used = agreeing(road, image, tolerance_px(size[0]))
+        used = find_inliers(road, image, tolerance_px(size[0]))
     except CalibrationError as error:
         raise InputError(source, error.problem, error.mend, key="points") from None
     homography = fit_points(road[used], image[used], size, source)
-    misses = homography.misses_px(road, image)
+    misses = homography.residuals_px(road, image)
     ids = [segment.id for segment in segments]
     if len(set(ids)) < len(ids):
         raise InputError(source, "two segments with one id", "rename one", key="segments.id")
@@ -138,10 +138,10 @@ def calibrate(
     )
 
 
-def click_error_px(misses_px: Array) -> float:
+def click_error_px(residuals_px: Array) -> float:
     """Standard error of one coordinate of a click, told from n misses; 0 where n = 4 tells none."""
-    freedom = 2 * len(misses_px) - 8
-    return float(np.sqrt(np.sum(misses_px**2) / freedom)) if freedom > 0 else 0.0
+    freedom = 2 * len(residuals_px) - 8
+    return float(np.sqrt(np.sum(residuals_px**2) / freedom)) if freedom > 0 else 0.0
 
 
 def accuracy_of(
@@ -235,7 +235,7 @@ def _about_outlines(
     said = []
     for segment in segments:
         seen = seen_share(segment.polygon_m, homography, size)
-        if seen < _LEAST_SEEN:
+        if seen < _MIN_SEEN_SHARE:
             said.append(
                 f"segment {segment.id}: only {seen:.0%} of it is in the picture, so its density "
                 "comes out low"
@@ -262,7 +262,7 @@ def _about_accuracy(accuracy: tuple[EndAccuracy, ...], click_px: float) -> list[
         f"segment {end.segment}: speeds at its {end.end} end are unsure by {end.speed_error:.1%} "
         f"with clicks {click_px:.1f} px off: add points there"
         for end in accuracy
-        if end.speed_error > WORST_SPEED_ERROR
+        if end.speed_error > MAX_SPEED_ERROR
     ]
 
 

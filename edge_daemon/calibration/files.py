@@ -5,31 +5,19 @@ from __future__ import annotations
 import csv
 import os
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Final
 
 import cv2
 import numpy as np
 import tomli_w
-from pydantic import Field
 
 from edge_daemon.calibration.calibration import Calibration
 from edge_daemon.frame import Image, read_image
-from edge_daemon.settings import CalibrationPoint, ImageSize, SegmentSettings
-from slipstream.config import Settings, check, load
+from edge_daemon.settings import PointsSettings, SegmentSettings
+from slipstream.config import check, load
 from slipstream.errors import InputError
 
 _COLUMNS: Final = ("u", "v", "x", "y")
-
-
-class PointsSettings(Settings):
-    """A points file: points, and what else of a camera.toml is known. A camera.toml is one too."""
-
-    schema_version: Literal[1] = Field(default=1, alias="schema")
-    name: str | None = None
-    reference: Path | None = None
-    image: ImageSize | None = None
-    points: Annotated[tuple[CalibrationPoint, ...], Field(min_length=4)]
-    segments: tuple[SegmentSettings, ...] = ()
 
 
 def read_points(path: Path) -> PointsSettings:

@@ -51,7 +51,7 @@ class Camera:
         self.segments = segments
         self.reference = reference
         self.homography = Homography(road_points_m, image_points_px)
-        misses = self.homography.misses_px(road_points_m, image_points_px)
+        misses = self.homography.residuals_px(road_points_m, image_points_px)
         self.reprojection_error_px = float(np.sqrt(np.mean(misses**2)))
 
     def to_image(self, points_m: npt.ArrayLike) -> Array:

@@ -8,16 +8,16 @@ from typing import Final, NoReturn
 
 import numpy as np
 
-from edge_daemon.camera.consensus import agreeing, tolerance_px
+from edge_daemon.camera.consensus import find_inliers, tolerance_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
-_WORST_RMS: Final = 0.01  # of the picture's width
+_MAX_RMS_SHARE: Final = 0.01  # of the picture's width
 _SAME_PX, _SAME_M = 0.5, 0.01
-_SMALLEST_M2: Final = 1.0
-_LEAST_SEEN: Final = 0.5
+_MIN_AREA_M2: Final = 1.0
+_MIN_SEEN_SHARE: Final = 0.5
 
 
 def check_points(
@@ -66,9 +66,9 @@ def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Pa
         told = culprit is not None and culprit != error.problem
         problem = f"{error.problem} ({culprit})" if told else error.problem
         raise InputError(source, problem, error.mend, key="points") from None
-    misses = homography.misses_px(road_m, image_px)
+    misses = homography.residuals_px(road_m, image_px)
     rms = float(np.sqrt(np.mean(misses**2)))
-    if not rms <= _WORST_RMS * size[0]:
+    if not rms <= _MAX_RMS_SHARE * size[0]:
         worst = int(np.argmax(misses))
         culprit = _culprit(road_m, image_px, size) or _miss(worst, misses)
         raise InputError(
@@ -83,10 +83,10 @@ def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Pa
 def _culprit(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
     """What contradicts the others, if most agree."""
     try:
-        agree = agreeing(road_m, image_px, tolerance_px(size[0]))
+        agree = find_inliers(road_m, image_px, tolerance_px(size[0]))
         if agree.all():
             return None
-        misses = Homography(road_m[agree], image_px[agree]).misses_px(road_m, image_px)
+        misses = Homography(road_m[agree], image_px[agree]).residuals_px(road_m, image_px)
     except CalibrationError as error:
         return error.problem
     return _miss(int(np.argmax(np.nan_to_num(misses, nan=np.inf))), misses)
@@ -120,14 +120,14 @@ def watched(
         polygon = polygon[:-1]  # closed, as GIS tools write it
     if crosses_itself(polygon):
         refuse("polygon crosses itself", "give the corners in order round the outline")
-    if area_m2(polygon) < _SMALLEST_M2:
+    if area_m2(polygon) < _MIN_AREA_M2:
         refuse("polygon has no area", "give at least three corners that are not on a line")
     if (homography.depth(polygon) <= 1e-6).any():
         refuse("polygon reaches behind the horizon as calibrated", "shorten it or mend the points")
     seen = seen_share(polygon, homography, size)
     if seen <= 0:
         refuse("polygon lies outside the picture", "give it in road metres, where the camera looks")
-    if seen < _LEAST_SEEN:
+    if seen < _MIN_SEEN_SHARE:
         refuse(f"only {seen:.0%} of the polygon lies in the picture", "shorten it to what is seen")
     along = polygon @ direction
     across = polygon @ np.array([-direction[1], direction[0]])

@@ -14,9 +14,9 @@ from scipy.optimize import least_squares
 
 Array = npt.NDArray[np.float64]
 
-_FLATTEST: Final = 1e-3
-_WEAKEST: Final = 1e-5
-_FARTHEST: Final = 1e6  # times the mean depth of the points: beyond is called horizon
+_MIN_SPREAD_RATIO: Final = 1e-3
+_MIN_SINGULAR_RATIO: Final = 1e-5
+_MAX_DEPTH_RATIO: Final = 1e6  # times the mean depth of the points: beyond is called horizon
 
 
 class CalibrationError(ValueError):
@@ -82,20 +82,20 @@ class Homography:
         """Depth of road points (n, 2), as of ``matrix``: not positive behind the camera."""
         return np.asarray((points_m - self.origin_m) @ self.matrix[2, :2] + self.matrix[2, 2])
 
-    def misses_px(self, road_m: Array, image_px: Array) -> Array:
+    def residuals_px(self, road_m: Array, image_px: Array) -> Array:
         """How far each road point's picture lies from where it was seen, px, shape (n,)."""
         miss = self.to_image(road_m) - image_px
         return np.hypot(miss[:, 0], miss[:, 1])
 
 
 def _positive(scale: Array) -> Array:
-    return np.where(scale > 1 / _FARTHEST, scale, np.nan)
+    return np.where(scale > 1 / _MAX_DEPTH_RATIO, scale, np.nan)
 
 
 def _fit(road: Array, image: Array) -> Array:
     for points, plane in ((road, "on the road"), (image, "in the picture")):
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if spread[1] <= _FLATTEST * spread[0]:
+        if spread[1] <= _MIN_SPREAD_RATIO * spread[0]:
             raise CalibrationError(f"all points lie on one line {plane}", "spread the points")
     (to_road, road_n), (to_image, image_n) = _normalised(road), _normalised(image)
     x, y = road_n.T
@@ -109,7 +109,7 @@ def _fit(road: Array, image: Array) -> Array:
         ]
     )
     _, strength, basis = np.linalg.svd(rows, full_matrices=False)
-    if strength[7] <= _WEAKEST * strength[0]:
+    if strength[7] <= _MIN_SINGULAR_RATIO * strength[0]:
         raise CalibrationError(
             "too many of the points lie on one line", "add points away from that line"
         )

@@ -15,7 +15,7 @@ import openvino as ov
 from openvino.preprocess import ColorFormat, PrePostProcessor
 
 from edge_daemon.camera import Camera
-from edge_daemon.detection.placement import Placement, place_freely, place_in
+from edge_daemon.detection.placement import Placement, place_dynamic, place_static
 from edge_daemon.detection.processor import float_precision
 from edge_daemon.detection.protocol import Detections, vehicle_class_of
 from edge_daemon.detection.region import Region, road_region
@@ -80,7 +80,7 @@ class OpenVinoDetector:
         corners = boxes[kept]
         corners[:, 2:] += corners[:, :2]
         corners = network.placement.to_picture(corners)
-        whole = network.placement.whole(corners)
+        whole = network.placement.uncut(corners)
         return Detections(corners[whole], scores[kept][whole], classes[kept][whole])
 
     def _for(self, picture: tuple[int, int]) -> _Network:
@@ -100,11 +100,11 @@ class OpenVinoDetector:
         wanted = region or Region(0, 0, *picture)
         model = self._model.clone()
         if self._static:
-            placement = place_in(picture, wanted, self._trained)
+            placement = place_static(picture, wanted, self._trained)
         else:
             height, width = self._trained
             scale = self._settings.scale or min(width / picture[0], height / picture[1])
-            placement = place_freely(picture, wanted, scale)
+            placement = place_dynamic(picture, wanted, scale)
             try:
                 model.reshape([1, 3, *placement.shape])
             except RuntimeError:

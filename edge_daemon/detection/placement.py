@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from edge_daemon.detection.region import Region
 
-_TOUCHING = 2.0  # px of the network's input: nearer to the border of what was searched is cut off
+_BORDER_PX = 2.0  # px of the network's input: nearer to the border of what was searched is cut off
 
 Boxes = npt.NDArray[np.float32]
 
@@ -40,12 +40,12 @@ class Placement:
         start = np.array([self.inner.left, self.inner.top] * 2)
         return np.asarray((boxes - start) * scale + shift, dtype=np.float32)
 
-    def whole(self, boxes: Boxes) -> npt.NDArray[np.bool_]:
+    def uncut(self, boxes: Boxes) -> npt.NDArray[np.bool_]:
         """Which boxes (n, 4), px of the picture, the crop's left, right and lower border spare.
 
         Borders that are the picture's own are left to whoever knows what they mean.
         """
-        near = _TOUCHING * self.crop.width / self.inner.width
+        near = _BORDER_PX * self.crop.width / self.inner.width
         keep = np.ones(len(boxes), dtype=np.bool_)
         if self.crop.left > 0:
             keep &= boxes[:, 0] > self.crop.left + near
@@ -56,7 +56,7 @@ class Placement:
         return keep
 
 
-def place_freely(
+def place_dynamic(
     picture: tuple[int, int], wanted: Region, scale: float, stride: int = 32
 ) -> Placement:
     """An input as small as the wanted part needs, in multiples of the network's stride.
@@ -77,7 +77,7 @@ def place_freely(
     return Placement(picture, crop, (rows, columns), _middle((rows, columns), size))
 
 
-def place_in(picture: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
+def place_static(picture: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
     """The wanted part in the middle of an input of fixed (height, width), its aspect kept."""
     scale = min(shape[1] / wanted.width, shape[0] / wanted.height)
     size = max(1, round(wanted.width * scale)), max(1, round(wanted.height * scale))

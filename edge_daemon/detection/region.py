@@ -13,7 +13,7 @@ VEHICLE_M: Final = (16.5, 2.6, 4.0)
 """Length, width and height of the largest vehicle that has to be whole in the region."""
 
 _STEP_M: Final = 2.0
-_SPARE_PX: Final = 8.0
+_MARGIN_PX: Final = 8.0
 _ROUNDS: Final = 4
 
 
@@ -60,8 +60,8 @@ def road_region(camera: Camera, margin_m: float) -> Region | None:
         if found is None:
             return None
         boxes.append(found)
-    low = np.concatenate(boxes)[:, :2].min(axis=0) - _SPARE_PX
-    high = np.concatenate(boxes)[:, 2:].max(axis=0) + _SPARE_PX
+    low = np.concatenate(boxes)[:, :2].min(axis=0) - _MARGIN_PX
+    high = np.concatenate(boxes)[:, 2:].max(axis=0) + _MARGIN_PX
     left, top = (max(0, int(np.floor(value))) for value in low)
     right, bottom = (
         min(size, int(np.ceil(value))) for value, size in zip(high, camera.size, strict=True)

@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from edge_daemon.camera import Array
 
-_LEAST_SPREAD_M: Final = 5.0
-_STEEPEST: Final = 1.0
+_MIN_SPREAD_M: Final = 5.0
+_MAX_SLOPE: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ def fit_centreline(vehicle: npt.NDArray[np.intp], along_m: Array, across_m: Arra
         return np.asarray(values - (np.bincount(vehicle, values) / counts)[vehicle])
 
     matrix = np.column_stack([centred(off), centred(off**2 / 2)])
-    if np.sqrt(np.mean(matrix[:, 0] ** 2)) < _LEAST_SPREAD_M:
+    if np.sqrt(np.mean(matrix[:, 0] ** 2)) < _MIN_SPREAD_M:
         return Centreline(middle)
     slope, bend = np.linalg.lstsq(matrix, centred(across_m), rcond=None)[0]
     reach = float(np.abs(matrix[:, 0]).max())
-    if abs(slope) + abs(bend) * reach > _STEEPEST:
+    if abs(slope) + abs(bend) * reach > _MAX_SLOPE:
         return Centreline(middle)  # no road: another street is in the view, or tracks are mixed up
     return Centreline(middle, float(slope), float(bend))
 

@@ -17,6 +17,7 @@ import numpy as np
 from edge_daemon.camera import Array, WatchedSegment
 from edge_daemon.camera.pose import CameraPose
 from edge_daemon.features.centreline import Centreline, fit_centreline
+from edge_daemon.features.moments import posterior_moments, with_persistent_errors
 from edge_daemon.features.occlusion import VirtualCars, correct_for_occlusion
 from edge_daemon.features.smoother import Motion, Smoother, estimate_variance_components
 from edge_daemon.features.trajectories import (
@@ -213,12 +214,12 @@ def _features(
     """
     present_s = float(weights_s.sum())
     weights = weights_s / present_s
-    speed, spread = _moments(weights, motion.speed_mps, motion.speed_covariance)
+    speed, spread = posterior_moments(weights, motion.speed_mps, motion.speed_covariance)
     own, common = OWN_SPEED_STD * speed.value, COMMON_SPEED_STD * speed.value
-    speed, spread = _with_lasting_errors(weights, speed, spread, own, common)
-    acceleration, variance = _with_lasting_errors(
+    speed, spread = with_persistent_errors(weights, speed, spread, own, common)
+    acceleration, variance = with_persistent_errors(
         weights,
-        *_moments(weights, motion.acceleration_mps2, motion.acceleration_covariance),
+        *posterior_moments(weights, motion.acceleration_mps2, motion.acceleration_covariance),
         OWN_ACCELERATION_STD_MPS2,
         COMMON_ACCELERATION_STD_MPS2,
     )
@@ -235,61 +236,6 @@ def _features(
         ),
         acceleration_variance_m2ps4=variance,
         mean_gap_m=_mean_gap(vehicles),
-    )
-
-
-def _moments(weights: Array, means: Array, covariances: Array) -> tuple[Estimate, Estimate]:
-    """Mean and variance over all vehicles and times, each with its posterior standard error.
-
-    With x̂ the posterior mean and P its covariance, E[Σ w (x − x̄)²] is Σ w (x̂ − x̄)² + Σ w P_ii less
-    the variance of x̄ itself.
-
-    Args:
-        weights: of sum 1, shape (v, n).
-        means: x̂, shape (v, n).
-        covariances: P, shape (v, n, n).
-    """
-    mean = float(np.sum(weights * means))
-    mean_variance = _quadratic(weights, covariances)
-    off = means - mean
-    diagonal = np.diagonal(covariances, axis1=1, axis2=2)
-    value = float(np.sum(weights * (off**2 + diagonal))) - mean_variance
-    error = 4 * _quadratic(weights * off, covariances) + 2 * _quadratic(weights, covariances**2)
-    return (
-        Estimate(value=mean, standard_error=float(np.sqrt(max(0.0, mean_variance)))),
-        Estimate(value=max(0.0, value), standard_error=float(np.sqrt(max(0.0, error)))),
-    )
-
-
-def _quadratic(vectors: Array, matrices: Array) -> float:
-    """Σ xᵀ M x over vectors (v, n) and matrices (v, n, n)."""
-    return float(np.sum(vectors * (matrices @ vectors[:, :, None])[:, :, 0]))
-
-
-def _with_lasting_errors(
-    weights: Array, mean: Estimate, variance: Estimate, own_std: float, common_std: float
-) -> tuple[Estimate, Estimate]:
-    """Add errors that stay for a vehicle's whole way: its own and those that all vehicles share.
-
-    A vehicle longer or higher than its class seems to change its speed as it comes nearer. Such
-    errors spread the vehicles, which is taken off the variance, and do not average out over a
-    vehicle's positions.
-    """
-    shares = weights.sum(axis=1)
-    alike = float(shares @ shares)
-    own = own_std**2
-    excess = max(0.0, variance.value - (1 - alike) * own)
-    of_mean = np.hypot(common_std, np.sqrt(alike * own))
-    of_variance = np.sqrt(4 * excess * alike * own + 2 * alike * own**2)
-    return (
-        Estimate(
-            value=mean.value,
-            standard_error=float(np.hypot(mean.standard_error or 0.0, of_mean)),
-        ),
-        Estimate(
-            value=excess,
-            standard_error=float(np.hypot(variance.standard_error or 0.0, of_variance)),
-        ),
     )
 
 

@@ -25,7 +25,7 @@ _INTERVAL_S: Final = 0.5
 _SEEN_WITHIN_S: Final = 0.3
 _OCCLUDED_COVER: Final = 0.6
 """The detector was trained on vehicles of which 40 % and more are visible."""
-_NEARER_OF_HEIGHT: Final = 0.25
+_NEARER_SHARE: Final = 0.25
 """So far below a place's lower edge ends a box that stands before it, and not at it."""
 _MAX_OCCLUDED_SHARE: Final = 0.6
 
@@ -103,7 +103,7 @@ class VirtualCars:
         high = np.minimum(self._high[:, None], boxes[None, :, 2:])
         both = np.prod(np.clip(high - low, 0.0, None), axis=2)
         size = self._high - self._low
-        edge = self._high[:, 1] + _NEARER_OF_HEIGHT * size[:, 1]
+        edge = self._high[:, 1] + _NEARER_SHARE * size[:, 1]
         nearer = boxes[None, :, 3] > edge[:, None]
         return np.asarray(both * nearer / np.prod(size, axis=1)[:, None])
 

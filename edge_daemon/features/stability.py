@@ -15,7 +15,7 @@ from typing import Final, Literal
 from edge_daemon.settings import StabilitySettings
 from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
 
-_AS_FAST: Final = 0.7
+_MIN_SPEED_SHARE: Final = 0.7
 """A kept flag ends where those who come by are slower on average than this share of the speed that
 it was judged at: one that stands on an empty road is no thin traffic."""
 
@@ -71,12 +71,12 @@ class StabilityJudge:
             self._stable.pop(segment, None)
         return flag
 
-    def distrust(self, segment: str, reason: UnknownReason) -> Flag:
+    def invalidate(self, segment: str, reason: UnknownReason) -> Flag:
         """The flag of a segment whose camera has a fault."""
         self._stable.pop(segment, None)
         return Flag(None, reason)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """What was seen so far is not to be trusted."""
         self._stable.clear()
 
@@ -85,7 +85,7 @@ class StabilityJudge:
     ) -> bool:
         if before is None or not 0 < time_ns - before.judged_ns <= self._settings.keep_s * 1e9:
             return False
-        slowest_mps = _AS_FAST * before.speed_mps
+        slowest_mps = _MIN_SPEED_SHARE * before.speed_mps
         return features is None or features.mean_speed_mps.value >= slowest_mps
 
 
@@ -116,7 +116,7 @@ def classify(
         return Flag(None, "too_few_vehicles")
     ratios = _ratios(features, settings)
     values = [ratio.value for ratio in ratios]
-    errors = [_doubt(ratio, settings.confidence_sigmas) for ratio in ratios]
+    errors = [_margin(ratio, settings.confidence_sigmas) for ratio in ratios]
     lowest = max(value - (0.0 if isinf(e) else e) for value, e in zip(values, errors, strict=True))
     highest = max(value + e for value, e in zip(values, errors, strict=True))
     slack = settings.hysteresis
@@ -155,7 +155,7 @@ def _over(estimate: Estimate, limit: float) -> Estimate:
     )
 
 
-def _doubt(ratio: Estimate, sigmas: float) -> float:
+def _margin(ratio: Estimate, sigmas: float) -> float:
     """How far a ratio may be off; one without an error is not to be relied on where these count."""
     if sigmas == 0:
         return 0.0

@@ -41,7 +41,7 @@ class Backlog:
         self._drained_by_s: float | None = None
         self._dropped = False
 
-    def tell(self, arrival_s: float, stamp_s: float | None) -> Arrival:
+    def classify(self, arrival_s: float, stamp_s: float | None) -> Arrival:
         """Judge the picture that has just come.
 
         Args:

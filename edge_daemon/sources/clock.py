@@ -14,9 +14,9 @@ _SLACK_S = 0.5
 _SLACK_RATE = 0.02
 _LATE_S = 2.0
 _LEAP_S = 1.0
-_MOST_MISFITS = 3
+_MAX_MISFITS = 3
 _LEARNED = 30
-_MOST_MISSES = 10
+_MAX_MISSES = 10
 _GATE = 0.45
 _GAIN = 0.1
 _RATE_GAIN = 0.003
@@ -56,7 +56,7 @@ class StreamClock:
         self._misses = 0
         self._steps: deque[float] = deque(maxlen=_LEARNED)
 
-    def tell(self, arrival_s: float, stream_s: float | None) -> MediaTime:
+    def media_time(self, arrival_s: float, stream_s: float | None) -> MediaTime:
         """The media time of the picture that has just come.
 
         Args:
@@ -65,7 +65,7 @@ class StreamClock:
         """
         misfits = self._misfits
         jumped = self._jumped(arrival_s, stream_s)
-        if stream_s is not None and not jumped and self._misfits < _MOST_MISFITS:
+        if stream_s is not None and not jumped and self._misfits < _MAX_MISFITS:
             time_s = self._by_stream(arrival_s, stream_s)
         else:
             self._anchor = None
@@ -117,7 +117,7 @@ class StreamClock:
             self._interval_s += _RATE_GAIN * error_s
             return expected_s + _GAIN * error_s
         self._misses += 1
-        if self._misses >= _MOST_MISSES:
+        if self._misses >= _MAX_MISSES:
             # The camera has another rate now.
             self._misses, self._interval_s = 0, None
             self._steps.clear()

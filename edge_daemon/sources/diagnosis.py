@@ -8,7 +8,7 @@ from base64 import b64encode
 from urllib.parse import unquote, urlsplit
 
 _PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322}
-_LONGEST = 4096
+_MAX_ANSWER_BYTES = 4096
 
 
 def diagnose(url: str, timeout_s: float) -> str:
@@ -27,7 +27,7 @@ def diagnose(url: str, timeout_s: float) -> str:
             if parts.scheme in ("https", "rtsps"):
                 connection = ssl.create_default_context().wrap_socket(plain, server_hostname=host)
             connection.sendall(_request(url).encode())
-            answer = connection.recv(_LONGEST)
+            answer = connection.recv(_MAX_ANSWER_BYTES)
     except TimeoutError:
         return "the server does not answer"
     except socket.gaierror:

@@ -11,13 +11,13 @@ from edge_daemon.camera import Array, Camera
 from edge_daemon.detection import Detections
 
 _EDGE_PX = 3.0
-_FARTHEST_STD_M = 3.0  # beyond, a box says too little about where its vehicle is
+_MAX_STD_M = 3.0  # beyond, a box says too little about where its vehicle is
 # Spread of a box's lower edge's middle against truth, over 16,000 boxes of rendered traffic: a part
 # in pixels that all have, a part of the box's size that grows as it is covered and as scores fall.
 _NOISE_PX = (0.9, 0.5)
 _NOISE_OF_SIZE = 0.012
 _NOISE_OF_COVER = 0.15
-_MOST_OF_COVER = 0.1
+_MAX_NOISE_OF_COVER = 0.1
 _NOISE_OF_DOUBT = 0.2
 _SURE_SCORE = 0.8
 
@@ -64,14 +64,14 @@ def to_road_points(detections: Detections, camera: Camera) -> RoadPoints:
     sizes = (boxes[keep, 2:] - boxes[keep, :2]).astype(np.float64)
     share = (
         _NOISE_OF_SIZE
-        + np.minimum(_NOISE_OF_COVER * _covered(boxes)[keep], _MOST_OF_COVER)
+        + np.minimum(_NOISE_OF_COVER * _covered(boxes)[keep], _MAX_NOISE_OF_COVER)
         + _NOISE_OF_DOUBT * np.maximum(0.0, _SURE_SCORE - detections.scores[keep])
     )
     sigma = np.hypot(_NOISE_PX, share[:, None] * sizes)
     jacobian = camera.jacobian(ground[keep])
     spread = jacobian * sigma[:, None, :]
     covariances = spread @ spread.transpose(0, 2, 1)
-    placed = np.trace(covariances, axis1=1, axis2=2) < _FARTHEST_STD_M**2
+    placed = np.trace(covariances, axis1=1, axis2=2) < _MAX_STD_M**2
     keep[keep] = placed
     jacobian, covariances = jacobian[placed], covariances[placed]
     # Up in the picture is away on the road.

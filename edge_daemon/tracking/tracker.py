@@ -23,13 +23,13 @@ from edge_daemon.tracking.sightings import Indices, Sightings
 _GATE = 13.8  # 99.9 % of χ² with two degrees of freedom
 _FORBIDDEN = 1e6
 # In a jam the next vehicle is a few metres on: a track must not jump there, however unsure it is.
-_FARTHEST_JUMP_M = 3.0
-_YOUNG_HITS = 5
+_MAX_JUMP_M = 3.0
+_NEW_TRACK_HITS = 5
 # Two vehicles are never closer than this, along the view and across it, m.
 _BODY_M = (2.5, 1.2)
-_PLACED_M = 2.0
+_MAX_CONFIRMED_STD_M = 2.0
 # A vehicle that may be anywhere within a few car lengths cannot be told from the next one.
-_ASTRAY_M = 4.0
+_MAX_POSITION_STD_M = 4.0
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class Track:
 
 
 @dataclass
-class _Identity:
-    """What is known of a track beside its state."""
+class _Record:
+    """What is known of a track besides its state."""
 
     id: int
     box: npt.NDArray[np.float32]
@@ -82,7 +82,7 @@ class Tracker:
 
     def reset(self) -> None:
         """Forget all tracks: the scene has changed."""
-        self._identities: list[_Identity] = []
+        self._records: list[_Record] = []
         self._states: Array = np.zeros((0, 6))
         self._covariances: Array = np.zeros((0, 6, 6))
         self._reach_m: Array = np.zeros(0)
@@ -92,9 +92,9 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks, seen in the last frame or coasting."""
         return tuple(
-            Track(who.id, state, who.last_seen_s, who.box, who.vehicle_class)
-            for who, state in zip(self._identities, self._states, strict=True)
-            if who.hits >= self._settings.confirm_hits
+            Track(record.id, state, record.last_seen_s, record.box, record.vehicle_class)
+            for record, state in zip(self._records, self._states, strict=True)
+            if record.hits >= self._settings.confirm_hits
         )
 
     def update(self, time_s: float, found: RoadPoints) -> Sightings:
@@ -117,8 +117,10 @@ class Tracker:
             self._covariances = move @ self._covariances @ move.T + noise
         self._time_s = time_s
         # Of a vehicle just found the speed is unknown yet.
-        young = np.array([who.hits < _YOUNG_HITS for who in self._identities], dtype=np.float64)
-        self._reach_m = _FARTHEST_JUMP_M + young * self._settings.max_speed_mps * step_s
+        young = np.array(
+            [record.hits < _NEW_TRACK_HITS for record in self._records], dtype=np.float64
+        )
+        self._reach_m = _MAX_JUMP_M + young * self._settings.max_speed_mps * step_s
         tracks, detections = self._assign_in_two_stages(found)
         self._correct(tracks, found.points_m[detections], found.covariances_m2[detections])
         sightings = self._seen(tracks, detections, time_s, found)
@@ -169,10 +171,14 @@ class Tracker:
 
     def _occupied(self, points: Array, away: Array) -> npt.NDArray[np.bool_]:
         """Which points lie where a vehicle is already: a second box on it is no second vehicle."""
-        placed = np.array([who.hits >= self._settings.confirm_hits for who in self._identities])
-        if not placed.any():
+        confirmed = np.array(
+            [record.hits >= self._settings.confirm_hits for record in self._records]
+        )
+        if not confirmed.any():
             return np.zeros(len(points), dtype=np.bool_)
-        sure = placed & (self._covariances[:, 0, 0] + self._covariances[:, 1, 1] < _PLACED_M**2)
+        sure = confirmed & (
+            self._covariances[:, 0, 0] + self._covariances[:, 1, 1] < _MAX_CONFIRMED_STD_M**2
+        )
         return np.asarray(_overlap(points, self._states[sure, :2], away).any(axis=1))
 
     def _merge(self, tracks: Indices, away: Array) -> None:
@@ -182,36 +188,38 @@ class Tracker:
         same[np.arange(len(tracks)), tracks] = False
         if not same.any():
             return
-        hits = np.array([who.hits for who in self._identities])
+        hits = np.array([record.hits for record in self._records])
         drop = np.zeros(len(hits), dtype=np.bool_)
         for row, other in zip(*np.nonzero(same), strict=True):
             track = tracks[row]
             if not drop[track] and not drop[other]:
                 drop[track if hits[track] < hits[other] else other] = True
         kept = np.flatnonzero(~drop)
-        self._identities = [self._identities[i] for i in kept]
+        self._records = [self._records[i] for i in kept]
         self._states, self._covariances = self._states[kept], self._covariances[kept]
 
     def _seen(
         self, tracks: Indices, detections: Indices, time_s: float, found: RoadPoints
     ) -> Sightings:
-        """Note who was seen; the sightings of those that count by now."""
-        chosen = [self._identities[track] for track in tracks]
-        for who, detection in zip(chosen, detections.tolist(), strict=True):
+        """Update the records of detected tracks; sightings of those that are confirmed."""
+        chosen = [self._records[track] for track in tracks]
+        for record, detection in zip(chosen, detections.tolist(), strict=True):
             kind = int(found.classes[detection])
-            who.last_seen_s = time_s
-            who.hits += 1
-            who.box = found.boxes[detection]
-            who.votes[kind] = who.votes.get(kind, 0.0) + float(found.scores[detection])
+            record.last_seen_s = time_s
+            record.hits += 1
+            record.box = found.boxes[detection]
+            record.votes[kind] = record.votes.get(kind, 0.0) + float(found.scores[detection])
         seen = _sightings(chosen, time_s, found, detections)
         parts = [seen.take(slice(0, 0))]
-        sure = np.array([who.hits >= self._settings.confirm_hits for who in chosen], dtype=np.bool_)
-        for row, who in enumerate(chosen):
+        sure = np.array(
+            [record.hits >= self._settings.confirm_hits for record in chosen], dtype=np.bool_
+        )
+        for row, record in enumerate(chosen):
             if not sure[row]:
-                who.early.append(seen.take(slice(row, row + 1)))
-            elif who.early:
-                parts += who.early
-                who.early = []
+                record.early.append(seen.take(slice(row, row + 1)))
+            elif record.early:
+                parts += record.early
+                record.early = []
         return Sightings.join([*parts, seen.take(sure)])
 
     def _start(self, time_s: float, found: RoadPoints, detections: Indices) -> None:
@@ -226,40 +234,40 @@ class Tracker:
         self._states = np.concatenate([self._states, states])
         self._covariances = np.concatenate([self._covariances, covariances])
         for detection in detections.tolist():
-            who = _Identity(self._next_id, found.boxes[detection], time_s)
-            who.votes[int(found.classes[detection])] = float(found.scores[detection])
-            who.early.append(_sightings([who], time_s, found, np.array([detection])))
-            self._identities.append(who)
+            record = _Record(self._next_id, found.boxes[detection], time_s)
+            record.votes[int(found.classes[detection])] = float(found.scores[detection])
+            record.early.append(_sightings([record], time_s, found, np.array([detection])))
+            self._records.append(record)
             self._next_id += 1
 
     def _drop_lost(self, time_s: float) -> None:
         spread = self._covariances[:, 0, 0] + self._covariances[:, 1, 1]
         kept = [
             i
-            for i, who in enumerate(self._identities)
-            if self._is_followed(who, time_s) and spread[i] < _ASTRAY_M**2
+            for i, record in enumerate(self._records)
+            if self._is_followed(record, time_s) and spread[i] < _MAX_POSITION_STD_M**2
         ]
-        if len(kept) < len(self._identities):
-            self._identities = [self._identities[i] for i in kept]
+        if len(kept) < len(self._records):
+            self._records = [self._records[i] for i in kept]
             self._states, self._covariances = self._states[kept], self._covariances[kept]
 
-    def _is_followed(self, who: _Identity, time_s: float) -> bool:
-        patience = self._settings.lost_after_s
-        if who.hits < self._settings.confirm_hits:
-            patience /= 4  # a single false detection shall not linger
-        return time_s - who.last_seen_s <= patience
+    def _is_followed(self, record: _Record, time_s: float) -> bool:
+        limit_s = self._settings.lost_after_s
+        if record.hits < self._settings.confirm_hits:
+            limit_s /= 4  # a single false detection shall not linger
+        return time_s - record.last_seen_s <= limit_s
 
 
 def _sightings(
-    who: Sequence[_Identity], time_s: float, found: RoadPoints, detections: Indices
+    records: Sequence[_Record], time_s: float, found: RoadPoints, detections: Indices
 ) -> Sightings:
     return Sightings(
-        np.array([one.id for one in who], dtype=np.int64),
-        np.full(len(who), time_s),
+        np.array([record.id for record in records], dtype=np.int64),
+        np.full(len(records), time_s),
         found.points_m[detections],
         found.covariances_m2[detections],
         found.away[detections],
-        np.array([one.vehicle_class for one in who], dtype=np.int64),
+        np.array([record.vehicle_class for record in records], dtype=np.int64),
         found.boxes[detections],
     )
 

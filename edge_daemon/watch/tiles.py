@@ -19,10 +19,10 @@ from edge_daemon.watch.sample import Floats, Mask
 HALF_PX: Final = 10
 REACH_PX: Final = 8
 _MARGIN = HALF_PX + REACH_PX
-_MOST = 24
+_MAX_TILES = 24
 _FOUND = 0.6
 _UNIQUE = 0.8
-_LEAST_CORNER = 4.0
+_MIN_CORNER = 4.0
 _NEAR_PX = 3
 
 
@@ -66,9 +66,9 @@ def choose_tiles(picture: Floats, allowed: Mask) -> Tiles:
     corners[~(allowed & inside)] = 0.0
     centres: list[tuple[int, int]] = []
     pieces: list[Floats] = []
-    while len(pieces) < _MOST:
+    while len(pieces) < _MAX_TILES:
         _, best, _, (u, v) = cv2.minMaxLoc(corners)
-        if best * _PIXELS < _LEAST_CORNER:
+        if best * _PIXELS < _MIN_CORNER:
             break
         cv2.circle(corners, (u, v), 2 * HALF_PX, (0.0,), cv2.FILLED)
         piece = _cut(picture, u, v, HALF_PX)

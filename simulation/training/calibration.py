@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from edge_daemon.camera import load_camera
-from edge_daemon.detection.placement import Placement, place_freely
+from edge_daemon.detection.placement import Placement, place_dynamic
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image, read_image
 from edge_daemon.settings import DetectorSettings
@@ -100,7 +100,7 @@ def _road(size: tuple[int, int], path: Path | None, clip: Path) -> Region:
 
 
 def _placement(size: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
-    return place_freely(size, wanted, min(shape[1] / size[0], shape[0] / size[1]))
+    return place_dynamic(size, wanted, min(shape[1] / size[0], shape[0] / size[1]))
 
 
 def _laid(image: cv2.typing.MatLike, placement: Placement) -> Image:

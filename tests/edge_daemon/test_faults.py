@@ -25,7 +25,7 @@ from edge_daemon.pipeline import Pipeline
 from edge_daemon.settings import EdgeSettings, WatchSettings
 from edge_daemon.sources import FrameSource, SourceCounters
 from edge_daemon.sources.camera import open_camera
-from edge_daemon.sources.live import LONGEST_WAIT_S, LiveSource
+from edge_daemon.sources.live import MAX_WAIT_S, LiveSource
 from edge_daemon.watch import Watch
 from slipstream.config import ServiceSettings
 from slipstream.messages import RsuHealth, SegmentState
@@ -375,8 +375,8 @@ def test_what_was_skipped_keeps_its_marks(
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
         frame = Frame(picture, 0.0, 0, 0.0)
         offer(replace(frame, clock_jump=True, cut=True))
-        offer(replace(frame, captured_s=0.5 * LONGEST_WAIT_S))
-        offer(replace(frame, captured_s=1.1 * LONGEST_WAIT_S))
+        offer(replace(frame, captured_s=0.5 * MAX_WAIT_S))
+        offer(replace(frame, captured_s=1.1 * MAX_WAIT_S))
         offered.set()
 
     source = LiveSource(capture, "test")  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.detection.placement import Placement, place_freely, place_in
+from edge_daemon.detection.placement import Placement, place_dynamic, place_static
 from edge_daemon.detection.region import Region, road_region
 
 PICTURE = (1280, 720)
@@ -95,7 +95,7 @@ def test_a_free_input_holds_what_is_wanted(
 ) -> None:
     """The crop holds the wanted part, within the picture; the input is of whole strides."""
     wanted = Region(left, top, min(1280, left + width), min(720, top + height))
-    got = place_freely(PICTURE, wanted, scale)
+    got = place_dynamic(PICTURE, wanted, scale)
     assert 0 <= got.crop.left <= wanted.left
     assert 0 <= got.crop.top <= wanted.top
     assert wanted.right <= got.crop.right <= 1280
@@ -110,14 +110,14 @@ def test_a_free_input_holds_what_is_wanted(
 
 def test_a_whole_picture_is_laid_out_as_in_training() -> None:
     """1280×720 at a half: 640×360 in the middle of 640×384."""
-    got = place_freely(PICTURE, Region(0, 0, *PICTURE), 0.5)
+    got = place_dynamic(PICTURE, Region(0, 0, *PICTURE), 0.5)
     assert got.shape == (384, 640)
     assert got.inner == Region(0, 12, 640, 372)
 
 
 def test_a_fixed_input_keeps_the_aspect() -> None:
     """The wanted part is letterboxed, and boxes find their way back."""
-    got = place_in(PICTURE, Region(200, 100, 840, 420), (640, 640))
+    got = place_static(PICTURE, Region(200, 100, 840, 420), (640, 640))
     assert got.inner == Region(0, 160, 640, 480)
     boxes = np.array([[0.0, 160.0, 640.0, 480.0], [320, 320, 330, 340]], dtype=np.float32)
     assert got.to_picture(boxes).tolist() == [[200, 100, 840, 420], [520, 260, 530, 280]]

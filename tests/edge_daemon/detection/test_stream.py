@@ -10,7 +10,7 @@ from queue import Queue
 import numpy as np
 import pytest
 
-from edge_daemon.detection import Detections, ahead, detect_stream
+from edge_daemon.detection import Detections, detect_stream, prefetch
 from edge_daemon.frame import Frame, Image
 
 
@@ -139,7 +139,7 @@ def test_closing_early_ends_the_threads_and_the_source() -> None:
     stream.close()
     assert closed.wait(2)
     assert set(threading.enumerate()) <= before
-    items = ahead(iter(source()), 2)
+    items = prefetch(iter(source()), 2)
     next(items)
     items.close()
     assert set(threading.enumerate()) <= before
@@ -155,7 +155,7 @@ def test_items_made_ahead_keep_order_and_number() -> None:
             yield number
         raise ValueError("enough")
 
-    items = ahead(numbers(), 3)
+    items = prefetch(numbers(), 3)
     assert next(items) == 0
     time.sleep(0.1)
     assert len(made) <= 5

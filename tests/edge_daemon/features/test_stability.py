@@ -169,7 +169,7 @@ def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
         return judge.judge("s", time_ns, THIN, vehicles, 300, 1.0).y_e
 
     assert flag(10 * MINUTE, 5) == 1
-    assert judge.distrust("s", "frozen") == Flag(None, "frozen")
+    assert judge.invalidate("s", "frozen") == Flag(None, "frozen")
     assert flag(11 * MINUTE, 1) is None
     assert flag(12 * MINUTE, 5) == 1
     assert flag(5 * MINUTE, 1) is None

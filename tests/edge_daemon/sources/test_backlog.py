@@ -18,7 +18,7 @@ def _arrivals(steps_s: list[float], stamps_s: list[float] | None = None) -> list
     backlog = Backlog()
     times_s = list(accumulate(steps_s, initial=100.0))
     stamps = [None] * len(times_s) if stamps_s is None else stamps_s
-    return [backlog.tell(t, s) for t, s in zip(times_s, stamps, strict=True)]
+    return [backlog.classify(t, s) for t, s in zip(times_s, stamps, strict=True)]
 
 
 @pytest.mark.parametrize("decoding_s", [0.0005, 0.003, 0.006, 0.015])
@@ -53,7 +53,7 @@ def test_a_camera_that_comes_back_at_another_rate_is_believed() -> None:
 
 
 def test_time_stamps_say_what_is_old() -> None:
-    """Pictures that come twice as fast as they were taken piled up; their times are right."""
+    """ImagePool that come twice as fast as they were taken piled up; their times are right."""
     stamps = [n * FRAME_S for n in range(36)]
     told = _arrivals([*[FRAME_S] * 5, 0.8, *[0.01] * 24, *[FRAME_S] * 5], stamps)
     assert told == [OLD, *[LIVE] * 5, CUT, *[OLD] * 24, *[LIVE] * 5]

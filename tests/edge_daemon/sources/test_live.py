@@ -56,7 +56,7 @@ def roughness_s(times_s: list[float], fps: float) -> float:
 
 
 def test_rtsp_frames_carry_the_streams_own_time() -> None:
-    """Pictures that arrive up to 30 ms late keep the even times at which they were taken."""
+    """ImagePool that arrive up to 30 ms late keep the even times at which they were taken."""
     feed = a_feed()
     feed.late_s = 0.03
     server = RtspServer(feed)
@@ -92,7 +92,7 @@ def test_a_camera_that_stalls_or_restarts_is_found_again() -> None:
 
 
 def test_a_stream_that_changes_its_size_is_left_out_until_it_fits() -> None:
-    """Pictures of another size are counted and dated, never handed on."""
+    """ImagePool of another size are counted and dated, never handed on."""
     feed = a_feed()
     server = RtspServer(feed)
     source = open_camera(server.url, 2.0, SIZE)
@@ -163,7 +163,7 @@ def test_a_silent_server_is_given_up_and_tried_again(
 
 def told(clock: StreamClock, arrivals: list[float], stamps: list[float | None]) -> list[float]:
     """Media times of a row of pictures."""
-    return [clock.tell(a, s).time_s for a, s in zip(arrivals, stamps, strict=True)]
+    return [clock.media_time(a, s).time_s for a, s in zip(arrivals, stamps, strict=True)]
 
 
 def test_small_jitter_of_arrival_is_smoothed_and_holes_are_kept() -> None:
@@ -192,7 +192,7 @@ def test_a_streams_clock_that_jumps_is_told_and_mended() -> None:
         clock = StreamClock()
         jumps, times = [], []
         for n in range(100):
-            now = clock.tell(n / 25, n / 25 + (step if n >= 50 else 0.0))
+            now = clock.media_time(n / 25, n / 25 + (step if n >= 50 else 0.0))
             times.append(now.time_s)
             jumps.append(now.jumped)
             assert now.cut == now.jumped

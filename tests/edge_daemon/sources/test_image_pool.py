@@ -8,33 +8,33 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from edge_daemon.sources.pictures import _MOST_KEPT, Pictures
+from edge_daemon.sources.image_pool import _MAX_KEPT, ImagePool
 
 SHAPE = (4, 6, 3)
 
 
 def test_a_picture_that_is_held_is_not_given_out_again() -> None:
     """Nor one of which only a part is held, through however many views."""
-    pictures = Pictures(SHAPE)
-    held = [pictures.blank() for _ in range(3)]
+    pool = ImagePool(SHAPE)
+    held = [pool.acquire() for _ in range(3)]
     assert len({id(picture) for picture in held}) == 3
     part = np.asarray(held[0][1:3])[:, ::2]
     where = held[0].ctypes.data
     held.clear()
-    assert {pictures.blank().ctypes.data for _ in range(5)} != {where}
-    assert all(not np.shares_memory(pictures.blank(), part) for _ in range(5))
+    assert {pool.acquire().ctypes.data for _ in range(5)} != {where}
+    assert all(not np.shares_memory(pool.acquire(), part) for _ in range(5))
 
 
 def test_memory_is_used_again_once_nobody_holds_it() -> None:
     """A reader who keeps up needs one picture, and what a burst needed is not kept for ever."""
-    pictures = Pictures(SHAPE)
-    assert len({pictures.blank().ctypes.data for _ in range(20)}) == 1
-    burst = [pictures.blank() for _ in range(3 * _MOST_KEPT)]
-    assert len({picture.ctypes.data for picture in burst}) == 3 * _MOST_KEPT
+    pool = ImagePool(SHAPE)
+    assert len({pool.acquire().ctypes.data for _ in range(20)}) == 1
+    burst = [pool.acquire() for _ in range(3 * _MAX_KEPT)]
+    assert len({picture.ctypes.data for picture in burst}) == 3 * _MAX_KEPT
     burst.clear()
-    later = [pictures.blank() for _ in range(_MOST_KEPT)]
-    assert len(pictures._kept) == _MOST_KEPT
-    assert len({picture.ctypes.data for picture in later}) == _MOST_KEPT
+    later = [pool.acquire() for _ in range(_MAX_KEPT)]
+    assert len(pool._kept) == _MAX_KEPT
+    assert len({picture.ctypes.data for picture in later}) == _MAX_KEPT
 
 
 def test_a_video_decodes_into_it(tmp_path: Path) -> None:
@@ -45,10 +45,10 @@ def test_a_video_decodes_into_it(tmp_path: Path) -> None:
         writer.write(np.full((48, 64, 3), level, np.uint8))
     writer.release()
     capture = cv2.VideoCapture(str(path))
-    pictures = Pictures((48, 64, 3))
+    pool = ImagePool((48, 64, 3))
     levels = []
     for _ in range(4):
-        blank = pictures.blank()
+        blank = pool.acquire()
         ok, image = capture.read(blank)
         assert ok
         assert image is blank
@@ -56,4 +56,4 @@ def test_a_video_decodes_into_it(tmp_path: Path) -> None:
         del blank, image
     capture.release()
     assert levels == sorted(levels)
-    assert len(pictures._kept) == 1
+    assert len(pool._kept) == 1

@@ -15,10 +15,10 @@ import numpy as np
 
 from edge_daemon.frame import Image
 
-_MOST_KEPT: Final = 6
+_MAX_KEPT: Final = 6
 
 
-class Pictures:
+class ImagePool:
     """Hands out pictures to decode into; for one thread."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
@@ -32,13 +32,13 @@ class Pictures:
         # What a picture that is only kept has: how many references a loop adds is Python's affair.
         self._unused = self._references()[0]
 
-    def blank(self) -> Image:
+    def acquire(self) -> Image:
         """A picture that nobody else holds, nor any part of it; what it shows is left over."""
         for place, references in enumerate(self._references()):
             if references == self._unused:
                 return self._kept[place]
         picture = _blank(self._shape)
-        if len(self._kept) < _MOST_KEPT:
+        if len(self._kept) < _MAX_KEPT:
             self._kept.append(picture)
         return picture
 
