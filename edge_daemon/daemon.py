@@ -1,4 +1,4 @@
-"""The pipeline as a service: frames in, states on the bus once a second, health beside them."""
+"""The pipeline as a service: frames in, states and health on the bus once a second."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def run_edge(settings: EdgeSettings) -> None:
 
 
 class EdgeDaemon:
-    """Moves frames through the pipeline and tells the bus."""
+    """Passes frames through the pipeline and publishes states, health and previews."""
 
     def __init__(
         self,
@@ -121,7 +121,7 @@ class EdgeDaemon:
         self._service.ready()
         for reason in CAMERA_FAULTS:
             metrics.FAULT.labels(reason).set(0)
-        # What has been loaded stays: looking it through again and again takes 30 ms each time.
+        # Loaded modules stay: to scan them in each collection takes 30 ms.
         gc.collect()
         gc.freeze()
         due_s = preview_due_s = -math.inf
@@ -150,7 +150,7 @@ class EdgeDaemon:
                             max(due_s, now - self._settings.state_interval_s)
                             + self._settings.state_interval_s
                         )
-                    # One segment a frame: all at once would keep the next frames waiting.
+                    # One segment per frame: all at once would delay the next frames.
                     next(publishing, None)
                     if frame is None:
                         _finish(publishing)
@@ -163,13 +163,13 @@ class EdgeDaemon:
         _finish(self._publish("ended"))
 
     def _now_s(self, frame: Frame | None) -> float:
-        """What the once-a-second beat follows: a fast clip's own time, else the wall's."""
+        """The clock of the state interval: media time of a fast clip, else monotonic time, s."""
         if self._settings.source.pace == "fast" and frame is not None:
             return frame.media_time_s
         return time.monotonic()
 
     def _check_camera(self, frame: Frame | None) -> None:
-        """Look for a fault of the camera, and say when one begins or ends."""
+        """Look for a camera fault; log and count its beginning and its end."""
         now = time.monotonic()
         fault = self._watch.look(frame) if frame is not None else self._fault_without_frame(now)
         if fault == self._fault:
@@ -182,12 +182,12 @@ class EdgeDaemon:
             metrics.FAULT.labels(fault).set(1)
             metrics.FAULTS.labels(fault).inc()
             log.warning("the camera has a fault: %s; all its segments are unknown", fault)
-            # Neither what was seen while it came up nor what is seen now may count later.
+            # Nothing seen while the fault began, or during it, may count later.
             self._pipeline.reset()
         self._fault, self._fault_began_s = fault, now
 
     def _fault_without_frame(self, now: float) -> CameraFault | None:
-        """What keeps pictures away; None where there never was one, or one was here just now."""
+        """The fault while no frame comes; None before the first frame or shortly after one."""
         misfit_s = self._source.counters.misfit_s
         if misfit_s is not None and now - misfit_s < self._settings.watch.stale_after_s:
             return "corrupt"
@@ -196,7 +196,7 @@ class EdgeDaemon:
         return self._watch.absent(now - self._last_frame.captured_s)
 
     def _update(self, frame: Frame, found: Detections) -> None:
-        """Take in a frame with what was detected in it, unless the camera has a fault."""
+        """Process a frame and its detections, unless the camera has a fault."""
         if self._fault is None:
             self._pipeline.update(frame, found)
         done = time.monotonic()
@@ -209,7 +209,7 @@ class EdgeDaemon:
         metrics.LATENCY.observe(done - frame.captured_s)
 
     def _publish(self, status: str) -> Iterator[None]:
-        """Tell the bus of one segment at each step and, at the last, how the daemon is."""
+        """Publish one segment's state at each step and, at the last, the daemon's health."""
         fault = self._fault
         last = self._last_frame
         now = time.monotonic()
@@ -222,7 +222,7 @@ class EdgeDaemon:
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()
             yield
             if self._fault != fault:
-                break  # before the next one is judged by what is not trusted any more
+                break  # the next state would rest on data that is no longer trusted
         if status == "no_signal" and self._limiter.allow("no signal"):
             log.warning("no picture %s", f"for {idle_s:.0f} s" if last else "yet")
         health = self._health(status)
@@ -231,7 +231,7 @@ class EdgeDaemon:
         metrics.SKIPPED.set(health.frames_skipped)
         metrics.DECODE_ERRORS.set(health.decode_errors)
         metrics.RECONNECTS.set(health.reconnects)
-        # Trying to reach an absent camera is progress too: a restart would not bring it back.
+        # Connecting to an absent camera is progress too: a restart would not help.
         stall_timeout_s = self._settings.source.stall_timeout_s
         if now - self._trimmed_s >= TRIM_INTERVAL_S:
             trim_memory()
@@ -243,7 +243,7 @@ class EdgeDaemon:
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
 
     def _log_skipped(self, skipped: int) -> None:
-        """Say what took long, if frames were skipped since the last states."""
+        """Log which stages took longest, if frames were skipped since the last states."""
         longest = self._stages.report()
         if skipped > self._skipped and self._limiter.allow("skipped"):
             log.warning("%d frames skipped; longest: %s", skipped - self._skipped, longest)
@@ -294,6 +294,6 @@ class EdgeDaemon:
 
 
 def _finish(steps: Iterator[None]) -> None:
-    """Take all steps that are left."""
+    """Run the remaining steps."""
     for _ in steps:
         pass

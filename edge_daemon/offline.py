@@ -32,7 +32,7 @@ _SPEED_LAG_S: Final = 1.0
 
 @dataclass
 class Recorder:
-    """Keeps what the pipeline said, frame by frame and state by state."""
+    """Records sightings, speeds and states of a run, for scoring."""
 
     frame_times_s: list[float] = field(default_factory=list)
     frame_numbers: list[int] = field(default_factory=list)
@@ -53,7 +53,7 @@ class Recorder:
         states: Sequence[SegmentState],
         vehicles: dict[str, tuple[VehicleMotion, ...]],
     ) -> None:
-        """Note the states at a media time; speeds are taken once, a second later than they were."""
+        """Record the states at a media time, and each speed once, a second after its time."""
         self.states.extend((time_s, state) for state in states)
         begin, end = time_s - _SPEED_LAG_S - every_s, time_s - _SPEED_LAG_S
         for vehicle in (v for of_segment in vehicles.values() for v in of_segment):
@@ -79,9 +79,9 @@ class TrackResult:
         states: all states in order; their times are media times since the clip's beginning.
         recorder: what scores are made from; frames under a fault of the camera are left out.
         done_s: monotonic time at which each frame had gone through, s.
-        latency_s: of each frame, from its picture decoded to its states, s.
-        decode_errors: pictures that could not be read.
-        fault_s: for how long each fault of the picture was reported, s: it begins after its wait
+        latency_s: of each frame, from decoded to processed, s.
+        decode_errors: frames that could not be read.
+        fault_s: for how long each fault of the frame was reported, s: it begins after its wait
             and ends some seconds after its last sign.
         rss_mb: resident memory at the end.
     """
@@ -110,11 +110,11 @@ def track(
         camera: its calibration.
         settings: of the pipeline.
         annotated: where to write the video with what was seen drawn over it.
-        progress: told how many of how many frames are done.
+        progress: called with the numbers of processed and of expected frames.
 
     Raises:
-        InputError: the video, the model, the reference picture or the target cannot be used, or
-            the pictures are not of the calibrated size.
+        InputError: the video, the model, the reference frame or the target cannot be used, or
+            the frames are not of the calibrated size.
     """
     watch = Watch(camera, settings.watch, read_reference(camera))
     reader = open_clip(video, loop=False, size=camera.size)

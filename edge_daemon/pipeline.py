@@ -1,4 +1,4 @@
-"""One frame's way: detect, place on the road, track, keep the window, judge each segment.
+"""One frame: detect, project to the road, track, update the window, classify each segment.
 
 No I/O and no clock of its own: the same frames give the same states.
 """
@@ -84,18 +84,18 @@ class Pipeline:
         return self._windows
 
     def process(self, frame: Frame) -> Sightings:
-        """Detect in one frame and take it in: what `update` does after the detector.
+        """Detect vehicles in a frame and `update` with them.
 
         Raises:
-            InputError: the picture has another size than the calibration.
+            InputError: the frame has another size than the calibration.
         """
         return self.update(frame, self._detector.detect(frame.image))
 
     def update(self, frame: Frame, detections: Detections) -> Sightings:
-        """Take in one frame with what was detected in it; the sightings that it confirmed.
+        """Process one frame and its detections; returns the sightings that it confirmed.
 
         Raises:
-            InputError: the picture has another size than the calibration.
+            InputError: the frame has another size than the calibration.
         """
         height, width = frame.image.shape[:2]
         if (width, height) != self._camera.size:
@@ -118,7 +118,7 @@ class Pipeline:
         return sightings
 
     def reset(self) -> None:
-        """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
+        """Empty the window and drop all tracks: data so far is not to be trusted."""
         self._tracker.reset()
         self._judge.reset()
         self._sightings = SightingBuffer()
@@ -138,7 +138,7 @@ class Pipeline:
     def iter_states(
         self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
     ) -> Iterator[SegmentState]:
-        """The same states, each worked out when it is asked for.
+        """The same states, each computed when it is requested.
 
         All are over the window that ends at this call, whatever frames are taken in between.
 

@@ -1,4 +1,4 @@
-"""The picture for people: segments in the colour of their flag, boxes, identities and speeds."""
+"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def annotate(
     time_s: float,
     width: int,
 ) -> Image:
-    """Draw what the pipeline knows at a media time over a copy of the picture, ``width`` px wide.
+    """Draw what the pipeline knows at a media time over a copy of the frame, ``width`` px wide.
 
     Boxes of vehicles seen just now, each with its number where there is room, nearer ones first;
-    speeds are shown in the segments, as nobody vouches for the calibration elsewhere.
+    speeds are shown inside segments only, as the calibration is not checked elsewhere.
     """
     zoom = width / image.shape[1]
     height = round(image.shape[0] * zoom)

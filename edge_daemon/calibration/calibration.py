@@ -1,7 +1,7 @@
-"""From points clicked in a picture to a camera's calibration, and how well it measures.
+"""From points clicked in an image to a camera's calibration, and how well it measures.
 
-Clicks are a pixel or so off. What that does to positions and speeds is found by moving each
-click by itself and fitting anew: the misses of the result add up in squares.
+Clicked points are off by a pixel or so. The resulting errors of positions and speeds are found by
+moving each point by itself and fitting again; the squared deviations add up.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ class Calibration:
     """A fitted camera.
 
     Attributes:
-        size: (width, height) of its pictures, px.
+        size: (width, height) of its images, px.
         road_m: the points on the road, shape (n, 2).
-        image_px: the points in the picture, shape (n, 2).
+        image_px: the points in the image, shape (n, 2).
         used: which points the fit rests on, shape (n,); the others contradict them.
         residuals_px: of each point, shape (n,).
         reprojection_error_px: root mean square of those used.
-        click_px: the clicks' standard error that the accuracy is stated for: 1 px, or what the
-            misses tell where they tell more.
+        click_px: standard error of a clicked point that the accuracy is stated for: 1 px, or the
+            estimate from the residuals where that is larger.
         homography: the fit.
         pose: where the camera hangs, if it is a plain one.
         segments: the watched segments.
@@ -95,7 +95,7 @@ def calibrate(
     Args:
         points: at least four.
         segments: outlines to check and to state the accuracy for; may be none.
-        size: (width, height) of the picture, px.
+        size: (width, height) of the image, px.
         source: the points' file, for error lines.
 
     Raises:
@@ -139,7 +139,7 @@ def calibrate(
 
 
 def click_error_px(residuals_px: Array) -> float:
-    """Standard error of one coordinate of a click, told from n misses; 0 where n = 4 tells none."""
+    """Standard error of a clicked coordinate, estimated from n residuals; 0 for n = 4."""
     freedom = 2 * len(residuals_px) - 8
     return float(np.sqrt(np.sum(residuals_px**2) / freedom)) if freedom > 0 else 0.0
 
@@ -153,8 +153,8 @@ def accuracy_of(
 ) -> list[EndAccuracy]:
     """What clicks that are ``click_px`` off in each coordinate do at both ends of each segment.
 
-    A vehicle that truly moves by v·dt along the direction d moves in the picture by J·d·v·dt, J
-    the true derivative of the picture by the road; another fit, with J' from picture to road, takes
+    A vehicle that truly moves by v·dt along the direction d moves in the image by J·d·v·dt, J
+    the true derivative of the image by the road; another fit, with J' from image to road, takes
     its speed for v·dᵀJ'J·d.
     """
     ends = [(s, end, point) for s in segments for end, point in _ends(s, homography)]

@@ -1,4 +1,4 @@
-"""The files of a calibration: points and picture in, camera.toml out."""
+"""The files of a calibration: points and image in, camera.toml out."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _read_csv(path: Path) -> PointsSettings:
 
 
 def read_picture(path: Path) -> tuple[Image, bool]:
-    """A picture, or the first readable frame of a video, and whether it was a video.
+    """An image, or the first readable frame of a video, and whether it was a video.
 
     Raises:
         InputError: it is neither.
@@ -109,7 +109,7 @@ def _pair(pair: tuple[float, float] | np.ndarray) -> str:
 
 
 def reference_of(picture: Path, out: Path) -> str:
-    """The picture's path as a camera.toml at ``out`` names it."""
+    """The image's path as a camera.toml at ``out`` names it."""
     return Path(os.path.relpath(picture.resolve(), out.resolve().parent)).as_posix()
 
 
@@ -117,7 +117,7 @@ def write_picture(path: Path, picture: Image) -> None:
     """Write a PNG or JPEG, by the name's ending.
 
     Raises:
-        InputError: the ending is no picture's, or the file cannot be written.
+        InputError: the ending is no image's, or the file cannot be written.
     """
     try:
         ok, data = cv2.imencode(path.suffix or ".", picture)

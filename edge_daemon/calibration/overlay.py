@@ -1,4 +1,4 @@
-"""The metric grid over the picture: a person sees at a glance whether a calibration is right."""
+"""The metric grid over the image: a person sees at a glance whether a calibration is right."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _WIDTH: Final = 1280
 
 
 def draw_grid(picture: Image, calibration: Calibration) -> Image:
-    """Draw the calibration over a copy of its picture, enlarged if it is small.
+    """Draw the calibration over a copy of its image, enlarged if it is small.
 
     Lines every 5 m, stronger and labelled every 10 m (coarser on large roads); segments outlined
     and named, an arrow in the direction of travel; each point as a ring where it was clicked, a
@@ -47,7 +47,7 @@ def draw_grid(picture: Image, calibration: Calibration) -> Image:
 
 
 class _Canvas:
-    """The picture drawn on, and where the road is in it."""
+    """The image drawn on, and where the road is in it."""
 
     def __init__(self, picture: Image, calibration: Calibration) -> None:
         self.calibration = calibration

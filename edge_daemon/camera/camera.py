@@ -1,6 +1,6 @@
 """The calibrated camera: image ↔ road plane, and the road segments that it watches.
 
-The road is a plane with coordinates in metres; a 3×3 homography maps it to the picture.
+The road is a plane with coordinates in metres; a 3×3 homography maps it to the image.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ class Camera:
 
     Attributes:
         name: its name.
-        size: (width, height) of its pictures, px.
+        size: (width, height) of its images, px.
         segments: the watched segments.
-        homography: between picture and road.
+        homography: between image and road.
         reprojection_error_px: root mean square over the calibration points.
-        reference: the picture that it was calibrated on, if the calibration names one.
+        reference: the image that it was calibrated on, if the calibration names one.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Camera:
         segments: tuple[WatchedSegment, ...],
         reference: Path | None = None,
     ) -> None:
-        """Calibrate it from points known on the road and in the picture, both (n, 2), n ≥ 4.
+        """Calibrate it from points known on the road and in the image, both (n, 2), n ≥ 4.
 
         Raises:
             CalibrationError: the points fix no usable homography.
@@ -80,8 +80,8 @@ def load_camera(path: Path) -> Camera:
     """Read a ``camera.toml``.
 
     Raises:
-        InputError: an unknown key, a wrong type, a reference picture that is missing; points
-            outside the picture, at one place or on a line, that fix no homography or do not fit
+        InputError: an unknown key, a wrong type, a reference image that is missing; points
+            outside the image, at one place or on a line, that fix no homography or do not fit
             it; a segment that `edge_daemon.camera.checks.watched` refuses.
     """
     settings = load(path, CameraSettings)

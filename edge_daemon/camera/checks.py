@@ -14,7 +14,7 @@ from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
-_MAX_RMS_SHARE: Final = 0.01  # of the picture's width
+_MAX_RMS_SHARE: Final = 0.01  # of the image's width
 _SAME_PX, _SAME_M = 0.5, 0.01
 _MIN_AREA_M2: Final = 1.0
 _MIN_SEEN_SHARE: Final = 0.5
@@ -23,10 +23,10 @@ _MIN_SEEN_SHARE: Final = 0.5
 def check_points(
     points: tuple[CalibrationPoint, ...], size: tuple[int, int], source: Path
 ) -> tuple[Array, Array]:
-    """Points on the road, m, and in the picture, px, both (n, 2).
+    """Points on the road, m, and in the image, px, both (n, 2).
 
     Raises:
-        InputError: one lies outside the picture, or two share a place.
+        InputError: one lies outside the image, or two share a place.
     """
     road = np.array([point.road for point in points])
     image = np.array([point.image for point in points])
@@ -104,7 +104,7 @@ def watched(
 
     Raises:
         InputError: its outline crosses itself, has no area, reaches behind the horizon, is mostly
-            outside the picture or lies across its direction; its direction has no length.
+            outside the image or lies across its direction; its direction has no length.
     """
 
     def refuse(problem: str, mend: str) -> NoReturn:
@@ -172,9 +172,9 @@ def _meet(a: Array, b: Array, c: Array, d: Array) -> bool:
 
 
 def seen_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:
-    """Share of a polygon's area on the road that lies in the picture; all of it before the camera.
+    """Share of a polygon's area on the road that lies in the image; all of it before the camera.
 
-    Its picture is clipped edge by edge (Sutherland and Hodgman), which is exact as a homography
+    Its image is clipped edge by edge (Sutherland and Hodgman), which is exact as a homography
     keeps lines straight.
     """
     outline = homography.to_image(polygon_m)

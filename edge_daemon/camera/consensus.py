@@ -1,4 +1,4 @@
-"""Which calibration points contradict the others."""
+"""Which calibration points are inliers: consensus over homographies through four points."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def find_inliers(road_m: Array, image_px: Array, tolerance_px: float) -> Inliers
 
     Homographies through four of the points (all fours are tried, or 1000 of them) vote for the
     points that they meet; the largest votes are refined by least squares. Of fewer than six points
-    none can be told to be wrong, so all agree.
+    none can be identified as wrong, so all are inliers.
 
     Raises:
         CalibrationError: no more than half of the points, or fewer than five, agree; or it cannot
@@ -108,7 +108,7 @@ def _refined(
 
 
 def tolerance_px(width: int) -> float:
-    """How far a careful click may be off in a picture of that width, px."""
+    """How far a careful click may be off in an image of that width, px."""
     return max(4.0, 0.004 * width)
 
 

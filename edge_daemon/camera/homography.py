@@ -1,7 +1,7 @@
-"""The homography between a picture and the road plane, fitted to points known in both.
+"""The homography between an image and the road plane, fitted to points known in both.
 
 Normalised direct linear transform (Hartley and Zisserman, Multiple View Geometry, section 4.4),
-then least squares of the misses in the picture.
+then least squares of the misses in the image.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ class CalibrationError(ValueError):
 
 
 class Homography:
-    """Road plane ↔ picture.
+    """Road plane ↔ image.
 
     Attributes:
         origin_m: where ``matrix`` has its road origin, shape (2,).
-        matrix: road point relative to the origin, (x, y, 1), to picture, shape (3, 3); the third
+        matrix: road point relative to the origin, (x, y, 1), to image, shape (3, 3); the third
             coordinate is the depth, positive before the camera, 1 on average over the points.
     """
 
     def __init__(self, road_m: Array, image_px: Array) -> None:
-        """Fit it to points on the road and in the picture, both (n, 2), n ≥ 4.
+        """Fit it to points on the road and in the image, both (n, 2), n ≥ 4.
 
         Raises:
             CalibrationError: the points lie on a line, or show the road mirrored or inside out.
@@ -83,7 +83,7 @@ class Homography:
         return np.asarray((points_m - self.origin_m) @ self.matrix[2, :2] + self.matrix[2, 2])
 
     def residuals_px(self, road_m: Array, image_px: Array) -> Array:
-        """How far each road point's picture lies from where it was seen, px, shape (n,)."""
+        """How far each road point's image lies from where it was seen, px, shape (n,)."""
         miss = self.to_image(road_m) - image_px
         return np.hypot(miss[:, 0], miss[:, 1])
 

@@ -1,7 +1,7 @@
-"""Where a calibrated camera hangs, told from its homography alone.
+"""The pose of a calibrated camera, from its homography alone.
 
-Assumes square pixels, no distortion and the optical axis in the picture's middle (no cropped
-picture); with these the homography fixes the focal length too.
+Assumes square pixels, no distortion and the optical axis in the image's middle (no cropped
+image); with these the homography fixes the focal length too.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def pose_of(homography: Homography, size: tuple[int, int]) -> CameraPose | None:
 
     Args:
         homography: of the road plane.
-        size: (width, height) of the picture, px.
+        size: (width, height) of the image, px.
     """
     centred = homography.matrix.copy()
     centred[:2] -= np.outer([size[0] / 2, size[1] / 2], homography.matrix[2])

@@ -30,14 +30,14 @@ _USUAL_SHAPE = (640, 640)
 class OpenVinoDetector:
     """A YOLO11 export; cutting out, colour order and scaling run without copies.
 
-    A model with a dynamic input is compiled for the part of the picture that holds the road, at the
+    A model with a dynamic input is compiled for the part of the frame that holds the road, at the
     scale that it was trained at; into a static input that part is letterboxed.
     """
 
     def __init__(
         self, path: Path, settings: DetectorSettings, camera: Camera | None = None
     ) -> None:
-        """Read the model, and compile it if the picture's size is known.
+        """Read the model, and compile it if the frame's size is known.
 
         Raises:
             InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
@@ -59,11 +59,11 @@ class OpenVinoDetector:
 
     @property
     def requests(self) -> int:
-        """Pictures at a time."""
+        """Frames at a time."""
         return self._settings.requests or min(2, _threads(self._settings))
 
     def detect(self, image: Image) -> Detections:
-        """Vehicles in a BGR picture (height, width, 3); from so many threads as `requests`."""
+        """Vehicles in a BGR frame (height, width, 3); from so many threads as `requests`."""
         network = self._for((image.shape[1], image.shape[0]))
         output = network.infer(image)
         boxes, scores, classes = _candidates(output, self._vehicle_class, self._settings.min_score)
@@ -84,7 +84,7 @@ class OpenVinoDetector:
         return Detections(corners[whole], scores[kept][whole], classes[kept][whole])
 
     def _for(self, picture: tuple[int, int]) -> _Network:
-        """The model compiled for pictures of (width, height)."""
+        """The model compiled for frames of (width, height)."""
         network = self._network
         if network is None or network.placement.picture != picture:
             with self._compiling:
@@ -128,7 +128,7 @@ class OpenVinoDetector:
 
 
 class _Network:
-    """A compiled model with its requests and their input pictures."""
+    """A compiled model with its requests and their input frames."""
 
     def __init__(self, placement: Placement, compiled: ov.CompiledModel, requests: int) -> None:
         self.placement = placement
@@ -140,7 +140,7 @@ class _Network:
             self._free.put((request, canvas))
 
     def infer(self, image: Image) -> npt.NDArray[np.float32]:
-        """Raw output of a picture, shape (4 + classes, places); waits for a free request."""
+        """Raw output of a frame, shape (4 + classes, places); waits for a free request."""
         crop, inner = self.placement.crop, self.placement.inner
         request, canvas = self._free.get()
         try:
@@ -151,7 +151,7 @@ class _Network:
                 interpolation=cv2.INTER_AREA if inner.width < crop.width else cv2.INTER_LINEAR,
             )
             request.infer()
-            # A copy: the request's own memory is overwritten by the next picture.
+            # A copy: the request's own memory is overwritten by the next frame.
             return np.array(request.get_output_tensor(0).data[0], dtype=np.float32)
         finally:
             self._free.put((request, canvas))

@@ -1,4 +1,4 @@
-"""How a part of the picture is laid into a network's input, and its boxes back out."""
+"""Mapping of a part of the frame into a network's input, and of boxes back."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Boxes = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Placement:
-    """What is cut out of a picture and where it lies in the network's input.
+    """What is cut out of a frame and where it lies in the network's input.
 
     Attributes:
-        picture: (width, height) of the picture, px.
+        picture: (width, height) of the frame, px.
         crop: the part of it that is searched.
         shape: (height, width) of the network's input, px.
         inner: where the scaled crop lies in the input; what is around it is padding.
@@ -32,7 +32,7 @@ class Placement:
     inner: Region
 
     def to_picture(self, boxes: Boxes) -> Boxes:
-        """Boxes (n, 4) as x1, y1, x2, y2 from px of the input to px of the picture."""
+        """Boxes (n, 4) as x1, y1, x2, y2 from px of the input to px of the frame."""
         scale = np.array(
             [self.crop.width / self.inner.width, self.crop.height / self.inner.height] * 2
         )
@@ -41,9 +41,9 @@ class Placement:
         return np.asarray((boxes - start) * scale + shift, dtype=np.float32)
 
     def uncut(self, boxes: Boxes) -> npt.NDArray[np.bool_]:
-        """Which boxes (n, 4), px of the picture, the crop's left, right and lower border spare.
+        """Which boxes (n, 4), px of the frame, the crop's left, right and lower border spare.
 
-        Borders that are the picture's own are left to whoever knows what they mean.
+        The borders of the frame itself are not considered.
         """
         near = _BORDER_PX * self.crop.width / self.inner.width
         keep = np.ones(len(boxes), dtype=np.bool_)
@@ -61,13 +61,13 @@ def place_dynamic(
 ) -> Placement:
     """An input as small as the wanted part needs, in multiples of the network's stride.
 
-    What the rounding adds is filled with more of the picture, below and on both sides, and with
-    padding only where the picture ends.
+    What the rounding adds is filled with more of the frame, below and on both sides, and with
+    padding only where the frame ends.
 
     Args:
         picture: (width, height), px.
         wanted: the part to be searched.
-        scale: px of the input for each px of the picture.
+        scale: px of the input for each px of the frame.
         stride: of the network, px.
     """
     left, right, columns = _stretch(wanted.left, wanted.right, picture[0], scale, stride, 0.5)

@@ -1,4 +1,4 @@
-"""What a detector is, and the classes of vehicles that it tells apart."""
+"""The protocol of detectors, their detections and vehicle classes."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ VEHICLE_CLASSES: Final = ("car", "truck", "bus", "motorcycle")
 
 @dataclass(frozen=True)
 class Detections:
-    """Vehicles found in one picture.
+    """Vehicles found in one frame.
 
     Attributes:
-        boxes: x1, y1, x2, y2 in px of the picture, shape (n, 4).
+        boxes: x1, y1, x2, y2 in px of the frame, shape (n, 4).
         scores: in (0, 1], shape (n,).
         classes: index into VEHICLE_CLASSES, shape (n,).
     """
@@ -34,19 +34,19 @@ class Detections:
 
 
 class Detector(Protocol):
-    """Finds vehicles in a picture.
+    """Finds vehicles in a frame.
 
     Attributes:
-        requests: pictures that it takes at a time; `detect` may be called from so many threads.
+        requests: frames that it takes at a time; `detect` may be called from so many threads.
     """
 
     @property
     def requests(self) -> int:
-        """Pictures at a time."""
+        """Frames at a time."""
         ...
 
     def detect(self, image: Image) -> Detections:
-        """Vehicles in a BGR picture (height, width, 3)."""
+        """Vehicles in a BGR frame (height, width, 3)."""
         ...
 
 

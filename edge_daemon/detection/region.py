@@ -1,4 +1,4 @@
-"""Which part of the picture holds the watched road: the rest need not be searched."""
+"""Which part of the frame holds the watched road: the rest need not be searched."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ROUNDS: Final = 4
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of the picture, px: columns left ≤ u < right, rows top ≤ v < bottom."""
+    """A rectangle of the frame, px: columns left ≤ u < right, rows top ≤ v < bottom."""
 
     left: int
     top: int
@@ -50,8 +50,8 @@ def road_region(camera: Camera, margin_m: float) -> Region | None:
         margin_m: how far before and behind a segment, along it, vehicles have to be whole too, m.
 
     Returns:
-        The rectangle, within the picture; None if some of the outline is not below the horizon, or
-        nothing of it is in the picture: then all of it has to be searched.
+        The rectangle, within the frame; None if some of the outline is not below the horizon, or
+        nothing of it is in the frame: then all of it has to be searched.
     """
     boxes = []
     for segment in camera.segments:

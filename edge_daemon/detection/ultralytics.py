@@ -40,11 +40,11 @@ class UltralyticsDetector:
 
     @property
     def requests(self) -> int:
-        """Pictures at a time: one."""
+        """Frames at a time: one."""
         return 1
 
     def detect(self, image: Image) -> Detections:
-        """Vehicles in a BGR picture (height, width, 3)."""
+        """Vehicles in a BGR frame (height, width, 3)."""
         result = (
             self._model.predict(
                 image,

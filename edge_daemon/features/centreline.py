@@ -1,8 +1,8 @@
-"""The course of a road, learned from the vehicles on it.
+"""The centreline of a road, fitted to the vehicles on it.
 
-A segment has one direction of travel. Where the road bends, or the direction was drawn a few
-degrees off, distances along that direction are shorter than those driven: speeds would come out
-low by the cosine. Vehicles follow the road, so their paths tell how it runs.
+A segment has one direction of travel. Where the road bends, or the direction is a few degrees off,
+distances along that direction are shorter than the distances driven, and speeds come out low by
+the cosine. The centreline, fitted to the vehicles' positions, corrects both.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _MAX_SLOPE: Final = 1.0
 
 @dataclass(frozen=True)
 class Centreline:
-    """A road whose sideways slope against the segment's direction changes evenly along it.
+    """A parabola: the slope against the segment's direction changes linearly along it.
 
     Attributes:
-        origin_m: position along the direction at which distances agree.
-        slope: sideways metres a metre at the middle.
+        origin_m: position along the direction that arc lengths are counted from, m.
+        slope: lateral metres per metre at the origin.
         curvature_per_m: change of the slope, 1/m.
     """
 
@@ -44,7 +44,7 @@ class Centreline:
 
 
 def fit_centreline(vehicle: npt.NDArray[np.intp], along_m: Array, across_m: Array) -> Centreline:
-    """The course that vehicles took.
+    """Fit the centreline to vehicles' positions.
 
     Args:
         vehicle: number from 0 of each position's vehicle, shape (n,).
@@ -52,8 +52,8 @@ def fit_centreline(vehicle: npt.NDArray[np.intp], along_m: Array, across_m: Arra
         across_m: and across it, shape (n,).
 
     Returns:
-        Least squares over all vehicles, each with a lane of its own; straight on where they have
-        moved too little to tell.
+        The least-squares fit over all vehicles, each with its own lateral offset; a straight line
+        where they have moved too little.
     """
     if not len(vehicle):
         return Centreline()
@@ -70,7 +70,7 @@ def fit_centreline(vehicle: npt.NDArray[np.intp], along_m: Array, across_m: Arra
     slope, bend = np.linalg.lstsq(matrix, centred(across_m), rcond=None)[0]
     reach = float(np.abs(matrix[:, 0]).max())
     if abs(slope) + abs(bend) * reach > _MAX_SLOPE:
-        return Centreline(middle)  # no road: another street is in the view, or tracks are mixed up
+        return Centreline(middle)  # implausible: another street is in view, or tracks are mixed up
     return Centreline(middle, float(slope), float(bend))
 
 

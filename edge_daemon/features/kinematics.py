@@ -31,12 +31,13 @@ from edge_daemon.tracking import Sightings
 from slipstream.messages import Estimate, KinematicFeatures
 
 LENGTH_STD_M: Final = 0.7
-"""How far lengths spread within a class."""
+"""Standard deviation of the length within a vehicle class, m."""
 OWN_SPEED_STD: Final = 0.005
 COMMON_SPEED_STD: Final = 0.003
 OWN_ACCELERATION_STD_MPS2: Final = 0.08
 COMMON_ACCELERATION_STD_MPS2: Final = 0.03
-"""Errors that last for a vehicle's way, as renders show them; those of speed are relative."""
+"""Standard errors that persist along a vehicle's trajectory, measured on renders; those of speed
+are relative."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +72,10 @@ class WindowFeatures:
     """The features of one window and what they rest on.
 
     Attributes:
-        features: of all vehicles, as far as can be told.
-        seen: features of the vehicles that were seen.
-        occluded_share: share of the segment that vehicles hid; None where that is not known.
-        vehicles: motions of the seen vehicles.
+        features: of all vehicles, corrected for occlusion.
+        seen: features of the visible vehicles.
+        occluded_share: share of the segment that was occluded; None where the pose is unknown.
+        vehicles: motions of the visible vehicles.
     """
 
     features: KinematicFeatures
@@ -86,7 +87,7 @@ class WindowFeatures:
 class SegmentKinematics:
     """Measures one segment, window after window.
 
-    Vehicles that have gone on keep the trajectory that they had.
+    Trajectories of vehicles that have left are reused.
     """
 
     def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:

@@ -41,11 +41,11 @@ def _quadratic(vectors: Array, matrices: Array) -> float:
 def with_persistent_errors(
     weights: Array, mean: Estimate, variance: Estimate, own_std: float, common_std: float
 ) -> tuple[Estimate, Estimate]:
-    """Add errors that stay for a vehicle's whole way: its own and those that all vehicles share.
+    """Add errors that persist along a trajectory: a vehicle's own and those common to all.
 
-    A vehicle longer or higher than its class seems to change its speed as it comes nearer. Such
-    errors spread the vehicles, which is taken off the variance, and do not average out over a
-    vehicle's positions.
+    A vehicle longer or higher than its class appears to change speed as it approaches. Such errors
+    increase the spread between vehicles, which is subtracted from the variance, and do not average
+    out over a vehicle's positions.
     """
     shares = weights.sum(axis=1)
     alike = float(shares @ shares)

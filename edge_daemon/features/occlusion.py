@@ -1,9 +1,9 @@
-"""What a camera cannot see: how much of a segment vehicles hide, and what that does to features.
+"""Occlusion: how much of a segment vehicles hide, and the correction of the features for it.
 
-In a jam vehicles stand behind vehicles. Nobody saw those, so no posterior knows of them; but where
-they could be is known. Cars are put on the segment's lanes in thought, and those that the boxes
-seen would cover count as hidden. By how much the features of the seen differ from those of all, for
-so much of the road hidden, was learned on clips with truth (`make allowances`).
+In a jam, vehicles hide other vehicles, which no posterior accounts for. Virtual cars are placed on
+the segment's lanes; those that detected boxes would cover count as occluded. How the features of
+the visible vehicles differ from those of all vehicles, by the share of road occluded, was estimated
+on clips with ground truth (`make allowances`).
 """
 
 from __future__ import annotations
@@ -26,14 +26,16 @@ _SEEN_WITHIN_S: Final = 0.3
 _OCCLUDED_COVER: Final = 0.6
 """The detector was trained on vehicles of which 40 % and more are visible."""
 _NEARER_SHARE: Final = 0.25
-"""So far below a place's lower edge ends a box that stands before it, and not at it."""
+"""A box is nearer than a virtual car if it ends lower by this share of the car's height."""
 _MAX_OCCLUDED_SHARE: Final = 0.6
 
 
 @dataclass(frozen=True)
 class OcclusionCorrection:
-    """What hidden vehicles do to one feature, as shares of its scale, at a ratio h of road hidden
-    to road visible: an error of bias · h on average, spread by share² + (growth · h)².
+    """The effect of occluded vehicles on one feature, as shares of its scale.
+
+    At a ratio h of occluded to visible road the mean error is bias · h, and its variance
+    share² + (growth · h)².
     """
 
     bias: float
@@ -54,10 +56,10 @@ OCCLUSION_CORRECTIONS: Final[OcclusionCorrections] = {
 
 
 class VirtualCars:
-    """Cars in thought on the lanes of a segment, as a camera would see them."""
+    """Virtual cars on the lanes of a segment, projected into the frame."""
 
     def __init__(self, segment: WatchedSegment, pose: CameraPose) -> None:
-        """Put them there, one each 2.5 m.
+        """Place them, one every 2.5 m.
 
         Args:
             segment: the watched segment.
@@ -76,7 +78,7 @@ class VirtualCars:
         self._low, self._high = seen.min(axis=1), seen.max(axis=1)
 
     def occluded_share(self, sightings: Sightings, begin_s: float) -> float:
-        """Share of the places that the boxes seen hide, twice a second since a media time.
+        """Share of the virtual cars that detected boxes hide, sampled twice a second.
 
         Args:
             sightings: any order.
@@ -94,11 +96,11 @@ class VirtualCars:
         instant = np.searchsorted(chosen, sightings.time_s[rows])
         covered = np.zeros((len(chosen), len(self._low)))
         np.add.at(covered, instant, self._covered(sightings.box[rows].astype(np.float64)).T)
-        # At an instant without a vehicle nothing is hidden.
+        # At an instant without a detection nothing is occluded.
         return float((covered > _OCCLUDED_COVER).mean(axis=1).sum() / max(len(instants), 1))
 
     def _covered(self, boxes: Array) -> Array:
-        """Share of each place that each nearer box covers, shape (places, boxes)."""
+        """Share of each virtual car that each nearer box covers, shape (cars, boxes)."""
         low = np.maximum(self._low[:, None], boxes[None, :, :2])
         high = np.minimum(self._high[:, None], boxes[None, :, 2:])
         both = np.prod(np.clip(high - low, 0.0, None), axis=2)
@@ -113,10 +115,10 @@ def correct_for_occlusion(
     occluded_share: float,
     allowances: OcclusionCorrections = OCCLUSION_CORRECTIONS,
 ) -> KinematicFeatures:
-    """The features of all vehicles, from those of the seen ones.
+    """The features of all vehicles, from those of the visible ones.
 
     Args:
-        seen: features of the seen vehicles.
+        seen: features of the visible vehicles.
         occluded_share: of the segment, in [0, 1].
         allowances: by feature.
     """
@@ -137,13 +139,13 @@ def correct_for_occlusion(
 
 
 def occlusion_ratio(occluded_share: float) -> float:
-    """Road hidden over road visible, as if some were always visible."""
+    """Occluded over visible road; bounded, as if some road were always visible."""
     share = min(occluded_share, _MAX_OCCLUDED_SHARE)
     return share / (1 - share)
 
 
 def feature_scales(seen: KinematicFeatures) -> dict[str, float]:
-    """What the error of each feature is a share of: the vehicles' spread, or the feature itself."""
+    """The scale of each feature's error: the vehicles' spread, or the feature itself."""
     gap = seen.mean_gap_m
     return {
         "mean_speed_mps": seen.speed_std_mps.value,

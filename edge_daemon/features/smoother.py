@@ -27,7 +27,7 @@ MAX_BINS: Final = 24
 CORRELATION_S: Final = 2.5
 """Length scale of the acceleration's correlation."""
 NOISE_CORRELATION_S: Final = 0.05
-"""For so long most of a box's error stays: the detector sees nearly the same picture."""
+"""For so long most of a box's error stays: the detector sees nearly the same frame."""
 SLOW_SHARE: Final = 0.6
 """Share of a box's error variance that stays for longer: the same side hidden, the same shape."""
 SLOW_CORRELATION_S: Final = 1.0
@@ -38,7 +38,7 @@ _MIN_VARIANCE, _MAX_VARIANCE = 1e-4, 50.0
 
 @dataclass(frozen=True)
 class Positions:
-    """Where one vehicle was along the segment, condensed.
+    """Binned positions of one vehicle along the segment.
 
     Attributes:
         time_s: increasing, shape (n,).
@@ -148,8 +148,8 @@ class Smoother:
     """The positions of vehicles, ready for estimating components and for smoothing.
 
     All vehicles stand in one stack, so that they cost a handful of array operations. The rows of
-    those with fewer positions are filled up with observations that tell nothing: at their last
-    time, of zero, with a noise of their own and with no part in the motion.
+    vehicles with fewer positions are padded with uninformative observations: at their last time, of
+    zero, with independent noise and no part in the motion.
 
     Attributes:
         gains: of all vehicles' contrasts, shape (k,): each has variance noise + σ²_a · gain.
@@ -189,7 +189,7 @@ class Smoother:
         quick = np.where(self._real, stack("variance_m2"), 1.0)
         self._noise: Array = slow[:, :, None] * slow[:, None] * np.exp(-apart / SLOW_CORRELATION_S)
         self._noise += np.eye(n) * quick[:, None]
-        # What s₀ and v₀ add to position, speed and acceleration.
+        # Effect of s₀ and v₀ on position, speed and acceleration.
         self._start = np.zeros((len(counts), 3 * n, 2))
         self._start[:, :n, 0] = self._real
         self._start[:, :n, 1] = np.where(self._real, time, 0.0)
@@ -207,7 +207,7 @@ class Smoother:
         basis = np.linalg.qr(whiten @ design, mode="complete")[0][:, :, 2:]
         projected = basis.mT @ whiten
         covariance = projected @ self._of_along @ projected.mT
-        # What fills up stays on axes of its own; it is told by a gain that no contrast can have.
+        # Padding stays on separate axes, marked by a gain that no contrast can have.
         covariance -= np.eye(n - 2) * ~self._real[:, 2:, None]
         gain, vectors = np.linalg.eigh(covariance)
         contrasts = (vectors.mT @ (projected @ self._target[:, :, None]))[:, :, 0]
@@ -257,7 +257,7 @@ def estimate_variance_components(smoother: Smoother) -> VarianceComponents:
     prior = _PRIOR_OBSERVATIONS / 2 * np.diag([1.0, 0.0])
     for _ in range(20):
         variance = estimate[0] + estimate[1] * gains
-        # A box that jumped is no acceleration: what lies beyond 3 σ counts as 3 σ.
+        # A box that jumped is no acceleration: residuals are clipped at 3 σ.
         seen = np.minimum(squares, 9.0 * variance)
         weighted = design * (0.5 / variance**2)
         normal = weighted @ design.T + prior

@@ -16,8 +16,8 @@ from edge_daemon.settings import StabilitySettings
 from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
 
 _MIN_SPEED_SHARE: Final = 0.7
-"""A kept flag ends where those who come by are slower on average than this share of the speed that
-it was judged at: one that stands on an empty road is no thin traffic."""
+"""A kept flag ends below this share of the mean speed at which it was judged: a vehicle that stands
+on an empty road is not light traffic."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class StabilityJudge:
         return Flag(None, reason)
 
     def reset(self) -> None:
-        """What was seen so far is not to be trusted."""
+        """Drop all kept flags: data so far is not to be trusted."""
         self._stable.clear()
 
     def _keeps(
@@ -133,7 +133,7 @@ def _ratios(features: KinematicFeatures, settings: StabilitySettings) -> tuple[E
     """The rule's two quantities as multiples of their thresholds."""
     mean, spread = features.mean_speed_mps, features.speed_std_mps
     if mean.value <= 0:
-        # Standing traffic has no CV; it is anything but a place for close gaps.
+        # Standing traffic has no CV; it counts as turbulent.
         cv = Estimate(value=1e9, standard_error=0.0)
     else:
         value = spread.value / mean.value
@@ -156,7 +156,7 @@ def _over(estimate: Estimate, limit: float) -> Estimate:
 
 
 def _margin(ratio: Estimate, sigmas: float) -> float:
-    """How far a ratio may be off; one without an error is not to be relied on where these count."""
+    """Margin of a ratio; infinite for one without an error, where errors count."""
     if sigmas == 0:
         return 0.0
     return inf if ratio.standard_error is None else sigmas * ratio.standard_error

@@ -1,4 +1,4 @@
-"""Sightings → the ways of vehicles along a segment: condensed positions, ready to be smoothed.
+"""Sightings → trajectories of vehicles along a segment: binned positions, ready for smoothing.
 
 All vehicles are handled at once, in arrays of one row a sighting.
 """
@@ -34,11 +34,11 @@ VehicleKey = tuple[int, float, float, int]
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One vehicle's way along a segment.
+    """One vehicle's trajectory along a segment.
 
     Attributes:
         track: the vehicle's track.
-        positions: condensed, of its middle; three at least.
+        positions: binned, of its centre; three at least.
         first_s: time of its first sighting near the segment.
         last_s: and of its last.
         lane: lane index.
@@ -68,7 +68,7 @@ class GroupedSightings:
     vehicle: Indices
 
     def keys(self) -> list[VehicleKey]:
-        """What tells a vehicle with these very sightings from any other, by vehicle."""
+        """A key for each vehicle that changes with its sightings."""
         first, last = _ends(self.vehicle)
         track, time = self.sightings.track, self.sightings.time_s
         begin, end = self.rows[first], self.rows[last]
@@ -76,7 +76,7 @@ class GroupedSightings:
         return list(zip(*(column.tolist() for column in columns), strict=True))
 
     def take(self, vehicles: npt.NDArray[np.bool_]) -> GroupedSightings:
-        """Some of the vehicles, given by a mask (v,), numbered anew."""
+        """Some of the vehicles, given by a mask (v,), renumbered from 0."""
         kept = np.flatnonzero(vehicles[self.vehicle])
         number = np.cumsum(vehicles) - 1
         return GroupedSightings(self.sightings, self.rows[kept], number[self.vehicle[kept]])
@@ -91,7 +91,7 @@ def group_by_vehicle(sightings: Sightings, segment: WatchedSegment) -> GroupedSi
     )
     rows = np.flatnonzero((near >= low) & (near <= high))
     rows = rows[np.lexsort((sightings.time_s[rows], sightings.track[rows]))]
-    # A vehicle that was away for longer has been somewhere else; it may even be another one.
+    # After a longer gap the vehicle was elsewhere, or the track is another vehicle's.
     paused = np.diff(sightings.time_s[rows], prepend=0.0) > _MAX_PAUSE_S
     begins = (np.diff(sightings.track[rows], prepend=-1) != 0) | paused
     vehicle = np.cumsum(begins) - 1
@@ -134,7 +134,7 @@ def find_trajectories(
     positions = bin_positions(vehicle, time, centreline.arc_length(along), variance)
     first, last = _ends(vehicle)
     long = time[last] - time[first] >= MIN_TRACKED_S
-    oncoming = along[last] < along[first] - 1.0  # seen over this segment's edge
+    oncoming = along[last] < along[first] - 1.0  # traffic of the other direction
     trajectories: list[Trajectory | None] = [None] * len(enough)
     for i in np.flatnonzero(long & ~oncoming):
         if len(positions[i]) >= 3:
@@ -178,7 +178,7 @@ def _to_centre(
     guessed = _half_length(seen, grouped.rows)
     if pose is None:
         return guessed
-    # It varies slowly along the road: a few places of a vehicle are enough to draw it through.
+    # It varies slowly along the road: interpolated between a few places of each vehicle.
     first, last = _ends(grouped.vehicle)
     places = first[:, None] + np.linspace(0, last - first, _PLACES, axis=1).astype(np.intp)
     kind = seen.vehicle_class[grouped.rows[last]]

@@ -1,4 +1,4 @@
-"""Which pictures of a live stream piled up on their way: old ones that come at once."""
+"""Which frames of a live stream were queued on their way and arrive in a burst."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import deque
 from statistics import median
 from typing import Final, NamedTuple
 
-# A longer silence cuts the time line: what is seen after it is tracked anew.
+# A longer silence cuts the time line: tracking restarts after it.
 _HOLE_S: Final = 0.5
 _AT_ONCE_S = 0.004
 _RATE = 0.5
@@ -14,10 +14,10 @@ _LEARNED = 31
 
 
 class Arrival(NamedTuple):
-    """What a picture's arrival says of it.
+    """Classification of a frame by its arrival.
 
     Attributes:
-        old: True if it piled up: its time of arrival is not its own.
+        old: True if it was queued: its time of arrival says nothing of when it was taken.
         cut: True if it does not follow the last one that was not old as their times of arrival
             say.
     """
@@ -27,14 +27,14 @@ class Arrival(NamedTuple):
 
 
 class Backlog:
-    """Judges the arrivals of one connection.
+    """Classifies the arrivals of one connection.
 
-    Where pictures carry no time stamp, those after a silence are old until one keeps half of the
+    Where frames carry no time stamp, those after a silence are old until one keeps half of the
     usual distance: decoding alone spaces those of a backlog by some milliseconds.
     """
 
     def __init__(self) -> None:
-        """Start anew, as after each connection."""
+        """Start a connection."""
         self._arrival_s: float | None = None
         self._stamp_s: float | None = None
         self._steps: deque[float] = deque(maxlen=_LEARNED)
@@ -42,7 +42,7 @@ class Backlog:
         self._dropped = False
 
     def classify(self, arrival_s: float, stamp_s: float | None) -> Arrival:
-        """Judge the picture that has just come.
+        """Classify the frame that has just arrived.
 
         Args:
             arrival_s: when it came.
@@ -83,6 +83,6 @@ class Backlog:
         if not in_time:
             # The camera has another rate now.
             self._steps.clear()
-        # The picture that ended the silence was the oldest of those that piled up.
+        # The frame that ended the silence was the oldest of those that piled up.
         cut, self._dropped, self._drained_by_s = self._dropped, False, None
         return Arrival(old=False, cut=cut)

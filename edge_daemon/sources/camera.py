@@ -42,7 +42,7 @@ def open_camera(
     Args:
         url: RTSP or HTTP address.
         stall_timeout_s: reconnect after so many seconds without a frame.
-        size: (width, height) of the pictures that are wanted, px; others are counted and left
+        size: (width, height) of the frames that are wanted, px; others are counted and left
             out. None takes any.
     """
     shown = without_password(url)
@@ -95,7 +95,7 @@ class _Camera:
         counters.tried_s = time.monotonic()
         options = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, self._stall_ms]
         options += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, self._stall_ms]
-        options += [cv2.CAP_PROP_N_THREADS, 1]  # more would hold back a picture each
+        options += [cv2.CAP_PROP_N_THREADS, 1]  # more would hold back a frame each
         stream = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, options)
         clock, backlog = StreamClock(self._media_s), Backlog()
         cut = self._seen

@@ -29,7 +29,7 @@ _MAX_STEP_S = 1.0
 
 @dataclass(frozen=True)
 class ClipFrame:
-    """One decoded picture: BGR, media time in s, and the flags of a `Frame`."""
+    """One decoded frame: BGR, media time in s, and the flags of a `Frame`."""
 
     image: Image
     media_time_s: float
@@ -59,7 +59,7 @@ class ClipReader:
         Args:
             path: the file.
             capture: opened on it.
-            shape: (height, width, 3) of its pictures; others are left out.
+            shape: (height, width, 3) of its frames; others are left out.
             loop: start again at its end.
         """
         self.path = path

@@ -1,7 +1,7 @@
 """Media time of a live stream: its own clock where it has one, else smoothed times of arrival.
 
-Times of arrival jitter by what network and scheduling add; at 30 pictures a second 10 ms are a
-third of the way between two of them, and show up as acceleration that nobody drove.
+Times of arrival jitter by what network and scheduling add; at 30 frames a second 10 ms are a
+third of the frame interval, and would appear as acceleration.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _TICK_S = 1e-3
 
 
 class MediaTime(NamedTuple):
-    """When a picture was taken.
+    """When a frame was taken.
 
     Attributes:
         time_s: media time.
-        cut: True if the time line begins anew with it: times before are not comparable.
+        cut: True if a new time line begins with it: times before are not comparable.
         jumped: True if that is because the stream's clock ran back or leapt.
     """
 
@@ -38,10 +38,10 @@ class MediaTime(NamedTuple):
 
 
 class StreamClock:
-    """Gives each picture of one connection its media time, which never runs back."""
+    """Assigns media times to the frames of one connection; they never decrease."""
 
     def __init__(self, not_before_s: float = 0.0) -> None:
-        """Start anew, as after each connection.
+        """Start a connection.
 
         Args:
             not_before_s: media time that has been given already.
@@ -57,7 +57,7 @@ class StreamClock:
         self._steps: deque[float] = deque(maxlen=_LEARNED)
 
     def media_time(self, arrival_s: float, stream_s: float | None) -> MediaTime:
-        """The media time of the picture that has just come.
+        """The media time of the frame that has just come.
 
         Args:
             arrival_s: when it came, on the time line that media times shall follow.
@@ -93,7 +93,7 @@ class StreamClock:
             self._late_since_s = None
         elif self._late_since_s is None:
             self._late_since_s = arrival_s
-        # A stall of the network makes pictures late for a moment; their own times stay right.
+        # A stall of the network makes frames late for a moment; their own times stay right.
         if late_s < -slack_s or self._is_late_for_long(arrival_s):
             self._misfits += 1
             self._late_since_s = None
@@ -124,7 +124,7 @@ class StreamClock:
         return arrival_s
 
     def _usual_interval_s(self) -> float | None:
-        """Mean time between the last pictures, s; None where holes make it none."""
+        """Mean time between the last frames, s; None where holes make it none."""
         if len(self._steps) < _LEARNED or max(self._steps) > 2 * median(self._steps):
             return None
         return fmean(self._steps)

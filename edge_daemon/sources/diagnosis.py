@@ -1,4 +1,4 @@
-"""Why a camera gives no picture: what its server says when it is asked plainly."""
+"""Why a camera sends no frame: the answer of its server to one plain request."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MAX_ANSWER_BYTES = 4096
 
 
 def diagnose(url: str, timeout_s: float) -> str:
-    """Ask the server once and put its answer in a few words, without the password.
+    """Send the server one request and describe its answer, without the password.
 
     Args:
         url: HTTP or RTSP address, with user and password if it needs them.

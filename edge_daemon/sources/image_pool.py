@@ -1,7 +1,7 @@
-"""Memory for decoded pictures, used again as soon as nobody holds the picture in it.
+"""A pool of memory for decoded frames, reused as soon as a frame is no longer referenced.
 
-A picture of 720p is 2.8 MB. From the heap, one would be taken and given back for each frame, and
-how much of it the allocator keeps would depend on who was late when.
+A 720p frame is 2.8 MB. If each were allocated and freed on the heap, the memory that the allocator
+keeps would depend on thread timing.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ _MAX_KEPT: Final = 6
 
 
 class ImagePool:
-    """Hands out pictures to decode into; for one thread."""
+    """Arrays to decode frames into; for one thread."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         """Set it up.
 
         Args:
-            shape: of the pictures, (height, width, 3).
+            shape: of the frames, (height, width, 3).
         """
         self._shape = shape
         self._kept = [_blank(shape)]
-        # What a picture that is only kept has: how many references a loop adds is Python's affair.
+        # References of an array that only the pool holds; what a loop adds depends on Python.
         self._unused = self._references()[0]
 
     def acquire(self) -> Image:
-        """A picture that nobody else holds, nor any part of it; what it shows is left over."""
+        """An array that nothing else references, nor any view of it; its content is arbitrary."""
         for place, references in enumerate(self._references()):
             if references == self._unused:
                 return self._kept[place]
@@ -47,6 +47,6 @@ class ImagePool:
 
 
 def _blank(shape: tuple[int, ...]) -> Image:
-    """A picture in pages of its own, which go back to the system with it."""
-    # Made in one step, so that parts of it hold the picture itself and not what it is a view of.
+    """An array in memory pages of its own, which are returned to the system with it."""
+    # Made in one step, so that views of it reference the array itself and not its base.
     return np.ndarray(shape, np.uint8, mmap.mmap(-1, prod(shape)))

@@ -1,4 +1,4 @@
-"""A source with a capture thread: little queues up, and what is skipped is counted."""
+"""A source with a capture thread: the queue is bounded, and skipped frames are counted."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ log = logging.getLogger(__name__)
 MAX_WAIT_S: Final = 1.0
 
 MAX_WAITING_BYTES: Final = 128_000_000
-"""46 pictures of 720p, 20 of 1080p."""
+"""46 frames of 720p, 20 of 1080p."""
 
 Offer = Callable[[Frame], None]
 Capture = Callable[[Offer, threading.Event, SourceCounters], None]
 
 
 class LiveSource:
-    """Runs a capture function in a thread and hands on what it offers.
+    """Runs a capture function in a thread and queues its frames.
 
     Frames may wait up to a second for a reader that was busy for a moment, then the oldest is
     skipped. So a reader who is slower than the camera lags behind it by that second at most.
@@ -63,7 +63,7 @@ class LiveSource:
     def _offer(self, frame: Frame) -> None:
         with self._changed:
             self._waiting.append(frame)
-            # Singly, so that a tracker has gaps of one frame rather than of many.
+            # One at a time, so that a tracker has gaps of one frame rather than of many.
             while len(self._waiting) > 1 and self._is_too_much(frame):
                 lost = self._waiting.popleft()
                 following = self._waiting[0]

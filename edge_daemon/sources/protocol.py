@@ -16,9 +16,9 @@ class SourceCounters:
 
     Attributes:
         skipped: frames for which there was no time, and those that came in a burst after a stall.
-        decode_errors: pictures or clip ends that could not be used.
+        decode_errors: frames or clip ends that could not be used.
         reconnects: times that the camera was lost.
-        misfit_s: monotonic time of the last picture that had not the calibrated size.
+        misfit_s: monotonic time of the last frame that had not the calibrated size.
         tried_s: monotonic time of the last attempt to read or connect; old if capture hangs.
     """
 

@@ -44,7 +44,7 @@ class RoadPoints:
 
 
 def to_road_points(detections: Detections, camera: Camera) -> RoadPoints:
-    """Place detections on the road; those cut off by the picture's edge, above the horizon or
+    """Place detections on the road; those cut off by the frame's edge, above the horizon or
     too far to be placed go.
 
     A box is uncertain by some half a pixel and a share of its size, more where nearer vehicles
@@ -74,7 +74,7 @@ def to_road_points(detections: Detections, camera: Camera) -> RoadPoints:
     placed = np.trace(covariances, axis1=1, axis2=2) < _MAX_STD_M**2
     keep[keep] = placed
     jacobian, covariances = jacobian[placed], covariances[placed]
-    # Up in the picture is away on the road.
+    # Up in the frame is away on the road.
     away = -jacobian[:, :, 1]
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     return RoadPoints(

@@ -1,9 +1,10 @@
-"""Following vehicles on the road plane: a filter in metres, association in two stages.
+"""Tracking vehicles on the road plane: a Kalman filter in metres, association in two stages.
 
 Each track is a Kalman filter with constant acceleration, state (x, y, vx, vy, ax, ay). Detections
-are assigned by the Hungarian method on squared Mahalanobis distances: first the sure ones, then the
-unsure ones to tracks that are left over. The states of all tracks stand in one array, so that a
-frame costs a handful of array operations, however many vehicles are in it.
+are assigned by the Hungarian method on squared Mahalanobis distances: first those with a high
+score, then the others to the remaining tracks (as in ByteTrack, Zhang et al., ECCV 2022). The
+states of all tracks are in one array, so that a frame costs few array operations for any number of
+vehicles.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ from edge_daemon.tracking.sightings import Indices, Sightings
 
 _GATE = 13.8  # 99.9 % of χ² with two degrees of freedom
 _FORBIDDEN = 1e6
-# In a jam the next vehicle is a few metres on: a track must not jump there, however unsure it is.
+# In a jam the next vehicle is a few metres ahead: no track may jump there, however uncertain.
 _MAX_JUMP_M = 3.0
 _NEW_TRACK_HITS = 5
 # Two vehicles are never closer than this, along the view and across it, m.
 _BODY_M = (2.5, 1.2)
 _MAX_CONFIRMED_STD_M = 2.0
-# A vehicle that may be anywhere within a few car lengths cannot be told from the next one.
+# A track less certain than a few car lengths cannot be distinguished from the next vehicle.
 _MAX_POSITION_STD_M = 4.0
 
 
 @dataclass(frozen=True)
 class Track:
-    """One vehicle as it is known now.
+    """The present state of one vehicle.
 
     Attributes:
         id: number, unique while the daemon runs.
@@ -73,7 +74,7 @@ class _Record:
 
 
 class Tracker:
-    """Follows the vehicles of one camera."""
+    """Tracks the vehicles of one camera."""
 
     def __init__(self, settings: TrackerSettings) -> None:
         self._settings = settings
@@ -81,7 +82,7 @@ class Tracker:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all tracks: the scene has changed."""
+        """Drop all tracks: the scene has changed."""
         self._records: list[_Record] = []
         self._states: Array = np.zeros((0, 6))
         self._covariances: Array = np.zeros((0, 6, 6))
@@ -98,7 +99,7 @@ class Tracker:
         )
 
     def update(self, time_s: float, found: RoadPoints) -> Sightings:
-        """Take one frame's detections in.
+        """Process one frame's detections.
 
         Args:
             time_s: media time, later than the last one.
@@ -108,7 +109,7 @@ class Tracker:
             New sightings of confirmed tracks; those from before a track was confirmed come with
             the detection that confirms it.
         """
-        # First, lest a pause of the source hand a lost track's identity to another vehicle.
+        # First: after a pause of the source, a lost track must not continue on another vehicle.
         self._drop_lost(time_s)
         step_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 1e-4)
         if step_s > 0 and len(self._states):
@@ -151,7 +152,7 @@ class Tracker:
             - 2 * spread[..., 0, 1] * gap[..., 0] * gap[..., 1]
             + spread[..., 0, 0] * gap[..., 1] ** 2
         ) / determinant
-        # The log-determinant keeps a track that knows little from taking a sure one's detection.
+        # The log-determinant keeps an uncertain track from taking a certain one's detection.
         cost = np.where(distance > _GATE, _FORBIDDEN, distance + np.log(determinant))
         cost[np.hypot(gap[..., 0], gap[..., 1]) > self._reach_m[tracks, None]] = _FORBIDDEN
         rows, columns = linear_sum_assignment(cost)
@@ -170,7 +171,7 @@ class Tracker:
         self._covariances[tracks] = (covariance + covariance.transpose(0, 2, 1)) / 2
 
     def _occupied(self, points: Array, away: Array) -> npt.NDArray[np.bool_]:
-        """Which points lie where a vehicle is already: a second box on it is no second vehicle."""
+        """Which points lie on a tracked vehicle: a second box on it is no second vehicle."""
         confirmed = np.array(
             [record.hits >= self._settings.confirm_hits for record in self._records]
         )
@@ -254,7 +255,7 @@ class Tracker:
     def _is_followed(self, record: _Record, time_s: float) -> bool:
         limit_s = self._settings.lost_after_s
         if record.hits < self._settings.confirm_hits:
-            limit_s /= 4  # a single false detection shall not linger
+            limit_s /= 4  # a single false detection ends soon
         return time_s - record.last_seen_s <= limit_s
 
 

@@ -1,4 +1,4 @@
-"""The picture that a camera was calibrated on."""
+"""The image that a camera was calibrated on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def read_reference(camera: Camera) -> Image | None:
     """Read it, BGR; None where the calibration names none.
 
     Raises:
-        InputError: the file is no picture, or has another size than the calibration.
+        InputError: the file is no frame, or has another size than the calibration.
     """
     path = camera.reference
     if path is None:

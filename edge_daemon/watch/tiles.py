@@ -1,6 +1,6 @@
-"""Small pieces of a picture that can be found again, and how far each has shifted.
+"""Template tiles of a frame, and how far each has shifted in later frames.
 
-Pieces are compared by normalised correlation of what differs from their surroundings, so that
+Tiles are compared by normalised correlation of what differs from their surroundings, so that
 light and contrast may change; the peak is placed to a fraction of a pixel by parabolas.
 """
 
@@ -28,10 +28,10 @@ _NEAR_PX = 3
 
 @dataclass(frozen=True)
 class Tiles:
-    """Pieces of one picture.
+    """Pieces of one frame.
 
     Attributes:
-        centres: column and row of each, px of the small picture, shape (n, 2).
+        centres: column and row of each, px of the small frame, shape (n, 2).
         pieces: `texture` around each centre, (2·HALF_PX+1)² each.
     """
 
@@ -42,7 +42,7 @@ class Tiles:
         return len(self.pieces)
 
     def shifts(self, picture: Floats) -> Array:
-        """How far each piece has moved in a picture's `texture`, px, (n, 2); NaN: not found."""
+        """How far each piece has moved in a frame's `texture`, px, (n, 2); NaN: not found."""
         found = np.full((len(self), 2), np.nan)
         for index, (piece, (u, v)) in enumerate(zip(self.pieces, self.centres, strict=True)):
             around = _cut(picture, int(u), int(v), _MARGIN)
@@ -57,7 +57,7 @@ def choose_tiles(picture: Floats, allowed: Mask) -> Tiles:
     """Pick pieces with corners in them, far apart, that resemble nothing nearby.
 
     Args:
-        picture: the `texture` of a picture.
+        picture: the `texture` of a frame.
         allowed: where their centres may lie.
     """
     corners = cv2.cornerMinEigenVal(picture, 2 * HALF_PX + 1)
