@@ -7,12 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edge_daemon.camera import Camera
+from edge_daemon.camera import WatchedSegment
 from edge_daemon.settings import StabilitySettings
 from simulation.ground_truth import Truth, load_truth, true_window
 from slipstream.errors import InputError
 
 FPS = 10
+APPROACH = WatchedSegment(
+    "approach",
+    np.array([[20.0, 0.0], [80.0, 0.0], [80.0, 7.0], [20.0, 7.0]]),
+    np.array([-1.0, 0.0]),
+    length_m=60.0,
+    lanes=2,
+    lane_width_m=3.5,
+)
 HEADER = (
     "frame,time_s,vehicle_id,class,x_m,y_m,speed_mps,acceleration_mps2,"
     "x1_px,y1_px,x2_px,y2_px,visible_fraction,length_m,width_m\n"
@@ -54,10 +62,10 @@ def drive(speeds: list[float], acceleration: float = 0.0) -> Truth:
     ],
 )
 def test_the_true_flag_and_its_band(
-    camera: Camera, speeds: list[float], swing: float, y_e: int, near: bool
+    speeds: list[float], swing: float, y_e: int, near: bool
 ) -> None:
     """The paper's rule; near only where the quantity that decides is within a tenth."""
-    window = true_window(drive(speeds, swing), camera.segments[0], 0.0, 10.0, StabilitySettings())
+    window = true_window(drive(speeds, swing), APPROACH, 0.0, 10.0, StabilitySettings())
     assert window is not None
     assert (window.y_e, window.near_threshold) == (y_e, near)
     assert window.mean_speed_mps == pytest.approx(np.mean(speeds))
@@ -67,10 +75,10 @@ def test_the_true_flag_and_its_band(
     assert window.vehicles == 3
 
 
-def test_an_empty_window_has_no_truth(camera: Camera) -> None:
+def test_an_empty_window_has_no_truth() -> None:
     """Nobody there, nothing to compare with."""
     nobody = drive([16.0]).take(slice(0, 0))  # type: ignore[arg-type]
-    assert true_window(nobody, camera.segments[0], 0.0, 10.0, StabilitySettings()) is None
+    assert true_window(nobody, APPROACH, 0.0, 10.0, StabilitySettings()) is None
 
 
 @pytest.mark.parametrize(

@@ -174,5 +174,5 @@ def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
     assert flag(12 * MINUTE, 5) == 1
     assert flag(5 * MINUTE, 1) is None
     assert flag(13 * MINUTE, 5) == 1
-    judge.forget()
+    judge.reset()
     assert flag(14 * MINUTE, 1) is None

@@ -315,7 +315,8 @@ def test_the_decoder_keeps_quiet(clip: Path, tmp_path: Path) -> None:
     path = lying(clip, tmp_path)["truncated"]
     program = (
         "import sys, pathlib\n"
-        "from edge_daemon.sources import SourceSettings, open_source\n"
+        "from edge_daemon.settings import SourceSettings\n"
+        "from edge_daemon.sources import open_source\n"
         "from slipstream.errors import InputError\n"
         "try:\n"
         "    open_source(SourceSettings(clip=pathlib.Path(sys.argv[1])))\n"

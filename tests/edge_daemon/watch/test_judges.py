@@ -71,8 +71,8 @@ def test_a_judge_in_the_list_is_debounced_and_reported(
     watch = Watch(camera, WatchSettings(sample_interval_s=0.2, clear_after_s=1.0))
     ones = ROAD.copy()
     ones[0, 0] = 1
-    faults = [watch.look(at(0.2 * n, ones if 5 <= n < 10 else ROAD)) for n in range(20)]
+    faults = [watch.look(at(0.25 * n, ones if 5 <= n < 10 else ROAD)) for n in range(20)]
     began, ended = faults.index("obscured"), len(faults) - faults[::-1].index("obscured")
-    assert (began, ended) == (8, 14)
+    assert (began, ended) == (7, 13)
     assert set(faults) == {None, "obscured"}
     assert interrupted == ["obscured"] * 5
