@@ -188,8 +188,11 @@ class EdgeDaemon:
 
     def _fault_without_frame(self, now: float) -> CameraFault | None:
         """The fault while no frame comes; None before the first frame or shortly after one."""
-        misfit_s = self._source.counters.misfit_s
-        if misfit_s is not None and now - misfit_s < self._settings.watch.stale_after_s:
+        size_mismatch_s = self._source.counters.size_mismatch_s
+        if (
+            size_mismatch_s is not None
+            and now - size_mismatch_s < self._settings.watch.stale_after_s
+        ):
             return "corrupt"
         if self._last_frame is None:
             return None

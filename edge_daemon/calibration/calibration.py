@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera.checks import check_points, fit_points, seen_share, watched
+from edge_daemon.camera.checks import check_points, fit_points, visible_share, watched_segment
 from edge_daemon.camera.consensus import find_inliers, tolerance_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
@@ -24,7 +24,7 @@ from slipstream.errors import InputError
 
 CLICK_PX: Final = 1.0
 MAX_SPEED_ERROR: Final = 0.03
-_MIN_SEEN_SHARE: Final = 0.95
+_MIN_VISIBLE_SHARE: Final = 0.95
 _WIDTH_FACTOR: Final = 1.5
 _PLAUSIBLE_HEIGHT_M: Final = (2.5, 80.0)
 
@@ -111,7 +111,7 @@ def calibrate(
     ids = [segment.id for segment in segments]
     if len(set(ids)) < len(ids):
         raise InputError(source, "two segments with one id", "rename one", key="segments.id")
-    outlines = tuple(watched(segment, homography, size, source) for segment in segments)
+    outlines = tuple(watched_segment(segment, homography, size, source) for segment in segments)
     rms = float(np.sqrt(np.mean(misses[used] ** 2)))
     click_px = max(CLICK_PX, click_error_px(misses[used]))
     pose = pose_of(homography, size)
@@ -234,8 +234,8 @@ def _about_outlines(
 ) -> list[str]:
     said = []
     for segment in segments:
-        seen = seen_share(segment.polygon_m, homography, size)
-        if seen < _MIN_SEEN_SHARE:
+        seen = visible_share(segment.polygon_m, homography, size)
+        if seen < _MIN_VISIBLE_SHARE:
             said.append(
                 f"segment {segment.id}: only {seen:.0%} of it is in the picture, so its density "
                 "comes out low"

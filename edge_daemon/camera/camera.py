@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera.checks import check_points, fit_points, watched
+from edge_daemon.camera.checks import check_points, fit_points, watched_segment
 from edge_daemon.camera.homography import Array, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
@@ -82,7 +82,7 @@ def load_camera(path: Path) -> Camera:
     Raises:
         InputError: an unknown key, a wrong type, a reference image that is missing; points
             outside the image, at one place or on a line, that fix no homography or do not fit
-            it; a segment that `edge_daemon.camera.checks.watched` refuses.
+            it; a segment that `edge_daemon.camera.checks.watched_segment` refuses.
     """
     settings = load(path, CameraSettings)
     ids = [segment.id for segment in settings.segments]
@@ -96,5 +96,7 @@ def load_camera(path: Path) -> Camera:
     size = (settings.image.width, settings.image.height)
     road, image = check_points(settings.points, size, path)
     homography = fit_points(road, image, size, path)
-    segments = tuple(watched(segment, homography, size, path) for segment in settings.segments)
+    segments = tuple(
+        watched_segment(segment, homography, size, path) for segment in settings.segments
+    )
     return Camera(settings.name, size, road, image, segments, reference)

@@ -17,7 +17,7 @@ from slipstream.errors import InputError
 _MAX_RMS_SHARE: Final = 0.01  # of the image's width
 _SAME_PX, _SAME_M = 0.5, 0.01
 _MIN_AREA_M2: Final = 1.0
-_MIN_SEEN_SHARE: Final = 0.5
+_MIN_VISIBLE_SHARE: Final = 0.5
 
 
 def check_points(
@@ -62,25 +62,25 @@ def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Pa
     try:
         homography = Homography(road_m, image_px)
     except CalibrationError as error:
-        culprit = _culprit(road_m, image_px, size)
-        told = culprit is not None and culprit != error.problem
-        problem = f"{error.problem} ({culprit})" if told else error.problem
+        worst_point = _worst_point(road_m, image_px, size)
+        told = worst_point is not None and worst_point != error.problem
+        problem = f"{error.problem} ({worst_point})" if told else error.problem
         raise InputError(source, problem, error.mend, key="points") from None
     misses = homography.residuals_px(road_m, image_px)
     rms = float(np.sqrt(np.mean(misses**2)))
     if not rms <= _MAX_RMS_SHARE * size[0]:
         worst = int(np.argmax(misses))
-        culprit = _culprit(road_m, image_px, size) or _miss(worst, misses)
+        worst_point = _worst_point(road_m, image_px, size) or _miss(worst, misses)
         raise InputError(
             source,
-            f"the calibration misses its own points by {rms:.1f} px ({culprit})",
+            f"the calibration misses its own points by {rms:.1f} px ({worst_point})",
             "check for swapped or mistyped points",
             key="points",
         )
     return homography
 
 
-def _culprit(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
+def _worst_point(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
     """What contradicts the others, if most agree."""
     try:
         agree = find_inliers(road_m, image_px, tolerance_px(size[0]))
@@ -97,7 +97,7 @@ def _miss(point: int, misses: Array) -> str:
     return f"point {point + 1} misses by {by}"
 
 
-def watched(
+def watched_segment(
     segment: SegmentSettings, homography: Homography, size: tuple[int, int], source: Path
 ) -> WatchedSegment:
     """A segment in its own coordinates.
@@ -118,16 +118,16 @@ def watched(
     polygon = np.array(segment.polygon)
     if len(polygon) > 3 and (polygon[0] == polygon[-1]).all():
         polygon = polygon[:-1]  # closed, as GIS tools write it
-    if crosses_itself(polygon):
+    if is_self_intersecting(polygon):
         refuse("polygon crosses itself", "give the corners in order round the outline")
     if area_m2(polygon) < _MIN_AREA_M2:
         refuse("polygon has no area", "give at least three corners that are not on a line")
     if (homography.depth(polygon) <= 1e-6).any():
         refuse("polygon reaches behind the horizon as calibrated", "shorten it or mend the points")
-    seen = seen_share(polygon, homography, size)
+    seen = visible_share(polygon, homography, size)
     if seen <= 0:
         refuse("polygon lies outside the picture", "give it in road metres, where the camera looks")
-    if seen < _MIN_SEEN_SHARE:
+    if seen < _MIN_VISIBLE_SHARE:
         refuse(f"only {seen:.0%} of the polygon lies in the picture", "shorten it to what is seen")
     along = polygon @ direction
     across = polygon @ np.array([-direction[1], direction[0]])
@@ -149,16 +149,18 @@ def area_m2(polygon: Array) -> float:
     return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
 
 
-def crosses_itself(polygon: Array) -> bool:
+def is_self_intersecting(polygon: Array) -> bool:
     """Whether two edges of a polygon (n, 2) that are not neighbours meet."""
     n = len(polygon)
     edges = [(polygon[i], polygon[(i + 1) % n]) for i in range(n)]
     return any(
-        _meet(*edges[i], *edges[j]) for i, j in combinations(range(n), 2) if j - i not in (1, n - 1)
+        _intersect(*edges[i], *edges[j])
+        for i, j in combinations(range(n), 2)
+        if j - i not in (1, n - 1)
     )
 
 
-def _meet(a: Array, b: Array, c: Array, d: Array) -> bool:
+def _intersect(a: Array, b: Array, c: Array, d: Array) -> bool:
     def side(p: Array, q: Array, r: Array) -> float:
         (x1, y1), (x2, y2) = q - p, r - p
         return float(np.sign(x1 * y2 - y1 * x2))
@@ -171,7 +173,7 @@ def _meet(a: Array, b: Array, c: Array, d: Array) -> bool:
     return not apart and overlaps(0) and overlaps(1)
 
 
-def seen_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:
+def visible_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:
     """Share of a polygon's area on the road that lies in the image; all of it before the camera.
 
     Its image is clipped edge by edge (Sutherland and Hodgman), which is exact as a homography

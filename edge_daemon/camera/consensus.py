@@ -37,10 +37,10 @@ def find_inliers(road_m: Array, image_px: Array, tolerance_px: float) -> Inliers
     enough = max(5, n // 2 + 1)
     best: Inliers | None = None
     suspects = np.zeros(n, dtype=np.bool_)
-    for vote in _votes(road_m, image_px, tolerance_px)[:_MAX_REFINED]:
+    for vote in _hypotheses(road_m, image_px, tolerance_px)[:_MAX_REFINED]:
         if vote.sum() < enough:
             break
-        agreed = _refined(vote, road_m, image_px, tolerance_px)
+        agreed = _refine(vote, road_m, image_px, tolerance_px)
         if agreed is None or agreed.sum() < enough:
             continue
         if agreed.all():
@@ -66,13 +66,13 @@ def find_inliers(road_m: Array, image_px: Array, tolerance_px: float) -> Inliers
     return best
 
 
-def _votes(road_m: Array, image_px: Array, tolerance_px: float) -> list[Inliers]:
+def _hypotheses(road_m: Array, image_px: Array, tolerance_px: float) -> list[Inliers]:
     """Different sets of points met by homographies through four of them, best first."""
     n = len(road_m)
     road = road_m - road_m.mean(axis=0)
     point = np.column_stack([road, np.ones(n)])
     misses: dict[bytes, float] = {}
-    for four in _fours(n):
+    for four in _quadruples(n):
         matrix = cv2.getPerspectiveTransform(
             road[four].astype(np.float32), image_px[four].astype(np.float32)
         )
@@ -87,9 +87,7 @@ def _votes(road_m: Array, image_px: Array, tolerance_px: float) -> list[Inliers]
     return [votes[key] for key in sorted(misses, key=lambda k: (-votes[k].sum(), misses[k], k))]
 
 
-def _refined(
-    agreed: Inliers, road_m: Array, image_px: Array, tolerance_px: float
-) -> Inliers | None:
+def _refine(agreed: Inliers, road_m: Array, image_px: Array, tolerance_px: float) -> Inliers | None:
     """The points that agree with the least squares fit to those that agree; None without one."""
     for _ in range(10):
         if agreed.sum() < 4:
@@ -112,7 +110,7 @@ def tolerance_px(width: int) -> float:
     return max(4.0, 0.004 * width)
 
 
-def _fours(n: int) -> list[list[int]]:
+def _quadruples(n: int) -> list[list[int]]:
     if comb(n, 4) <= _MAX_TRIALS:
         return [list(four) for four in combinations(range(n), 4)]
     rng = np.random.default_rng(0)

@@ -117,7 +117,7 @@ def _fit(road: Array, image: Array) -> Array:
     _check_depths(point @ matrix[2])
     matrix = matrix / matrix[2, 2]  # the mean depth, as the points' middle is (0, 0)
     if len(x) > 4:
-        matrix = _refined(matrix, point, image_n)
+        matrix = _refine(matrix, point, image_n)
         _check_depths(point @ matrix[2])
     if np.linalg.det(matrix) >= 0:
         raise CalibrationError(
@@ -143,7 +143,7 @@ def _normalised(points: Array) -> tuple[Array, Array]:
     return transform, (points - middle) * scale
 
 
-def _refined(matrix: Array, point: Array, image: Array) -> Array:
+def _refine(matrix: Array, point: Array, image: Array) -> Array:
     def misses(h: Array) -> Array:
         homogeneous = point @ np.append(h, 1.0).reshape(3, 3).T
         return np.asarray((homogeneous[:, :2] / homogeneous[:, 2:] - image).ravel())

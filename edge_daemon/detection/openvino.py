@@ -24,7 +24,7 @@ from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
 
 _GREY = 114  # what YOLO's letterbox is padded with in training
-_USUAL_SHAPE = (640, 640)
+_DEFAULT_SHAPE = (640, 640)
 
 
 class OpenVinoDetector:
@@ -52,10 +52,10 @@ class OpenVinoDetector:
         self._vehicle_class = vehicle_class_of(names, path)
         self._settings = settings
         self._camera = camera
-        self._compiling = threading.Lock()
+        self._compile_lock = threading.Lock()
         self._network: _Network | None = None
         if camera is not None:
-            self._for(camera.size)
+            self._network_for(camera.size)
 
     @property
     def requests(self) -> int:
@@ -64,9 +64,11 @@ class OpenVinoDetector:
 
     def detect(self, image: Image) -> Detections:
         """Vehicles in a BGR frame (height, width, 3); from so many threads as `requests`."""
-        network = self._for((image.shape[1], image.shape[0]))
+        network = self._network_for((image.shape[1], image.shape[0]))
         output = network.infer(image)
-        boxes, scores, classes = _candidates(output, self._vehicle_class, self._settings.min_score)
+        boxes, scores, classes = _candidate_boxes(
+            output, self._vehicle_class, self._settings.min_score
+        )
         # Classes compete: one vehicle is either a car or a truck, so overlap is judged across them.
         kept = np.asarray(
             cv2.dnn.NMSBoxes(
@@ -83,11 +85,11 @@ class OpenVinoDetector:
         whole = network.placement.uncut(corners)
         return Detections(corners[whole], scores[kept][whole], classes[kept][whole])
 
-    def _for(self, picture: tuple[int, int]) -> _Network:
+    def _network_for(self, picture: tuple[int, int]) -> _Network:
         """The model compiled for frames of (width, height)."""
         network = self._network
         if network is None or network.placement.picture != picture:
-            with self._compiling:
+            with self._compile_lock:
                 network = self._network
                 if network is None or network.placement.picture != picture:
                     network = self._network = self._compile(picture)
@@ -161,7 +163,7 @@ def _threads(settings: DetectorSettings) -> int:
     return settings.threads or len(os.sched_getaffinity(0))
 
 
-def _candidates(
+def _candidate_boxes(
     output: npt.NDArray[np.float32], vehicle_class: npt.NDArray[np.int64], min_score: float
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int64]]:
     """Boxes (x, y, width, height), scores and classes of places that are likely a vehicle."""
@@ -203,7 +205,7 @@ def _check(model: ov.Model, path: Path) -> tuple[bool, tuple[int, int], list[str
         size = str(model.get_rt_info(["model_info", "trained_size"]).astype(str)).split()
         height, width = (int(number) for number in size)
     except (RuntimeError, ValueError):
-        height, width = _USUAL_SHAPE
+        height, width = _DEFAULT_SHAPE
     return False, (height, width), names
 
 

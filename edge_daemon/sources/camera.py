@@ -137,7 +137,7 @@ class _Camera:
             return True
         # A camera that fell back to another stream may return to the calibrated one.
         self._counters.decode_errors += 1
-        self._counters.misfit_s = time.monotonic()
+        self._counters.size_mismatch_s = time.monotonic()
         if self._limiter.allow("size"):
             log.warning(
                 "%s: pictures of %d×%d do not fit the calibration", self._shown, width, height

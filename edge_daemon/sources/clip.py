@@ -122,7 +122,7 @@ class ClipReader:
 
     def _leave_out(self, shape: tuple[int, ...]) -> None:
         self.counters.decode_errors += 1
-        self.counters.misfit_s = time.monotonic()
+        self.counters.size_mismatch_s = time.monotonic()
         if self._limiter.allow("size"):
             log.warning(
                 "%s: a picture of %d×%d amid others of %d×%d is left out",

@@ -14,9 +14,9 @@ _SLACK_S = 0.5
 _SLACK_RATE = 0.02
 _LATE_S = 2.0
 _LEAP_S = 1.0
-_MAX_MISFITS = 3
+_MAX_RESETS = 3
 _LEARNED = 30
-_MAX_MISSES = 10
+_MAX_OUTLIERS = 10
 _GATE = 0.45
 _GAIN = 0.1
 _RATE_GAIN = 0.003
@@ -50,10 +50,10 @@ class StreamClock:
         self._arrival_s: float | None = None
         self._stream_s: float | None = None
         self._anchor: tuple[float, float] | None = None
-        self._misfits = 0
+        self._resets = 0
         self._late_since_s: float | None = None
         self._interval_s: float | None = None
-        self._misses = 0
+        self._outliers = 0
         self._steps: deque[float] = deque(maxlen=_LEARNED)
 
     def media_time(self, arrival_s: float, stream_s: float | None) -> MediaTime:
@@ -63,9 +63,9 @@ class StreamClock:
             arrival_s: when it came, on the time line that media times shall follow.
             stream_s: its time stamp in the stream; None where it has none.
         """
-        misfits = self._misfits
+        resets = self._resets
         jumped = self._jumped(arrival_s, stream_s)
-        if stream_s is not None and not jumped and self._misfits < _MAX_MISFITS:
+        if stream_s is not None and not jumped and self._resets < _MAX_RESETS:
             time_s = self._by_stream(arrival_s, stream_s)
         else:
             self._anchor = None
@@ -74,7 +74,7 @@ class StreamClock:
             self._steps.append(arrival_s - self._arrival_s)
         self._arrival_s, self._stream_s = arrival_s, stream_s
         self._last_s = max(time_s, self._last_s + _TICK_S)
-        return MediaTime(self._last_s, jumped or self._misfits > misfits, jumped)
+        return MediaTime(self._last_s, jumped or self._resets > resets, jumped)
 
     def _jumped(self, arrival_s: float, stream_s: float | None) -> bool:
         if stream_s is None or self._stream_s is None or self._arrival_s is None:
@@ -95,7 +95,7 @@ class StreamClock:
             self._late_since_s = arrival_s
         # A stall of the network makes frames late for a moment; their own times stay right.
         if late_s < -slack_s or self._is_late_for_long(arrival_s):
-            self._misfits += 1
+            self._resets += 1
             self._late_since_s = None
             self._anchor = (arrival_s, stream_s)
             return arrival_s
@@ -113,13 +113,13 @@ class StreamClock:
         expected_s = self._last_s + self._interval_s
         error_s = arrival_s - expected_s
         if abs(error_s) < _GATE * self._interval_s:
-            self._misses = 0
+            self._outliers = 0
             self._interval_s += _RATE_GAIN * error_s
             return expected_s + _GAIN * error_s
-        self._misses += 1
-        if self._misses >= _MAX_MISSES:
+        self._outliers += 1
+        if self._outliers >= _MAX_OUTLIERS:
             # The camera has another rate now.
-            self._misses, self._interval_s = 0, None
+            self._outliers, self._interval_s = 0, None
             self._steps.clear()
         return arrival_s
 

@@ -18,14 +18,14 @@ class SourceCounters:
         skipped: frames for which there was no time, and those that came in a burst after a stall.
         decode_errors: frames or clip ends that could not be used.
         reconnects: times that the camera was lost.
-        misfit_s: monotonic time of the last frame that had not the calibrated size.
+        size_mismatch_s: monotonic time of the last frame that had not the calibrated size.
         tried_s: monotonic time of the last attempt to read or connect; old if capture hangs.
     """
 
     skipped: int = 0
     decode_errors: int = 0
     reconnects: int = 0
-    misfit_s: float | None = None
+    size_mismatch_s: float | None = None
     tried_s: float = field(default_factory=time.monotonic)
 
 

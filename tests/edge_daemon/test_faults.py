@@ -255,7 +255,7 @@ def test_pictures_of_another_size_are_corrupt_until_they_fit_again(
             now = time.monotonic()
             for number, picture in enumerate(pictures[:5]):
                 yield Frame(picture, number / FPS, time.time_ns(), now)
-            self.counters.misfit_s = time.monotonic()
+            self.counters.size_mismatch_s = time.monotonic()
             yield None
 
     daemon, recorder, _ = a_daemon(camera, Misfit([]), Still(), "real_time")

@@ -100,9 +100,9 @@ def test_a_stream_that_changes_its_size_is_left_out_until_it_fits() -> None:
     take(frames, 3)
     feed.picture = lambda _: SMALLER
     deadline = time.monotonic() + 10
-    while source.counters.misfit_s is None and time.monotonic() < deadline:
+    while source.counters.size_mismatch_s is None and time.monotonic() < deadline:
         next(frames)
-    assert source.counters.misfit_s is not None
+    assert source.counters.size_mismatch_s is not None
     assert source.counters.decode_errors > 0
     feed.picture = lambda _: PICTURE
     assert {f.image.shape for f in take(frames, 5)} == {PICTURE.shape}
