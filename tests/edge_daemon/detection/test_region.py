@@ -136,4 +136,4 @@ def test_boxes_cut_off_by_the_crop_are_not_whole() -> None:
         ],
         dtype=np.float32,
     )
-    assert got.whole(boxes).tolist() == [True, False, False, True, True]
+    assert got.uncut(boxes).tolist() == [True, False, False, True, True]
