@@ -54,7 +54,7 @@ bench-accuracy: setup
 	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
 
 # What vehicles that nobody saw do to the features: estimated anew on clips that judge nothing; the
-# table goes into edge_daemon/hidden.py.
+# table goes into edge_daemon/features/occlusion.py.
 allowances: setup
 	$(BIN)/python -m benchmarks.accuracy.allowances
 

@@ -3,11 +3,11 @@
 import os
 import sys
 
-# OpenCV reads these once, when it is first imported. Its and FFmpeg's complaints about broken
-# streams would flood standard error; ours are one line each.
+# OpenCV reads these once, when it is first imported. Messages of OpenCV and FFmpeg about broken
+# streams would flood standard error; the daemon logs one line each.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
 
-# OpenVINO's telemetry writes an identity into the home folder and calls out; it does neither
-# where the module cannot be imported.
+# OpenVINO's telemetry writes an identity into the home folder and connects to a server; it does
+# neither where its module cannot be imported.
 sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]

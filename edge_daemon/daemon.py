@@ -1,4 +1,4 @@
-"""The pipeline as a service: frames in, states on the bus once a second, health beside them."""
+"""The pipeline as a service: frames in, states and health on the bus once a second."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from edge_daemon import metrics
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
-from edge_daemon.heap import GIVE_BACK_EVERY_S, give_back_freed, keep_shape
-from edge_daemon.pauses import Pauses
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
+from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, open_source
 from edge_daemon.watch import Watch, read_reference
@@ -39,7 +38,7 @@ from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 log = logging.getLogger(__name__)
 
 _RECENT_S = 10.0
-_PATIENCE_S = 30.0
+_RECONNECT_S = 30.0
 
 
 def run_edge(settings: EdgeSettings) -> None:
@@ -48,7 +47,7 @@ def run_edge(settings: EdgeSettings) -> None:
     Raises:
         InputError: the camera file, the model, the clip or the bus settings are unusable.
     """
-    keep_shape()
+    configure_allocator()
     configure_logging(f"edge {settings.rsu}", settings.service.log_level)
     camera = load_camera(settings.camera)
     reference = read_reference(camera)
@@ -74,7 +73,7 @@ def run_edge(settings: EdgeSettings) -> None:
 
 
 class EdgeDaemon:
-    """Moves frames through the pipeline and tells the bus."""
+    """Passes frames through the pipeline and publishes states, health and previews."""
 
     def __init__(
         self,
@@ -113,61 +112,64 @@ class EdgeDaemon:
         self._fault: CameraFault | None = None
         self._fault_began_s = 0.0
         self._limiter = LogLimiter()
-        self._pauses = Pauses()
+        self._stages = StageTimer()
         self._skipped = 0
-        self._given_back_s = time.monotonic()
+        self._trimmed_s = time.monotonic()
 
     def run(self) -> None:
         """Process frames until the service stops or the source ends."""
         self._service.ready()
         for reason in CAMERA_FAULTS:
             metrics.FAULT.labels(reason).set(0)
-        # What has been loaded stays: looking it through again and again takes 30 ms each time.
+        # Loaded modules stay: to scan them in each collection takes 30 ms.
         gc.collect()
         gc.freeze()
         due_s = preview_due_s = -math.inf
-        telling: Iterator[None] = iter(())
-        pauses = self._pauses
+        publishing: Iterator[None] = iter(())
+        stages = self._stages
         with (
-            pauses.of_garbage_collector(),
+            stages.measure_garbage_collection(),
             closing(detect_stream(self._source.frames(), self._detector)) as results,
         ):
             done_s = time.monotonic()
             for frame, found in results:
                 if frame is not None:
-                    pauses.note("waiting for a picture and its vehicles", time.monotonic() - done_s)
+                    stages.note("waiting for a frame and its detections", time.monotonic() - done_s)
                 if self._service.stopping.is_set():
                     break
-                with pauses.of("watching and tracking"):
-                    self._judge(frame)
+                with stages.measure("fault check and tracking"):
+                    self._check_camera(frame)
                     if frame is not None and found is not None:
-                        self._take(frame, found)
+                        self._update(frame, found)
                 now = self._now_s(frame)
-                with pauses.of("states"):
+                with stages.measure("states"):
                     if now >= due_s:
-                        _finish(telling)
-                        telling = self._tell("ok" if frame is not None else "no_signal")
-                        due_s = max(due_s, now - self._settings.every_s) + self._settings.every_s
-                    # One segment a frame: all at once would keep the next frames waiting.
-                    next(telling, None)
+                        _finish(publishing)
+                        publishing = self._publish("ok" if frame is not None else "no_signal")
+                        due_s = (
+                            max(due_s, now - self._settings.state_interval_s)
+                            + self._settings.state_interval_s
+                        )
+                    # One segment per frame: all at once would delay the next frames.
+                    next(publishing, None)
                     if frame is None:
-                        _finish(telling)
+                        _finish(publishing)
                 if frame is not None and now >= preview_due_s:
-                    with pauses.of("preview"):
-                        self._show(frame)
+                    with stages.measure("preview"):
+                        self._publish_preview(frame)
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
                 done_s = time.monotonic()
-        _finish(telling)
-        _finish(self._tell("ended"))
+        _finish(publishing)
+        _finish(self._publish("ended"))
 
     def _now_s(self, frame: Frame | None) -> float:
-        """What the once-a-second beat follows: a fast clip's own time, else the wall's."""
+        """The clock of the state interval: media time of a fast clip, else monotonic time, s."""
         if self._settings.source.pace == "fast" and frame is not None:
             return frame.media_time_s
         return time.monotonic()
 
-    def _judge(self, frame: Frame | None) -> None:
-        """Look for a fault of the camera, and say when one begins or ends."""
+    def _check_camera(self, frame: Frame | None) -> None:
+        """Look for a camera fault; log and count its beginning and its end."""
         now = time.monotonic()
         fault = self._watch.look(frame) if frame is not None else self._fault_without_frame(now)
         if fault == self._fault:
@@ -180,23 +182,26 @@ class EdgeDaemon:
             metrics.FAULT.labels(fault).set(1)
             metrics.FAULTS.labels(fault).inc()
             log.warning("the camera has a fault: %s; all its segments are unknown", fault)
-            # Neither what was seen while it came up nor what is seen now may count later.
-            self._pipeline.forget()
+            # Nothing seen while the fault began, or during it, may count later.
+            self._pipeline.reset()
         self._fault, self._fault_began_s = fault, now
 
     def _fault_without_frame(self, now: float) -> CameraFault | None:
-        """What keeps pictures away; None where there never was one, or one was here just now."""
-        misfit_s = self._source.counters.misfit_s
-        if misfit_s is not None and now - misfit_s < self._settings.watch.stale_after_s:
+        """The fault while no frame comes; None before the first frame or shortly after one."""
+        size_mismatch_s = self._source.counters.size_mismatch_s
+        if (
+            size_mismatch_s is not None
+            and now - size_mismatch_s < self._settings.watch.stale_after_s
+        ):
             return "corrupt"
         if self._last_frame is None:
             return None
         return self._watch.absent(now - self._last_frame.captured_s)
 
-    def _take(self, frame: Frame, found: Detections) -> None:
-        """Take in a frame with what was detected in it, unless the camera has a fault."""
+    def _update(self, frame: Frame, found: Detections) -> None:
+        """Process a frame and its detections, unless the camera has a fault."""
         if self._fault is None:
-            self._pipeline.take(frame, found)
+            self._pipeline.update(frame, found)
         done = time.monotonic()
         self._frames += 1
         self._last_frame = frame
@@ -206,8 +211,8 @@ class EdgeDaemon:
         metrics.FRAMES.inc()
         metrics.LATENCY.observe(done - frame.captured_s)
 
-    def _tell(self, status: str) -> Iterator[None]:
-        """Tell the bus of one segment at each step and, at the last, how the daemon is."""
+    def _publish(self, status: str) -> Iterator[None]:
+        """Publish one segment's state at each step and, at the last, the daemon's health."""
         fault = self._fault
         last = self._last_frame
         now = time.monotonic()
@@ -220,26 +225,29 @@ class EdgeDaemon:
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()
             yield
             if self._fault != fault:
-                break  # before the next one is judged by what is not trusted any more
+                break  # the next state would rest on data that is no longer trusted
         if status == "no_signal" and self._limiter.allow("no signal"):
             log.warning("no picture %s", f"for {idle_s:.0f} s" if last else "yet")
         health = self._health(status)
         self._health_publisher.put(health)
-        self._account_for_skipped(health.frames_skipped)
+        self._log_skipped(health.frames_skipped)
         metrics.SKIPPED.set(health.frames_skipped)
         metrics.DECODE_ERRORS.set(health.decode_errors)
         metrics.RECONNECTS.set(health.reconnects)
-        # Trying to reach an absent camera is progress too: a restart would not bring it back.
-        stall_s = self._settings.source.stall_s
-        if now - self._given_back_s >= GIVE_BACK_EVERY_S:
-            give_back_freed()
-            self._given_back_s = now
-        if status == "ok" or now - self._source.counters.tried_s < 2 * stall_s + _PATIENCE_S:
+        # Connecting to an absent camera is progress too: a restart would not help.
+        stall_timeout_s = self._settings.source.stall_timeout_s
+        if now - self._trimmed_s >= TRIM_INTERVAL_S:
+            trim_memory()
+            self._trimmed_s = now
+        if (
+            status == "ok"
+            or now - self._source.counters.tried_s < 2 * stall_timeout_s + _RECONNECT_S
+        ):
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
 
-    def _account_for_skipped(self, skipped: int) -> None:
-        """Say what took long, if frames were skipped since the last states."""
-        longest = self._pauses.told()
+    def _log_skipped(self, skipped: int) -> None:
+        """Log which stages took longest, if frames were skipped since the last states."""
+        longest = self._stages.report()
         if skipped > self._skipped and self._limiter.allow("skipped"):
             log.warning("%d frames skipped; longest: %s", skipped - self._skipped, longest)
         self._skipped = skipped
@@ -270,7 +278,7 @@ class EdgeDaemon:
             rss_mb=rss_mb(),
         )
 
-    def _show(self, frame: Frame) -> None:
+    def _publish_preview(self, frame: Frame) -> None:
         publisher = self._preview_publisher
         if publisher is None or not publisher.has_subscribers():
             return
@@ -289,6 +297,6 @@ class EdgeDaemon:
 
 
 def _finish(steps: Iterator[None]) -> None:
-    """Take all steps that are left."""
+    """Run the remaining steps."""
     for _ in steps:
         pass

@@ -1,4 +1,4 @@
-"""Legible text on a picture: labels that keep out of each other's way."""
+"""Labels on an image that do not overlap, and tinted polygons."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class Labels:
-    """Places labels on one picture, none over another; `draw` puts them over all else."""
+    """Places labels on one image, none over another; `draw` puts them over all else."""
 
     def __init__(self, picture: Image) -> None:
         self._picture = picture
@@ -38,7 +38,7 @@ class Labels:
         background: Colour = DARK,
         colour: Colour = WHITE,
     ) -> bool:
-        """Place a text at the first of some places that is free and inside the picture.
+        """Place a text at the first of some places that is free and inside the image.
 
         Args:
             text: ASCII, as OpenCV's fonts have nothing else.

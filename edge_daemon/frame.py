@@ -1,9 +1,11 @@
-"""A picture with its times."""
+"""A frame of a video with its times, and still images from files."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -12,17 +14,16 @@ Image = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture of a source.
+    """One frame of a source.
 
     Attributes:
         image: BGR, shape (height, width, 3), uint8.
-        media_time_s: a clip's own time, or a camera frame's time of arrival; never runs back, also
-            when a clip loops.
+        media_time_s: a clip's own time, or a camera frame's time of arrival; never decreases, not
+            even when a clip loops.
         captured_ns: UTC when it was taken or read.
         captured_s: the same moment on this machine's monotonic clock, for latencies.
         cut: True if the scene before it is another one (a loop, a reconnect).
-        clock_jump: True if the stream's own clock ran back or leapt before it; the media time
-            was mended.
+        clock_jump: True if the stream's own clock stepped before it; the media time is corrected.
     """
 
     image: Image
@@ -31,3 +32,12 @@ class Frame:
     captured_s: float
     cut: bool = False
     clock_jump: bool = False
+
+
+def read_image(path: Path) -> Image | None:
+    """An image file as BGR; None where it is missing, no image, or claims to be too large."""
+    try:
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    except cv2.error:  # a size beyond its limits, true or forged
+        return None
+    return None if image is None else np.asarray(image, dtype=np.uint8)

@@ -1,11 +1,11 @@
-"""What an edge daemon tells Prometheus."""
+"""Prometheus metrics of an edge daemon."""
 
 from __future__ import annotations
 
 from prometheus_client import Counter, Gauge, Histogram
 
 FRAMES = Counter("slipstream_edge_frames", "Frames processed")
-SKIPPED = Gauge("slipstream_edge_frames_skipped", "Frames skipped for want of time, or in a burst")
+SKIPPED = Gauge("slipstream_edge_frames_skipped", "Frames skipped for lack of time, or in a burst")
 DECODE_ERRORS = Gauge("slipstream_edge_decode_errors", "Frames or clip ends that were unreadable")
 RECONNECTS = Gauge("slipstream_edge_reconnects", "Times the camera had to be connected again")
 STATES = Counter("slipstream_edge_segment_states", "Segment states published", ["segment", "flag"])

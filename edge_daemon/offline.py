@@ -3,57 +3,85 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Final, Self
 
 import cv2
 import numpy as np
-from pydantic import Field
 
 from edge_daemon.camera import Camera
-from edge_daemon.detection import DetectorSettings, open_detector
-from edge_daemon.detection.stream import ahead, detect_stream
-from edge_daemon.evaluation.score import Recorder
+from edge_daemon.detection import detect_stream, open_detector, prefetch
+from edge_daemon.features import VehicleMotion
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
+from edge_daemon.settings import TrackSettings
 from edge_daemon.sources.clip import FastClip, open_clip
-from edge_daemon.stability import StabilitySettings
-from edge_daemon.tracking import TrackerSettings
-from edge_daemon.watch import Watch, WatchSettings, read_reference
-from slipstream.config import Settings
+from edge_daemon.tracking import Sightings
+from edge_daemon.watch import Watch, read_reference
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault, SegmentState
 from slipstream.service import rss_mb
 
-_DECODED_AHEAD = 3
-
-
-class TrackSettings(Settings):
-    """How a video is followed."""
-
-    window_s: Annotated[float, Field(ge=2.0, le=60.0)] = 10.0
-    every_s: Annotated[float, Field(gt=0, le=10.0)] = 1.0
-    detector: DetectorSettings = DetectorSettings()
-    tracker: TrackerSettings = TrackerSettings()
-    stability: StabilitySettings = StabilitySettings()
-    watch: WatchSettings = WatchSettings()
+_PREFETCHED_FRAMES: Final = 3
+_SPEED_LAG_S: Final = 1.0
 
 
 @dataclass
-class Run:
+class Recorder:
+    """Records sightings, speeds and states of a run, for scoring."""
+
+    frame_times_s: list[float] = field(default_factory=list)
+    frame_numbers: list[int] = field(default_factory=list)
+    sightings: list[Sightings] = field(default_factory=list)
+    states: list[tuple[float, SegmentState]] = field(default_factory=list)
+    speeds: list[tuple[int, float, float, float]] = field(default_factory=list)
+
+    def frame(self, number: int, time_s: float, sightings: Sightings) -> None:
+        """Note one frame, by its number in the video, and the sightings that it confirmed."""
+        self.frame_times_s.append(time_s)
+        self.frame_numbers.append(number)
+        self.sightings.append(sightings)
+
+    def tick(
+        self,
+        time_s: float,
+        every_s: float,
+        states: Sequence[SegmentState],
+        vehicles: dict[str, tuple[VehicleMotion, ...]],
+    ) -> None:
+        """Record the states at a media time, and each speed once, a second after its time."""
+        self.states.extend((time_s, state) for state in states)
+        begin, end = time_s - _SPEED_LAG_S - every_s, time_s - _SPEED_LAG_S
+        for vehicle in (v for of_segment in vehicles.values() for v in of_segment):
+            motion = vehicle.motion
+            deviation = vehicle.speed_std_mps
+            for i in np.flatnonzero((motion.time_s >= begin) & (motion.time_s < end)):
+                if vehicle.weight_s[i] > 0:
+                    self.speeds.append(
+                        (
+                            vehicle.track,
+                            float(motion.time_s[i]),
+                            float(motion.speed_mps[i]),
+                            float(deviation[i]),
+                        )
+                    )
+
+
+@dataclass
+class TrackResult:
     """What came of a video.
 
     Attributes:
         states: all states in order; their times are media times since the clip's beginning.
         recorder: what scores are made from; frames under a fault of the camera are left out.
         done_s: monotonic time at which each frame had gone through, s.
-        latency_s: of each frame, from its picture decoded to its states, s.
-        decode_errors: pictures that could not be read.
-        fault_s: for how long each fault of the picture was reported, s: it begins after its wait
+        latency_s: of each frame, from decoded to processed, s.
+        decode_errors: frames that could not be read.
+        fault_s: for how long each fault of the frame was reported, s: it begins after its wait
             and ends some seconds after its last sign.
         rss_mb: resident memory at the end.
     """
@@ -74,7 +102,7 @@ def track(
     *,
     annotated: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Run:
+) -> TrackResult:
     """Follow a video from its first to its last frame, as fast as it goes; no frame is left out.
 
     Args:
@@ -82,11 +110,11 @@ def track(
         camera: its calibration.
         settings: of the pipeline.
         annotated: where to write the video with what was seen drawn over it.
-        progress: told how many of how many frames are done.
+        progress: called with the numbers of processed and of expected frames.
 
     Raises:
-        InputError: the video, the model, the reference picture or the target cannot be used, or
-            the pictures are not of the calibrated size.
+        InputError: the video, the model, the reference frame or the target cannot be used, or
+            the frames are not of the calibrated size.
     """
     watch = Watch(camera, settings.watch, read_reference(camera))
     reader = open_clip(video, loop=False, size=camera.size)
@@ -94,13 +122,13 @@ def track(
     pipeline = Pipeline(
         "offline", camera, detector, settings.tracker, settings.stability, settings.window_s
     )
-    run = Run()
+    result = TrackResult()
     due_s = last_s = 0.0
     fault: CameraFault | None = None
     latest: dict[str, SegmentState] = {}
     source = FastClip(reader)
-    frames = detect_stream(ahead(source.frames(), _DECODED_AHEAD), detector)
-    with closing(frames), _Film(annotated, reader.fps, camera) as film:
+    frames = detect_stream(prefetch(source.frames(), _PREFETCHED_FRAMES), detector)
+    with closing(frames), _AnnotatedVideo(annotated, reader.fps, camera) as annotated_video:
         for frame, detections in frames:
             if frame is None or detections is None:
                 continue
@@ -109,29 +137,29 @@ def track(
             seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
             before, fault = fault, watch.look(seen)
             if fault is None:
-                run.recorder.frame(len(run.done_s), now, pipeline.take(frame, detections))
+                result.recorder.frame(len(result.done_s), now, pipeline.update(frame, detections))
             else:
-                run.fault_s[fault] = run.fault_s.get(fault, 0.0) + now - last_s
+                result.fault_s[fault] = result.fault_s.get(fault, 0.0) + now - last_s
                 if fault != before:
-                    pipeline.forget()
+                    pipeline.reset()
             last_s = now
             if now >= due_s:
                 states = pipeline.states(round(now * 1e9), fault=fault)
-                run.recorder.tick(now, settings.every_s, states, pipeline.vehicles)
-                run.states += states
+                result.recorder.tick(now, settings.state_interval_s, states, pipeline.vehicles)
+                result.states += states
                 latest |= {state.segment: state for state in states}
-                due_s += settings.every_s
-            run.done_s.append(time.monotonic())
-            run.latency_s.append(run.done_s[-1] - frame.captured_s)
-            film.add(frame, pipeline, latest)
+                due_s += settings.state_interval_s
+            result.done_s.append(time.monotonic())
+            result.latency_s.append(result.done_s[-1] - frame.captured_s)
+            annotated_video.add(frame, pipeline, latest)
             if progress is not None:
-                progress(len(run.done_s), reader.expected_frames)
-    run.decode_errors = source.counters.decode_errors
-    run.rss_mb = rss_mb()
-    return run
+                progress(len(result.done_s), reader.expected_frames)
+    result.decode_errors = source.counters.decode_errors
+    result.rss_mb = rss_mb()
+    return result
 
 
-class _Film:
+class _AnnotatedVideo:
     """The annotated video, if one is wanted; under its name only when complete."""
 
     def __init__(self, path: Path | None, fps: float, camera: Camera) -> None:
@@ -174,14 +202,14 @@ class _Film:
                 self._part.unlink(missing_ok=True)
 
 
-def frame_times_ms(run: Run) -> tuple[float, float, float, float]:
+def frame_times_ms(result: TrackResult) -> tuple[float, float, float, float]:
     """Median and 95th percentile of the time a frame takes, and of its latency, ms.
 
     The time a frame takes is that between frames leaving the pipeline: stages overlap, so it is
     shorter than the latency. Ticks at which states are made are part of it.
     """
-    steps = 1e3 * np.diff(run.done_s) if len(run.done_s) > 1 else np.zeros(1)
-    latency = 1e3 * np.array(run.latency_s) if run.latency_s else np.zeros(1)
+    steps = 1e3 * np.diff(result.done_s) if len(result.done_s) > 1 else np.zeros(1)
+    latency = 1e3 * np.array(result.latency_s) if result.latency_s else np.zeros(1)
     return (
         float(np.median(steps)),
         float(np.percentile(steps, 95)),

@@ -1,4 +1,4 @@
-"""One frame's way: detect, place on the road, track, keep the window, judge each segment.
+"""One frame: detect, project to the road, track, update the window, classify each segment.
 
 No I/O and no clock of its own: the same frames give the same states.
 """
@@ -11,21 +11,22 @@ from dataclasses import dataclass
 
 from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
+from edge_daemon.features.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
+from edge_daemon.features.stability import StabilityJudge
 from edge_daemon.frame import Frame
-from edge_daemon.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
-from edge_daemon.measurement import to_road_points
-from edge_daemon.memory import Memory
-from edge_daemon.stability import StabilityJudge, StabilitySettings
-from edge_daemon.tracking import Sightings, Track, Tracker, TrackerSettings
+from edge_daemon.settings import StabilitySettings, TrackerSettings
+from edge_daemon.tracking import Sightings, Track, Tracker
+from edge_daemon.tracking.measurement import to_road_points
+from edge_daemon.tracking.sightings import SightingBuffer
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState, UnknownReason
 
-_LONGEST_GAP_S = 0.5
+_MAX_GAP_S = 0.5
 _LEAD_S = 3.0  # what was seen before the window helps to smooth its beginning
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _FrameTime:
     time_s: float
     gap_s: float
 
@@ -59,8 +60,8 @@ class Pipeline:
         self._tracker = Tracker(tracker)
         self._judge = StabilityJudge(stability)
         self._window_s = window_s
-        self._sightings = Memory()
-        self._frames: deque[_Seen] = deque()
+        self._sightings = SightingBuffer()
+        self._frames: deque[_FrameTime] = deque()
         self._sequence = 0
         self._kinematics = {
             segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
@@ -83,18 +84,18 @@ class Pipeline:
         return self._windows
 
     def process(self, frame: Frame) -> Sightings:
-        """Detect in one frame and take it in: what `take` does after the detector.
+        """Detect vehicles in a frame and `update` with them.
 
         Raises:
-            InputError: the picture has another size than the calibration.
+            InputError: the frame has another size than the calibration.
         """
-        return self.take(frame, self._detector.detect(frame.image))
+        return self.update(frame, self._detector.detect(frame.image))
 
-    def take(self, frame: Frame, detections: Detections) -> Sightings:
-        """Take in one frame with what was detected in it; the sightings that it confirmed.
+    def update(self, frame: Frame, detections: Detections) -> Sightings:
+        """Process one frame and its detections; returns the sightings that it confirmed.
 
         Raises:
-            InputError: the picture has another size than the calibration.
+            InputError: the frame has another size than the calibration.
         """
         height, width = frame.image.shape[:2]
         if (width, height) != self._camera.size:
@@ -112,19 +113,19 @@ class Pipeline:
         sightings = self._tracker.update(now, found)
         self._sightings.add(sightings)
         last = self._frames[-1].time_s if self._frames else now
-        self._frames.append(_Seen(now, now - last))
+        self._frames.append(_FrameTime(now, now - last))
         self._forget(now - self._window_s)
         return sightings
 
-    def forget(self) -> None:
-        """Empty the window and drop all tracks: what was seen so far is not to be trusted."""
+    def reset(self) -> None:
+        """Empty the window and drop all tracks: data so far is not to be trusted."""
         self._tracker.reset()
-        self._judge.forget()
-        self._sightings = Memory()
+        self._judge.reset()
+        self._sightings = SightingBuffer()
         self._frames.clear()
 
     def _forget(self, before_s: float) -> None:
-        self._sightings.forget(before_s - _LEAD_S)
+        self._sightings.drop(before_s - _LEAD_S)
         while self._frames and self._frames[0].time_s < before_s:
             self._frames.popleft()
 
@@ -137,7 +138,7 @@ class Pipeline:
     def iter_states(
         self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
     ) -> Iterator[SegmentState]:
-        """The same states, each worked out when it is asked for.
+        """The same states, each computed when it is requested.
 
         All are over the window that ends at this call, whatever frames are taken in between.
 
@@ -150,7 +151,7 @@ class Pipeline:
         if idle_s > 0:
             self._forget(begin_s)
         # A frame stands for the time since the one before it, unless the source paused.
-        observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _LONGEST_GAP_S)
+        observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _MAX_GAP_S)
         window = _Window(
             self._sightings.all(),
             begin_s,
@@ -182,7 +183,7 @@ class Pipeline:
                 segment.id, time_ns, features, vehicles, window.frames, window.coverage
             )
             if fault is None
-            else self._judge.distrust(segment.id, fault)
+            else self._judge.invalidate(segment.id, fault)
         )
         self._sequence += 1
         return SegmentState(

@@ -1,4 +1,4 @@
-"""The picture for people: segments in the colour of their flag, boxes, identities and speeds."""
+"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BGR: Final[dict[int | None, Colour]] = {
 _WORD: Final = {1: "stable", 0: "turbulent", None: "unknown"}
 _MPS_TO_KMH: Final = 3.6
 _SEEN_S: Final = 0.1
-_SMALLEST_FONT: Final = 0.38
+_MIN_FONT_SCALE: Final = 0.38
 _LABELLED_OF_FONT: Final = 50  # px of box a unit of font scale
 _TINT: Final = 0.22
 
@@ -35,10 +35,10 @@ def annotate(
     time_s: float,
     width: int,
 ) -> Image:
-    """Draw what the pipeline knows at a media time over a copy of the picture, ``width`` px wide.
+    """Draw what the pipeline knows at a media time over a copy of the frame, ``width`` px wide.
 
     Boxes of vehicles seen just now, each with its number where there is room, nearer ones first;
-    speeds are shown in the segments, as nobody vouches for the calibration elsewhere.
+    speeds are shown inside segments only, as the calibration is not checked elsewhere.
     """
     zoom = width / image.shape[1]
     height = round(image.shape[0] * zoom)
@@ -69,7 +69,7 @@ def annotate(
     boxes = [[round(zoom * float(edge)) for edge in track.box] for track in shown]
     for x1, y1, x2, y2 in boxes:
         cv2.rectangle(picture, (x1, y1), (x2, y2), WHITE, stroke, cv2.LINE_AA)
-    scale = max(_SMALLEST_FONT, height / 1400)
+    scale = max(_MIN_FONT_SCALE, height / 1400)
     watched = _watched(camera, shown)
     for track, inside, (x1, y1, x2, y2) in zip(shown, watched, boxes, strict=True):
         if y2 - y1 >= _LABELLED_OF_FONT * scale:

@@ -1,43 +1,307 @@
-"""Settings of the edge daemon (``edge.toml``)."""
+"""All settings of the edge: ``edge.toml``, ``camera.toml``, the points file of a calibration.
+
+Imports nothing of the edge, so that a command line can take its bounds and defaults from here.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from edge_daemon.detection import DetectorSettings
-from edge_daemon.sources import SourceSettings
-from edge_daemon.stability import StabilitySettings
-from edge_daemon.tracking import TrackerSettings
-from edge_daemon.watch import WatchSettings
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.messages import Identifier
 
+BUILTIN_MODEL: Final = "builtin"
+
+Share = Annotated[float, Field(gt=0, lt=1)]
+FaultSeconds = Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)]
+WindowSeconds = Annotated[float, Field(ge=2.0, le=60.0)]
+StateInterval = Annotated[float, Field(gt=0, le=10.0)]
+Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
+Pair = tuple[Coordinate, Coordinate]
+
+
+class SourceSettings(Settings):
+    """Where frames come from: a recorded clip or a camera (``[source]``)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"stall_s": "stall_timeout_s"}
+
+    clip: Path | None = Field(default=None, description="Path of a video file.")
+    url: str | None = Field(
+        default=None,
+        pattern=r"^(rtsp|rtsps|http|https)://",
+        description="Address of a camera: RTSP or HTTP MJPEG.",
+    )
+    loop: bool = Field(default=False, description="Start a clip again at its end.")
+    pace: Literal["real_time", "fast"] = Field(
+        default="real_time",
+        description="Speed of a clip: its own, or as fast as frames are processed.",
+    )
+    stall_timeout_s: Annotated[float, Field(gt=0, le=300)] = Field(
+        default=5.0,
+        description="A camera is connected again after so long without a frame, s.",
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.clip is None) == (self.url is None):
+            raise ValueError("give either clip or url")
+        if self.url is not None and (self.loop or self.pace == "fast"):
+            raise ValueError("loop and pace are for clips")
+        return self
+
+
+class DetectorSettings(Settings):
+    """How vehicles are detected (``[detector]``)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"max_overlap": "nms_iou"}
+
+    backend: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Detector by name: openvino, ultralytics, or one that an installed package "
+        "adds. Default: the one for the type of the model file.",
+    )
+    model: str = Field(
+        default=BUILTIN_MODEL,
+        description="'builtin' (trained on renders), an OpenVINO .xml or folder, or a .pt file.",
+    )
+    min_score: Share = Field(
+        default=0.1,
+        description="Detections with a lower score are dropped; the tracker has its own threshold.",
+    )
+    nms_iou: Share = Field(
+        default=0.45,
+        description="Intersection over union with a better box, above which a box is suppressed.",
+    )
+    threads: Annotated[int, Field(ge=0)] = Field(
+        default=0, description="Inference threads; 0: one per CPU core."
+    )
+    requests: Annotated[int, Field(ge=0, le=16)] = Field(
+        default=0,
+        description="Frames in the detector at a time; 0: two, or one on a single core.",
+    )
+    region: bool = Field(
+        default=True, description="Search only the part of the frame that shows the road."
+    )
+    region_margin_m: Annotated[float, Field(ge=0, le=50)] = Field(
+        default=3.0,
+        description="Distance before and after a segment in which vehicles must be whole, m.",
+    )
+    scale: Annotated[float, Field(gt=0, le=4)] | None = Field(
+        default=None,
+        description="Network pixels per frame pixel. Default: as the model was trained.",
+    )
+
+
+class TrackerSettings(Settings):
+    """How vehicles are tracked (``[tracker]``)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"sure_score": "high_score"}
+
+    high_score: Share = Field(
+        default=0.5,
+        description="Detections from this score on are assigned first and may start a track.",
+    )
+    confirm_hits: Annotated[int, Field(ge=1)] = Field(
+        default=3, description="Detections that confirm a new track."
+    )
+    lost_after_s: Annotated[float, Field(gt=0)] = Field(
+        default=1.2, description="A track ends after so long without a detection, s."
+    )
+    jerk_noise: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(
+        default=1.0,
+        description="Root of the spectral density of the jerk in the motion model, m/s^2.5.",
+    )
+    max_speed_mps: Annotated[float, Field(gt=0)] = Field(
+        default=45.0,
+        description="Highest speed of a vehicle, m/s. A new track's speed has half of it as its "
+        "standard deviation.",
+    )
+
+
+class StabilitySettings(Settings):
+    """Thresholds of the stability flag and what a flag requires (``[stability]``)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"sure_sigmas": "confidence_sigmas"}
+
+    max_speed_cv: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.12, description="Coefficient of variation of speed, σ_v / v̄, dimensionless."
+    )
+    max_acceleration_variance_m2ps4: Annotated[float, Field(gt=0, le=100)] = Field(
+        default=0.5, description="Variance of acceleration, m²/s⁴."
+    )
+    min_vehicles: Annotated[int, Field(ge=1)] = Field(
+        default=3, description="Vehicles in the window."
+    )
+    min_coverage: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.8, description="Share of the window that frames must cover."
+    )
+    hysteresis: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=0.05,
+        description="A segment becomes stable this share below the thresholds; 0: at them.",
+    )
+    confidence_sigmas: Annotated[float, Field(ge=0, le=5)] = Field(
+        default=1.0,
+        description="Standard errors that must lie between value and threshold; 0: none.",
+    )
+    keep_s: Annotated[float, Field(ge=0, le=3600)] = Field(
+        default=0.0,
+        description="Time that a segment stays stable while too few vehicles pass to judge it "
+        "again, s; 0: not at all.",
+    )
+
+    def bare(self) -> StabilitySettings:
+        """The paper's rule alone: no hysteresis, no standard errors, no flag kept."""
+        return self.model_copy(update={"hysteresis": 0.0, "confidence_sigmas": 0.0, "keep_s": 0.0})
+
+
+class WatchSettings(Settings):
+    """When a camera is at fault (``[watch]``)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "sample_s": "sample_interval_s",
+        "moved_share": "max_shift_share",
+    }
+
+    sample_interval_s: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.2, description="Media time between two frames that are examined, s."
+    )
+    frozen_after_s: FaultSeconds = Field(
+        default=5.0,
+        description="`frozen`: time without any change on the road, not even noise, s.",
+    )
+    exposure_after_s: FaultSeconds = Field(
+        default=1.0,
+        description="`dark`, `bright`, `obscured`: time that the frame is black, white or without "
+        "detail, s.",
+    )
+    moved_after_s: FaultSeconds = Field(
+        default=5.0,
+        description="`camera_moved`: time over which the median shift is taken, s.",
+    )
+    max_shift_share: Annotated[float, Field(gt=0, le=0.05)] = Field(
+        default=0.003,
+        description="`camera_moved`: allowed shift of the view, as a share of the frame's width.",
+    )
+    stale_after_s: FaultSeconds = Field(
+        default=3.0, description="`stale`: time without a new frame, s."
+    )
+    clock_step_s: FaultSeconds = Field(
+        default=0.5,
+        description="`clock_jump`: step of the wall clock against the monotonic clock, s.",
+    )
+    max_repeated_share: Share = Field(
+        default=0.25,
+        description="`corrupt`: share of the frame that may be flat or streaky, as lost parts are. "
+        "Raise it for a camera with large grey privacy masks.",
+    )
+    clear_after_s: FaultSeconds = Field(
+        default=2.0, description="Every fault ends after so long without evidence of it, s."
+    )
+
 
 class PreviewSettings(Settings):
-    """The annotated picture for people; made only while somebody looks."""
+    """The annotated frames for people; made only while there is a subscriber (``[preview]``)."""
 
-    fps: Annotated[float, Field(ge=0, le=30)] = Field(default=2.0, description="0: none.")
-    width: Annotated[int, Field(ge=160, le=1920)] = 640
-    jpeg_quality: Annotated[int, Field(ge=1, le=100)] = 70
+    fps: Annotated[float, Field(ge=0, le=30)] = Field(
+        default=2.0, description="Frames per second; 0: no preview."
+    )
+    width: Annotated[int, Field(ge=160, le=1920)] = Field(default=640, description="Width, px.")
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] = Field(
+        default=70, description="JPEG quality; 100 is best."
+    )
 
 
-class EdgeSettings(Settings):
-    """Everything that one roadside unit needs to know."""
+class TrackSettings(Settings):
+    """How a recorded video is processed (`slipstream track`)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"every_s": "state_interval_s"}
+
+    window_s: WindowSeconds = Field(default=10.0, description="Length of the feature window, s.")
+    state_interval_s: StateInterval = Field(
+        default=1.0, description="Time between two states of a segment, s."
+    )
+    detector: DetectorSettings = Field(default=DetectorSettings(), description="Detection.")
+    tracker: TrackerSettings = Field(default=TrackerSettings(), description="Tracking.")
+    stability: StabilitySettings = Field(
+        default=StabilitySettings(), description="The stability flag."
+    )
+    watch: WatchSettings = Field(default=WatchSettings(), description="Camera faults.")
+
+
+class EdgeSettings(TrackSettings):
+    """Settings of one roadside unit (``edge.toml``)."""
 
     rsu: Identifier = Field(description="Name of this roadside unit.")
     camera: Path = Field(description="Calibration and segments: a camera.toml.")
-    source: SourceSettings
-    window_s: Annotated[float, Field(ge=2.0, le=60.0)] = 10.0
-    every_s: Annotated[float, Field(gt=0, le=10.0)] = Field(
-        default=1.0, description="Time between two states of a segment."
+    source: SourceSettings = Field(description="Where frames come from.")
+    preview: PreviewSettings = Field(default=PreviewSettings(), description="Annotated frames.")
+    bus: BusSettings = Field(default=BusSettings(), description="Connection to zenoh.")
+    service: ServiceSettings = Field(
+        default=ServiceSettings(), description="Metrics port and log level."
     )
-    detector: DetectorSettings = DetectorSettings()
-    tracker: TrackerSettings = TrackerSettings()
-    stability: StabilitySettings = StabilitySettings()
-    watch: WatchSettings = WatchSettings()
-    preview: PreviewSettings = PreviewSettings()
-    bus: BusSettings = BusSettings()
-    service: ServiceSettings = ServiceSettings()
+
+
+class CalibrationPoint(Settings):
+    """A point known both in the picture and on the road."""
+
+    image: Pair = Field(description="(u, v) in px, origin at the top left.")
+    road: Pair = Field(description="(x, y) in m, y to the left of x as on a map.")
+
+
+class ImageSize(Settings):
+    """Size of the picture that the calibration was made on."""
+
+    width: Annotated[int, Field(gt=0)] = Field(description="Width, px.")
+    height: Annotated[int, Field(gt=0)] = Field(description="Height, px.")
+
+
+class SegmentSettings(Settings):
+    """The part of a road segment that the camera watches."""
+
+    id: Identifier = Field(description="The road segment.")
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3)] = Field(
+        description="Outline on the road plane, m."
+    )
+    direction: Pair = Field(description="Direction of travel on the road plane, of any length.")
+    lanes: Annotated[int, Field(ge=1)] = Field(default=1, description="Number of lanes.")
+    lane_width_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(
+        default=3.5, description="Width of a lane, m."
+    )
+
+
+Points = Annotated[
+    tuple[CalibrationPoint, ...],
+    Field(min_length=4, description="Points known in the picture and on the road."),
+]
+
+
+class PointsSettings(Settings):
+    """A points file: points, and what else of a camera.toml is known. A camera.toml is one too."""
+
+    schema_version: Literal[1] = Field(default=1, alias="schema", description="File format.")
+    name: str | None = Field(default=None, description="Name of the camera.")
+    reference: Path | None = Field(default=None, description="Picture that the points are in.")
+    image: ImageSize | None = Field(default=None, description="Size of that picture.")
+    points: Points
+    segments: tuple[SegmentSettings, ...] = Field(default=(), description="Watched segments.")
+
+
+class CameraSettings(Settings):
+    """A calibrated camera and what it watches (``camera.toml``)."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="File format.")
+    name: str = Field(description="Name of the camera.")
+    reference: Path | None = Field(
+        default=None,
+        description="The picture that the calibration was made on, relative to the file.",
+    )
+    image: ImageSize = Field(description="Size of that picture.")
+    points: Points
+    segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1)] = Field(
+        description="Watched segments."
+    )

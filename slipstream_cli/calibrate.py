@@ -102,7 +102,7 @@ def _summary(calibration: Calibration) -> dict[str, object]:
         "points": [
             # JSON has no infinity: a point behind the horizon misses by null.
             {"miss_px": float(miss) if miss == miss else None, "used": bool(used)}
-            for miss, used in zip(calibration.misses_px, calibration.used, strict=True)
+            for miss, used in zip(calibration.residuals_px, calibration.used, strict=True)
         ],
         "pose": pose
         and {

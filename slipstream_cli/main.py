@@ -93,7 +93,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"slipstream: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     except ModuleNotFoundError as error:
-        extra = _EXTRA_OF.get((error.name or "").split(".")[0])
+        missing = (error.name or "").split(".")[0]
+        if missing == "research":
+            print("slipstream: this needs `research`: run it in a source checkout", file=sys.stderr)
+            return EXIT_BAD_INPUT
+        extra = _EXTRA_OF.get(missing)
         if extra is None:
             raise
         print(

@@ -13,7 +13,7 @@ from slipstream.errors import InputError
 from slipstream.messages import SegmentState, decode
 
 if TYPE_CHECKING:
-    from edge_daemon.robustness import NoiseTable
+    from research.perception.noise import NoiseTable
 
 _FIRST = "make them with: slipstream track VIDEO --camera camera.toml --out states.jsonl"
 
@@ -45,7 +45,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Print the table."""
-    from edge_daemon.robustness import PAPER_STABLE_SHARE, noise_table
+    from research.perception.noise import PAPER_STABLE_SHARE, noise_table
 
     if not options.states:
         raise InputError("STATES.jsonl", "no states given", _FIRST)

@@ -5,14 +5,20 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
+from edge_daemon.settings import DetectorSettings, StabilitySettings, TrackSettings
+from slipstream.config import check
 from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
+
+if TYPE_CHECKING:
+    from edge_daemon.camera import Camera
+    from edge_daemon.offline import Recorder
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -34,9 +40,18 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument("--annotated", type=Path, metavar="MP4", help="write the video drawn over")
     command.add_argument("--model", default=None, help="another YOLO11 export (.xml, folder, .pt)")
     command.add_argument("--full", action="store_true", help="search the whole picture")
-    command.add_argument("--threads", type=int, default=0, help="inference threads; 0: all cores")
-    command.add_argument("--window", type=float, default=10.0, help="window in s (default: 10)")
-    command.add_argument("--every", type=float, default=1.0, help="time between states in s")
+    for option, model, key in (
+        ("--threads", DetectorSettings, "threads"),
+        ("--window", TrackSettings, "window_s"),
+        ("--every", TrackSettings, "state_interval_s"),
+    ):
+        field = model.model_fields[key]
+        command.add_argument(
+            option,
+            type=type(field.default),
+            default=field.default,
+            help=f"{field.description} (default: {field.default:g})",
+        )
     command.add_argument(
         "--bare", action="store_true", help="the paper's rule without hysteresis and error bars"
     )
@@ -47,19 +62,17 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Track, write the states, print the summary."""
     from edge_daemon.camera import load_camera
-    from edge_daemon.evaluation import compare, load_truth, score
-    from edge_daemon.offline import TrackSettings, frame_times_ms, track
-    from slipstream.config import check
+    from edge_daemon.offline import frame_times_ms, track
 
     camera = load_camera(options.camera)
-    truth = load_truth(options.truth) if options.truth else None
+    scores = _scores_against(options.truth, camera) if options.truth else None
     detector: dict[str, Any] = {"threads": options.threads, "region": not options.full}
     if options.model is not None:
         detector["model"] = options.model
     settings = check(
         {
             "window_s": options.window,
-            "every_s": options.every,
+            "state_interval_s": options.every,
             "detector": detector,
         },
         TrackSettings,
@@ -93,11 +106,29 @@ def run(options: argparse.Namespace) -> int:
         "latency_ms": {"median": round(latency_median, 2), "p95": round(latency_p95, 2)},
         "rss_mb": round(result.rss_mb, 1),
     }
-    if truth is not None:
-        compared = compare(result.recorder, truth, camera, settings.stability)
-        summary |= asdict(score([compared]))
+    if scores is not None:
+        summary |= scores(result.recorder, settings.stability)
     print(json.dumps(summary) if options.json else _in_words(summary))
     return 0
+
+
+def _scores_against(
+    path: Path, camera: Camera
+) -> Callable[[Recorder, StabilitySettings], dict[str, Any]]:
+    """What scores a recording against the truth in a file, which is read at once.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    from research.perception import compare, score
+    from simulation.ground_truth import load_truth
+
+    truth = load_truth(path)
+
+    def scores(recorder: Recorder, rule: StabilitySettings) -> dict[str, Any]:
+        return asdict(score([compare(recorder, truth, camera, rule)]))
+
+    return scores
 
 
 @contextmanager

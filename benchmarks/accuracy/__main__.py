@@ -11,14 +11,16 @@ from pathlib import Path
 from benchmarks.accuracy.clips import CLIPS, SECONDS, make
 from benchmarks.accuracy.report import Row, features, misses, table
 from edge_daemon.camera import load_camera
-from edge_daemon.evaluation import Comparison, compare, load_truth, score
-from edge_daemon.offline import TrackSettings, track
+from edge_daemon.offline import track
+from edge_daemon.settings import TrackSettings
+from research.perception import Comparison, compare, score
+from simulation.ground_truth import load_truth
 from simulation.scenarios.perception import fit_errors, write_errors
 from slipstream_cli.progress import Progress
 
 
 def main() -> int:
-    """Run the benchmark; 1 if a target is missed."""
+    """TrackResult the benchmark; 1 if a target is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
     parser.add_argument("--folder", type=Path, default=Path(".slipstream/accuracy"))
     parser.add_argument("--only", default="", help="clips whose name contains this")

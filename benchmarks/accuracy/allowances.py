@@ -21,12 +21,19 @@ from scipy.optimize import minimize
 from benchmarks.accuracy.clips import LEARNED_FROM, make
 from edge_daemon.camera import Array, load_camera
 from edge_daemon.detection import open_detector
-from edge_daemon.evaluation import Recorder, compare, load_truth
-from edge_daemon.hidden import ALLOWANCES, Allowance, hidden_ratio, scales
-from edge_daemon.kinematics import WindowFeatures
-from edge_daemon.offline import TrackSettings
+from edge_daemon.features.kinematics import WindowFeatures
+from edge_daemon.features.occlusion import (
+    OCCLUSION_CORRECTIONS,
+    OcclusionCorrection,
+    feature_scales,
+    occlusion_ratio,
+)
+from edge_daemon.offline import Recorder
 from edge_daemon.pipeline import Pipeline
+from edge_daemon.settings import TrackSettings
 from edge_daemon.sources.clip import FastClip, open_clip
+from research.perception import compare
+from simulation.ground_truth import load_truth
 from slipstream_cli.progress import Progress
 
 _SURE: Final = 1.96
@@ -61,19 +68,19 @@ class Errors:
         _, number, counts = np.unique(self.clip, return_inverse=True, return_counts=True)
         return np.asarray(1 / counts[number])
 
-    def covered(self, allowance: Allowance) -> float:
+    def covered(self, allowance: OcclusionCorrection) -> float:
         """Share of the windows whose truth lies in the 95 % interval; NaN without windows."""
         spread = np.sqrt(_variance(self, allowance))
         off = np.abs(self.error - allowance.bias * self.ratio)
         return float(np.mean(off <= _SURE * spread)) if len(off) else float("nan")
 
 
-def fit(errors: Errors) -> Allowance:
+def fit(errors: Errors) -> OcclusionCorrection:
     """The likeliest allowance."""
     weight = errors.weight
 
     def cost(numbers: Array) -> float:
-        allowance = Allowance(*numbers)
+        allowance = OcclusionCorrection(*numbers)
         variance = _variance(errors, allowance)
         off = errors.error - allowance.bias * errors.ratio
         return float(np.sum(weight * (np.log(variance) + off**2 / variance)))
@@ -83,10 +90,10 @@ def fit(errors: Errors) -> Allowance:
         for start in _STARTS
     ]
     bias, share, growth = min(found, key=lambda each: float(each.fun)).x
-    return Allowance(float(bias), float(abs(share)), float(abs(growth)))
+    return OcclusionCorrection(float(bias), float(abs(share)), float(abs(growth)))
 
 
-def _variance(errors: Errors, allowance: Allowance) -> Array:
+def _variance(errors: Errors, allowance: OcclusionCorrection) -> Array:
     grown = allowance.growth * errors.ratio
     return np.asarray(errors.stated**2 + allowance.share**2 + grown**2 + 1e-9)
 
@@ -102,7 +109,9 @@ def left_out(errors: Errors) -> list[float]:
 
 def measured(folders: Sequence[Path]) -> dict[str, Errors]:
     """Errors of all features over the windows of clips."""
-    rows: dict[str, list[tuple[float, float, float, float]]] = {name: [] for name in ALLOWANCES}
+    rows: dict[str, list[tuple[float, float, float, float]]] = {
+        name: [] for name in OCCLUSION_CORRECTIONS
+    }
     with Progress("clips", sys.stderr) as progress:
         for number, folder in enumerate(folders):
             for name, row in _rows(folder):
@@ -124,9 +133,9 @@ def _rows(folder: Path) -> list[tuple[str, tuple[float, float, float]]]:
         recorder.frame(number, frame.media_time_s, pipeline.process(frame))
         if frame.media_time_s < due_s:
             continue
-        due_s += settings.every_s
+        due_s += settings.state_interval_s
         states = pipeline.states(frame.captured_ns)
-        recorder.tick(frame.media_time_s, settings.every_s, states, pipeline.vehicles)
+        recorder.tick(frame.media_time_s, settings.state_interval_s, states, pipeline.vehicles)
         for state in states:
             window = pipeline.windows[state.segment]
             if window is not None:
@@ -135,18 +144,18 @@ def _rows(folder: Path) -> list[tuple[str, tuple[float, float, float]]]:
     rows = []
     for state, true in compare(recorder, truth, camera, settings.stability).windows:
         window = windows.get(state.sequence)
-        if window is None or window.hidden_share is None:
+        if window is None or window.occluded_share is None:
             continue
-        for name, scale in scales(window.seen).items():
+        for name, scale in feature_scales(window.seen).items():
             seen, value = getattr(window.seen, name), getattr(true, name)
             if seen is not None and value is not None and scale > 0:
                 off, stated = (value - seen.value) / scale, (seen.standard_error or 0.0) / scale
-                rows.append((name, (off, stated, hidden_ratio(window.hidden_share))))
+                rows.append((name, (off, stated, occlusion_ratio(window.occluded_share))))
     return rows
 
 
 def main() -> None:
-    """Print the table that stands in `edge_daemon/hidden.py`, and how far it can be trusted."""
+    """Print the table of `edge_daemon/features/occlusion.py`, and how far it can be trusted."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.accuracy.allowances", description=__doc__
     )
@@ -157,9 +166,10 @@ def main() -> None:
         allowance = fit(errors)
         numbers = f"{allowance.bias:.3f}, {allowance.share:.3f}, {allowance.growth:.3f}"
         shares = left_out(errors)
-        before = errors.covered(Allowance(0.0, 0.0, 0.0))
+        before = errors.covered(OcclusionCorrection(0.0, 0.0, 0.0))
         print(
-            f'    "{name}": Allowance({numbers}),  # {len(errors.error)} windows; in 95 % '
+            f'    "{name}": OcclusionCorrection({numbers}),'
+            f"  # {len(errors.error)} windows; in 95 % "
             f"{100 * before:.0f} % before, {100 * errors.covered(allowance):.0f} % after, "
             f"clips left out {100 * np.mean(shares):.0f} % (least {100 * min(shares):.0f} %)"
         )

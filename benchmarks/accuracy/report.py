@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from edge_daemon.evaluation import Scores
+from research.perception import Scores
 
 _COLUMNS: Final = (
     ("speed MAE", "speed_mae_kmh", 1.0),

@@ -25,7 +25,7 @@ from benchmarks.perception.report import (
     Results,
 )
 from benchmarks.perception.speed import Speed, last_line, measured, speed_of
-from edge_daemon.detection.protocol import builtin_model
+from edge_daemon.detection import builtin_model
 from slipstream.errors import InputError
 
 CAMERA_FPS: Final = 45.6

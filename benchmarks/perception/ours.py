@@ -16,14 +16,12 @@ from pathlib import Path
 
 from benchmarks.perception.speed import Speed, speed_of, written
 from edge_daemon.camera import load_camera
-from edge_daemon.detection import DetectorSettings, ahead, detect_stream, open_detector
+from edge_daemon.detection import detect_stream, open_detector, prefetch
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
+from edge_daemon.settings import DetectorSettings, StabilitySettings, TrackerSettings, WatchSettings
 from edge_daemon.sources.clip import ClipReader, open_clip
-from edge_daemon.stability import StabilitySettings
-from edge_daemon.tracking import TrackerSettings
 from edge_daemon.watch import Watch
-from edge_daemon.watch.settings import WatchSettings
 from slipstream.service import rss_mb
 
 _WINDOW_S = 10.0
@@ -52,7 +50,7 @@ def measure(
     reader = open_clip(clip / "video.mp4", loop=True, size=camera.size)
     taken = islice(_frames(reader, live=live), warm_up + frames)
     # As `slipstream track` does: the next picture is decoded while a request is awaited.
-    offered: Iterable[Frame] = taken if live else ahead(taken, 1)
+    offered: Iterable[Frame] = taken if live else prefetch(taken, 1)
     done: list[float] = []
     latencies: list[float] = []
     vehicles = 0
@@ -62,7 +60,7 @@ def measure(
             assert frame is not None
             assert found is not None
             watch.look(frame)
-            pipeline.take(frame, found)
+            pipeline.update(frame, found)
             if frame.media_time_s >= due_s:
                 pipeline.states(frame.captured_ns)
                 due_s += _EVERY_S

@@ -83,8 +83,8 @@ def reason(code: str | None) -> str:
 
 
 def camera_fault(code: CameraFault) -> str:
-    """Short label of a camera's fault."""
-    return _FAULTS[code]
+    """Short label of a camera's fault; of one not known here, its code without underscores."""
+    return _FAULTS.get(code, code.replace("_", " "))
 
 
 def gate_reason(flag: Literal[0, 1] | None, code: str | None) -> str:

@@ -1,7 +1,7 @@
-"""From points clicked in a picture to a camera's calibration, and how well it measures.
+"""From points clicked in an image to a camera's calibration, and how well it measures.
 
-Clicks are a pixel or so off. What that does to positions and speeds is found by moving each
-click by itself and fitting anew: the misses of the result add up in squares.
+Clicked points are off by a pixel or so. The resulting errors of positions and speeds are found by
+moving each point by itself and fitting again; the squared deviations add up.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera.checks import check_points, fit_points, seen_share, watched
-from edge_daemon.camera.consensus import agreeing, tolerance_px
+from edge_daemon.camera.checks import check_points, fit_points, visible_share, watched_segment
+from edge_daemon.camera.consensus import find_inliers, tolerance_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.camera.settings import CalibrationPoint, SegmentSettings
+from edge_daemon.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
 CLICK_PX: Final = 1.0
-WORST_SPEED_ERROR: Final = 0.03
-_LEAST_SEEN: Final = 0.95
+MAX_SPEED_ERROR: Final = 0.03
+_MIN_VISIBLE_SHARE: Final = 0.95
 _WIDTH_FACTOR: Final = 1.5
 _PLAUSIBLE_HEIGHT_M: Final = (2.5, 80.0)
 
@@ -55,14 +55,14 @@ class Calibration:
     """A fitted camera.
 
     Attributes:
-        size: (width, height) of its pictures, px.
+        size: (width, height) of its images, px.
         road_m: the points on the road, shape (n, 2).
-        image_px: the points in the picture, shape (n, 2).
+        image_px: the points in the image, shape (n, 2).
         used: which points the fit rests on, shape (n,); the others contradict them.
-        misses_px: of each point, shape (n,).
+        residuals_px: of each point, shape (n,).
         reprojection_error_px: root mean square of those used.
-        click_px: the clicks' standard error that the accuracy is stated for: 1 px, or what the
-            misses tell where they tell more.
+        click_px: standard error of a clicked point that the accuracy is stated for: 1 px, or the
+            estimate from the residuals where that is larger.
         homography: the fit.
         pose: where the camera hangs, if it is a plain one.
         segments: the watched segments.
@@ -74,7 +74,7 @@ class Calibration:
     road_m: Array
     image_px: Array
     used: npt.NDArray[np.bool_]
-    misses_px: Array
+    residuals_px: Array
     reprojection_error_px: float
     click_px: float
     homography: Homography
@@ -95,7 +95,7 @@ def calibrate(
     Args:
         points: at least four.
         segments: outlines to check and to state the accuracy for; may be none.
-        size: (width, height) of the picture, px.
+        size: (width, height) of the image, px.
         source: the points' file, for error lines.
 
     Raises:
@@ -103,15 +103,15 @@ def calibrate(
     """
     road, image = check_points(points, size, source)
     try:
-        used = agreeing(road, image, tolerance_px(size[0]))
+        used = find_inliers(road, image, tolerance_px(size[0]))
     except CalibrationError as error:
         raise InputError(source, error.problem, error.mend, key="points") from None
     homography = fit_points(road[used], image[used], size, source)
-    misses = homography.misses_px(road, image)
+    misses = homography.residuals_px(road, image)
     ids = [segment.id for segment in segments]
     if len(set(ids)) < len(ids):
         raise InputError(source, "two segments with one id", "rename one", key="segments.id")
-    outlines = tuple(watched(segment, homography, size, source) for segment in segments)
+    outlines = tuple(watched_segment(segment, homography, size, source) for segment in segments)
     rms = float(np.sqrt(np.mean(misses[used] ** 2)))
     click_px = max(CLICK_PX, click_error_px(misses[used]))
     pose = pose_of(homography, size)
@@ -138,10 +138,10 @@ def calibrate(
     )
 
 
-def click_error_px(misses_px: Array) -> float:
-    """Standard error of one coordinate of a click, told from n misses; 0 where n = 4 tells none."""
-    freedom = 2 * len(misses_px) - 8
-    return float(np.sqrt(np.sum(misses_px**2) / freedom)) if freedom > 0 else 0.0
+def click_error_px(residuals_px: Array) -> float:
+    """Standard error of a clicked coordinate, estimated from n residuals; 0 for n = 4."""
+    freedom = 2 * len(residuals_px) - 8
+    return float(np.sqrt(np.sum(residuals_px**2) / freedom)) if freedom > 0 else 0.0
 
 
 def accuracy_of(
@@ -153,8 +153,8 @@ def accuracy_of(
 ) -> list[EndAccuracy]:
     """What clicks that are ``click_px`` off in each coordinate do at both ends of each segment.
 
-    A vehicle that truly moves by v·dt along the direction d moves in the picture by J·d·v·dt, J
-    the true derivative of the picture by the road; another fit, with J' from picture to road, takes
+    A vehicle that truly moves by v·dt along the direction d moves in the image by J·d·v·dt, J
+    the true derivative of the image by the road; another fit, with J' from image to road, takes
     its speed for v·dᵀJ'J·d.
     """
     ends = [(s, end, point) for s in segments for end, point in _ends(s, homography)]
@@ -234,8 +234,8 @@ def _about_outlines(
 ) -> list[str]:
     said = []
     for segment in segments:
-        seen = seen_share(segment.polygon_m, homography, size)
-        if seen < _LEAST_SEEN:
+        seen = visible_share(segment.polygon_m, homography, size)
+        if seen < _MIN_VISIBLE_SHARE:
             said.append(
                 f"segment {segment.id}: only {seen:.0%} of it is in the picture, so its density "
                 "comes out low"
@@ -262,7 +262,7 @@ def _about_accuracy(accuracy: tuple[EndAccuracy, ...], click_px: float) -> list[
         f"segment {end.segment}: speeds at its {end.end} end are unsure by {end.speed_error:.1%} "
         f"with clicks {click_px:.1f} px off: add points there"
         for end in accuracy
-        if end.speed_error > WORST_SPEED_ERROR
+        if end.speed_error > MAX_SPEED_ERROR
     ]
 
 

@@ -1,36 +1,23 @@
-"""The files of a calibration: points and picture in, camera.toml out."""
+"""The files of a calibration: points and image in, camera.toml out."""
 
 from __future__ import annotations
 
 import csv
 import os
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Final
 
 import cv2
 import numpy as np
 import tomli_w
-from pydantic import Field
 
 from edge_daemon.calibration.calibration import Calibration
-from edge_daemon.camera.settings import CalibrationPoint, ImageSize, SegmentSettings
-from edge_daemon.frame import Image
-from edge_daemon.stills import readable_picture
-from slipstream.config import Settings, check, load
+from edge_daemon.frame import Image, read_image
+from edge_daemon.settings import PointsSettings, SegmentSettings
+from slipstream.config import check, load
 from slipstream.errors import InputError
 
 _COLUMNS: Final = ("u", "v", "x", "y")
-
-
-class PointsSettings(Settings):
-    """A points file: points, and what else of a camera.toml is known. A camera.toml is one too."""
-
-    schema_version: Literal[1] = Field(default=1, alias="schema")
-    name: str | None = None
-    reference: Path | None = None
-    image: ImageSize | None = None
-    points: Annotated[tuple[CalibrationPoint, ...], Field(min_length=4)]
-    segments: tuple[SegmentSettings, ...] = ()
 
 
 def read_points(path: Path) -> PointsSettings:
@@ -63,14 +50,14 @@ def _read_csv(path: Path) -> PointsSettings:
 
 
 def read_picture(path: Path) -> tuple[Image, bool]:
-    """A picture, or the first readable frame of a video, and whether it was a video.
+    """An image, or the first readable frame of a video, and whether it was a video.
 
     Raises:
         InputError: it is neither.
     """
     if not path.is_file():
         raise InputError(path, "no such picture or video", "check the path")
-    picture = readable_picture(path)
+    picture = read_image(path)
     if picture is not None:
         return picture, False
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
@@ -122,7 +109,7 @@ def _pair(pair: tuple[float, float] | np.ndarray) -> str:
 
 
 def reference_of(picture: Path, out: Path) -> str:
-    """The picture's path as a camera.toml at ``out`` names it."""
+    """The image's path as a camera.toml at ``out`` names it."""
     return Path(os.path.relpath(picture.resolve(), out.resolve().parent)).as_posix()
 
 
@@ -130,7 +117,7 @@ def write_picture(path: Path, picture: Image) -> None:
     """Write a PNG or JPEG, by the name's ending.
 
     Raises:
-        InputError: the ending is no picture's, or the file cannot be written.
+        InputError: the ending is no image's, or the file cannot be written.
     """
     try:
         ok, data = cv2.imencode(path.suffix or ".", picture)

@@ -1,4 +1,4 @@
-"""The calibrated camera: picture ↔ road plane, and the parts of road segments that it watches."""
+"""The calibrated camera: image ↔ road plane, and the parts of road segments that it watches."""
 
 from edge_daemon.camera.camera import Camera, load_camera
 from edge_daemon.camera.homography import Array

@@ -1,6 +1,6 @@
 """The calibrated camera: image ↔ road plane, and the road segments that it watches.
 
-The road is a plane with coordinates in metres; a 3×3 homography maps it to the picture.
+The road is a plane with coordinates in metres; a 3×3 homography maps it to the image.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera.checks import check_points, fit_points, watched
+from edge_daemon.camera.checks import check_points, fit_points, watched_segment
 from edge_daemon.camera.homography import Array, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.camera.settings import CameraSettings
+from edge_daemon.settings import CameraSettings
 from slipstream.config import load
 from slipstream.errors import InputError
 
@@ -25,11 +25,11 @@ class Camera:
 
     Attributes:
         name: its name.
-        size: (width, height) of its pictures, px.
+        size: (width, height) of its images, px.
         segments: the watched segments.
-        homography: between picture and road.
+        homography: between image and road.
         reprojection_error_px: root mean square over the calibration points.
-        reference: the picture that it was calibrated on, if the calibration names one.
+        reference: the image that it was calibrated on, if the calibration names one.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Camera:
         segments: tuple[WatchedSegment, ...],
         reference: Path | None = None,
     ) -> None:
-        """Calibrate it from points known on the road and in the picture, both (n, 2), n ≥ 4.
+        """Calibrate it from points known on the road and in the image, both (n, 2), n ≥ 4.
 
         Raises:
             CalibrationError: the points fix no usable homography.
@@ -51,7 +51,7 @@ class Camera:
         self.segments = segments
         self.reference = reference
         self.homography = Homography(road_points_m, image_points_px)
-        misses = self.homography.misses_px(road_points_m, image_points_px)
+        misses = self.homography.residuals_px(road_points_m, image_points_px)
         self.reprojection_error_px = float(np.sqrt(np.mean(misses**2)))
 
     def to_image(self, points_m: npt.ArrayLike) -> Array:
@@ -80,9 +80,9 @@ def load_camera(path: Path) -> Camera:
     """Read a ``camera.toml``.
 
     Raises:
-        InputError: an unknown key, a wrong type, a reference picture that is missing; points
-            outside the picture, at one place or on a line, that fix no homography or do not fit
-            it; a segment that `edge_daemon.camera.checks.watched` refuses.
+        InputError: an unknown key, a wrong type, a reference image that is missing; points
+            outside the image, at one place or on a line, that fix no homography or do not fit
+            it; a segment that `edge_daemon.camera.checks.watched_segment` refuses.
     """
     settings = load(path, CameraSettings)
     ids = [segment.id for segment in settings.segments]
@@ -96,5 +96,7 @@ def load_camera(path: Path) -> Camera:
     size = (settings.image.width, settings.image.height)
     road, image = check_points(settings.points, size, path)
     homography = fit_points(road, image, size, path)
-    segments = tuple(watched(segment, homography, size, path) for segment in settings.segments)
+    segments = tuple(
+        watched_segment(segment, homography, size, path) for segment in settings.segments
+    )
     return Camera(settings.name, size, road, image, segments, reference)

@@ -8,25 +8,25 @@ from typing import Final, NoReturn
 
 import numpy as np
 
-from edge_daemon.camera.consensus import agreeing, tolerance_px
+from edge_daemon.camera.consensus import find_inliers, tolerance_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.camera.settings import CalibrationPoint, SegmentSettings
+from edge_daemon.settings import CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
-_WORST_RMS: Final = 0.01  # of the picture's width
+_MAX_RMS_SHARE: Final = 0.01  # of the image's width
 _SAME_PX, _SAME_M = 0.5, 0.01
-_SMALLEST_M2: Final = 1.0
-_LEAST_SEEN: Final = 0.5
+_MIN_AREA_M2: Final = 1.0
+_MIN_VISIBLE_SHARE: Final = 0.5
 
 
 def check_points(
     points: tuple[CalibrationPoint, ...], size: tuple[int, int], source: Path
 ) -> tuple[Array, Array]:
-    """Points on the road, m, and in the picture, px, both (n, 2).
+    """Points on the road, m, and in the image, px, both (n, 2).
 
     Raises:
-        InputError: one lies outside the picture, or two share a place.
+        InputError: one lies outside the image, or two share a place.
     """
     road = np.array([point.road for point in points])
     image = np.array([point.image for point in points])
@@ -62,31 +62,31 @@ def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Pa
     try:
         homography = Homography(road_m, image_px)
     except CalibrationError as error:
-        culprit = _culprit(road_m, image_px, size)
-        told = culprit is not None and culprit != error.problem
-        problem = f"{error.problem} ({culprit})" if told else error.problem
+        worst_point = _worst_point(road_m, image_px, size)
+        told = worst_point is not None and worst_point != error.problem
+        problem = f"{error.problem} ({worst_point})" if told else error.problem
         raise InputError(source, problem, error.mend, key="points") from None
-    misses = homography.misses_px(road_m, image_px)
+    misses = homography.residuals_px(road_m, image_px)
     rms = float(np.sqrt(np.mean(misses**2)))
-    if not rms <= _WORST_RMS * size[0]:
+    if not rms <= _MAX_RMS_SHARE * size[0]:
         worst = int(np.argmax(misses))
-        culprit = _culprit(road_m, image_px, size) or _miss(worst, misses)
+        worst_point = _worst_point(road_m, image_px, size) or _miss(worst, misses)
         raise InputError(
             source,
-            f"the calibration misses its own points by {rms:.1f} px ({culprit})",
+            f"the calibration misses its own points by {rms:.1f} px ({worst_point})",
             "check for swapped or mistyped points",
             key="points",
         )
     return homography
 
 
-def _culprit(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
+def _worst_point(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
     """What contradicts the others, if most agree."""
     try:
-        agree = agreeing(road_m, image_px, tolerance_px(size[0]))
+        agree = find_inliers(road_m, image_px, tolerance_px(size[0]))
         if agree.all():
             return None
-        misses = Homography(road_m[agree], image_px[agree]).misses_px(road_m, image_px)
+        misses = Homography(road_m[agree], image_px[agree]).residuals_px(road_m, image_px)
     except CalibrationError as error:
         return error.problem
     return _miss(int(np.argmax(np.nan_to_num(misses, nan=np.inf))), misses)
@@ -97,14 +97,14 @@ def _miss(point: int, misses: Array) -> str:
     return f"point {point + 1} misses by {by}"
 
 
-def watched(
+def watched_segment(
     segment: SegmentSettings, homography: Homography, size: tuple[int, int], source: Path
 ) -> WatchedSegment:
     """A segment in its own coordinates.
 
     Raises:
         InputError: its outline crosses itself, has no area, reaches behind the horizon, is mostly
-            outside the picture or lies across its direction; its direction has no length.
+            outside the image or lies across its direction; its direction has no length.
     """
 
     def refuse(problem: str, mend: str) -> NoReturn:
@@ -118,16 +118,16 @@ def watched(
     polygon = np.array(segment.polygon)
     if len(polygon) > 3 and (polygon[0] == polygon[-1]).all():
         polygon = polygon[:-1]  # closed, as GIS tools write it
-    if crosses_itself(polygon):
+    if is_self_intersecting(polygon):
         refuse("polygon crosses itself", "give the corners in order round the outline")
-    if area_m2(polygon) < _SMALLEST_M2:
+    if area_m2(polygon) < _MIN_AREA_M2:
         refuse("polygon has no area", "give at least three corners that are not on a line")
     if (homography.depth(polygon) <= 1e-6).any():
         refuse("polygon reaches behind the horizon as calibrated", "shorten it or mend the points")
-    seen = seen_share(polygon, homography, size)
+    seen = visible_share(polygon, homography, size)
     if seen <= 0:
         refuse("polygon lies outside the picture", "give it in road metres, where the camera looks")
-    if seen < _LEAST_SEEN:
+    if seen < _MIN_VISIBLE_SHARE:
         refuse(f"only {seen:.0%} of the polygon lies in the picture", "shorten it to what is seen")
     along = polygon @ direction
     across = polygon @ np.array([-direction[1], direction[0]])
@@ -149,16 +149,18 @@ def area_m2(polygon: Array) -> float:
     return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
 
 
-def crosses_itself(polygon: Array) -> bool:
+def is_self_intersecting(polygon: Array) -> bool:
     """Whether two edges of a polygon (n, 2) that are not neighbours meet."""
     n = len(polygon)
     edges = [(polygon[i], polygon[(i + 1) % n]) for i in range(n)]
     return any(
-        _meet(*edges[i], *edges[j]) for i, j in combinations(range(n), 2) if j - i not in (1, n - 1)
+        _intersect(*edges[i], *edges[j])
+        for i, j in combinations(range(n), 2)
+        if j - i not in (1, n - 1)
     )
 
 
-def _meet(a: Array, b: Array, c: Array, d: Array) -> bool:
+def _intersect(a: Array, b: Array, c: Array, d: Array) -> bool:
     def side(p: Array, q: Array, r: Array) -> float:
         (x1, y1), (x2, y2) = q - p, r - p
         return float(np.sign(x1 * y2 - y1 * x2))
@@ -171,10 +173,10 @@ def _meet(a: Array, b: Array, c: Array, d: Array) -> bool:
     return not apart and overlaps(0) and overlaps(1)
 
 
-def seen_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:
-    """Share of a polygon's area on the road that lies in the picture; all of it before the camera.
+def visible_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:
+    """Share of a polygon's area on the road that lies in the image; all of it before the camera.
 
-    Its picture is clipped edge by edge (Sutherland and Hodgman), which is exact as a homography
+    Its image is clipped edge by edge (Sutherland and Hodgman), which is exact as a homography
     keeps lines straight.
     """
     outline = homography.to_image(polygon_m)

@@ -1,4 +1,4 @@
-"""Which calibration points contradict the others."""
+"""Which calibration points are inliers: consensus over homographies through four points."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ import numpy.typing as npt
 
 from edge_daemon.camera.homography import Array, CalibrationError, Homography
 
-_MOST_TRIALS: Final = 1000
-_FEWEST: Final = 6
-_MOST_REFINED: Final = 12
+_MAX_TRIALS: Final = 1000
+_MIN_POINTS: Final = 6
+_MAX_REFINED: Final = 12
 _BORDERLINE: Final = 2.0
 
-Agreement = npt.NDArray[np.bool_]
+Inliers = npt.NDArray[np.bool_]
 
 
-def agreeing(road_m: Array, image_px: Array, tolerance_px: float) -> Agreement:
+def find_inliers(road_m: Array, image_px: Array, tolerance_px: float) -> Inliers:
     """Which of n points agree on one homography to within a tolerance, shape (n,).
 
     Homographies through four of the points (all fours are tried, or 1000 of them) vote for the
     points that they meet; the largest votes are refined by least squares. Of fewer than six points
-    none can be told to be wrong, so all agree.
+    none can be identified as wrong, so all are inliers.
 
     Raises:
         CalibrationError: no more than half of the points, or fewer than five, agree; or it cannot
             be told which of them are wrong.
     """
     n = len(road_m)
-    if n < _FEWEST:
+    if n < _MIN_POINTS:
         return np.ones(n, dtype=np.bool_)
     enough = max(5, n // 2 + 1)
-    best: Agreement | None = None
+    best: Inliers | None = None
     suspects = np.zeros(n, dtype=np.bool_)
-    for vote in _votes(road_m, image_px, tolerance_px)[:_MOST_REFINED]:
+    for vote in _hypotheses(road_m, image_px, tolerance_px)[:_MAX_REFINED]:
         if vote.sum() < enough:
             break
-        agreed = _refined(vote, road_m, image_px, tolerance_px)
+        agreed = _refine(vote, road_m, image_px, tolerance_px)
         if agreed is None or agreed.sum() < enough:
             continue
         if agreed.all():
@@ -55,7 +55,7 @@ def agreeing(road_m: Array, image_px: Array, tolerance_px: float) -> Agreement:
             "no homography fits most of the points", "check the points for mistakes"
         )
     if suspects.sum() > (~best).sum():
-        misses = Homography(road_m, image_px).misses_px(road_m, image_px)
+        misses = Homography(road_m, image_px).residuals_px(road_m, image_px)
         if (misses <= _BORDERLINE * tolerance_px).all():
             return np.ones(n, dtype=np.bool_)  # imprecise clicks, no mistake
         names = ", ".join(str(i + 1) for i in np.flatnonzero(suspects))
@@ -66,13 +66,13 @@ def agreeing(road_m: Array, image_px: Array, tolerance_px: float) -> Agreement:
     return best
 
 
-def _votes(road_m: Array, image_px: Array, tolerance_px: float) -> list[Agreement]:
+def _hypotheses(road_m: Array, image_px: Array, tolerance_px: float) -> list[Inliers]:
     """Different sets of points met by homographies through four of them, best first."""
     n = len(road_m)
     road = road_m - road_m.mean(axis=0)
     point = np.column_stack([road, np.ones(n)])
     misses: dict[bytes, float] = {}
-    for four in _fours(n):
+    for four in _quadruples(n):
         matrix = cv2.getPerspectiveTransform(
             road[four].astype(np.float32), image_px[four].astype(np.float32)
         )
@@ -87,9 +87,7 @@ def _votes(road_m: Array, image_px: Array, tolerance_px: float) -> list[Agreemen
     return [votes[key] for key in sorted(misses, key=lambda k: (-votes[k].sum(), misses[k], k))]
 
 
-def _refined(
-    agreed: Agreement, road_m: Array, image_px: Array, tolerance_px: float
-) -> Agreement | None:
+def _refine(agreed: Inliers, road_m: Array, image_px: Array, tolerance_px: float) -> Inliers | None:
     """The points that agree with the least squares fit to those that agree; None without one."""
     for _ in range(10):
         if agreed.sum() < 4:
@@ -99,7 +97,7 @@ def _refined(
         except CalibrationError:
             return None
         # A point behind the camera misses by no number.
-        misses = np.nan_to_num(fit.misses_px(road_m, image_px), nan=np.inf)
+        misses = np.nan_to_num(fit.residuals_px(road_m, image_px), nan=np.inf)
         now = np.asarray(misses <= tolerance_px)
         if (now == agreed).all():
             break
@@ -108,12 +106,12 @@ def _refined(
 
 
 def tolerance_px(width: int) -> float:
-    """How far a careful click may be off in a picture of that width, px."""
+    """How far a careful click may be off in an image of that width, px."""
     return max(4.0, 0.004 * width)
 
 
-def _fours(n: int) -> list[list[int]]:
-    if comb(n, 4) <= _MOST_TRIALS:
+def _quadruples(n: int) -> list[list[int]]:
+    if comb(n, 4) <= _MAX_TRIALS:
         return [list(four) for four in combinations(range(n), 4)]
     rng = np.random.default_rng(0)
-    return [sorted(rng.choice(n, 4, replace=False).tolist()) for _ in range(_MOST_TRIALS)]
+    return [sorted(rng.choice(n, 4, replace=False).tolist()) for _ in range(_MAX_TRIALS)]

@@ -1,7 +1,7 @@
-"""The homography between a picture and the road plane, fitted to points known in both.
+"""The homography between an image and the road plane, fitted to points known in both.
 
 Normalised direct linear transform (Hartley and Zisserman, Multiple View Geometry, section 4.4),
-then least squares of the misses in the picture.
+then least squares of the misses in the image.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from scipy.optimize import least_squares
 
 Array = npt.NDArray[np.float64]
 
-_FLATTEST: Final = 1e-3
-_WEAKEST: Final = 1e-5
-_FARTHEST: Final = 1e6  # times the mean depth of the points: beyond is called horizon
+_MIN_SPREAD_RATIO: Final = 1e-3
+_MIN_SINGULAR_RATIO: Final = 1e-5
+_MAX_DEPTH_RATIO: Final = 1e6  # times the mean depth of the points: beyond is called horizon
 
 
 class CalibrationError(ValueError):
@@ -34,16 +34,16 @@ class CalibrationError(ValueError):
 
 
 class Homography:
-    """Road plane ↔ picture.
+    """Road plane ↔ image.
 
     Attributes:
         origin_m: where ``matrix`` has its road origin, shape (2,).
-        matrix: road point relative to the origin, (x, y, 1), to picture, shape (3, 3); the third
+        matrix: road point relative to the origin, (x, y, 1), to image, shape (3, 3); the third
             coordinate is the depth, positive before the camera, 1 on average over the points.
     """
 
     def __init__(self, road_m: Array, image_px: Array) -> None:
-        """Fit it to points on the road and in the picture, both (n, 2), n ≥ 4.
+        """Fit it to points on the road and in the image, both (n, 2), n ≥ 4.
 
         Raises:
             CalibrationError: the points lie on a line, or show the road mirrored or inside out.
@@ -82,20 +82,20 @@ class Homography:
         """Depth of road points (n, 2), as of ``matrix``: not positive behind the camera."""
         return np.asarray((points_m - self.origin_m) @ self.matrix[2, :2] + self.matrix[2, 2])
 
-    def misses_px(self, road_m: Array, image_px: Array) -> Array:
-        """How far each road point's picture lies from where it was seen, px, shape (n,)."""
+    def residuals_px(self, road_m: Array, image_px: Array) -> Array:
+        """How far each road point's image lies from where it was seen, px, shape (n,)."""
         miss = self.to_image(road_m) - image_px
         return np.hypot(miss[:, 0], miss[:, 1])
 
 
 def _positive(scale: Array) -> Array:
-    return np.where(scale > 1 / _FARTHEST, scale, np.nan)
+    return np.where(scale > 1 / _MAX_DEPTH_RATIO, scale, np.nan)
 
 
 def _fit(road: Array, image: Array) -> Array:
     for points, plane in ((road, "on the road"), (image, "in the picture")):
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if spread[1] <= _FLATTEST * spread[0]:
+        if spread[1] <= _MIN_SPREAD_RATIO * spread[0]:
             raise CalibrationError(f"all points lie on one line {plane}", "spread the points")
     (to_road, road_n), (to_image, image_n) = _normalised(road), _normalised(image)
     x, y = road_n.T
@@ -109,7 +109,7 @@ def _fit(road: Array, image: Array) -> Array:
         ]
     )
     _, strength, basis = np.linalg.svd(rows, full_matrices=False)
-    if strength[7] <= _WEAKEST * strength[0]:
+    if strength[7] <= _MIN_SINGULAR_RATIO * strength[0]:
         raise CalibrationError(
             "too many of the points lie on one line", "add points away from that line"
         )
@@ -117,7 +117,7 @@ def _fit(road: Array, image: Array) -> Array:
     _check_depths(point @ matrix[2])
     matrix = matrix / matrix[2, 2]  # the mean depth, as the points' middle is (0, 0)
     if len(x) > 4:
-        matrix = _refined(matrix, point, image_n)
+        matrix = _refine(matrix, point, image_n)
         _check_depths(point @ matrix[2])
     if np.linalg.det(matrix) >= 0:
         raise CalibrationError(
@@ -143,7 +143,7 @@ def _normalised(points: Array) -> tuple[Array, Array]:
     return transform, (points - middle) * scale
 
 
-def _refined(matrix: Array, point: Array, image: Array) -> Array:
+def _refine(matrix: Array, point: Array, image: Array) -> Array:
     def misses(h: Array) -> Array:
         homogeneous = point @ np.append(h, 1.0).reshape(3, 3).T
         return np.asarray((homogeneous[:, :2] / homogeneous[:, 2:] - image).ravel())

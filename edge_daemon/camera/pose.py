@@ -1,7 +1,7 @@
-"""Where a calibrated camera hangs, told from its homography alone.
+"""The pose of a calibrated camera, from its homography alone.
 
-Assumes square pixels, no distortion and the optical axis in the picture's middle (no cropped
-picture); with these the homography fixes the focal length too.
+Assumes square pixels, no distortion and the optical axis in the image's middle (no cropped
+image); with these the homography fixes the focal length too.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class CameraPose:
         """
         sideways = np.column_stack([-headings[:, 1], headings[:, 0]])
         length, height = sizes_m[:, :1], sizes_m[:, 2:]
-        wheels = length - 2 * np.minimum(_OVERHANG * length, _LONGEST_OVERHANG_M)
+        wheels = length - 2 * np.minimum(_OVERHANG * length, _MAX_OVERHANG_M)
         reach = np.hstack([wheels, length, length])[:, :, None] * _ENDS
         corners = np.empty((len(points_m), 3, 4, 3))
         corners[..., :2] = (
@@ -86,7 +86,7 @@ class CameraPose:
 
 _ENDS = np.array([-0.5, -0.5, 0.5, 0.5])
 _SIDES = np.array([-0.5, 0.5, -0.5, 0.5])
-_OVERHANG, _LONGEST_OVERHANG_M = 0.17, 1.1  # beyond the axles, of the length
+_OVERHANG, _MAX_OVERHANG_M = 0.17, 1.1  # beyond the axles, of the length
 _CLEARANCE = 0.15  # under the bumpers, of the height
 
 
@@ -98,7 +98,7 @@ def pose_of(homography: Homography, size: tuple[int, int]) -> CameraPose | None:
 
     Args:
         homography: of the road plane.
-        size: (width, height) of the picture, px.
+        size: (width, height) of the image, px.
     """
     centred = homography.matrix.copy()
     centred[:2] -= np.outer([size[0] / 2, size[1] / 2], homography.matrix[2])

@@ -1,20 +1,17 @@
-"""Finding vehicles in pictures: one protocol, several backends."""
+"""Detecting vehicles in frames: one protocol, several detectors, chosen by a registry."""
 
-from edge_daemon.detection.protocol import (
-    VEHICLE_CLASSES,
-    Detections,
-    Detector,
-    DetectorSettings,
-    open_detector,
-)
-from edge_daemon.detection.stream import ahead, detect_stream
+from edge_daemon.detection.protocol import VEHICLE_CLASSES, Detections, Detector, vehicle_class_of
+from edge_daemon.detection.registry import builtin_model, detector_names, open_detector
+from edge_daemon.detection.stream import detect_stream, prefetch
 
 __all__ = [
     "VEHICLE_CLASSES",
     "Detections",
     "Detector",
-    "DetectorSettings",
-    "ahead",
+    "builtin_model",
     "detect_stream",
+    "detector_names",
     "open_detector",
+    "prefetch",
+    "vehicle_class_of",
 ]

@@ -15,28 +15,29 @@ import openvino as ov
 from openvino.preprocess import ColorFormat, PrePostProcessor
 
 from edge_daemon.camera import Camera
-from edge_daemon.detection.placement import Placement, place_freely, place_in
+from edge_daemon.detection.placement import Placement, place_dynamic, place_static
 from edge_daemon.detection.processor import float_precision
-from edge_daemon.detection.protocol import Detections, DetectorSettings, vehicle_class_of
+from edge_daemon.detection.protocol import Detections, vehicle_class_of
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
+from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
 
 _GREY = 114  # what YOLO's letterbox is padded with in training
-_USUAL_SHAPE = (640, 640)
+_DEFAULT_SHAPE = (640, 640)
 
 
 class OpenVinoDetector:
     """A YOLO11 export; cutting out, colour order and scaling run without copies.
 
-    A model with a dynamic input is compiled for the part of the picture that holds the road, at the
+    A model with a dynamic input is compiled for the part of the frame that holds the road, at the
     scale that it was trained at; into a static input that part is letterboxed.
     """
 
     def __init__(
         self, path: Path, settings: DetectorSettings, camera: Camera | None = None
     ) -> None:
-        """Read the model, and compile it if the picture's size is known.
+        """Read the model, and compile it if the frame's size is known.
 
         Raises:
             InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
@@ -51,42 +52,44 @@ class OpenVinoDetector:
         self._vehicle_class = vehicle_class_of(names, path)
         self._settings = settings
         self._camera = camera
-        self._compiling = threading.Lock()
+        self._compile_lock = threading.Lock()
         self._network: _Network | None = None
         if camera is not None:
-            self._for(camera.size)
+            self._network_for(camera.size)
 
     @property
     def requests(self) -> int:
-        """Pictures at a time."""
+        """Frames at a time."""
         return self._settings.requests or min(2, _threads(self._settings))
 
     def detect(self, image: Image) -> Detections:
-        """Vehicles in a BGR picture (height, width, 3); from so many threads as `requests`."""
-        network = self._for((image.shape[1], image.shape[0]))
+        """Vehicles in a BGR frame (height, width, 3); from so many threads as `requests`."""
+        network = self._network_for((image.shape[1], image.shape[0]))
         output = network.infer(image)
-        boxes, scores, classes = _candidates(output, self._vehicle_class, self._settings.min_score)
+        boxes, scores, classes = _candidate_boxes(
+            output, self._vehicle_class, self._settings.min_score
+        )
         # Classes compete: one vehicle is either a car or a truck, so overlap is judged across them.
         kept = np.asarray(
             cv2.dnn.NMSBoxes(
                 boxes.tolist(),
                 scores.tolist(),
                 self._settings.min_score,
-                self._settings.max_overlap,
+                self._settings.nms_iou,
             ),
             dtype=np.int64,
         ).reshape(-1)
         corners = boxes[kept]
         corners[:, 2:] += corners[:, :2]
         corners = network.placement.to_picture(corners)
-        whole = network.placement.whole(corners)
+        whole = network.placement.uncut(corners)
         return Detections(corners[whole], scores[kept][whole], classes[kept][whole])
 
-    def _for(self, picture: tuple[int, int]) -> _Network:
-        """The model compiled for pictures of (width, height)."""
+    def _network_for(self, picture: tuple[int, int]) -> _Network:
+        """The model compiled for frames of (width, height)."""
         network = self._network
         if network is None or network.placement.picture != picture:
-            with self._compiling:
+            with self._compile_lock:
                 network = self._network
                 if network is None or network.placement.picture != picture:
                     network = self._network = self._compile(picture)
@@ -99,11 +102,11 @@ class OpenVinoDetector:
         wanted = region or Region(0, 0, *picture)
         model = self._model.clone()
         if self._static:
-            placement = place_in(picture, wanted, self._trained)
+            placement = place_static(picture, wanted, self._trained)
         else:
             height, width = self._trained
             scale = self._settings.scale or min(width / picture[0], height / picture[1])
-            placement = place_freely(picture, wanted, scale)
+            placement = place_dynamic(picture, wanted, scale)
             try:
                 model.reshape([1, 3, *placement.shape])
             except RuntimeError:
@@ -127,7 +130,7 @@ class OpenVinoDetector:
 
 
 class _Network:
-    """A compiled model with its requests and their input pictures."""
+    """A compiled model with its requests and their input frames."""
 
     def __init__(self, placement: Placement, compiled: ov.CompiledModel, requests: int) -> None:
         self.placement = placement
@@ -139,7 +142,7 @@ class _Network:
             self._free.put((request, canvas))
 
     def infer(self, image: Image) -> npt.NDArray[np.float32]:
-        """Raw output of a picture, shape (4 + classes, places); waits for a free request."""
+        """Raw output of a frame, shape (4 + classes, places); waits for a free request."""
         crop, inner = self.placement.crop, self.placement.inner
         request, canvas = self._free.get()
         try:
@@ -150,7 +153,7 @@ class _Network:
                 interpolation=cv2.INTER_AREA if inner.width < crop.width else cv2.INTER_LINEAR,
             )
             request.infer()
-            # A copy: the request's own memory is overwritten by the next picture.
+            # A copy: the request's own memory is overwritten by the next frame.
             return np.array(request.get_output_tensor(0).data[0], dtype=np.float32)
         finally:
             self._free.put((request, canvas))
@@ -160,7 +163,7 @@ def _threads(settings: DetectorSettings) -> int:
     return settings.threads or len(os.sched_getaffinity(0))
 
 
-def _candidates(
+def _candidate_boxes(
     output: npt.NDArray[np.float32], vehicle_class: npt.NDArray[np.int64], min_score: float
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int64]]:
     """Boxes (x, y, width, height), scores and classes of places that are likely a vehicle."""
@@ -202,7 +205,7 @@ def _check(model: ov.Model, path: Path) -> tuple[bool, tuple[int, int], list[str
         size = str(model.get_rt_info(["model_info", "trained_size"]).astype(str)).split()
         height, width = (int(number) for number in size)
     except (RuntimeError, ValueError):
-        height, width = _USUAL_SHAPE
+        height, width = _DEFAULT_SHAPE
     return False, (height, width), names
 
 

@@ -1,4 +1,4 @@
-"""How a part of the picture is laid into a network's input, and its boxes back out."""
+"""Mapping of a part of the frame into a network's input, and of boxes back."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy.typing as npt
 
 from edge_daemon.detection.region import Region
 
-_TOUCHING = 2.0  # px of the network's input: nearer to the border of what was searched is cut off
+_BORDER_PX = 2.0  # px of the network's input: nearer to the border of what was searched is cut off
 
 Boxes = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Placement:
-    """What is cut out of a picture and where it lies in the network's input.
+    """What is cut out of a frame and where it lies in the network's input.
 
     Attributes:
-        picture: (width, height) of the picture, px.
+        picture: (width, height) of the frame, px.
         crop: the part of it that is searched.
         shape: (height, width) of the network's input, px.
         inner: where the scaled crop lies in the input; what is around it is padding.
@@ -32,7 +32,7 @@ class Placement:
     inner: Region
 
     def to_picture(self, boxes: Boxes) -> Boxes:
-        """Boxes (n, 4) as x1, y1, x2, y2 from px of the input to px of the picture."""
+        """Boxes (n, 4) as x1, y1, x2, y2 from px of the input to px of the frame."""
         scale = np.array(
             [self.crop.width / self.inner.width, self.crop.height / self.inner.height] * 2
         )
@@ -40,12 +40,12 @@ class Placement:
         start = np.array([self.inner.left, self.inner.top] * 2)
         return np.asarray((boxes - start) * scale + shift, dtype=np.float32)
 
-    def whole(self, boxes: Boxes) -> npt.NDArray[np.bool_]:
-        """Which boxes (n, 4), px of the picture, the crop's left, right and lower border spare.
+    def uncut(self, boxes: Boxes) -> npt.NDArray[np.bool_]:
+        """Which boxes (n, 4), px of the frame, the crop's left, right and lower border spare.
 
-        Borders that are the picture's own are left to whoever knows what they mean.
+        The borders of the frame itself are not considered.
         """
-        near = _TOUCHING * self.crop.width / self.inner.width
+        near = _BORDER_PX * self.crop.width / self.inner.width
         keep = np.ones(len(boxes), dtype=np.bool_)
         if self.crop.left > 0:
             keep &= boxes[:, 0] > self.crop.left + near
@@ -56,18 +56,18 @@ class Placement:
         return keep
 
 
-def place_freely(
+def place_dynamic(
     picture: tuple[int, int], wanted: Region, scale: float, stride: int = 32
 ) -> Placement:
     """An input as small as the wanted part needs, in multiples of the network's stride.
 
-    What the rounding adds is filled with more of the picture, below and on both sides, and with
-    padding only where the picture ends.
+    What the rounding adds is filled with more of the frame, below and on both sides, and with
+    padding only where the frame ends.
 
     Args:
         picture: (width, height), px.
         wanted: the part to be searched.
-        scale: px of the input for each px of the picture.
+        scale: px of the input for each px of the frame.
         stride: of the network, px.
     """
     left, right, columns = _stretch(wanted.left, wanted.right, picture[0], scale, stride, 0.5)
@@ -77,7 +77,7 @@ def place_freely(
     return Placement(picture, crop, (rows, columns), _middle((rows, columns), size))
 
 
-def place_in(picture: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
+def place_static(picture: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
     """The wanted part in the middle of an input of fixed (height, width), its aspect kept."""
     scale = min(shape[1] / wanted.width, shape[0] / wanted.height)
     size = max(1, round(wanted.width * scale)), max(1, round(wanted.height * scale))

@@ -1,4 +1,4 @@
-"""Which arithmetic the processor is fast at."""
+"""Which number formats the CPU is fast with."""
 
 from __future__ import annotations
 

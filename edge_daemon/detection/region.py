@@ -1,4 +1,4 @@
-"""Which part of the picture holds the watched road: the rest need not be searched."""
+"""Which part of the frame holds the watched road: the rest need not be searched."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ VEHICLE_M: Final = (16.5, 2.6, 4.0)
 """Length, width and height of the largest vehicle that has to be whole in the region."""
 
 _STEP_M: Final = 2.0
-_SPARE_PX: Final = 8.0
+_MARGIN_PX: Final = 8.0
 _ROUNDS: Final = 4
 
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of the picture, px: columns left ≤ u < right, rows top ≤ v < bottom."""
+    """A rectangle of the frame, px: columns left ≤ u < right, rows top ≤ v < bottom."""
 
     left: int
     top: int
@@ -50,8 +50,8 @@ def road_region(camera: Camera, margin_m: float) -> Region | None:
         margin_m: how far before and behind a segment, along it, vehicles have to be whole too, m.
 
     Returns:
-        The rectangle, within the picture; None if some of the outline is not below the horizon, or
-        nothing of it is in the picture: then all of it has to be searched.
+        The rectangle, within the frame; None if some of the outline is not below the horizon, or
+        nothing of it is in the frame: then all of it has to be searched.
     """
     boxes = []
     for segment in camera.segments:
@@ -60,8 +60,8 @@ def road_region(camera: Camera, margin_m: float) -> Region | None:
         if found is None:
             return None
         boxes.append(found)
-    low = np.concatenate(boxes)[:, :2].min(axis=0) - _SPARE_PX
-    high = np.concatenate(boxes)[:, 2:].max(axis=0) + _SPARE_PX
+    low = np.concatenate(boxes)[:, :2].min(axis=0) - _MARGIN_PX
+    high = np.concatenate(boxes)[:, 2:].max(axis=0) + _MARGIN_PX
     left, top = (max(0, int(np.floor(value))) for value in low)
     right, bottom = (
         min(size, int(np.ceil(value))) for value, size in zip(high, camera.size, strict=True)

@@ -104,7 +104,7 @@ def detect_stream(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def ahead(items: Iterable[T], count: int) -> Generator[T]:
+def prefetch(items: Iterable[T], count: int) -> Generator[T]:
     """The same items in the same order, up to `count` of them made ahead in a thread.
 
     Raises:
@@ -126,7 +126,7 @@ def ahead(items: Iterable[T], count: int) -> Generator[T]:
             fault = caught
         _put(ready, _End(fault), stopping)
 
-    maker = threading.Thread(target=make, name="ahead", daemon=True)
+    maker = threading.Thread(target=make, name="prefetch", daemon=True)
     maker.start()
     try:
         while True:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from edge_daemon.detection.protocol import Detections, DetectorSettings, vehicle_class_of
+from edge_daemon.detection.protocol import Detections, vehicle_class_of
 from edge_daemon.frame import Image
+from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
 
 
@@ -39,16 +40,16 @@ class UltralyticsDetector:
 
     @property
     def requests(self) -> int:
-        """Pictures at a time: one."""
+        """Frames at a time: one."""
         return 1
 
     def detect(self, image: Image) -> Detections:
-        """Vehicles in a BGR picture (height, width, 3)."""
+        """Vehicles in a BGR frame (height, width, 3)."""
         result = (
             self._model.predict(
                 image,
                 conf=self._settings.min_score,
-                iou=self._settings.max_overlap,
+                iou=self._settings.nms_iou,
                 agnostic_nms=True,
                 imgsz=640,
                 verbose=False,

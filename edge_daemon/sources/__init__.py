@@ -1,5 +1,6 @@
-"""Where pictures come from: recorded clips and camera URLs, one `FrameSource` protocol."""
+"""Where frames come from: recorded clips and camera URLs, one `FrameSource` protocol."""
 
-from edge_daemon.sources.protocol import FrameSource, SourceCounters, SourceSettings, open_source
+from edge_daemon.sources.protocol import FrameSource, SourceCounters
+from edge_daemon.sources.registry import open_source
 
-__all__ = ["FrameSource", "SourceCounters", "SourceSettings", "open_source"]
+__all__ = ["FrameSource", "SourceCounters", "open_source"]

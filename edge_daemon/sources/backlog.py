@@ -1,4 +1,4 @@
-"""Which pictures of a live stream piled up on their way: old ones that come at once."""
+"""Which frames of a live stream were queued on their way and arrive in a burst."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from collections import deque
 from statistics import median
 from typing import Final, NamedTuple
 
-# A longer silence cuts the time line: what is seen after it is tracked anew.
-_HOLE_S: Final = 0.5
-_AT_ONCE_S = 0.004
-_RATE = 0.5
-_LEARNED = 31
+# A longer silence cuts the time line: tracking restarts after it.
+_MAX_SILENCE_S: Final = 0.5
+_MIN_INTERVAL_S = 0.004
+_BURST_RATE = 0.5
+_INTERVALS = 31
 
 
 class Arrival(NamedTuple):
-    """What a picture's arrival says of it.
+    """Classification of a frame by its arrival.
 
     Attributes:
-        old: True if it piled up: its time of arrival is not its own.
+        old: True if it was queued: its time of arrival says nothing of when it was taken.
         cut: True if it does not follow the last one that was not old as their times of arrival
             say.
     """
@@ -27,22 +27,22 @@ class Arrival(NamedTuple):
 
 
 class Backlog:
-    """Judges the arrivals of one connection.
+    """Classifies the arrivals of one connection.
 
-    Where pictures carry no time stamp, those after a silence are old until one keeps half of the
+    Where frames carry no time stamp, those after a silence are old until one keeps half of the
     usual distance: decoding alone spaces those of a backlog by some milliseconds.
     """
 
     def __init__(self) -> None:
-        """Start anew, as after each connection."""
+        """Start a connection."""
         self._arrival_s: float | None = None
         self._stamp_s: float | None = None
-        self._steps: deque[float] = deque(maxlen=_LEARNED)
+        self._steps: deque[float] = deque(maxlen=_INTERVALS)
         self._drained_by_s: float | None = None
         self._dropped = False
 
-    def tell(self, arrival_s: float, stamp_s: float | None) -> Arrival:
-        """Judge the picture that has just come.
+    def classify(self, arrival_s: float, stamp_s: float | None) -> Arrival:
+        """Classify the frame that has just arrived.
 
         Args:
             arrival_s: when it came.
@@ -60,29 +60,29 @@ class Backlog:
 
     @staticmethod
     def _by_stamps(step_s: float, stamps_s: float) -> Arrival:
-        rushes = 0 < stamps_s < _HOLE_S and step_s < _RATE * stamps_s
-        return Arrival(old=step_s < _AT_ONCE_S or rushes, cut=step_s > _HOLE_S)
+        rushes = 0 < stamps_s < _MAX_SILENCE_S and step_s < _BURST_RATE * stamps_s
+        return Arrival(old=step_s < _MIN_INTERVAL_S or rushes, cut=step_s > _MAX_SILENCE_S)
 
     def _by_arrivals(self, arrival_s: float, step_s: float) -> Arrival:
-        if step_s > _HOLE_S:
+        if step_s > _MAX_SILENCE_S:
             # At twice the camera's rate or more, what piled up is through after as long again.
             self._drained_by_s, self._dropped = arrival_s + step_s, False
             return Arrival(old=False, cut=True)
         if self._drained_by_s is not None:
-            return self._drain(step_s, in_time=arrival_s <= self._drained_by_s)
-        if step_s < _AT_ONCE_S:
+            return self._drain_queue(step_s, in_time=arrival_s <= self._drained_by_s)
+        if step_s < _MIN_INTERVAL_S:
             return Arrival(old=True, cut=False)
         self._steps.append(step_s)
         return Arrival(old=False, cut=False)
 
-    def _drain(self, step_s: float, *, in_time: bool) -> Arrival:
+    def _drain_queue(self, step_s: float, *, in_time: bool) -> Arrival:
         usual_s = median(self._steps) if self._steps else 0.0
-        if in_time and step_s < max(_AT_ONCE_S, _RATE * usual_s):
+        if in_time and step_s < max(_MIN_INTERVAL_S, _BURST_RATE * usual_s):
             self._dropped = True
             return Arrival(old=True, cut=False)
         if not in_time:
             # The camera has another rate now.
             self._steps.clear()
-        # The picture that ended the silence was the oldest of those that piled up.
+        # The frame that ended the silence was the oldest of those that piled up.
         cut, self._dropped, self._drained_by_s = self._dropped, False, None
         return Arrival(old=False, cut=cut)

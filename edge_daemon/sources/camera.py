@@ -14,15 +14,15 @@ from edge_daemon.frame import Frame, Image
 from edge_daemon.sources.backlog import Backlog
 from edge_daemon.sources.clock import StreamClock
 from edge_daemon.sources.diagnosis import diagnose
+from edge_daemon.sources.image_pool import ImagePool
 from edge_daemon.sources.live import LiveSource, Offer
-from edge_daemon.sources.pictures import Pictures
 from edge_daemon.sources.protocol import SourceCounters
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
 _FIRST_WAIT_S = 0.5
-_LONGEST_WAIT_S = 30.0
+_MAX_WAIT_S = 30.0
 _ASK_S = 3.0
 _NO_STAMP = -1e18
 
@@ -34,20 +34,22 @@ def without_password(url: str) -> str:
     return urlunsplit(parts._replace(netloc=host, query=""))
 
 
-def open_camera(url: str, stall_s: float, size: tuple[int, int] | None = None) -> LiveSource:
+def open_camera(
+    url: str, stall_timeout_s: float, size: tuple[int, int] | None = None
+) -> LiveSource:
     """Watch a camera; it need not be there yet.
 
     Args:
         url: RTSP or HTTP address.
-        stall_s: reconnect after so many seconds without a frame.
-        size: (width, height) of the pictures that are wanted, px; others are counted and left
+        stall_timeout_s: reconnect after so many seconds without a frame.
+        size: (width, height) of the frames that are wanted, px; others are counted and left
             out. None takes any.
     """
     shown = without_password(url)
     limiter = LogLimiter()
 
     def capture(offer: Offer, stopping: threading.Event, counters: SourceCounters) -> None:
-        watched = _Camera(url, shown, stall_s, size, counters, limiter)
+        watched = _Camera(url, shown, stall_timeout_s, size, counters, limiter)
         wait_s = _FIRST_WAIT_S
         while not stopping.is_set():
             if watched.stream(offer, stopping):
@@ -56,10 +58,10 @@ def open_camera(url: str, stall_s: float, size: tuple[int, int] | None = None) -
                 return
             counters.reconnects += 1
             if limiter.allow("lost"):
-                why = diagnose(url, min(stall_s, _ASK_S))
+                why = diagnose(url, min(stall_timeout_s, _ASK_S))
                 log.warning("%s: no picture (%s); trying again every 0.5 to 30 s", shown, why)
             stopping.wait(wait_s)
-            wait_s = min(2 * wait_s, _LONGEST_WAIT_S)
+            wait_s = min(2 * wait_s, _MAX_WAIT_S)
 
     return LiveSource(capture, shown)
 
@@ -71,16 +73,16 @@ class _Camera:
         self,
         url: str,
         shown: str,
-        stall_s: float,
+        stall_timeout_s: float,
         size: tuple[int, int] | None,
         counters: SourceCounters,
         limiter: LogLimiter,
     ) -> None:
         self._url = url
         self._shown = shown
-        self._stall_ms = int(1e3 * stall_s)
+        self._stall_ms = int(1e3 * stall_timeout_s)
         self._size = size
-        self._pictures = None if size is None else Pictures((size[1], size[0], 3))
+        self._pool = None if size is None else ImagePool((size[1], size[0], 3))
         self._counters = counters
         self._limiter = limiter
         self._began_s = time.monotonic()
@@ -89,31 +91,31 @@ class _Camera:
 
     def stream(self, offer: Offer, stopping: threading.Event) -> bool:
         """Connect and offer frames until none comes; True if any did."""
-        counters, pictures = self._counters, self._pictures
+        counters, pool = self._counters, self._pool
         counters.tried_s = time.monotonic()
         options = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, self._stall_ms]
         options += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, self._stall_ms]
-        options += [cv2.CAP_PROP_N_THREADS, 1]  # more would hold back a picture each
+        options += [cv2.CAP_PROP_N_THREADS, 1]  # more would hold back a frame each
         stream = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, options)
         clock, backlog = StreamClock(self._media_s), Backlog()
         cut = self._seen
         came = False
         while not stopping.is_set():
-            ok, image = stream.read(None if pictures is None else pictures.blank())
+            ok, image = stream.read(None if pool is None else pool.acquire())
             if not ok or image is None:
                 break
             came = True
             now = time.monotonic()
             counters.tried_s = now
             stamp_s = _stamp_s(stream)
-            arrival = backlog.tell(now, stamp_s)
+            arrival = backlog.classify(now, stamp_s)
             if arrival.old:
                 counters.skipped += 1
                 continue
             cut = cut or (self._seen and arrival.cut)
             if not self._fits(np.asarray(image, dtype=np.uint8)):
                 continue
-            time_s, anew, jumped = clock.tell(now - self._began_s, stamp_s)
+            time_s, anew, jumped = clock.media_time(now - self._began_s, stamp_s)
             self._media_s = time_s
             offer(
                 Frame(
@@ -135,7 +137,7 @@ class _Camera:
             return True
         # A camera that fell back to another stream may return to the calibrated one.
         self._counters.decode_errors += 1
-        self._counters.misfit_s = time.monotonic()
+        self._counters.size_mismatch_s = time.monotonic()
         if self._limiter.allow("size"):
             log.warning(
                 "%s: pictures of %d×%d do not fit the calibration", self._shown, width, height

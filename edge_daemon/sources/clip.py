@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from edge_daemon.frame import Frame, Image
+from edge_daemon.sources.image_pool import ImagePool
 from edge_daemon.sources.live import LiveSource, Offer
-from edge_daemon.sources.pictures import Pictures
 from edge_daemon.sources.protocol import SourceCounters
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
@@ -24,12 +24,12 @@ log = logging.getLogger(__name__)
 _MAX_FPS = 480.0
 _LEAP_S = 10.0
 _BACK_S = 0.5
-_LONGEST_STEP_S = 1.0
+_MAX_STEP_S = 1.0
 
 
 @dataclass(frozen=True)
 class ClipFrame:
-    """One decoded picture: BGR, media time in s, and the flags of a `Frame`."""
+    """One decoded frame: BGR, media time in s, and the flags of a `Frame`."""
 
     image: Image
     media_time_s: float
@@ -59,13 +59,13 @@ class ClipReader:
         Args:
             path: the file.
             capture: opened on it.
-            shape: (height, width, 3) of its pictures; others are left out.
+            shape: (height, width, 3) of its frames; others are left out.
             loop: start again at its end.
         """
         self.path = path
         self._shape = shape
         self._capture = capture
-        self._pictures = Pictures(shape)
+        self._pool = ImagePool(shape)
         self._loop = loop
         fps = float(capture.get(cv2.CAP_PROP_FPS))
         self.fps = fps if 0 < fps <= _MAX_FPS else 30.0
@@ -81,12 +81,12 @@ class ClipReader:
     def read_all(self) -> Iterator[ClipFrame]:
         """All frames in order; ends with the clip unless it loops."""
         cut = False
-        start, step = 0.0, min(1 / self.fps, _LONGEST_STEP_S)
+        start, step = 0.0, min(1 / self.fps, _MAX_STEP_S)
         while True:
             shown, last, before = 0, start - step, 0.0
             while True:
                 self.counters.tried_s = time.monotonic()
-                ok, image = self._capture.read(self._pictures.blank())
+                ok, image = self._capture.read(self._pool.acquire())
                 if not ok or image is None:
                     break
                 position = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
@@ -98,7 +98,7 @@ class ClipReader:
                 at = start + position if start + position > last else last + step
                 cut = cut or jumped or (shown == 0 and start > 0)
                 if shown > 0:
-                    step = min(at - last, _LONGEST_STEP_S)
+                    step = min(at - last, _MAX_STEP_S)
                 last = at
                 shown += 1
                 if image.shape != self._shape:
@@ -122,7 +122,7 @@ class ClipReader:
 
     def _leave_out(self, shape: tuple[int, ...]) -> None:
         self.counters.decode_errors += 1
-        self.counters.misfit_s = time.monotonic()
+        self.counters.size_mismatch_s = time.monotonic()
         if self._limiter.allow("size"):
             log.warning(
                 "%s: a picture of %d×%d amid others of %d×%d is left out",

@@ -1,7 +1,7 @@
 """Media time of a live stream: its own clock where it has one, else smoothed times of arrival.
 
-Times of arrival jitter by what network and scheduling add; at 30 pictures a second 10 ms are a
-third of the way between two of them, and show up as acceleration that nobody drove.
+Times of arrival jitter by what network and scheduling add; at 30 frames a second 10 ms are a
+third of the frame interval, and would appear as acceleration.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ _SLACK_S = 0.5
 _SLACK_RATE = 0.02
 _LATE_S = 2.0
 _LEAP_S = 1.0
-_MOST_MISFITS = 3
+_MAX_RESETS = 3
 _LEARNED = 30
-_MOST_MISSES = 10
+_MAX_OUTLIERS = 10
 _GATE = 0.45
 _GAIN = 0.1
 _RATE_GAIN = 0.003
@@ -24,11 +24,11 @@ _TICK_S = 1e-3
 
 
 class MediaTime(NamedTuple):
-    """When a picture was taken.
+    """When a frame was taken.
 
     Attributes:
         time_s: media time.
-        cut: True if the time line begins anew with it: times before are not comparable.
+        cut: True if a new time line begins with it: times before are not comparable.
         jumped: True if that is because the stream's clock ran back or leapt.
     """
 
@@ -38,10 +38,10 @@ class MediaTime(NamedTuple):
 
 
 class StreamClock:
-    """Gives each picture of one connection its media time, which never runs back."""
+    """Assigns media times to the frames of one connection; they never decrease."""
 
     def __init__(self, not_before_s: float = 0.0) -> None:
-        """Start anew, as after each connection.
+        """Start a connection.
 
         Args:
             not_before_s: media time that has been given already.
@@ -50,22 +50,22 @@ class StreamClock:
         self._arrival_s: float | None = None
         self._stream_s: float | None = None
         self._anchor: tuple[float, float] | None = None
-        self._misfits = 0
+        self._resets = 0
         self._late_since_s: float | None = None
         self._interval_s: float | None = None
-        self._misses = 0
+        self._outliers = 0
         self._steps: deque[float] = deque(maxlen=_LEARNED)
 
-    def tell(self, arrival_s: float, stream_s: float | None) -> MediaTime:
-        """The media time of the picture that has just come.
+    def media_time(self, arrival_s: float, stream_s: float | None) -> MediaTime:
+        """The media time of the frame that has just come.
 
         Args:
             arrival_s: when it came, on the time line that media times shall follow.
             stream_s: its time stamp in the stream; None where it has none.
         """
-        misfits = self._misfits
+        resets = self._resets
         jumped = self._jumped(arrival_s, stream_s)
-        if stream_s is not None and not jumped and self._misfits < _MOST_MISFITS:
+        if stream_s is not None and not jumped and self._resets < _MAX_RESETS:
             time_s = self._by_stream(arrival_s, stream_s)
         else:
             self._anchor = None
@@ -74,7 +74,7 @@ class StreamClock:
             self._steps.append(arrival_s - self._arrival_s)
         self._arrival_s, self._stream_s = arrival_s, stream_s
         self._last_s = max(time_s, self._last_s + _TICK_S)
-        return MediaTime(self._last_s, jumped or self._misfits > misfits, jumped)
+        return MediaTime(self._last_s, jumped or self._resets > resets, jumped)
 
     def _jumped(self, arrival_s: float, stream_s: float | None) -> bool:
         if stream_s is None or self._stream_s is None or self._arrival_s is None:
@@ -93,9 +93,9 @@ class StreamClock:
             self._late_since_s = None
         elif self._late_since_s is None:
             self._late_since_s = arrival_s
-        # A stall of the network makes pictures late for a moment; their own times stay right.
+        # A stall of the network makes frames late for a moment; their own times stay right.
         if late_s < -slack_s or self._is_late_for_long(arrival_s):
-            self._misfits += 1
+            self._resets += 1
             self._late_since_s = None
             self._anchor = (arrival_s, stream_s)
             return arrival_s
@@ -113,18 +113,18 @@ class StreamClock:
         expected_s = self._last_s + self._interval_s
         error_s = arrival_s - expected_s
         if abs(error_s) < _GATE * self._interval_s:
-            self._misses = 0
+            self._outliers = 0
             self._interval_s += _RATE_GAIN * error_s
             return expected_s + _GAIN * error_s
-        self._misses += 1
-        if self._misses >= _MOST_MISSES:
+        self._outliers += 1
+        if self._outliers >= _MAX_OUTLIERS:
             # The camera has another rate now.
-            self._misses, self._interval_s = 0, None
+            self._outliers, self._interval_s = 0, None
             self._steps.clear()
         return arrival_s
 
     def _usual_interval_s(self) -> float | None:
-        """Mean time between the last pictures, s; None where holes make it none."""
+        """Mean time between the last frames, s; None where holes make it none."""
         if len(self._steps) < _LEARNED or max(self._steps) > 2 * median(self._steps):
             return None
         return fmean(self._steps)

@@ -1,4 +1,4 @@
-"""Why a camera gives no picture: what its server says when it is asked plainly."""
+"""Why a camera sends no frame: the answer of its server to one plain request."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from base64 import b64encode
 from urllib.parse import unquote, urlsplit
 
 _PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322}
-_LONGEST = 4096
+_MAX_ANSWER_BYTES = 4096
 
 
 def diagnose(url: str, timeout_s: float) -> str:
-    """Ask the server once and put its answer in a few words, without the password.
+    """Send the server one request and describe its answer, without the password.
 
     Args:
         url: HTTP or RTSP address, with user and password if it needs them.
@@ -27,7 +27,7 @@ def diagnose(url: str, timeout_s: float) -> str:
             if parts.scheme in ("https", "rtsps"):
                 connection = ssl.create_default_context().wrap_socket(plain, server_hostname=host)
             connection.sendall(_request(url).encode())
-            answer = connection.recv(_LONGEST)
+            answer = connection.recv(_MAX_ANSWER_BYTES)
     except TimeoutError:
         return "the server does not answer"
     except socket.gaierror:

@@ -1,4 +1,4 @@
-"""A source with a capture thread: little queues up, and what is skipped is counted."""
+"""A source with a capture thread: the queue is bounded, and skipped frames are counted."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from edge_daemon.sources.protocol import SourceCounters
 
 log = logging.getLogger(__name__)
 
-LONGEST_WAIT_S: Final = 1.0
+MAX_WAIT_S: Final = 1.0
 
-MOST_WAITING_BYTES: Final = 128_000_000
-"""46 pictures of 720p, 20 of 1080p."""
+MAX_WAITING_BYTES: Final = 128_000_000
+"""46 frames of 720p, 20 of 1080p."""
 
 Offer = Callable[[Frame], None]
 Capture = Callable[[Offer, threading.Event, SourceCounters], None]
 
 
 class LiveSource:
-    """Runs a capture function in a thread and hands on what it offers.
+    """Runs a capture function in a thread and queues its frames.
 
     Frames may wait up to a second for a reader that was busy for a moment, then the oldest is
     skipped. So a reader who is slower than the camera lags behind it by that second at most.
@@ -63,14 +63,14 @@ class LiveSource:
     def _offer(self, frame: Frame) -> None:
         with self._changed:
             self._waiting.append(frame)
-            # Singly, so that a tracker has gaps of one frame rather than of many.
+            # One at a time, so that a tracker has gaps of one frame rather than of many.
             while len(self._waiting) > 1 and self._is_too_much(frame):
                 lost = self._waiting.popleft()
-                heir = self._waiting[0]
+                following = self._waiting[0]
                 self._waiting[0] = replace(
-                    heir,
-                    cut=heir.cut or lost.cut,
-                    clock_jump=heir.clock_jump or lost.clock_jump,
+                    following,
+                    cut=following.cut or lost.cut,
+                    clock_jump=following.clock_jump or lost.clock_jump,
                 )
                 self.counters.skipped += 1
             self._changed.notify()
@@ -78,7 +78,7 @@ class LiveSource:
     def _is_too_much(self, newest: Frame) -> bool:
         waits_s = newest.captured_s - self._waiting[0].captured_s
         held = len(self._waiting) * newest.image.nbytes
-        return waits_s > LONGEST_WAIT_S or held > MOST_WAITING_BYTES
+        return waits_s > MAX_WAIT_S or held > MAX_WAITING_BYTES
 
     def frames(self) -> Iterator[Frame | None]:
         """Frames as they come; None once a second while there is none.

@@ -1,7 +1,6 @@
-"""Faults of a camera: frozen, dark, bright, obscured, corrupt, moved, stale, its clock."""
+"""Camera faults: one judge each, in one ordered list (`judges`), debounced by `Watch`."""
 
 from edge_daemon.watch.reference import read_reference
-from edge_daemon.watch.settings import WatchSettings
 from edge_daemon.watch.watch import Watch
 
-__all__ = ["Watch", "WatchSettings", "read_reference"]
+__all__ = ["Watch", "read_reference"]

@@ -1,30 +1,33 @@
-"""Pictures that a decoder could not make whole: flat or streaky parts, or wrong macroblocks."""
+"""`corrupt`: frames with decoding errors, seen as flat or streaky parts or wrong macroblocks."""
 
 from __future__ import annotations
 
 from collections import deque
+from typing import ClassVar, Final
 
 import numpy as np
 
 from edge_daemon.frame import Image
 from edge_daemon.watch.sample import Grey, Sample, grid_step, to_grey
+from slipstream.messages import CameraFault
 
-_BLOCK_PX = 16
-_BLOCK_LEVELS = 6.0
-_BLACK, _WHITE = 16, 240
-_REMEMBERED = 10
-_BAD = 2
+_BLOCK_PX: Final = 16
+_MAX_BLOCK_LEVELS: Final = 6.0
+_BLACK: Final = 16
+_WHITE: Final = 240
+_RECENT_FRAMES: Final = 10
+_MIN_DAMAGED: Final = 2
 
 
 def repeated_share(colours: Image, grey: Grey) -> float:
     """Share of sampled pixels that exactly equal the one below (or, if more, the one beside) them.
 
-    A decoder fills what it lost with one colour or with streaks. Pixels eight apart seldom agree
-    in a real picture. Black and white are left out: night, glare and drawn text agree too.
+    A decoder fills lost parts with one colour or with streaks. Pixels eight apart seldom agree in
+    an intact frame. Black and white do not count: night, glare and drawn text agree too.
 
     Args:
         colours: sampled pixels, BGR, shape (h, w, 3).
-        grey: the same in grey, shape (h, w).
+        grey: the same as grey levels, shape (h, w).
 
     Returns:
         A share in [0, 1].
@@ -49,17 +52,30 @@ def blockiness(image: Image) -> float:
 
 
 class CorruptJudge:
-    """Tells damaged pictures from the camera's usual ones."""
+    """Looks for damaged frames; a single one does no harm."""
+
+    fault: ClassVar[CameraFault] = "corrupt"
+    every_frame: ClassVar[bool] = False
+    hides_scene: ClassVar[bool] = True
 
     def __init__(self, max_repeated_share: float) -> None:
+        """Set it up.
+
+        Args:
+            max_repeated_share: a frame with a larger `repeated_share` is damaged.
+        """
+        self.after_s = 0.0
         self._max_repeated_share = max_repeated_share
-        self._recent: deque[bool] = deque(maxlen=_REMEMBERED)
+        self._recent: deque[bool] = deque(maxlen=_RECENT_FRAMES)
 
     def look(self, sample: Sample) -> bool:
-        """True if several of the last pictures were damaged; a single one does no harm."""
+        """True if this frame and another of the last ten are damaged."""
         damaged = (
             repeated_share(sample.colours, sample.grey) > self._max_repeated_share
-            or blockiness(sample.image) > _BLOCK_LEVELS
+            or blockiness(sample.frame.image) > _MAX_BLOCK_LEVELS
         )
         self._recent.append(damaged)
-        return damaged and sum(self._recent) >= _BAD
+        return damaged and sum(self._recent) >= _MIN_DAMAGED
+
+    def interrupt(self, by: CameraFault | None) -> None:
+        """Damage counts across gaps."""

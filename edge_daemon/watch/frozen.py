@@ -1,45 +1,53 @@
-"""A picture that stands still: exact repeats, or one picture encoded again and again.
+"""`frozen`: the same frame again and again.
 
-A sensor's noise changes every pixel a little from picture to picture, also on an empty road. A
-repeated picture changes nothing, or what an encoder makes of it: some pixels by a level or two.
+A sensor's noise changes every pixel a little from frame to frame, on an empty road too. A repeated
+frame changes nothing, or, encoded again, some pixels by a level or two.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from typing import ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.watch.sample import Grey, Mask
+from edge_daemon.watch.sample import Mask, Sample
+from slipstream.messages import CameraFault
 
-_STILL_LEVELS = 0.12
-_MOVED_LEVELS = 12
-_MOVED_SHARE = 0.002
-_STILL_SHARE = 0.75
-_LEAST_ROAD_SHARE = 0.03
-_FEWEST = 4
+_STILL_LEVELS: Final = 0.12
+_MOVED_LEVELS: Final = 12
+_MOVED_SHARE: Final = 0.002
+_MIN_STILL_SHARE: Final = 0.75
+_MIN_ROAD_SHARE: Final = 0.03
+_MIN_FRAMES: Final = 4
 
 
 class FrozenJudge:
-    """Compares sampled pixels of the road with those a moment ago."""
+    """Compares sampled pixels of the road with those of the sample before."""
 
-    def __init__(self, after_s: float, road: Mask) -> None:
+    fault: ClassVar[CameraFault] = "frozen"
+    every_frame: ClassVar[bool] = False
+    hides_scene: ClassVar[bool] = False
+
+    def __init__(self, still_s: float, road: Mask) -> None:
         """Set it up.
 
         Args:
-            after_s: without any change for so long the picture is frozen.
-            road: which of the sampled pixels show the road. The rest is left out, since a clock
-                drawn into the picture may go on; all count where the road is hardly in it.
+            still_s: without any change for so long the frame is frozen, s.
+            road: which of the sampled pixels show the road. The rest is left out, as a clock drawn
+                into the frame may go on; all count where little of the frame is road.
         """
-        self._after_s = after_s
-        self._road = road if road.mean() >= _LEAST_ROAD_SHARE else np.ones_like(road)
+        self.after_s = 0.0
+        self._still_s = still_s
+        self._road = road if road.mean() >= _MIN_ROAD_SHARE else np.ones_like(road)
         self._last: npt.NDArray[np.int16] | None = None
         self._still: deque[tuple[float, bool]] = deque()
 
-    def look(self, time_s: float, grey: Grey) -> bool:
-        """True if the road has not changed for `after_s`; pictures come in order of time."""
-        pixels = grey[self._road].astype(np.int16)
+    def look(self, sample: Sample) -> bool:
+        """True if the road has not changed for `still_s`."""
+        time_s = sample.time_s
+        pixels = sample.grey[self._road].astype(np.int16)
         last, self._last = self._last, pixels
         if last is None:
             return False
@@ -49,14 +57,14 @@ class FrozenJudge:
             return False
         self._still.append((time_s, bool(change.mean() < _STILL_LEVELS)))
         began = self._still[0][0]
-        while len(self._still) > 1 and self._still[1][0] <= time_s - self._after_s:
+        while len(self._still) > 1 and self._still[1][0] <= time_s - self._still_s:
             self._still.popleft()
-        # A key frame changes many pixels a little, also of a picture that stands still.
+        # A key frame changes many pixels a little even where the scene is frozen.
         still = sum(is_still for _, is_still in self._still)
-        long_enough = time_s - began >= self._after_s and len(self._still) >= _FEWEST
-        return long_enough and still >= _STILL_SHARE * len(self._still)
+        long_enough = time_s - began >= self._still_s and len(self._still) >= _MIN_FRAMES
+        return long_enough and still >= _MIN_STILL_SHARE * len(self._still)
 
-    def restart(self) -> None:
-        """The next picture has no predecessor: after a cut."""
+    def interrupt(self, by: CameraFault | None) -> None:
+        """The next frame has no predecessor."""
         self._last = None
         self._still.clear()

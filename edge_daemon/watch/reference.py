@@ -1,10 +1,9 @@
-"""The picture that a camera was calibrated on."""
+"""The image that a camera was calibrated on."""
 
 from __future__ import annotations
 
 from edge_daemon.camera import Camera
-from edge_daemon.frame import Image
-from edge_daemon.stills import readable_picture
+from edge_daemon.frame import Image, read_image
 from slipstream.errors import InputError
 
 
@@ -12,13 +11,13 @@ def read_reference(camera: Camera) -> Image | None:
     """Read it, BGR; None where the calibration names none.
 
     Raises:
-        InputError: the file is no picture, or has another size than the calibration.
+        InputError: the file is no frame, or has another size than the calibration.
     """
     path = camera.reference
     if path is None:
         return None
     mend = "save the picture that the calibration was made on"
-    picture = readable_picture(path)
+    picture = read_image(path)
     if picture is None:
         raise InputError(path, "not a picture that can be read", mend)
     height, width = picture.shape[:2]

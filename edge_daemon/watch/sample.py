@@ -1,47 +1,73 @@
-"""What the judges look at: a few thousand pixels of a picture, and a small grey copy."""
+"""What the judges examine of a frame: a few thousand of its pixels, and a small grey copy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera import Camera
-from edge_daemon.frame import Image
+from edge_daemon.frame import Frame, Image
 
 Grey = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
 
-GRID_COLUMNS = 160
-SMALL_WIDTH = 320
-_SURROUNDINGS_PX = 4.0
+GRID_COLUMNS: Final = 160
+SMALL_WIDTH: Final = 320
+_BLUR_PX: Final = 4.0
+_VIEW_EVERY: Final = 4
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Pixels of one picture as they are, not averaged, so that noise is kept.
+    """A frame as the judges examine it; each part is made when it is first asked for.
 
     Attributes:
-        time_s: media time.
-        image: the whole picture, BGR.
-        colours: every n-th pixel of every n-th row, shape (h, w, 3), about 160 columns.
-        grey: the same in grey, shape (h, w).
+        frame: the frame.
+        number: of the sampled frames so far, this one included.
     """
 
-    time_s: float
-    image: Image
-    colours: Image
-    grey: Grey
+    frame: Frame
+    number: int
 
+    @property
+    def time_s(self) -> float:
+        """Media time."""
+        return self.frame.media_time_s
 
-def take_sample(time_s: float, image: Image) -> Sample:
-    """Pick the pixels out of a picture of any size."""
-    step = grid_step(image.shape[1])
-    colours = np.ascontiguousarray(image[step // 2 :: step, step // 2 :: step])
-    return Sample(time_s, image, colours, to_grey(colours))
+    @property
+    def shows_view(self) -> bool:
+        """Whether the small copy is worth its cost: for every fourth sample."""
+        return self.number % _VIEW_EVERY == 1
+
+    @cached_property
+    def colours(self) -> Image:
+        """Every n-th pixel of every n-th row, BGR, shape (h, w, 3), about 160 columns.
+
+        The pixels are not averaged, so that noise is kept.
+        """
+        step = grid_step(self.frame.image.shape[1])
+        return np.ascontiguousarray(self.frame.image[step // 2 :: step, step // 2 :: step])
+
+    @cached_property
+    def grey(self) -> Grey:
+        """Grey levels of `colours`, shape (h, w)."""
+        return to_grey(self.colours)
+
+    @cached_property
+    def small(self) -> Grey:
+        """The `small_grey` copy of the frame."""
+        return small_grey(self.frame.image)
+
+    @cached_property
+    def texture(self) -> Floats:
+        """The `texture` of `small`."""
+        return texture(self.small)
 
 
 def grid_step(width: int) -> int:
@@ -50,7 +76,7 @@ def grid_step(width: int) -> int:
 
 
 def to_grey(image: Image) -> Grey:
-    """Grey levels of a BGR picture."""
+    """Grey levels of a BGR image."""
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
@@ -67,18 +93,30 @@ def small_grey(image: Image) -> Grey:
 
 
 def texture(small: Grey) -> Floats:
-    """A small grey picture less its blurred self, float32."""
-    picture = small.astype(np.float32)
-    return np.asarray(picture - cv2.GaussianBlur(picture, (0, 0), _SURROUNDINGS_PX))
+    """A small grey image minus its blurred copy, float32."""
+    image = small.astype(np.float32)
+    return np.asarray(image - cv2.GaussianBlur(image, (0, 0), _BLUR_PX))
+
+
+def sharpness(small: Grey, fine_and_coarse: Floats) -> float:
+    """Fine contrast as a share of all contrast: it falls out of focus, but not in dim light.
+
+    Args:
+        small: a small grey image.
+        fine_and_coarse: its `texture`.
+    """
+    fine = small - cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
+    coarse = float(np.abs(fine_and_coarse).mean())
+    return float(np.abs(fine).mean()) / coarse if coarse > 0 else 0.0
 
 
 def road_mask(camera: Camera, shape: tuple[int, int], margin: float) -> Mask:
-    """Where the watched road is in a scaled picture of (height, width).
+    """Where the watched road is in a scaled image of (height, width).
 
     Args:
         camera: whose segments are meant.
         shape: of the mask.
-        margin: how far vehicles reach over the road's outline, as a share of the height.
+        margin: how far vehicles extend beyond the road's outline, as a share of the height.
     """
     height, width = shape
     scale = np.array([width / camera.size[0], height / camera.size[1]])

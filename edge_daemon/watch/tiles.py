@@ -1,6 +1,6 @@
-"""Small pieces of a picture that can be found again, and how far each has shifted.
+"""Template tiles of a frame, and how far each has shifted in later frames.
 
-Pieces are compared by normalised correlation of what differs from their surroundings, so that
+Tiles are compared by normalised correlation of what differs from their surroundings, so that
 light and contrast may change; the peak is placed to a fraction of a pixel by parabolas.
 """
 
@@ -19,19 +19,19 @@ from edge_daemon.watch.sample import Floats, Mask
 HALF_PX: Final = 10
 REACH_PX: Final = 8
 _MARGIN = HALF_PX + REACH_PX
-_MOST = 24
+_MAX_TILES = 24
 _FOUND = 0.6
 _UNIQUE = 0.8
-_LEAST_CORNER = 4.0
+_MIN_CORNER = 4.0
 _NEAR_PX = 3
 
 
 @dataclass(frozen=True)
 class Tiles:
-    """Pieces of one picture.
+    """Pieces of one frame.
 
     Attributes:
-        centres: column and row of each, px of the small picture, shape (n, 2).
+        centres: column and row of each, px of the small frame, shape (n, 2).
         pieces: `texture` around each centre, (2·HALF_PX+1)² each.
     """
 
@@ -42,7 +42,7 @@ class Tiles:
         return len(self.pieces)
 
     def shifts(self, picture: Floats) -> Array:
-        """How far each piece has moved in a picture's `texture`, px, (n, 2); NaN: not found."""
+        """How far each piece has moved in a frame's `texture`, px, (n, 2); NaN: not found."""
         found = np.full((len(self), 2), np.nan)
         for index, (piece, (u, v)) in enumerate(zip(self.pieces, self.centres, strict=True)):
             around = _cut(picture, int(u), int(v), _MARGIN)
@@ -57,7 +57,7 @@ def choose_tiles(picture: Floats, allowed: Mask) -> Tiles:
     """Pick pieces with corners in them, far apart, that resemble nothing nearby.
 
     Args:
-        picture: the `texture` of a picture.
+        picture: the `texture` of a frame.
         allowed: where their centres may lie.
     """
     corners = cv2.cornerMinEigenVal(picture, 2 * HALF_PX + 1)
@@ -66,9 +66,9 @@ def choose_tiles(picture: Floats, allowed: Mask) -> Tiles:
     corners[~(allowed & inside)] = 0.0
     centres: list[tuple[int, int]] = []
     pieces: list[Floats] = []
-    while len(pieces) < _MOST:
+    while len(pieces) < _MAX_TILES:
         _, best, _, (u, v) = cv2.minMaxLoc(corners)
-        if best * _PIXELS < _LEAST_CORNER:
+        if best * _PIXELS < _MIN_CORNER:
             break
         cv2.circle(corners, (u, v), 2 * HALF_PX, (0.0,), cv2.FILLED)
         piece = _cut(picture, u, v, HALF_PX)

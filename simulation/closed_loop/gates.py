@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from edge_daemon.evaluation.windows import TrueWindow
-from edge_daemon.stability import StabilitySettings
+from edge_daemon.settings import StabilitySettings
 from simulation.closed_loop.policy import Gating
+from simulation.ground_truth import TrueWindow
 from simulation.scenarios.observer import Observation, Observer
 from simulation.scenarios.perception import Reporter, measured_errors
 from simulation.scenarios.rsus import Rsu

@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from edge_daemon.evaluation.windows import TrueWindow
+from simulation.ground_truth import TrueWindow
 from simulation.scenarios.apart import Progress
 from simulation.scenarios.day import DayOrder, run_day
 from simulation.scenarios.demand import Array

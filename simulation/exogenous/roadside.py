@@ -11,11 +11,11 @@ from types import MappingProxyType
 import numpy as np
 
 from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot, take_snapshot
-from edge_daemon.evaluation.windows import TrueWindow
 from simulation.closed_loop.dispatching import with_gates
 from simulation.closed_loop.gates import is_turbulent, open_gates
 from simulation.closed_loop.policy import Policy
 from simulation.exogenous.recorded import WINDOW_S, Recorded
+from simulation.ground_truth import TrueWindow
 from simulation.scenarios.demand import Array
 from simulation.scenarios.perception import Reporter, measured_errors
 from simulation.scenarios.record import Traffic

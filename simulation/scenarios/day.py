@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from edge_daemon.stability import StabilitySettings
+from edge_daemon.settings import StabilitySettings
 from simulation.scenarios.apart import Progress, run_apart
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.record import (

@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 
 from edge_daemon.camera import WatchedSegment
-from edge_daemon.evaluation import Truth
-from edge_daemon.evaluation.windows import TrueWindow, true_window
-from edge_daemon.stability import StabilitySettings
+from edge_daemon.settings import StabilitySettings
+from simulation.ground_truth import TrueWindow, Truth, true_window
 from simulation.scenarios.rsus import Rsu, Stretch
 
 _LANE_M: Final = 3.2

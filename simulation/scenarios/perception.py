@@ -17,8 +17,9 @@ from typing import Annotated, Final
 import numpy as np
 from pydantic import Field
 
-from edge_daemon.evaluation.windows import TrueWindow
-from edge_daemon.stability import StabilityJudge, StabilitySettings
+from edge_daemon.features.stability import StabilityJudge
+from edge_daemon.settings import StabilitySettings
+from simulation.ground_truth import TrueWindow
 from simulation.scenarios.demand import Array
 from simulation.scenarios.observer import Observation
 from slipstream.config import Settings, check, read_data

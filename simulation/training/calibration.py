@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 
 from edge_daemon.camera import load_camera
-from edge_daemon.detection import DetectorSettings
-from edge_daemon.detection.placement import Placement, place_freely
+from edge_daemon.detection.placement import Placement, place_dynamic
 from edge_daemon.detection.region import Region, road_region
-from edge_daemon.frame import Image
-from edge_daemon.stills import readable_picture
+from edge_daemon.frame import Image, read_image
+from edge_daemon.settings import DetectorSettings
 from simulation.training.judge import fill
 from slipstream.errors import InputError
 
@@ -50,7 +49,7 @@ def _from_folder(folder: Path, shape: tuple[int, int], count: int, seed: int) ->
     order = np.random.default_rng(seed).permutation(len(paths))[:count]
     inputs = []
     for index in order:
-        image = readable_picture(paths[index])
+        image = read_image(paths[index])
         if image is None:
             raise InputError(paths[index], "not a readable picture", "remove it")
         size = image.shape[1], image.shape[0]
@@ -101,7 +100,7 @@ def _road(size: tuple[int, int], path: Path | None, clip: Path) -> Region:
 
 
 def _placement(size: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
-    return place_freely(size, wanted, min(shape[1] / size[0], shape[0] / size[1]))
+    return place_dynamic(size, wanted, min(shape[1] / size[0], shape[0] / size[1]))
 
 
 def _laid(image: cv2.typing.MatLike, placement: Placement) -> Image:

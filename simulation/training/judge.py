@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edge_daemon.detection import VEHICLE_CLASSES
-from edge_daemon.detection.placement import Placement, place_in
+from edge_daemon.detection.placement import Placement, place_static
 from edge_daemon.detection.protocol import vehicle_class_of
 from edge_daemon.detection.region import Region
-from edge_daemon.frame import Image
-from edge_daemon.stills import readable_picture
+from edge_daemon.frame import Image, read_image
 from simulation.training.labelled import LabelledSet
 from simulation.training.metrics import Boxes, Figures, evaluate
 from slipstream.errors import InputError
@@ -30,7 +29,7 @@ def letterbox(image: Image, shape: tuple[int, int]) -> tuple[NDArray[np.float32]
     The picture keeps its aspect; grey bars fill up around it.
     """
     size = image.shape[1], image.shape[0]
-    placement = place_in(size, Region(0, 0, *size), shape)
+    placement = place_static(size, Region(0, 0, *size), shape)
     canvas = np.full((*shape, 3), _GREY, dtype=np.uint8)
     fill(canvas, image, placement)
     return to_planes(canvas), placement
@@ -112,7 +111,7 @@ def figures_on(
     compiled = core.compile_model(network, "CPU")
     found, true = [], []
     for path in labelled.pictures:
-        picture = readable_picture(path)
+        picture = read_image(path)
         if picture is None:
             raise InputError(path, "not a readable picture", "remove it from the set")
         planes, placement = letterbox(picture, (size[0], size[1]))

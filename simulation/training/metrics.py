@@ -8,11 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from edge_daemon.evaluation.identity import box_overlap
-
 Floats = NDArray[np.float64]
 
 IOU_THRESHOLDS = tuple(round(0.5 + 0.05 * i, 2) for i in range(10))
+
+
+def box_iou(a: Floats, b: Floats) -> Floats:
+    """Intersection over union, shape (n, m), of boxes x1, y1, x2, y2, shapes (n, 4) and (m, 4)."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
+    inside = np.prod(np.clip(high - low, 0.0, None), axis=2)
+    areas = [np.prod(boxes[:, 2:] - boxes[:, :2], axis=1) for boxes in (a, b)]
+    return np.asarray(inside / np.maximum(areas[0][:, None] + areas[1] - inside, 1e-9))
 
 
 @dataclass(frozen=True)
@@ -29,7 +36,7 @@ def _matches(found: Floats, true: Floats, threshold: float) -> NDArray[np.bool_]
     hit = np.zeros(len(found), dtype=np.bool_)
     if not len(true):
         return hit
-    overlap = box_overlap(found, true)
+    overlap = box_iou(found, true)
     free = np.ones(len(true), dtype=np.bool_)
     for i in range(len(found)):
         candidates = np.where(free, overlap[i], -1.0)

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.accuracy.clips import CLIPS
 from benchmarks.accuracy.report import Row, features, misses, table
-from edge_daemon.evaluation import Scores
-from edge_daemon.evaluation.score import FeatureScore
+from research.perception import Scores
+from research.perception.score import FeatureScore
 from simulation.streetdrive.clip import draw_clip_camera
 from simulation.streetdrive.road import Road
 

@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.accuracy.allowances import Errors, fit, left_out
 from benchmarks.accuracy.clips import CLIPS, LEARNED_FROM
-from edge_daemon.hidden import Allowance
+from edge_daemon.features.occlusion import OcclusionCorrection
 
-TRUE = Allowance(0.4, 0.03, 0.2)
+TRUE = OcclusionCorrection(0.4, 0.03, 0.2)
 
 
 def drawn(clips: int, windows: int, seed: int = 1) -> Errors:
@@ -34,7 +34,7 @@ def test_clips_that_are_left_out_are_covered_as_promised() -> None:
     """95 % where the model holds; far less without any allowance."""
     errors = drawn(8, 40)
     assert np.mean(left_out(errors)) == pytest.approx(0.95, abs=0.04)
-    assert errors.covered(Allowance(0.0, 0.0, 0.0)) < 0.3
+    assert errors.covered(OcclusionCorrection(0.0, 0.0, 0.0)) < 0.3
 
 
 def test_a_long_clip_weighs_no_more_than_a_short_one() -> None:

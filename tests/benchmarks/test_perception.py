@@ -16,7 +16,7 @@ from benchmarks.perception.ours import measure
 from benchmarks.perception.report import LIVE, ROAD, SAME_EXPORT, TORCH, Results, checks
 from benchmarks.perception.slope import MemoryUse, Slope
 from benchmarks.perception.speed import Speed, measured, speed_of, written
-from edge_daemon.detection import DetectorSettings
+from edge_daemon.settings import DetectorSettings
 from simulation.streetdrive import ClipSettings, render_clip
 
 

@@ -74,7 +74,7 @@ def test_a_fault_is_mended_and_bad_input_is_not_repeated(unit: Path) -> None:
 @pytest.mark.parametrize("unit", DAEMONS, ids=lambda unit: unit.name)
 def test_the_watchdog_is_slower_than_the_work(unit: Path) -> None:
     """Progress is told at least three times a watchdog period, whatever the settings."""
-    slowest_beat = max(5.0, EdgeSettings.model_fields["every_s"].metadata[-1].le)
+    slowest_beat = max(5.0, EdgeSettings.model_fields["state_interval_s"].metadata[-1].le)
     assert seconds(values(unit, "WatchdogSec")[0]) >= 3 * slowest_beat
 
 

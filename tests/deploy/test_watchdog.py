@@ -140,7 +140,7 @@ def test_a_stuck_detector_silences_the_watchdog(tmp_path: Path, router: Router) 
 
 def test_waiting_for_a_camera_is_progress(tmp_path: Path, router: Router) -> None:
     """A restart would not bring an absent camera back, so the watchdog is fed."""
-    source = {"url": f"rtsp://127.0.0.1:{free_port()}/none", "stall_s": 1.0}
+    source = {"url": f"rtsp://127.0.0.1:{free_port()}/none", "stall_timeout_s": 1.0}
     config = edge_settings(tmp_path, router, source)
     with managed(tmp_path, "-c", _STICKING_EDGE, config, str(tmp_path / "none")) as manager:
         assert manager.hears("READY=1", 30)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from edge_daemon.camera import Camera, load_camera
-from edge_daemon.measurement import RoadPoints
+from edge_daemon.tracking.measurement import RoadPoints
 
 POLE_M = 9.0
 FOCAL_PX = 1000.0

@@ -22,11 +22,11 @@ from edge_daemon.daemon import EdgeDaemon
 from edge_daemon.detection import Detections
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.settings import EdgeSettings
+from edge_daemon.settings import EdgeSettings, WatchSettings
 from edge_daemon.sources import FrameSource, SourceCounters
 from edge_daemon.sources.camera import open_camera
-from edge_daemon.sources.live import LONGEST_WAIT_S, LiveSource
-from edge_daemon.watch import Watch, WatchSettings
+from edge_daemon.sources.live import MAX_WAIT_S, LiveSource
+from edge_daemon.watch import Watch
 from slipstream.config import ServiceSettings
 from slipstream.messages import RsuHealth, SegmentState
 from slipstream.service import Service
@@ -38,7 +38,7 @@ Picture = npt.NDArray[np.uint8]
 WINDOW_S = 4.0
 FPS = 15
 QUICK = WatchSettings(
-    sample_s=0.1,
+    sample_interval_s=0.1,
     frozen_after_s=1.5,
     exposure_after_s=0.3,
     moved_after_s=1.5,
@@ -115,7 +115,7 @@ def a_daemon(
             "camera": "camera.toml",
             "source": {"clip": "clip.mp4", "pace": pace},
             "window_s": WINDOW_S,
-            "every_s": 0.25,
+            "state_interval_s": 0.25,
             "watch": QUICK,
         }
     )
@@ -255,7 +255,7 @@ def test_pictures_of_another_size_are_corrupt_until_they_fit_again(
             now = time.monotonic()
             for number, picture in enumerate(pictures[:5]):
                 yield Frame(picture, number / FPS, time.time_ns(), now)
-            self.counters.misfit_s = time.monotonic()
+            self.counters.size_mismatch_s = time.monotonic()
             yield None
 
     daemon, recorder, _ = a_daemon(camera, Misfit([]), Still(), "real_time")
@@ -375,8 +375,8 @@ def test_what_was_skipped_keeps_its_marks(
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
         frame = Frame(picture, 0.0, 0, 0.0)
         offer(replace(frame, clock_jump=True, cut=True))
-        offer(replace(frame, captured_s=0.5 * LONGEST_WAIT_S))
-        offer(replace(frame, captured_s=1.1 * LONGEST_WAIT_S))
+        offer(replace(frame, captured_s=0.5 * MAX_WAIT_S))
+        offer(replace(frame, captured_s=1.1 * MAX_WAIT_S))
         offered.set()
 
     source = LiveSource(capture, "test")  # type: ignore[arg-type]

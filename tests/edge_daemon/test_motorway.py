@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from edge_daemon.camera import load_camera
-from edge_daemon.detection import DetectorSettings
-from edge_daemon.offline import Run, TrackSettings, track
+from edge_daemon.offline import TrackResult, track
+from edge_daemon.settings import DetectorSettings, TrackSettings
 from slipstream_cli.main import main
 
 POINTS = Path(__file__).parent / "data" / "motorway-points.toml"
@@ -18,7 +18,7 @@ NEAR_M = (5.0, 55.0)
 
 
 @pytest.fixture(scope="module")
-def run(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrackResult:
     """The clip, calibrated from its lane dashes, followed with COCO's weights."""
     folder = tmp_path_factory.mktemp("motorway")
     clip, camera = shared_data / "real_highway_640x360.mp4", folder / "camera.toml"
@@ -29,7 +29,7 @@ def run(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
     return track(clip, load_camera(camera), TrackSettings(window_s=4.0, detector=detector))
 
 
-def test_speeds_are_those_of_a_motorway(run: Run) -> None:
+def test_speeds_are_those_of_a_motorway(run: TrackResult) -> None:
     """113 km/h are allowed: the slow lanes keep to it, the fast ones nearly."""
     speeds: dict[int, list[float]] = {}
     for who, _, speed_mps, _ in run.recorder.speeds:
@@ -40,7 +40,7 @@ def test_speeds_are_those_of_a_motorway(run: Run) -> None:
     assert 105 < max(medians) < 122
 
 
-def test_near_vehicles_keep_their_identity(run: Run) -> None:
+def test_near_vehicles_keep_their_identity(run: TrackResult) -> None:
     """No track of a third of a second begins where another one, last seen in the near half just
     before, would be by then.
     """

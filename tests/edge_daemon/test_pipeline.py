@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 from edge_daemon.camera import Camera, load_camera
-from edge_daemon.detection import Detections, DetectorSettings, open_detector
+from edge_daemon.detection import Detections, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.sources import SourceSettings, open_source
-from edge_daemon.stability import StabilitySettings
-from edge_daemon.tracking import TrackerSettings
+from edge_daemon.settings import (
+    DetectorSettings,
+    SourceSettings,
+    StabilitySettings,
+    TrackerSettings,
+)
+from edge_daemon.sources import open_source
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState
 

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from edge_daemon.detection import VEHICLE_CLASSES
-from edge_daemon.detection.protocol import builtin_model
+from edge_daemon.detection import VEHICLE_CLASSES, builtin_model
 from simulation.training.__main__ import main as training
 from simulation.training.calibration import calibration_inputs
 from simulation.training.dataset import write_dataset

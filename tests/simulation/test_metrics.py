@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from edge_daemon.detection.region import Region
-from edge_daemon.evaluation.identity import box_overlap
 from simulation.training.judge import decode, letterbox
-from simulation.training.metrics import Boxes, average_precision, evaluate
+from simulation.training.metrics import Boxes, average_precision, box_iou, evaluate
 
 
 def boxes(*rows: tuple[float, float, float, float, int, float]) -> Boxes:
@@ -23,7 +22,7 @@ B = (20.0, 0.0, 30.0, 10.0, 0, 1.0)
 
 def test_iou_of_half_overlap_is_a_third():
     """Two equal boxes that share half their area have IoU 1/3."""
-    assert box_overlap(np.array([[0.0, 0, 10, 10]]), np.array([[5.0, 0, 15, 10]]))[
+    assert box_iou(np.array([[0.0, 0, 10, 10]]), np.array([[5.0, 0, 15, 10]]))[
         0, 0
     ] == pytest.approx(1 / 3)
 

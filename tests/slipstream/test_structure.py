@@ -52,7 +52,7 @@ def test_an_rsu_needs_no_dispatcher() -> None:
         "class Absent:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
         "        if name.split('.')[0] in {'torch', 'ultralytics', 'qiskit', 'sqlalchemy', 'viser',"
-        " 'apscheduler', 'dimod', 'storage', 'dispatcher_daemon', 'dashboard'}:\n"
+        " 'apscheduler', 'dimod', 'storage', 'dispatcher_daemon', 'dashboard', 'research'}:\n"
         "            raise ModuleNotFoundError(name)\n"
         "sys.meta_path.insert(0, Absent())\n"
         "import edge_daemon.daemon, edge_daemon.sources.camera, edge_daemon.sources.clip\n"

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edge_daemon.detection import VEHICLE_CLASSES, DetectorSettings, open_detector
+from edge_daemon.detection import VEHICLE_CLASSES, open_detector
+from edge_daemon.settings import DetectorSettings
 from simulation.training.dataset import write_dataset
 from simulation.training.export import ExportReport
 from simulation.training.metrics import Figures

@@ -133,7 +133,7 @@ def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
         (["--truth", "none.csv"], "none.csv"),
         (["--model", "none.xml"], "none.xml"),
         (["--window", "1"], "window_s"),
-        (["--every", "0"], "every_s"),
+        (["--every", "0"], "state_interval_s"),
         (["--out", "/proc/none/states.jsonl"], "cannot be written"),
         (["--out", "."], "cannot be written"),
         (["--annotated", "/proc/none/film.mp4"], "no video can be written"),

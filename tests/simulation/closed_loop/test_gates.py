@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from edge_daemon.evaluation.windows import TrueWindow
 from simulation.closed_loop.gates import is_turbulent, open_gates
+from simulation.ground_truth import TrueWindow
 
 WATCHED = [f"s{number}" for number in range(40)]
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.settings import DispatcherSettings
-from edge_daemon.evaluation.windows import TrueWindow
 from research.cities.streets import street_network
 from simulation.closed_loop.dispatch_settings import evaluation_settings
 from simulation.closed_loop.policy import Gating, Policy
@@ -24,6 +23,7 @@ from simulation.exogenous.day import exogenous_day
 from simulation.exogenous.passages import RecordedLeg, evaluate, turbulence_kwh
 from simulation.exogenous.recorded import Recorded, Watched, record_background, rsus_everywhere
 from simulation.exogenous.roadside import Roadside
+from simulation.ground_truth import TrueWindow
 from simulation.scenarios.day import DayOrder
 from simulation.scenarios.fleet import FleetSettings
 from simulation.scenarios.observer import Observation

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edge_daemon.stability import StabilitySettings
+from edge_daemon.settings import StabilitySettings
 from simulation.closed_loop.recording import record_history
 from simulation.scenarios.__main__ import main
 from simulation.scenarios.day import DayOrder, run_day

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.fleet import check_fleet
-from edge_daemon.evaluation.windows import TrueWindow
+from simulation.ground_truth import TrueWindow
 from simulation.scenarios.demand import Zone
 from simulation.scenarios.fleet import draw_deliveries, fleet_at
 from simulation.scenarios.observer import Observation

@@ -1,0 +1,281 @@
+"""Sightings in a window → the six kinematic features of a road segment (paper, section V-A).
+
+Speeds and accelerations come from smoothing each vehicle's positions over the window, never from
+differences between frames: a second difference of positions with 0.3 m of noise would drown every
+threshold. Each feature is the posterior mean over the segment's vehicles and times, with the
+posterior's standard error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from edge_daemon.camera import Array, WatchedSegment
+from edge_daemon.camera.pose import CameraPose
+from edge_daemon.features.centreline import Centreline, fit_centreline
+from edge_daemon.features.moments import posterior_moments, with_persistent_errors
+from edge_daemon.features.occlusion import VirtualCars, correct_for_occlusion
+from edge_daemon.features.smoother import Motion, Smoother, estimate_variance_components
+from edge_daemon.features.trajectories import (
+    GroupedSightings,
+    Trajectory,
+    VehicleKey,
+    find_trajectories,
+    group_by_vehicle,
+)
+from edge_daemon.tracking import Sightings
+from slipstream.messages import Estimate, KinematicFeatures
+
+LENGTH_STD_M: Final = 0.7
+"""Standard deviation of the length within a vehicle class, m."""
+OWN_SPEED_STD: Final = 0.005
+COMMON_SPEED_STD: Final = 0.003
+OWN_ACCELERATION_STD_MPS2: Final = 0.08
+COMMON_ACCELERATION_STD_MPS2: Final = 0.03
+"""Standard errors that persist along a vehicle's trajectory, measured on renders; those of speed
+are relative."""
+
+
+@dataclass(frozen=True)
+class VehicleMotion:
+    """One vehicle's smoothed motion along a segment.
+
+    Attributes:
+        track: the vehicle's track.
+        motion: at its condensed positions; `along_m` is the vehicle's middle.
+        weight_s: time that each position stands for while the vehicle was in the segment and the
+            window, shape (n,); 0 outside.
+        lane: lane index.
+        length_m: nominal length.
+    """
+
+    track: int
+    motion: Motion
+    weight_s: Array
+    lane: int
+    length_m: float
+
+    @property
+    def speed_std_mps(self) -> Array:
+        """Standard error of the speed at each position, m/s, shape (n,)."""
+        lasting = np.hypot(OWN_SPEED_STD, COMMON_SPEED_STD) * self.motion.speed_mps
+        variance = np.maximum(np.diag(self.motion.speed_covariance), 0.0)
+        return np.asarray(np.sqrt(variance + lasting**2))
+
+
+@dataclass(frozen=True)
+class WindowFeatures:
+    """The features of one window and what they rest on.
+
+    Attributes:
+        features: of all vehicles, corrected for occlusion.
+        seen: features of the visible vehicles.
+        occluded_share: share of the segment that was occluded; None where the pose is unknown.
+        vehicles: motions of the visible vehicles.
+    """
+
+    features: KinematicFeatures
+    seen: KinematicFeatures
+    occluded_share: float | None
+    vehicles: tuple[VehicleMotion, ...]
+
+
+class SegmentKinematics:
+    """Measures one segment, window after window.
+
+    Trajectories of vehicles that have left are reused.
+    """
+
+    def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:
+        """Set it up.
+
+        Args:
+            segment: the watched segment.
+            pose: of the camera; without one, vehicles' middles are guessed from their lengths, and
+                nothing is known of what vehicles hide.
+        """
+        self._segment = segment
+        self._pose = pose
+        self._virtual_cars = None if pose is None else VirtualCars(segment, pose)
+        self._trajectories: dict[VehicleKey, Trajectory | None] = {}
+
+    def features(
+        self, sightings: Sightings, begin_s: float, observed_s: float
+    ) -> WindowFeatures | None:
+        """Features over one window.
+
+        Args:
+            sightings: of the window and, if there are, some from before it; any order.
+            begin_s: media time at which the window begins.
+            observed_s: how much of the window was covered by frames, s, > 0.
+
+        Returns:
+            None if no vehicle was grouped long enough.
+        """
+        segment = self._segment
+        grouped = group_by_vehicle(sightings, segment)
+        centreline = _centreline(grouped, segment)
+        trajectories = self._find_trajectories(grouped, centreline)
+        if not trajectories:
+            return None
+        smoother = Smoother([trajectory.positions for trajectory in trajectories])
+        motion = smoother.smooth(estimate_variance_components(smoother))
+        ends = centreline.arc_length(np.array([segment.begin_m, segment.end_m]))
+        weights = _weights(motion, trajectories, ends, begin_s)
+        vehicles = tuple(
+            VehicleMotion(
+                trajectory.track,
+                motion.of(i, n),
+                weights[i, :n],
+                trajectory.lane,
+                trajectory.length_m,
+            )
+            for i, (trajectory, n) in enumerate(
+                (trajectory, len(trajectory.positions)) for trajectory in trajectories
+            )
+            if weights[i].sum() > 0
+        )
+        if not vehicles:
+            return None
+        seen = _features(motion, weights, vehicles, observed_s * segment.length_m)
+        if self._virtual_cars is None:
+            return WindowFeatures(seen, seen, None, vehicles)
+        share = self._virtual_cars.occluded_share(sightings, begin_s)
+        return WindowFeatures(correct_for_occlusion(seen, share), seen, share, vehicles)
+
+    def _find_trajectories(
+        self, grouped: GroupedSightings, centreline: Centreline
+    ) -> list[Trajectory]:
+        """Paths of the vehicles on this segment; those that have gone on keep the one they had."""
+        keys = grouped.keys()
+        new = np.array([key not in self._trajectories for key in keys], dtype=np.bool_)
+        found = iter(find_trajectories(grouped.take(new), self._segment, self._pose, centreline))
+        self._trajectories = {
+            key: next(found) if is_new else self._trajectories[key]
+            for key, is_new in zip(keys, new, strict=True)
+        }
+        return [trajectory for trajectory in self._trajectories.values() if trajectory is not None]
+
+
+def _centreline(grouped: GroupedSightings, segment: WatchedSegment) -> Centreline:
+    points = grouped.sightings.point_m.take(grouped.rows, axis=0)
+    return fit_centreline(grouped.vehicle, segment.along(points), points @ segment.left)
+
+
+def _weights(
+    motion: Motion, trajectories: Sequence[Trajectory], ends: Array, begin_s: float
+) -> Array:
+    """Time that each condensed position stands for, as far as it lies in segment and window.
+
+    Args:
+        motion: of all vehicles, a stack of (v, n).
+        trajectories: the vehicles' trajectories.
+        ends: the segment's, as positions count, shape (2,).
+        begin_s: of the window.
+
+    Returns:
+        Shape (v, n), 0 for what fills up the stack.
+    """
+    last = np.array([[len(trajectory.positions) - 1] for trajectory in trajectories])
+    first_s = np.array([[trajectory.first_s] for trajectory in trajectories])
+    last_s = np.array([[trajectory.last_s] for trajectory in trajectories])
+    time, place, speed = motion.time_s, motion.along_m, motion.speed_mps
+    # Where the vehicle was at the borders between neighbouring positions, and at its ends.
+    borders = np.hstack([first_s, (time[:, 1:] + time[:, :-1]) / 2, last_s])
+    along = np.hstack([place[:, :1], (place[:, 1:] + place[:, :-1]) / 2, place[:, -1:]])
+    along[:, :1] += (first_s - time[:, :1]) * speed[:, :1]
+    end = (np.take_along_axis(each, last, axis=1) for each in (time, place, speed))
+    end_s, end_m, end_mps = end
+    over = np.arange(borders.shape[1]) > last
+    borders = np.where(over, last_s, borders)
+    along = np.where(over, end_m + (last_s - end_s) * end_mps, along)
+    # Share of each interval in the segment and the window, motion within it taken as even.
+    low, high = ends
+    begin, moved = along[:, :-1], np.diff(along)
+    in_segment = np.diff(np.clip(along, low, high)) / np.maximum(moved, 1e-6)
+    in_segment = np.where(moved < 1e-3, (begin >= low) & (begin <= high), in_segment)
+    in_window = np.diff(np.maximum(borders, begin_s))
+    return np.asarray(in_window * np.clip(in_segment, 0.0, 1.0))
+
+
+def _features(
+    motion: Motion, weights_s: Array, vehicles: Sequence[VehicleMotion], area: float
+) -> KinematicFeatures:
+    """The six features.
+
+    Args:
+        motion: of all vehicles, a stack of (v, n).
+        weights_s: time that each position stands for, shape (v, n).
+        vehicles: those of them that were in segment and window.
+        area: the segment's length times the observed time, m s.
+    """
+    present_s = float(weights_s.sum())
+    weights = weights_s / present_s
+    speed, spread = posterior_moments(weights, motion.speed_mps, motion.speed_covariance)
+    own, common = OWN_SPEED_STD * speed.value, COMMON_SPEED_STD * speed.value
+    speed, spread = with_persistent_errors(weights, speed, spread, own, common)
+    acceleration, variance = with_persistent_errors(
+        weights,
+        *posterior_moments(weights, motion.acceleration_mps2, motion.acceleration_covariance),
+        OWN_ACCELERATION_STD_MPS2,
+        COMMON_ACCELERATION_STD_MPS2,
+    )
+    std = float(np.sqrt(spread.value))
+    error = spread.standard_error or 0.0
+    return KinematicFeatures(
+        mean_speed_mps=speed,
+        mean_acceleration_mps2=acceleration,
+        density_veh_per_m=Estimate(
+            value=present_s / area, standard_error=_presence_error_s(vehicles) / area
+        ),
+        speed_std_mps=Estimate(
+            value=std, standard_error=error / max(2 * std, np.sqrt(error), 1e-9)
+        ),
+        acceleration_variance_m2ps4=variance,
+        mean_gap_m=_mean_gap(vehicles),
+    )
+
+
+def _presence_error_s(vehicles: Sequence[VehicleMotion]) -> float:
+    """Standard error of the time that vehicles spent in the segment.
+
+    Each crosses its two ends at a time that is unsure by the spread of lengths over its speed.
+    """
+    speeds = np.array([max(v.motion.speed_mps.mean(), 1.0) for v in vehicles])
+    return float(np.sqrt(np.sum(2 * (LENGTH_STD_M / 2 / speeds) ** 2)))
+
+
+def _mean_gap(vehicles: Sequence[VehicleMotion]) -> Estimate | None:
+    """Mean clear distance between followers and leaders in one lane, sampled twice a second.
+
+    Its error is that of the vehicles' lengths: one draw a pair, however long it was seen.
+    """
+    first = min(float(v.motion.time_s[0]) for v in vehicles)
+    last = max(float(v.motion.time_s[-1]) for v in vehicles)
+    grid = np.arange(first, last, 0.5)
+    places = np.stack(
+        [
+            np.where(
+                np.interp(grid, v.motion.time_s, v.weight_s, 0.0, 0.0) > 0,
+                np.interp(grid, v.motion.time_s, v.motion.along_m),
+                np.nan,
+            )
+            for v in vehicles
+        ]
+    )
+    lanes, lengths = np.array([(v.lane, v.length_m) for v in vehicles]).T
+    # Each lane's vehicles in a row, those ahead after those behind, the absent ones at its end.
+    order = np.lexsort((places, np.broadcast_to(lanes[:, None], places.shape)), axis=0)
+    behind, ahead = order[:-1], order[1:]
+    distance = np.diff(np.take_along_axis(places, order, axis=0), axis=0)
+    pairs = (lanes[behind] == lanes[ahead]) & np.isfinite(distance)
+    if not pairs.any():
+        return None
+    clear = np.maximum(0.0, distance - (lengths[behind] + lengths[ahead]) / 2)
+    counts = np.bincount((behind * len(vehicles) + ahead)[pairs])
+    error = LENGTH_STD_M / np.sqrt(2) * np.sqrt(np.sum((counts / counts.sum()) ** 2))
+    return Estimate(value=float(clear[pairs].mean()), standard_error=float(error))

@@ -1,0 +1,283 @@
+"""The motion of vehicles along a segment from noisy positions: a Gaussian-process smoother.
+
+Position is s(t) = s₀ + v₀ t + ∬ a, with the acceleration a zero-mean Gaussian process of variance
+σ²_a and a Matérn-3/2 correlation (Rasmussen & Williams, Gaussian Processes, 2006, eq. 4.17), s₀ and
+v₀ unknown (ibid., eq. 2.41). It is the smoother of a Singer-like manoeuvre model (Singer, IEEE
+Trans. AES 6, 1970) over the whole window. How strong accelerations and noise are is taken from the
+data: the two variance components are estimated by restricted maximum likelihood over all vehicles
+of the segment, so that calm traffic is smoothed hard and rough traffic is not flattened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from edge_daemon.camera import Array
+
+BIN_S: Final = 0.2
+"""Positions are averaged over so long before smoothing: little is lost, much time is won."""
+MAX_BINS: Final = 24
+"""A vehicle that is in view for long gets longer bins: smoothing costs the cube of their number."""
+CORRELATION_S: Final = 2.5
+"""Length scale of the acceleration's correlation."""
+NOISE_CORRELATION_S: Final = 0.05
+"""For so long most of a box's error stays: the detector sees nearly the same frame."""
+SLOW_SHARE: Final = 0.6
+"""Share of a box's error variance that stays for longer: the same side hidden, the same shape."""
+SLOW_CORRELATION_S: Final = 1.0
+_PRIOR_OBSERVATIONS: Final = 10.0
+_PRIOR_ACCELERATION_VARIANCE: Final = 0.3
+_MIN_VARIANCE, _MAX_VARIANCE = 1e-4, 50.0
+
+
+@dataclass(frozen=True)
+class Positions:
+    """Binned positions of one vehicle along the segment.
+
+    Attributes:
+        time_s: increasing, shape (n,).
+        along_m: shape (n,).
+        variance_m2: of `along_m`, independent between positions, shape (n,).
+        slow_m2: of the part of the error that neighbouring positions share, shape (n,).
+    """
+
+    time_s: Array
+    along_m: Array
+    variance_m2: Array
+    slow_m2: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+
+def bin_positions(
+    vehicle: npt.NDArray[np.intp], time_s: Array, along_m: Array, variance_m2: Array
+) -> list[Positions]:
+    """Average each vehicle's positions over bins, weighted by their certainty.
+
+    Boxes of neighbouring frames err alike, r(Δt) = exp(−Δt / NOISE_CORRELATION_S): each position
+    counts for less, the closer the frames lie, by (1 + r)/(1 − r) for an AR(1) process.
+
+    Args:
+        vehicle: each position's vehicle, increasing, shape (n,).
+        time_s: increasing for each vehicle, shape (n,).
+        along_m: shape (n,).
+        variance_m2: of one position, shape (n,).
+
+    Returns:
+        One vehicle after the other.
+    """
+    first = np.diff(vehicle, prepend=-1) != 0
+    begins, of = np.flatnonzero(first), np.cumsum(first) - 1
+    begin_s, end_s = time_s[begins], time_s[np.append(begins[1:], len(time_s)) - 1]
+    alike = np.exp(-np.diff(time_s, prepend=-np.inf).clip(0) / NOISE_CORRELATION_S)
+    alike[begins] = 0.0
+    weight = (1 - alike) / (1 + alike) / variance_m2
+    bin_s = np.maximum(BIN_S, (end_s - begin_s) / MAX_BINS)
+    number = np.floor((time_s - begin_s[of]) / bin_s[of] + 1e-6)
+    opens = first | (np.diff(number, prepend=-1) != 0)
+    bins = np.cumsum(opens) - 1
+    total = np.bincount(bins, weight)
+    columns = (
+        np.bincount(bins, weight * time_s) / total,
+        np.bincount(bins, weight * along_m) / total,
+        (1 - SLOW_SHARE) / total,
+        SLOW_SHARE * np.bincount(bins, weight * variance_m2) / total,
+    )
+    borders = [*bins[begins].tolist(), len(total)]
+    return [
+        Positions(*(column[begin:end] for column in columns)) for begin, end in pairwise(borders)
+    ]
+
+
+@dataclass(frozen=True)
+class VarianceComponents:
+    """What the positions of a segment's vehicles vary by.
+
+    Attributes:
+        acceleration_variance: of the process, (m/s²)².
+        noise_scale: the positions' true variance over the stated one.
+    """
+
+    acceleration_variance: float
+    noise_scale: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Smoothed motion at condensed positions, of one vehicle or of a stack of v vehicles.
+
+    In a stack all arrays have a leading axis (v,), and n is the largest number of positions; what
+    fills up the rows of vehicles with fewer means nothing.
+
+    Attributes:
+        time_s: shape (n,).
+        along_m: shape (n,).
+        speed_mps: shape (n,).
+        acceleration_mps2: shape (n,).
+        speed_covariance: shape (n, n).
+        acceleration_covariance: shape (n, n).
+    """
+
+    time_s: Array
+    along_m: Array
+    speed_mps: Array
+    acceleration_mps2: Array
+    speed_covariance: Array
+    acceleration_covariance: Array
+
+    def of(self, vehicle: int, n: int) -> Motion:
+        """One vehicle's motion at its n positions, from a stack."""
+        return Motion(
+            self.time_s[vehicle, :n],
+            self.along_m[vehicle, :n],
+            self.speed_mps[vehicle, :n],
+            self.acceleration_mps2[vehicle, :n],
+            self.speed_covariance[vehicle, :n, :n],
+            self.acceleration_covariance[vehicle, :n, :n],
+        )
+
+
+class Smoother:
+    """The positions of vehicles, ready for estimating components and for smoothing.
+
+    All vehicles stand in one stack, so that they cost a handful of array operations. The rows of
+    vehicles with fewer positions are padded with uninformative observations: at their last time, of
+    zero, with independent noise and no part in the motion.
+
+    Attributes:
+        gains: of all vehicles' contrasts, shape (k,): each has variance noise + σ²_a · gain.
+        contrasts: shape (k,).
+    """
+
+    def __init__(self, positions: Sequence[Positions]) -> None:
+        """Set up the process at the positions' times: one vehicle at least, three positions each.
+
+        Args:
+            positions: by vehicle.
+        """
+        counts = np.array([len(each) for each in positions])
+        n = int(counts.max())
+        self._real = np.arange(n) < counts[:, None]
+        rows = np.minimum(np.arange(n), counts[:, None] - 1) + (np.cumsum(counts) - counts)[:, None]
+
+        def stack(name: str) -> Array:
+            return np.asarray(np.concatenate([getattr(each, name) for each in positions])[rows])
+
+        self._time_s = stack("time_s")
+        time = self._time_s - self._time_s[:, :1]
+        apart = np.abs(time[:, :, None] - time[:, None])
+        to_speed, to_along = _integrals(time)
+        to_along[~self._real] = 0.0
+        distance = np.sqrt(3.0) * apart / CORRELATION_S
+        correlation: Array = (1 + distance) * np.exp(-distance)
+        # Covariances for σ²_a = 1: of position, speed and acceleration with position, of each.
+        with_along = correlation @ to_along.mT
+        self._of_along = to_along @ with_along
+        self._with_along = np.concatenate(
+            [self._of_along, to_speed @ with_along, with_along], axis=1
+        )
+        self._of_speed = to_speed @ correlation @ to_speed.mT
+        self._of_acceleration = correlation
+        slow = np.sqrt(np.where(self._real, stack("slow_m2"), 0.0))
+        quick = np.where(self._real, stack("variance_m2"), 1.0)
+        self._noise: Array = slow[:, :, None] * slow[:, None] * np.exp(-apart / SLOW_CORRELATION_S)
+        self._noise += np.eye(n) * quick[:, None]
+        # Effect of s₀ and v₀ on position, speed and acceleration.
+        self._start = np.zeros((len(counts), 3 * n, 2))
+        self._start[:, :n, 0] = self._real
+        self._start[:, :n, 1] = np.where(self._real, time, 0.0)
+        self._start[:, n : 2 * n, 1] = 1.0
+        along = np.where(self._real, stack("along_m"), 0.0)
+        self._middle = along.sum(axis=1, keepdims=True) / counts[:, None]
+        self._target = np.where(self._real, along - self._middle, 0.0)
+        self.gains, self.contrasts = self._contrasts()
+
+    def _contrasts(self) -> tuple[Array, Array]:
+        """Gains and values of independent contrasts free of s₀ and v₀, of all vehicles."""
+        n = self._real.shape[1]
+        whiten = np.linalg.inv(np.linalg.cholesky(self._noise))
+        design = self._start[:, :n]
+        basis = np.linalg.qr(whiten @ design, mode="complete")[0][:, :, 2:]
+        projected = basis.mT @ whiten
+        covariance = projected @ self._of_along @ projected.mT
+        # Padding stays on separate axes, marked by a gain that no contrast can have.
+        covariance -= np.eye(n - 2) * ~self._real[:, 2:, None]
+        gain, vectors = np.linalg.eigh(covariance)
+        contrasts = (vectors.mT @ (projected @ self._target[:, :, None]))[:, :, 0]
+        real = gain > -0.5
+        return np.maximum(gain[real], 0.0), contrasts[real]
+
+    def smooth(self, components: VarianceComponents) -> Motion:
+        """Posterior of the motions as a stack, given how strong acceleration and noise are."""
+        n = self._real.shape[1]
+        variance = components.acceleration_variance
+        total = variance * self._of_along + components.noise_scale * self._noise
+        cross = variance * self._with_along
+        design = self._start[:, :n]
+        solved = np.linalg.solve(
+            total, np.concatenate([self._target[:, :, None], design, cross[:, n:].mT], axis=2)
+        )
+        weighted, started = solved[:, :, :1], solved[:, :, 1:3]
+        spread = np.linalg.inv(design.mT @ started)
+        start = spread @ (design.mT @ weighted)
+        mean = (cross @ (weighted - started @ start) + self._start @ start)[:, :, 0]
+        left = self._start - cross @ started
+        speed, acceleration = np.s_[:, n : 2 * n], np.s_[:, 2 * n :]
+        return Motion(
+            self._time_s,
+            mean[:, :n] + self._middle,
+            mean[speed],
+            mean[acceleration],
+            variance * self._of_speed
+            - cross[speed] @ solved[:, :, 3 : 3 + n]
+            + left[speed] @ spread @ left[speed].mT,
+            variance * self._of_acceleration
+            - cross[acceleration] @ solved[:, :, 3 + n :]
+            + left[acceleration] @ spread @ left[acceleration].mT,
+        )
+
+
+def estimate_variance_components(smoother: Smoother) -> VarianceComponents:
+    """Variance components by restricted maximum likelihood (Fisher scoring).
+
+    A contrast of gain g is normal with variance noise + σ²_a g, so the squares regress on
+    (1, g) with weights that the estimate itself gives. A weak prior stands in where vehicles are
+    few.
+    """
+    gains, squares = smoother.gains, smoother.contrasts**2
+    design = np.stack([np.ones_like(gains), gains])
+    estimate = np.array([1.0, _PRIOR_ACCELERATION_VARIANCE])
+    prior = _PRIOR_OBSERVATIONS / 2 * np.diag([1.0, 0.0])
+    for _ in range(20):
+        variance = estimate[0] + estimate[1] * gains
+        # A box that jumped is no acceleration: residuals are clipped at 3 σ.
+        seen = np.minimum(squares, 9.0 * variance)
+        weighted = design * (0.5 / variance**2)
+        normal = weighted @ design.T + prior
+        new = np.linalg.solve(normal, weighted @ seen + prior @ [1.0, 0.0])
+        new = np.clip(new, [0.05, _MIN_VARIANCE], [25.0, _MAX_VARIANCE])
+        if (np.abs(new - estimate) <= 1e-3 * estimate).all():
+            break
+        estimate = new
+    return VarianceComponents(float(estimate[1]), float(estimate[0]))
+
+
+def _integrals(time_s: Array) -> tuple[Array, Array]:
+    """Matrices (v, n, n) that take accelerations, linear between their times (v, n), to the gain
+    in speed and in position since the first time.
+    """
+    count, n = time_s.shape
+    dt = np.diff(time_s)[:, :, None]
+    before, after = np.eye(n)[:-1], np.eye(n)[1:]
+    to_speed, to_along = np.zeros((2, count, n, n))
+    np.cumsum(dt / 2 * (before + after), axis=1, out=to_speed[:, 1:])
+    moved = to_speed[:, :-1] * dt + dt**2 * (before / 3 + after / 6)
+    np.cumsum(moved, axis=1, out=to_along[:, 1:])
+    return to_speed, to_along

@@ -1,0 +1,28 @@
+"""Which source the settings ask for."""
+
+from __future__ import annotations
+
+from edge_daemon.settings import SourceSettings
+from edge_daemon.sources.camera import open_camera
+from edge_daemon.sources.clip import FastClip, open_clip, paced_clip
+from edge_daemon.sources.protocol import FrameSource
+from slipstream.errors import InputError
+
+
+def open_source(settings: SourceSettings, size: tuple[int, int] | None = None) -> FrameSource:
+    """Open the source that the settings ask for.
+
+    Args:
+        settings: clip or camera.
+        size: (width, height) of the calibrated frame, px; None takes any.
+
+    Raises:
+        InputError: a clip that is missing, no video, or of another size. A camera need not be
+            reachable yet.
+    """
+    if settings.clip is not None:
+        reader = open_clip(settings.clip, loop=settings.loop, size=size)
+        return FastClip(reader) if settings.pace == "fast" else paced_clip(reader)
+    if settings.url is None:
+        raise InputError("source", "neither clip nor url", "give one of them")
+    return open_camera(settings.url, settings.stall_timeout_s, size)

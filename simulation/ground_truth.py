@@ -1,0 +1,187 @@
+"""Ground truth: where each vehicle is and how it moves, and the features and flag of a window."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from edge_daemon.camera import Array, WatchedSegment
+from edge_daemon.settings import StabilitySettings
+from slipstream.errors import InputError
+
+_COLUMNS: Final = (
+    "frame",
+    "time_s",
+    "vehicle_id",
+    "x_m",
+    "y_m",
+    "speed_mps",
+    "acceleration_mps2",
+    "x1_px",
+    "y1_px",
+    "x2_px",
+    "y2_px",
+    "visible_fraction",
+    "length_m",
+)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """One row a vehicle and frame, in the order of frames.
+
+    Attributes:
+        frame: number of the frame, shape (n,).
+        time_s: media time, shape (n,).
+        vehicle: identity, shape (n,).
+        centre_m: middle of the vehicle on the road plane, m, shape (n, 2).
+        speed_mps: along its lane, shape (n,).
+        acceleration_mps2: along its lane, shape (n,).
+        box_px: x1, y1, x2, y2, shape (n, 4).
+        visible: share of it that is in the picture and not hidden, shape (n,).
+        length_m: shape (n,).
+    """
+
+    frame: npt.NDArray[np.int64]
+    time_s: Array
+    vehicle: npt.NDArray[np.int64]
+    centre_m: Array
+    speed_mps: Array
+    acceleration_mps2: Array
+    box_px: Array
+    visible: Array
+    length_m: Array
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def take(self, rows: npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Truth:
+        """Some of the rows."""
+        return Truth(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+
+def load_truth(path: Path) -> Truth:
+    """Read a ``truth.csv`` as `slipstream clip` writes it; other columns are ignored.
+
+    Raises:
+        InputError: it cannot be read, a column is missing, or a value is no number.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(file)
+            missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
+            if missing:
+                raise InputError(
+                    path, "no such column", "give a truth.csv of `slipstream clip`", key=missing[0]
+                )
+            rows = [[row[name] for name in _COLUMNS] for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(path, f"cannot be read ({error})", "give a CSV file") from None
+    try:
+        table = np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
+    except (ValueError, TypeError):
+        raise InputError(path, "a value is no number", "give a complete CSV file") from None
+    if not np.isfinite(table).all():
+        raise InputError(path, "a value is not finite", "give a complete CSV file")
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    return Truth(
+        table[:, 0].astype(np.int64),
+        table[:, 1],
+        table[:, 2].astype(np.int64),
+        table[:, 3:5],
+        table[:, 5],
+        table[:, 6],
+        table[:, 7:11],
+        table[:, 11],
+        table[:, 12],
+    )
+
+
+@dataclass(frozen=True)
+class TrueWindow:
+    """What a perfect observer would report of one segment and window.
+
+    Attributes:
+        mean_speed_mps: v̄.
+        mean_acceleration_mps2: ā.
+        density_veh_per_m: ρ.
+        speed_std_mps: σ_v.
+        acceleration_variance_m2ps4: σ²_a.
+        mean_gap_m: Δd̄, None where nobody followed anybody.
+        vehicles: different vehicles.
+        y_e: the paper's rule on these values.
+        near_threshold: whether one of the rule's quantities lies within the band around its
+            threshold while the other does not already decide.
+    """
+
+    mean_speed_mps: float
+    mean_acceleration_mps2: float
+    density_veh_per_m: float
+    speed_std_mps: float
+    acceleration_variance_m2ps4: float
+    mean_gap_m: float | None
+    vehicles: int
+    y_e: Literal[0, 1]
+    near_threshold: bool
+
+
+def true_window(
+    truth: Truth,
+    segment: WatchedSegment,
+    begin_s: float,
+    end_s: float,
+    rule: StabilitySettings,
+    band: float = 0.1,
+) -> TrueWindow | None:
+    """Features over all vehicles whose middle is in the segment in [begin_s, end_s].
+
+    Args:
+        truth: of the clip.
+        segment: the watched segment.
+        begin_s: media time.
+        end_s: media time.
+        rule: thresholds of the flag.
+        band: relative width around a threshold within which a flag is a matter of luck.
+
+    Returns:
+        None if no vehicle was there.
+    """
+    seen = (truth.time_s >= begin_s - 1e-9) & (truth.time_s <= end_s + 1e-9)
+    frames = len(np.unique(truth.frame[seen]))
+    inside = truth.take(np.flatnonzero(seen))
+    inside = inside.take(segment.contains(inside.centre_m))
+    if not len(inside):
+        return None
+    mean, spread = float(inside.speed_mps.mean()), float(inside.speed_mps.std())
+    variance = float(inside.acceleration_mps2.var())
+    # Each quantity as a multiple of its threshold: the larger one decides.
+    cv = spread / mean if mean > 0 else np.inf
+    worst = max(cv / rule.max_speed_cv, variance / rule.max_acceleration_variance_m2ps4)
+    return TrueWindow(
+        mean,
+        float(inside.acceleration_mps2.mean()),
+        len(inside) / (frames * segment.length_m),
+        spread,
+        variance,
+        _mean_gap(inside, segment),
+        len(np.unique(inside.vehicle)),
+        1 if worst <= 1 else 0,
+        1 - band <= worst <= 1 + band,
+    )
+
+
+def _mean_gap(inside: Truth, segment: WatchedSegment) -> float | None:
+    lane, along = segment.lane(inside.centre_m), segment.along(inside.centre_m)
+    order = np.lexsort((along, lane, inside.frame))
+    gaps = [
+        along[ahead] - along[behind] - (inside.length_m[ahead] + inside.length_m[behind]) / 2
+        for behind, ahead in pairwise(order)
+        if inside.frame[behind] == inside.frame[ahead] and lane[behind] == lane[ahead]
+    ]
+    return float(np.mean(gaps)) if gaps else None

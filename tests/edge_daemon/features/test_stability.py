@@ -1,0 +1,178 @@
+"""The flag and its unknowns."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from edge_daemon.features.stability import Flag, StabilityJudge, classify
+from edge_daemon.settings import StabilitySettings
+from slipstream.config import check
+from slipstream.errors import InputError
+from slipstream.messages import Estimate, KinematicFeatures
+
+BARE = StabilitySettings().bare()
+
+
+def features(
+    mean: float = 16.0,
+    spread: float = 0.5,
+    variance: float = 0.1,
+    error: float | None = 0.01,
+    spread_error: float | None = 0.0,
+) -> KinematicFeatures:
+    """Features that matter for the flag."""
+    return KinematicFeatures(
+        mean_speed_mps=Estimate(value=mean, standard_error=0.0),
+        mean_acceleration_mps2=Estimate(value=0.0),
+        density_veh_per_m=Estimate(value=0.05),
+        speed_std_mps=Estimate(value=spread, standard_error=spread_error),
+        acceleration_variance_m2ps4=Estimate(value=variance, standard_error=error),
+    )
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (features(), 1),
+        (features(spread=0.12 * 16.0), 1),
+        (features(spread=0.1201 * 16.0), 0),
+        (features(variance=0.5), 1),
+        (features(variance=0.501), 0),
+        (features(mean=0.0, spread=0.0), 0),
+        (features(error=None, spread_error=None), 1),
+    ],
+)
+def test_the_papers_rule_bare(seen: KinematicFeatures, expected: int) -> None:
+    """CV ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴, both inclusive; standing traffic is not stable."""
+    assert classify(seen, 5, 300, 1.0, BARE) == Flag(expected, None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (features(variance=0.1, error=0.3), Flag(1, None)),
+        (features(variance=0.4, error=0.2), Flag(None, "uncertain")),
+        (features(variance=0.6, error=0.2), Flag(None, "uncertain")),
+        (features(variance=2.0, error=0.6), Flag(0, None)),
+        (features(variance=0.1, error=None), Flag(None, "uncertain")),
+        (features(variance=2.0, error=None), Flag(0, None)),
+        (features(spread=1.9, spread_error=0.3), Flag(None, "uncertain")),
+        (features(spread=1.9, spread_error=0.3, variance=2.0), Flag(0, None)),
+    ],
+)
+def test_a_flag_is_given_only_where_the_errors_allow_it(
+    seen: KinematicFeatures, expected: Flag
+) -> None:
+    """One quantity surely over its threshold decides; otherwise both must be surely under."""
+    assert classify(seen, 5, 300, 1.0, StabilitySettings()) == expected
+
+
+def test_a_segment_becomes_stable_later_than_it_stays_stable() -> None:
+    """Between 0.95 and 1 of a threshold the flag keeps what it was, so that it does not flap."""
+    settings = StabilitySettings(confidence_sigmas=0.0)
+    between = features(variance=0.49)
+    assert classify(between, 5, 300, 1.0, settings).y_e == 0
+    assert classify(between, 5, 300, 1.0, settings, was_stable=True).y_e == 1
+    under, over = features(variance=0.47), features(variance=0.501)
+    assert classify(under, 5, 300, 1.0, settings).y_e == 1
+    assert classify(over, 5, 300, 1.0, settings, was_stable=True).y_e == 0
+
+
+@given(
+    st.floats(0.1, 30),
+    st.floats(0, 10),
+    st.floats(0, 3),
+    st.floats(0, 1),
+    st.floats(0, 1),
+    st.booleans(),
+)
+def test_stable_always_means_that_the_papers_rule_holds(
+    mean: float, spread: float, variance: float, error: float, spread_error: float, was: bool
+) -> None:
+    """Hysteresis and doubt only ever make the rule stricter."""
+    seen = features(mean, spread, variance, error, spread_error)
+    if classify(seen, 5, 300, 1.0, StabilitySettings(), was_stable=was).y_e == 1:
+        assert classify(seen, 5, 300, 1.0, BARE).y_e == 1
+
+
+@pytest.mark.parametrize(
+    "setting", [{"max_speed_cv": 12.0}, {"max_acceleration_variance_m2ps4": float("inf")}]
+)
+def test_thresholds_that_would_pass_everything_are_refused(setting: dict[str, float]) -> None:
+    """12 % is 0.12."""
+    with pytest.raises(InputError, match=next(iter(setting))):
+        check(setting, StabilitySettings, "edge.toml")
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "frames", "coverage", "reason"),
+    [
+        (5, 0, 0.0, "no_frames"),
+        (5, 100, 0.5, "window_not_covered"),
+        (2, 300, 1.0, "too_few_vehicles"),
+    ],
+)
+def test_without_data_the_flag_is_unknown(
+    vehicles: int, frames: int, coverage: float, reason: str
+) -> None:
+    """Never stable by default."""
+    flag = classify(features(), vehicles, frames, coverage, StabilitySettings())
+    assert flag == Flag(None, reason)  # type: ignore[arg-type]
+    assert classify(None, 0, 300, 1.0, StabilitySettings()) == Flag(None, "too_few_vehicles")
+
+
+CALM, THIN = features(mean=30.0), features(mean=29.0)
+MINUTE = 60 * 10**9
+
+
+def judged(
+    settings: StabilitySettings, *windows: tuple[KinematicFeatures | None, int]
+) -> list[int]:
+    """Flags of windows of a minute each, by how many vehicles came by; -1: unknown."""
+    judge = StabilityJudge(settings)
+    flags = [
+        judge.judge("s", n * MINUTE, seen, vehicles, 1800, 1.0).y_e
+        for n, (seen, vehicles) in enumerate(windows)
+    ]
+    return [-1 if flag is None else flag for flag in flags]
+
+
+def test_a_stable_segment_stays_so_while_traffic_is_thin_and_no_longer_than_it_may() -> None:
+    """Counted from the last window that had vehicles enough; by default no window longer."""
+    windows = [(CALM, 5), (THIN, 2), (None, 0), (THIN, 1), (CALM, 3), (None, 0)]
+    assert judged(StabilitySettings(keep_s=120.0), *windows) == [1, 1, 1, -1, 1, 1]
+    assert judged(StabilitySettings(), *windows) == [1, -1, -1, -1, 1, -1]
+    assert judged(StabilitySettings(keep_s=120.0).bare(), *windows) == [1, -1, -1, -1, 1, -1]
+
+
+def test_a_kept_flag_ends_with_what_speaks_against_it() -> None:
+    """Slow vehicles, turbulence or doubt do; a calm vehicle alone does not bring it back."""
+    keeps = StabilitySettings(keep_s=600.0)
+    for against in (
+        (features(mean=0.69 * 30.0), 1),
+        (features(variance=2.0), 5),
+        (features(variance=0.4, error=0.2), 5),
+    ):
+        flags = judged(keeps, (CALM, 5), (THIN, 1), against, (THIN, 1))
+        assert flags[:2] == [1, 1]
+        assert 1 not in flags[2:]
+    assert judged(keeps, (CALM, 5), (features(mean=0.71 * 30.0), 1)) == [1, 1]
+
+
+def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
+    """After either the segment has to be judged anew."""
+    judge = StabilityJudge(StabilitySettings(keep_s=600.0))
+
+    def flag(time_ns: int, vehicles: int) -> int | None:
+        return judge.judge("s", time_ns, THIN, vehicles, 300, 1.0).y_e
+
+    assert flag(10 * MINUTE, 5) == 1
+    assert judge.invalidate("s", "frozen") == Flag(None, "frozen")
+    assert flag(11 * MINUTE, 1) is None
+    assert flag(12 * MINUTE, 5) == 1
+    assert flag(5 * MINUTE, 1) is None
+    assert flag(13 * MINUTE, 5) == 1
+    judge.reset()
+    assert flag(14 * MINUTE, 1) is None

@@ -1,0 +1,309 @@
+"""Clips and cameras as sources of frames."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from edge_daemon.frame import Frame
+from edge_daemon.settings import SourceSettings
+from edge_daemon.sources import FrameSource, open_source
+from edge_daemon.sources.camera import open_camera, without_password
+from edge_daemon.sources.clip import ClipFrame, open_clip, paced_clip
+from edge_daemon.sources.live import Capture, LiveSource
+from edge_daemon.sources.protocol import SourceCounters
+from slipstream.config import check
+from slipstream.errors import InputError
+
+FRAMES, FPS = 45, 30
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A video of 1.5 s whose brightness tells the frame."""
+    path = tmp_path_factory.mktemp("clip") / "video.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), FPS, (320, 180))
+    for number in range(FRAMES):
+        writer.write(np.full((180, 320, 3), 20 + 4 * number, dtype=np.uint8))
+    writer.release()
+    return path
+
+
+def taken(source: FrameSource, limit: int = 10**6) -> list[Frame]:
+    """Frames until the source ends or enough have come."""
+    frames = []
+    for frame in source.frames():
+        if frame is not None:
+            frames.append(frame)
+        if len(frames) >= limit:
+            break
+    source.close()
+    return frames
+
+
+def test_a_fast_clip_gives_every_frame_once(clip: Path) -> None:
+    """All frames, in order, at their media times."""
+    frames = taken(open_source(SourceSettings(clip=clip, pace="fast")))
+    assert [round(f.media_time_s * FPS) for f in frames] == list(range(FRAMES))
+    brightness = [float(f.image.mean()) for f in frames]
+    assert brightness == sorted(brightness)
+    assert not any(f.cut for f in frames)
+
+
+def test_a_loop_goes_on_in_time_and_marks_the_cut(clip: Path) -> None:
+    """Media time never runs back, and the first frame of each round is a cut."""
+    frames = taken(open_source(SourceSettings(clip=clip, loop=True, pace="fast")), 100)
+    times = np.array([f.media_time_s for f in frames])
+    assert np.allclose(np.diff(times), 1 / FPS, atol=2e-3)
+    assert [i for i, f in enumerate(frames) if f.cut] == [45, 90]
+
+
+def test_real_time_plays_at_the_clips_own_speed(clip: Path) -> None:
+    """1.5 s of video take 1.5 s, and a reader that keeps up loses nothing."""
+    began = time.monotonic()
+    source = open_source(SourceSettings(clip=clip))
+    frames = taken(source)
+    assert 1.4 < time.monotonic() - began < 10.0
+    assert len(frames) + source.counters.skipped == FRAMES
+
+
+@pytest.mark.parametrize(
+    ("shape", "fps", "room"),
+    [((4, 4, 3), 40.0, 41), ((4, 4, 3), 8.0, 9), ((1080, 1920, 3), 40.0, 20)],
+)
+def test_a_slow_reader_lags_by_a_few_frames_and_the_skipped_are_counted(
+    shape: tuple[int, int, int], fps: float, room: int
+) -> None:
+    """Realtime over completeness: a second may wait, less of large ones; the oldest is skipped."""
+    image = np.zeros(shape, np.uint8)
+    offered = threading.Event()
+
+    def capture(offer: Callable[[Frame], None], *_: object) -> None:
+        for number in range(60):
+            offer(Frame(image, float(number), 0, number / fps))
+        offered.set()
+
+    source = LiveSource(capture, "test")
+    assert offered.wait(10)
+    frames = [frame.media_time_s for frame in source.frames() if frame is not None]
+    source.close()
+    assert frames == [float(number) for number in range(60 - room, 60)]
+    assert source.counters.skipped == 60 - room
+
+
+def test_unreadable_clips_are_bad_input(tmp_path: Path, clip: Path) -> None:
+    """Missing, empty, truncated, not a video: one line with the file's name."""
+    truncated = tmp_path / "truncated.mp4"
+    truncated.write_bytes(clip.read_bytes()[:-2000])
+    text = tmp_path / "text.mp4"
+    text.write_text("not a video")
+    empty = tmp_path / "empty.mp4"
+    empty.touch()
+    for path in (truncated, text, empty, tmp_path / "missing.mp4", tmp_path):
+        with pytest.raises(InputError, match=path.name) as caught:
+            open_source(SourceSettings(clip=path))
+        assert "\n" not in str(caught.value)
+
+
+def test_a_clip_that_breaks_off_is_counted_and_goes_round(tmp_path: Path) -> None:
+    """A stream that ends before its header says is noticed; the loop goes on."""
+    path = tmp_path / "broken.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), FPS, (320, 180))
+    noise = np.random.default_rng(1)
+    for _ in range(FRAMES):
+        writer.write(noise.integers(0, 255, (180, 320, 3), dtype=np.uint8))
+    writer.release()
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    source = open_source(SourceSettings(clip=path, loop=True, pace="fast"))
+    assert len(taken(source, 60)) == 60
+    assert source.counters.decode_errors >= 1
+
+
+@pytest.mark.parametrize(
+    ("data", "problem"),
+    [
+        ({}, "either clip or url"),
+        ({"clip": "a.mp4", "url": "rtsp://x"}, "either clip or url"),
+        ({"url": "rtsp://x", "loop": True}, "for clips"),
+        ({"url": "file:///etc/passwd"}, "url"),
+        ({"clip": "a.mp4", "pace": "slow"}, "pace"),
+    ],
+)
+def test_contradicting_settings_are_refused(data: dict[str, object], problem: str) -> None:
+    """Exactly one source, and clip options only for clips."""
+    with pytest.raises(InputError, match=problem):
+        check(data, SourceSettings, "edge.toml")
+
+
+class MjpegCamera:
+    """An HTTP MJPEG camera on loopback that can be switched off and on."""
+
+    def __init__(self) -> None:
+        camera = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                self.send_response(200)
+                self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=f")
+                self.end_headers()
+                while camera.sending:
+                    ok, data = cv2.imencode(".jpg", np.full((180, 320, 3), 128, dtype=np.uint8))
+                    assert ok
+                    part = b"--f\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
+                    try:
+                        self.wfile.write(part % len(data) + data.tobytes() + b"\r\n")
+                    except OSError:
+                        return
+                    time.sleep(1 / 25)
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        self.sending = True
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self._server.daemon_threads = True
+        self.url = f"http://user:secret@127.0.0.1:{self._server.server_port}/stream"
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def close(self) -> None:
+        self.sending = False
+        self._server.shutdown()
+        self._server.server_close()
+
+
+@pytest.fixture
+def mjpeg() -> Iterator[MjpegCamera]:
+    """A running camera."""
+    camera = MjpegCamera()
+    yield camera
+    camera.close()
+
+
+def test_a_camera_that_goes_away_is_found_again(mjpeg: MjpegCamera) -> None:
+    """Frames come, stop, and come again, the first of them marked as a cut."""
+    source = open_camera(mjpeg.url, stall_timeout_s=2.0)
+    frames = source.frames()
+    first = _next_frames(frames, 5)
+    assert all(f.image.shape == (180, 320, 3) for f in first)
+    mjpeg.sending = False
+    deadline = time.monotonic() + 15
+    while source.counters.reconnects == 0 and time.monotonic() < deadline:
+        next(frames)
+    assert source.counters.reconnects >= 1
+    mjpeg.sending = True
+    again = _next_frames(frames, 3)
+    assert any(f.cut for f in again)
+    assert again[-1].media_time_s > first[-1].media_time_s
+    source.close()
+
+
+def _next_frames(frames: Iterator[Frame | None], count: int, seconds: float = 20) -> list[Frame]:
+    deadline = time.monotonic() + seconds
+    got: list[Frame] = []
+    while len(got) < count:
+        assert time.monotonic() < deadline, "no frames came"
+        frame = next(frames)
+        if frame is not None:
+            got.append(frame)
+    return got
+
+
+def test_an_absent_camera_is_waited_for_without_a_crash() -> None:
+    """The reader hears None about once a second meanwhile."""
+    source = open_camera("http://127.0.0.1:9/none", stall_timeout_s=1.0)
+    began = time.monotonic()
+    frames = source.frames()
+    assert next(frames) is None
+    assert time.monotonic() - began < 3
+    source.close()
+
+
+def test_a_capture_that_fails_does_not_look_like_the_end() -> None:
+    """The reader gets the fault, so that the daemon ends with an error and is started again."""
+
+    def capture(*_: object) -> None:
+        raise OSError("the camera's driver is gone")
+
+    with pytest.raises(OSError, match="driver"):
+        list(LiveSource(capture, "test").frames())
+
+
+def test_a_backlog_after_a_stall_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames that piled up come at once; their times of arrival would falsify every speed."""
+    waits = [*[0.033] * 3, 0.8, *[0.001] * 10, *[0.033] * 3]
+    now_s = 100.0
+
+    class Stream:
+        def read(self, _into: object) -> tuple[bool, object]:
+            nonlocal now_s
+            if not waits:
+                time.sleep(0.05)
+                return False, None
+            now_s += waits.pop(0)
+            return True, np.zeros((4, 4, 3), np.uint8)
+
+        def get(self, _: int) -> float:
+            return -(2.0**63)  # no time stamps
+
+        def release(self) -> None:
+            pass
+
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *_: Stream())
+    clock = SimpleNamespace(monotonic=lambda: now_s, time_ns=time.time_ns)
+    monkeypatch.setattr("edge_daemon.sources.camera.time", clock)
+    source = open_camera("rtsp://camera", stall_timeout_s=1.0)
+    frames = _next_frames(source.frames(), 7)
+    source.close()
+    assert [f.cut for f in frames] == [False, False, False, True, True, False, False]
+    assert source.counters.skipped == 10
+
+
+def test_passwords_do_not_reach_the_log() -> None:
+    """Neither user, password nor query is shown."""
+    assert without_password("rtsp://u:p@cam:554/s?token=1") == "rtsp://cam:554/s"
+
+
+def test_going_back_to_the_start_sends_no_burst(
+    clip: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long a looped clip takes to start again, its frames keep their distance after it."""
+    reader = open_clip(clip, loop=True)
+    read_all = reader.read_all
+
+    now_s = 100.0
+    sent: list[tuple[float, bool]] = []
+
+    def slow_to_start_again() -> Iterator[ClipFrame]:
+        nonlocal now_s
+        for frame in read_all():
+            if frame.cut:
+                now_s += 0.4
+            yield frame
+
+    class Stopping(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            nonlocal now_s
+            now_s += timeout or 0.0
+            return any(cut for _, cut in sent[:-10])
+
+    def run_here(capture: Capture, _name: str) -> None:
+        capture(lambda frame: sent.append((now_s, frame.cut)), Stopping(), SourceCounters())
+
+    monkeypatch.setattr(reader, "read_all", slow_to_start_again)
+    clock = SimpleNamespace(monotonic=lambda: now_s, time_ns=time.time_ns)
+    monkeypatch.setattr("edge_daemon.sources.clip.time", clock)
+    monkeypatch.setattr("edge_daemon.sources.clip.LiveSource", run_here)
+    paced_clip(reader)
+    again = next(i for i, (_, cut) in enumerate(sent) if cut)
+    gaps = np.diff([at_s for at_s, _ in sent[again:]])
+    assert len(gaps) == 10
+    assert gaps.min() > 0.9 / reader.fps

@@ -1,0 +1,129 @@
+"""Following vehicles in metres."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from edge_daemon.settings import TrackerSettings
+from edge_daemon.tracking import Sightings, Tracker
+
+from ..conftest import seen_at
+
+FPS = 30
+
+
+def lanes(time_s: float) -> np.ndarray:  # type: ignore[type-arg]
+    """Three vehicles, two side by side at unlike speeds."""
+    return np.array(
+        [[80 - 16.0 * time_s, 1.7], [75 - 14.0 * time_s, 5.2], [60 - 16.0 * time_s, 1.7]]
+    )
+
+
+def drive(
+    tracker: Tracker, seconds: float, *, hidden: tuple[float, float] | None = None, seed: int = 1
+) -> Sightings:
+    """Feed noisy detections in; one vehicle is hidden for a while."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for frame in range(int(seconds * FPS)):
+        now = frame / FPS
+        points = lanes(now) + rng.normal(0, 0.15, (3, 2))
+        if hidden and hidden[0] <= now < hidden[1]:
+            points = points[1:]
+        parts.append(tracker.update(now, seen_at(points, 0.15)))
+    return Sightings.join(parts)
+
+
+def test_each_vehicle_keeps_one_identity_and_its_speed() -> None:
+    """No switches, no fragments; filtered speeds are right to a few tenths."""
+    tracker = Tracker(TrackerSettings())
+    sightings = drive(tracker, 3.0)
+    assert len(set(sightings.track)) == 3
+    assert len(sightings) == 3 * 90
+    by_speed = sorted(t.speed_mps for t in tracker.tracks)
+    assert by_speed == pytest.approx([14.0, 16.0, 16.0], abs=0.5)
+    for track, time_s, point in zip(
+        sightings.track, sightings.time_s, sightings.point_m, strict=True
+    ):
+        nearest = np.abs(lanes(time_s) - point).sum(axis=1).argmin()
+        assert (track, nearest) in {(1, 0), (2, 1), (3, 2)}
+
+
+def test_a_vehicle_hidden_for_a_second_is_the_same_afterwards() -> None:
+    """Tracks coast through an occlusion."""
+    tracker = Tracker(TrackerSettings())
+    sightings = drive(tracker, 3.5, hidden=(1.5, 2.5))
+    assert len(set(sightings.track)) == 3
+
+
+def test_a_vehicle_gone_for_longer_is_dropped() -> None:
+    """Its track ends, and a later one is new."""
+    tracker = Tracker(TrackerSettings())
+    sightings = drive(tracker, 4.0, hidden=(1.0, 2.6))
+    assert len(set(sightings.track)) == 4
+
+
+def test_a_single_false_detection_makes_no_vehicle() -> None:
+    """A track counts only after several detections."""
+    tracker = Tracker(TrackerSettings())
+    assert not len(tracker.update(0.0, seen_at(np.array([[50.0, 2.0]]), 0.2)))
+    for frame in range(1, 30):
+        assert not len(tracker.update(frame / FPS, seen_at(np.empty((0, 2)), 0.2)))
+    assert tracker.tracks == ()
+
+
+def test_unsure_detections_keep_tracks_but_start_none() -> None:
+    """Low scores are used for what is already followed."""
+    tracker = Tracker(TrackerSettings())
+    for frame in range(30):
+        point = np.array([[60 - 15.0 * frame / FPS, 2.0]])
+        score = 0.9 if frame < 5 else 0.15
+        sightings = tracker.update(frame / FPS, seen_at(point, 0.2, score))
+    assert sightings.track.tolist() == [1]
+    fresh = Tracker(TrackerSettings())
+    for frame in range(30):
+        assert not len(fresh.update(frame / FPS, seen_at(np.array([[50.0, 2.0]]), 0.2, 0.15)))
+
+
+def test_reset_forgets_but_never_gives_an_identity_twice() -> None:
+    """After a cut the same place holds another vehicle."""
+    tracker = Tracker(TrackerSettings())
+    before = set(drive(tracker, 1.0).track)
+    tracker.reset()
+    after = set(drive(tracker, 1.0).track)
+    assert before
+    assert after
+    assert not before & after
+
+
+def test_the_same_detections_give_the_same_tracks() -> None:
+    """Tracking is deterministic."""
+    one = drive(Tracker(TrackerSettings()), 1.0)
+    two = drive(Tracker(TrackerSettings()), 1.0)
+    assert one.track.tolist() == two.track.tolist()
+    assert np.array_equal(one.point_m, two.point_m)
+
+
+def test_a_second_box_on_a_vehicle_makes_no_second_vehicle() -> None:
+    """Two vehicles cannot be in one place: neither born there nor kept there."""
+    tracker = Tracker(TrackerSettings())
+    parts = []
+    for frame in range(60):
+        x = 70 - 12.0 * frame / FPS
+        points = [[x, 2.0]] + ([[x + 1.2, 2.3]] if 20 <= frame < 50 else [])
+        parts.append(tracker.update(frame / FPS, seen_at(np.array(points), 0.1)))
+    assert set(Sightings.join(parts).track) == {1}
+    assert len(tracker.tracks) == 1
+
+
+def test_two_tracks_that_end_up_on_one_vehicle_become_one() -> None:
+    """A false track that drifts onto a vehicle is dropped; the older identity stays."""
+    tracker = Tracker(TrackerSettings())
+    for frame in range(90):
+        now = frame / FPS
+        points = [[50.0 - 5.0 * now, 2.0]]
+        if frame >= 10:
+            points.append([50.0 - 5.0 * now + max(0.0, 6.0 - 4.0 * (now - 10 / FPS)), 2.0])
+        tracker.update(now, seen_at(np.array(points), 0.1))
+    assert [track.id for track in tracker.tracks] == [1]

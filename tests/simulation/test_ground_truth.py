@@ -1,0 +1,106 @@
+"""Features and flag of a window in truth, and reading the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from edge_daemon.camera import WatchedSegment
+from edge_daemon.settings import StabilitySettings
+from simulation.ground_truth import Truth, load_truth, true_window
+from slipstream.errors import InputError
+
+FPS = 10
+APPROACH = WatchedSegment(
+    "approach",
+    np.array([[20.0, 0.0], [80.0, 0.0], [80.0, 7.0], [20.0, 7.0]]),
+    np.array([-1.0, 0.0]),
+    length_m=60.0,
+    lanes=2,
+    lane_width_m=3.5,
+)
+HEADER = (
+    "frame,time_s,vehicle_id,class,x_m,y_m,speed_mps,acceleration_mps2,"
+    "x1_px,y1_px,x2_px,y2_px,visible_fraction,length_m,width_m\n"
+)
+
+
+def drive(speeds: list[float], acceleration: float = 0.0) -> Truth:
+    """Vehicles 20 m apart that drive towards the camera, ten seconds."""
+    rows = []
+    for frame in range(100):
+        now = frame / FPS
+        for vehicle, speed in enumerate(speeds):
+            swing = acceleration * (-1) ** (frame // 10)
+            rows.append((frame, now, vehicle, 75 - 20 * vehicle - 0.01 * now, speed, swing))
+    table = np.array(rows)
+    n = len(table)
+    return Truth(
+        table[:, 0].astype(np.int64),
+        table[:, 1],
+        table[:, 2].astype(np.int64),
+        np.column_stack([table[:, 3], np.full(n, 1.7)]),
+        table[:, 4],
+        table[:, 5],
+        np.zeros((n, 4)),
+        np.ones(n),
+        np.full(n, 4.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("speeds", "swing", "y_e", "near"),
+    [
+        ([16.0, 16.0, 16.0], 0.0, 1, False),
+        ([16.0, 10.0, 16.0], 0.0, 0, False),
+        ([16.0, 16.0, 16.0], 1.0, 0, False),
+        ([16.0, 16.0, 16.0], np.sqrt(0.49), 1, True),
+        ([16.0, 16.0, 16.0], np.sqrt(0.53), 0, True),
+        ([16.0, 10.0, 16.0], np.sqrt(0.49), 0, False),
+    ],
+)
+def test_the_true_flag_and_its_band(
+    speeds: list[float], swing: float, y_e: int, near: bool
+) -> None:
+    """The paper's rule; near only where the quantity that decides is within a tenth."""
+    window = true_window(drive(speeds, swing), APPROACH, 0.0, 10.0, StabilitySettings())
+    assert window is not None
+    assert (window.y_e, window.near_threshold) == (y_e, near)
+    assert window.mean_speed_mps == pytest.approx(np.mean(speeds))
+    assert window.acceleration_variance_m2ps4 == pytest.approx(swing**2)
+    assert window.density_veh_per_m == pytest.approx(3 / 60)
+    assert window.mean_gap_m == pytest.approx(16.0)
+    assert window.vehicles == 3
+
+
+def test_an_empty_window_has_no_truth() -> None:
+    """Nobody there, nothing to compare with."""
+    nobody = drive([16.0]).take(slice(0, 0))  # type: ignore[arg-type]
+    assert true_window(nobody, APPROACH, 0.0, 10.0, StabilitySettings()) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("a,b\n1,2\n", "no such column"),
+        (HEADER + "0,0,1,car,1,2,3,4,5,6,7,8,x,4,2\n", "no number"),
+        (HEADER + "0,0,1,car,1,2,3\n", "not finite"),
+        (HEADER + "0,0,1,car,nan,2,3,4,5,6,7,8,1,4,2\n", "not finite"),
+        (b"\xff\xfe\x00".decode("latin-1"), "no such column"),
+    ],
+)
+def test_a_bad_truth_file_is_one_line(tmp_path: Path, text: str, problem: str) -> None:
+    """It names the file."""
+    path = tmp_path / "truth.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=problem) as caught:
+        load_truth(path)
+    assert "truth.csv" in str(caught.value)
+
+
+def test_a_missing_truth_file_is_one_line(tmp_path: Path) -> None:
+    """Not a traceback."""
+    with pytest.raises(InputError, match="cannot be read"):
+        load_truth(tmp_path / "none.csv")
