@@ -14,10 +14,9 @@ from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
     from simulation.closed_loop.policy import Policy
-    from simulation.evaluation.evaluation import Evaluation
-    from simulation.evaluation.store import Store
-    from simulation.evaluation.words import Table
-    from simulation.evaluation.world import World
+    from simulation.evaluation.measures import Evaluation
+    from simulation.evaluation.report import Table
+    from simulation.evaluation.runs import Store, World
     from simulation.exogenous.recorded import Watched
 
 _EXIT_INTERRUPTED: Final = 130
@@ -83,12 +82,9 @@ def run(options: argparse.Namespace) -> int:
     span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
-    from simulation.evaluation.evaluation import collect
-    from simulation.evaluation.ground import code_stamp
-    from simulation.evaluation.report import printed
-    from simulation.evaluation.store import Store
-    from simulation.evaluation.world import World, WorldFiles
-    from simulation.evaluation.writing import as_json, whole_summary, write_results
+    from simulation.evaluation.measures import collect
+    from simulation.evaluation.report import as_json, printed, whole_summary, write_results
+    from simulation.evaluation.runs import Store, World, WorldFiles, code_stamp
 
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
     files = WorldFiles(options.scenario, *parts)
@@ -130,7 +126,7 @@ def _simulate(
     policies: Sequence[Policy], seeds: Sequence[int], store: Store, world: World, workers: int
 ) -> int:
     """Simulate what the store lacks; how many arms it had."""
-    from simulation.evaluation.run import run_missing
+    from simulation.evaluation.runs import run_missing
 
     span_s = world.ground.begin_s, world.ground.end_s
     with Progress("simulating", sys.stderr) as progress:
@@ -144,7 +140,7 @@ def _exogenous(
 ) -> dict[Watched, Evaluation]:
     """The exogenous evaluation, if it is asked for or stored."""
     from simulation.evaluation.arms import wants_exogenous
-    from simulation.evaluation.exogenous_study import ARMS, exogenous_evaluation
+    from simulation.evaluation.exogenous import ARMS, exogenous_evaluation
 
     stored = options.stored or not wants_exogenous(options.arms)
     found: dict[Watched, Evaluation] = {}
@@ -164,9 +160,8 @@ def _further_tables(
     world: World, evaluation: Evaluation, exogenous: Mapping[Watched, Evaluation]
 ) -> tuple[Table, ...]:
     """Ceilings, and the exogenous evaluation where there is one."""
-    from simulation.closed_loop.advice.road import read_roads
-    from simulation.evaluation.ceiling_tables import ceiling_tables
-    from simulation.evaluation.exogenous_study import exogenous_tables
+    from simulation.controllers.advice import read_roads
+    from simulation.evaluation.report import ceiling_tables, exogenous_tables
 
     tables = ceiling_tables(evaluation, read_roads(world.scenario.net))
     if {"rsus", "everywhere"} <= set(exogenous):

@@ -10,7 +10,7 @@ from slipstream.config import Settings
 from slipstream_cli.demo import write_daemons
 
 if TYPE_CHECKING:
-    from simulation.live.order import CameraPlace, WorldOrder
+    from simulation.live.world_order import CameraPlace, WorldOrder
 
 
 def write_world_settings(

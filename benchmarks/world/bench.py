@@ -17,8 +17,8 @@ from benchmarks.routing.watch import watched
 from benchmarks.world import report
 from benchmarks.world.figures import Repeat, Saved, TimedRun
 from benchmarks.world.report import Results
-from simulation.closed_loop.advice.road import read_roads
-from simulation.closed_loop.recording import history_of
+from simulation.closed_loop.history_recording import history_of
+from simulation.controllers.advice import read_roads
 from simulation.evaluation.arms import (
     BASELINE,
     COOPERATIVE,
@@ -28,12 +28,8 @@ from simulation.evaluation.arms import (
     noisy,
     paced,
 )
-from simulation.evaluation.ceilings import ceilings
-from simulation.evaluation.compare import Spread
-from simulation.evaluation.evaluation import Evaluation, collect
-from simulation.evaluation.ground import code_stamp
-from simulation.evaluation.store import Store
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation.measures import Evaluation, Spread, ceilings, collect
+from simulation.evaluation.runs import Store, World, WorldFiles, code_stamp
 from simulation.scenarios.scenario import load_scenario, prepare
 from slipstream.errors import InputError
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from simulation.closed_loop.arm import STEP_S
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation.runs import World, WorldFiles
 from simulation.scenarios.day import run_day
 from simulation.scenarios.gates import Gates
 from simulation.scenarios.scenario import load_scenario, order_day, prepare

@@ -11,15 +11,14 @@ from typing import Final
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, Others
-from simulation.closed_loop.vehicle import PREFIX
-from simulation.scenarios.apart import Progress, run_apart
+from simulation.controllers import PREFIX
 from simulation.scenarios.day import DayOrder, sumo_options
-from simulation.scenarios.fleet import draw_deliveries
+from simulation.scenarios.demand import draw_deliveries
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
+from simulation.scenarios.perception import Rsu
 from simulation.scenarios.record import read_statistics, read_trips
-from simulation.scenarios.rsus import Rsu
 from simulation.scenarios.scenario import load_scenario
-from simulation.sumo.files import check_files
+from simulation.sumo import Progress, check_files, run_apart
 
 STEP_S: Final = 0.5
 """Energy from steps of this length is right to 0.2 %."""
@@ -87,13 +86,13 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         InputError: SUMO refuses a file.
     """
     # Imported here: they need libsumo, or what takes a second to load.
-    from simulation.closed_loop.conducting import FleetConductor
-    from simulation.closed_loop.departing import Departing, seconds_of
+    from simulation.closed_loop.departures import Departing, seconds_of
     from simulation.closed_loop.dispatching import Dispatching
     from simulation.closed_loop.gates import Roadside
     from simulation.closed_loop.history import History
-    from simulation.closed_loop.rounds import Rounds
+    from simulation.closed_loop.tours import Rounds
     from simulation.closed_loop.world import FleetWorld
+    from simulation.controllers import FleetConductor
     from simulation.sumo.session import Session
 
     scenario = load_scenario(order.scenario, net=order.net, fleet=order.fleet)
@@ -121,7 +120,9 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         legs = []
         gridlock = GridlockWatch()
         with Session(options, (day.net, day.routes, *day.additional)) as session:
-            conductor = FleetConductor(policy, scenario.net, order.step_s, lengths_m, roadside)
+            conductor = FleetConductor(
+                policy.levers, scenario.net, order.step_s, lengths_m, roadside
+            )
             dispatching = Dispatching(rounds, policy, order.seed, executor, history)
             seconds = seconds_of(policy, conductor.signals, dispatching.waiting_worth_kw)
             departing = Departing(network, dispatching, roadside, rounds, seconds)

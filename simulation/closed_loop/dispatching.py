@@ -16,16 +16,16 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
 from dispatcher_daemon.travel import roads_of
+from simulation.closed_loop.alternative_routes import Ways
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 from simulation.closed_loop.gates import WINDOW_S, Roadside
 from simulation.closed_loop.history import History
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import CycleRecord
-from simulation.closed_loop.rerouting import Ways
-from simulation.closed_loop.rounds import Rounds
-from simulation.closed_loop.signals.departure import DepartureSettings
-from simulation.closed_loop.vehicle import LegOrder
-from simulation.scenarios.fleet import fleet_at
+from simulation.closed_loop.tours import Rounds
+from simulation.controllers import LegOrder
+from simulation.controllers.signals import DepartureSettings
+from simulation.scenarios.demand import fleet_at
 from slipstream.messages import DrivingAdvice, SegmentState
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0

@@ -10,9 +10,7 @@ import numpy as np
 from edge_daemon.evaluation.windows import TrueWindow
 from edge_daemon.stability import StabilitySettings
 from simulation.closed_loop.policy import Gating
-from simulation.scenarios.observer import Observation, Observer
-from simulation.scenarios.perception import Reporter, measured_errors
-from simulation.scenarios.rsus import Rsu
+from simulation.scenarios.perception import Observation, Observer, Reporter, Rsu, measured_errors
 from slipstream.messages import SegmentState
 
 WINDOW_S: Final = 60.0

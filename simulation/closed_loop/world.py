@@ -7,10 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from simulation.closed_loop.conductor import Conductor, Drafting
 from simulation.closed_loop.losses import losses
 from simulation.closed_loop.record import DrivenLeg
-from simulation.closed_loop.vehicle import SPEED_CHECKS, LegOrder, VehicleState, read_state
+from simulation.controllers import (
+    SPEED_CHECKS,
+    Conductor,
+    Drafting,
+    LegOrder,
+    VehicleState,
+    read_state,
+)
 from simulation.sumo.session import Session
 from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, PAPER_CAR, VehicleParameters, trace_energy
 

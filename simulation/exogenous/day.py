@@ -25,14 +25,14 @@ from simulation.closed_loop.dispatch_settings import evaluation_settings, evalua
 from simulation.closed_loop.dispatching import DEFAULT_TIME_WORTH_KW
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, Others
-from simulation.closed_loop.rounds import Rounds
-from simulation.closed_loop.vehicle import LegOrder
+from simulation.closed_loop.tours import Rounds
+from simulation.controllers import LegOrder
 from simulation.exogenous.passages import RecordedLeg, evaluate
 from simulation.exogenous.recorded import Recorded
 from simulation.exogenous.roadside import Roadside
-from simulation.scenarios.apart import Progress
-from simulation.scenarios.fleet import draw_deliveries, fleet_at
+from simulation.scenarios.demand import draw_deliveries, fleet_at
 from simulation.scenarios.scenario import Scenario
+from simulation.sumo import Progress
 from slipstream.energy import Energy, total
 from slipstream.messages import VehiclePlan
 

@@ -12,14 +12,13 @@ from zipfile import BadZipFile
 import numpy as np
 
 from edge_daemon.evaluation.windows import TrueWindow
-from simulation.scenarios.apart import Progress
 from simulation.scenarios.day import DayOrder, run_day
 from simulation.scenarios.demand import Array
 from simulation.scenarios.gates import Gates
-from simulation.scenarios.observer import Observation
+from simulation.scenarios.perception import Observation, Rsu, Stretch
 from simulation.scenarios.record import Traffic
-from simulation.scenarios.rsus import Rsu, Stretch
 from simulation.scenarios.scenario import Background, Scenario, SignalControl, order_day
+from simulation.sumo import Progress
 from slipstream.roads import RoadNetwork
 
 Watched = Literal["rsus", "everywhere"]

@@ -11,11 +11,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final
 
-from simulation.live.order import CameraPlace
-from simulation.sumo.lanes import Roads
-from simulation.sumo.pose import Pose
-from simulation.sumo.settings import RsuSettings, SumoClipSettings
-from simulation.sumo.traffic import Vehicle
+from simulation.live.world_order import CameraPlace
+from simulation.sumo_view import Pose, Roads, RsuSettings, SumoClipSettings, Vehicle
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 
@@ -127,7 +124,7 @@ def _serve(connection: Connection, order: CameraOrder) -> None:
     import cv2
 
     from simulation.live.stream import LatestPicture, MjpegServer
-    from simulation.sumo.clip import SumoRenderer
+    from simulation.sumo_view import SumoRenderer
 
     cv2.setNumThreads(1)
     try:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from simulation.closed_loop.conductor import Conductor
-from simulation.closed_loop.rounds import Rounds
-from simulation.closed_loop.vehicle import LegOrder
+from simulation.closed_loop.tours import Rounds
 from simulation.closed_loop.world import FleetWorld
-from simulation.live.orders import open_since_s
+from simulation.controllers import Conductor, LegOrder
+from simulation.live.fleet_file import open_since_s
 from simulation.live.plans import Waiting
-from simulation.scenarios.fleet import Deliveries
+from simulation.scenarios.demand import Deliveries
 from simulation.sumo.session import Session
 from slipstream.messages import VehiclePlan, VehiclePosition
 from slipstream.roads import RoadNetwork

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from simulation.live.order import WorldOrder
-from simulation.live.orders import OrderFile, open_since_s
-from simulation.scenarios.fleet import draw_deliveries
-from simulation.scenarios.rsus import Rsu
+from simulation.live.fleet_file import OrderFile, open_since_s
+from simulation.live.world_order import WorldOrder
+from simulation.scenarios.demand import draw_deliveries
+from simulation.scenarios.perception import Rsu
 from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
-from simulation.scenarios.vehicle_types import TYPES
+from simulation.sumo import TYPES
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 

@@ -13,8 +13,8 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Final
 
-from simulation.live.order import CameraPlace, WorldCounts, WorldOrder
-from simulation.sumo.files import check_files
+from simulation.live.world_order import CameraPlace, WorldCounts, WorldOrder
+from simulation.sumo import check_files
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 

@@ -7,9 +7,7 @@ from typing import Final
 
 import libsumo
 
-from simulation.sumo.pose import Pose
-from simulation.sumo.shapes import Kind, is_known
-from simulation.sumo.traffic import Vehicle
+from simulation.sumo_view import Kind, Pose, Vehicle, is_known
 
 RADIUS_M: Final = 320.0
 _LOOKS: Final = 64

@@ -13,24 +13,22 @@ from typing import Final
 
 import libsumo
 
-from simulation.closed_loop.conducting import FleetConductor
 from simulation.closed_loop.policy import LEVERS, WITHOUT_PRIORITY, Policy
+from simulation.controllers import FleetConductor
 from simulation.live.camera import Camera, CameraOrder
 from simulation.live.fleet import LiveFleet
+from simulation.live.fleet_file import OrderFile
 from simulation.live.gates import BusGates
-from simulation.live.order import WorldCounts, WorldOrder
-from simulation.live.orders import OrderFile
 from simulation.live.pace import Pace
 from simulation.live.plans import Mailbox, in_world_time
 from simulation.live.sites import camera_site
 from simulation.live.views import RADIUS_M, Views
+from simulation.live.world_order import WorldCounts, WorldOrder
 from simulation.scenarios.day import sumo_options
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
-from simulation.scenarios.network import scenario_network
-from simulation.sumo.net import read_roads
-from simulation.sumo.pose import draw_pose
+from simulation.scenarios.networks import scenario_network
 from simulation.sumo.session import Session
-from simulation.sumo.settings import SumoClipSettings
+from simulation.sumo_view import SumoClipSettings, draw_pose, read_roads
 from slipstream.bus import Bus
 from slipstream.messages import ALL_PLANS, ALL_STATES, position_key
 from slipstream.roads import RoadNetwork
@@ -83,7 +81,7 @@ class _World:
         self._outlets = {name: bus.publisher(position_key(name)) for name in vehicles}
         lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
         policy = Policy("live", frozenset(LEVERS) if order.priority else WITHOUT_PRIORITY)
-        conductor = FleetConductor(policy, order.day.net, order.step_s, lengths_m, gates)
+        conductor = FleetConductor(policy.levers, order.day.net, order.step_s, lengths_m, gates)
         self._fleet = LiveFleet(
             session, order.deliveries, network, conductor, order.step_s, session.time_s
         )

@@ -11,17 +11,20 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from simulation.scenarios.breakdowns import Standing
-from simulation.scenarios.corridor import CorridorSettings, corridor_plan
 from simulation.scenarios.day import run_day
-from simulation.scenarios.fleet import draw_deliveries
+from simulation.scenarios.demand import Standing, draw_deliveries
 from simulation.scenarios.gates import Gates, clock
-from simulation.scenarios.netconvert import build_net, convert_osm
-from simulation.scenarios.network import scenario_network
+from simulation.scenarios.networks import (
+    CorridorSettings,
+    build_net,
+    convert_osm,
+    corridor_plan,
+    scenario_network,
+    troy_plan,
+    write_fixed_time,
+)
 from simulation.scenarios.record import Day
 from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
-from simulation.scenarios.signals import write_fixed_time
-from simulation.scenarios.troy import troy_plan
 from slipstream.config import load
 from slipstream.errors import InputError
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edge_daemon.stability import StabilitySettings
-from simulation.scenarios.apart import Progress, run_apart
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
+from simulation.scenarios.perception import Rsu
 from simulation.scenarios.record import (
     Day,
     hours_of,
@@ -19,11 +19,10 @@ from simulation.scenarios.record import (
     read_traffic,
     read_trips,
 )
-from simulation.scenarios.rsus import Rsu
-from simulation.sumo.files import check_files
+from simulation.sumo import Progress, check_files, run_apart
 
 if TYPE_CHECKING:
-    from simulation.scenarios.observer import Observation, Observer
+    from simulation.scenarios.perception import Observation, Observer
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ class _Watch:
         self.observations: list[Observation] = []
         if order.rsus:
             # Imported here: the edge's parts cost a second, which a day without RSUs need not pay.
-            from simulation.scenarios.observer import Observer
+            from simulation.scenarios.perception import Observer
 
             window_s = min(order.window_s, order.window_every_s)
             self._observer = Observer(order.rsus, order.step_s, order.rule, window_s)

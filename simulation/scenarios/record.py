@@ -13,7 +13,7 @@ import numpy as np
 from simulation.scenarios.demand import Array, Indices
 
 if TYPE_CHECKING:
-    from simulation.scenarios.observer import Observation
+    from simulation.scenarios.perception import Observation
 
 HOUR_S: Final = 3600.0
 

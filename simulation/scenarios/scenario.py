@@ -7,15 +7,23 @@ from importlib import resources
 from pathlib import Path
 from typing import Final, Literal
 
-from simulation.scenarios.breakdowns import Standing, draw_breakdowns
 from simulation.scenarios.day import DayOrder
-from simulation.scenarios.demand import DemandSettings, Flow, Trips, Zone, draw_trips, gateways
-from simulation.scenarios.fleet import FleetSettings
-from simulation.scenarios.network import check_routes, scenario_network
-from simulation.scenarios.route_file import write_routes
-from simulation.scenarios.routes import Routes, find_routes
-from simulation.scenarios.rsus import Rsu, load_rsus, place_rsus
-from simulation.scenarios.signals import write_fixed_time
+from simulation.scenarios.demand import (
+    DemandSettings,
+    FleetSettings,
+    Flow,
+    Routes,
+    Standing,
+    Trips,
+    Zone,
+    draw_breakdowns,
+    draw_trips,
+    find_routes,
+    gateways,
+    write_routes,
+)
+from simulation.scenarios.networks import check_routes, scenario_network, write_fixed_time
+from simulation.scenarios.perception import Rsu, load_rsus, place_rsus
 from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, load_network

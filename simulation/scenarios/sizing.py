@@ -15,8 +15,7 @@ from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic import take_snapshot
 from dispatcher_daemon.travel import Travel, roads_of
 from dispatcher_daemon.vrp import base_routes
-from simulation.scenarios.demand import DAY_S
-from simulation.scenarios.fleet import Deliveries, fleet_at
+from simulation.scenarios.demand import DAY_S, Deliveries, fleet_at
 from slipstream.roads import RoadNetwork
 
 

@@ -13,15 +13,21 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from simulation.streetdrive.camera import Camera
-from simulation.streetdrive.ground import Palette
-from simulation.streetdrive.light import draw_light
-from simulation.streetdrive.mesh import Colour
-from simulation.streetdrive.painter import Image, Placed, Seen
-from simulation.streetdrive.road import Road
-from simulation.streetdrive.scenery import Density
-from simulation.streetdrive.sensor import Sensor, SensorSettings
-from simulation.streetdrive.stage import Cover, Stage
+from simulation.streetdrive.rendering import (
+    Camera,
+    Colour,
+    Cover,
+    Density,
+    Image,
+    Palette,
+    Placed,
+    Seen,
+    Sensor,
+    SensorSettings,
+    Stage,
+    draw_light,
+)
+from simulation.streetdrive.traffic import Road
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
 from simulation.training.distractors import build_distractor
 from simulation.training.ranges import WIDE, SceneRange, Span

@@ -20,10 +20,10 @@ from benchmarks.world.figures import (
     time_checks,
 )
 from benchmarks.world.report import Results, checks, markdown
-from simulation.closed_loop.advice.road import Crossing, Roads
+from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.store import Store
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation.runs.store import Store
+from simulation.evaluation.runs.world import World, WorldFiles
 from tests.simulation.evaluation.fakes import make_arm
 
 DAY = TimedRun("background", "troy", 1, 24.0, 100.0, 90.0, 400.0)

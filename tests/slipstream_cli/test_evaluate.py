@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from simulation.closed_loop.advice import road
 from simulation.closed_loop.arm import ArmOrder
 from simulation.closed_loop.record import ArmResult
+from simulation.controllers.advice import road
 from simulation.evaluation import ceiling_tables, exogenous_study, world, writing
-from simulation.evaluation.exogenous_study import ExogenousOrder
+from simulation.evaluation.exogenous import ExogenousOrder
 from simulation.scenarios.scenario import Background, Scenario
 from slipstream_cli.main import main
 from tests.simulation.evaluation.fakes import make_arm

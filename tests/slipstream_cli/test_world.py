@@ -14,9 +14,9 @@ import pytest
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
-from simulation.live.order import CameraPlace
 from simulation.live.prepare import prepare_world
-from simulation.sumo.builtin import find_routes
+from simulation.live.world_order import CameraPlace
+from simulation.sumo_view.examples import find_routes
 from slipstream.bus import free_port
 from slipstream.config import BusSettings, load
 from slipstream.messages import VehiclePosition

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulation.closed_loop import recording
+from simulation.closed_loop import history_recording as recording
 from simulation.closed_loop.history import HOURS, History
-from simulation.closed_loop.recording import Passages, Trace, history_of, record_history
+from simulation.closed_loop.history_recording import Passages, Trace, history_of, record_history
 from simulation.scenarios.day import DayOrder
 from simulation.scenarios.scenario import Background, load_scenario
-from simulation.scenarios.vehicle_types import TYPES
+from simulation.sumo.vehicle_types import TYPES
 from slipstream.energy import steady_energy_kwh, stop_energy_kwh, trace_energy
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, load_network

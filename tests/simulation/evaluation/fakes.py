@@ -10,7 +10,7 @@ import numpy as np
 from simulation.closed_loop.losses import Losses
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, DrivenLeg, Others, Service
-from simulation.evaluation.ground import Ground
+from simulation.evaluation.runs.provenance import Ground
 from slipstream.energy import Energy
 
 GROUND = Ground(

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.drive import DrivingStyle, drive_energy, plan_drive
-from simulation.closed_loop.advice.road import Crossing, Roads
 from simulation.closed_loop.losses import Losses, drive_losses, losses
 from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
+from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.ceiling_tables import ceiling_tables
-from simulation.evaluation.ceilings import (
+from simulation.evaluation.measures.ceilings import (
     ceilings,
     follower_saving,
     free_drive,
     share_of_ceiling,
     where,
 )
-from simulation.evaluation.evaluation import Evaluation, collect
-from simulation.evaluation.store import Store
-from simulation.evaluation.together import together_kwh
+from simulation.evaluation.measures.evaluation import Evaluation, collect
+from simulation.evaluation.report.ceiling_tables import ceiling_tables
+from simulation.evaluation.report.proximity import together_kwh
+from simulation.evaluation.runs.store import Store
 from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 

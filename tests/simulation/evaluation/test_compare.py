@@ -8,9 +8,9 @@ import pytest
 
 from simulation.closed_loop.record import ArmResult, Service
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.compare import Spread, compare
-from simulation.evaluation.curves import BIN_S, HOUR_S, course
-from simulation.evaluation.measures import measure
+from simulation.evaluation.measures.compare import Spread, compare
+from simulation.evaluation.measures.curves import BIN_S, HOUR_S, course
+from simulation.evaluation.measures.figures import measure
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 

@@ -14,13 +14,13 @@ import pytest
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation import writing
 from simulation.evaluation.arms import POLICIES, choose
-from simulation.evaluation.evaluation import Evaluation, collect
-from simulation.evaluation.report import printed
-from simulation.evaluation.run import note_wall
-from simulation.evaluation.store import Store
-from simulation.evaluation.writing import write_results
+from simulation.evaluation.measures.evaluation import Evaluation, collect
+from simulation.evaluation.report.files import write_results
+from simulation.evaluation.report.markdown import files as writing
+from simulation.evaluation.report.markdown import printed
+from simulation.evaluation.runs.run import note_wall
+from simulation.evaluation.runs.store import Store
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 SEEDS = (1, 2, 3)

@@ -11,8 +11,8 @@ import pytest
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.run import Done, Simulate, Told, note_wall, run_missing
-from simulation.evaluation.store import Store
+from simulation.evaluation.runs.run import Done, Simulate, Told, note_wall, run_missing
+from simulation.evaluation.runs.store import Store
 from slipstream.errors import InputError
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 

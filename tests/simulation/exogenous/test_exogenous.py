@@ -16,18 +16,18 @@ from edge_daemon.evaluation.windows import TrueWindow
 from simulation.closed_loop.dispatch_settings import evaluation_settings
 from simulation.closed_loop.policy import Gating, Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation import exogenous_study as study
-from simulation.evaluation.evaluation import Evaluation
-from simulation.evaluation.exogenous_study import ARMS, exogenous_evaluation, exogenous_tables
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation import exogenous as study
+from simulation.evaluation.exogenous import ARMS, exogenous_evaluation, exogenous_tables
+from simulation.evaluation.measures.evaluation import Evaluation
+from simulation.evaluation.runs.world import World, WorldFiles
 from simulation.exogenous import recorded as recording
 from simulation.exogenous.day import exogenous_day
 from simulation.exogenous.passages import RecordedLeg, evaluate, turbulence_kwh
 from simulation.exogenous.recorded import Recorded, Watched, record_background, rsus_everywhere
 from simulation.exogenous.roadside import Roadside
 from simulation.scenarios.day import DayOrder
-from simulation.scenarios.fleet import FleetSettings
-from simulation.scenarios.observer import Observation
+from simulation.scenarios.demand.deliveries import FleetSettings
+from simulation.scenarios.perception.observer import Observation
 from simulation.scenarios.record import Day, Statistics, Traffic
 from simulation.scenarios.scenario import Background, Scenario, any_demand
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, total

@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.fleet import Depot
+from simulation.live.fleet_file import OrderFile, open_since_s
 from simulation.live.gates import BusGates
-from simulation.live.order import WorldOrder
-from simulation.live.orders import OrderFile, open_since_s
 from simulation.live.pace import SLIP_S, Pace
 from simulation.live.plans import Mailbox, Waiting, in_world_time
 from simulation.live.sites import camera_site
 from simulation.live.stream import LatestPicture, MjpegServer
-from simulation.scenarios.fleet import Deliveries, FleetSettings, Order
-from simulation.scenarios.rsus import Rsu, Stretch
+from simulation.live.world_order import WorldOrder
+from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
+from simulation.scenarios.perception.rsus import Rsu, Stretch
 from slipstream.messages import (
     Estimate,
     KinematicFeatures,

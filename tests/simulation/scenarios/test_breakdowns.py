@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from simulation.scenarios.breakdowns import Breakdown, draw_breakdowns
 from simulation.scenarios.day import run_day
-from simulation.scenarios.demand import DemandSettings, Flow, Zone
-from simulation.scenarios.network import check_routes
-from simulation.scenarios.observer import Observation
+from simulation.scenarios.demand.breakdowns import Breakdown, draw_breakdowns
+from simulation.scenarios.demand.trips import DemandSettings, Flow, Zone
+from simulation.scenarios.networks.network import check_routes
+from simulation.scenarios.perception.observer import Observation
+from simulation.scenarios.perception.rsus import Rsu, Stretch
 from simulation.scenarios.record import Day
-from simulation.scenarios.rsus import Rsu, Stretch
 from simulation.scenarios.scenario import Scenario, order_day, prepare
 from slipstream.errors import InputError
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from edge_daemon.stability import StabilitySettings
-from simulation.closed_loop.recording import record_history
+from simulation.closed_loop.history_recording import record_history
 from simulation.scenarios.__main__ import main
 from simulation.scenarios.day import DayOrder, run_day
 from simulation.scenarios.gates import Gates
-from simulation.scenarios.observer import Passer, window_of
+from simulation.scenarios.perception.observer import Passer, window_of
+from simulation.scenarios.perception.rsus import Stretch, load_rsus, place_rsus
 from simulation.scenarios.record import TripInfo, hours_of
-from simulation.scenarios.rsus import Stretch, load_rsus, place_rsus
 from simulation.scenarios.scenario import Scenario, load_scenario, order_day, own_background
 from slipstream.errors import InputError
 from tests.simulation.scenarios.conftest import BEGIN_S, END_S, Morning

@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from simulation.scenarios.demand import DemandSettings, Flow, Zone, draw_trips, gateways
-from simulation.scenarios.network import check_routes
-from simulation.scenarios.routes import find_routes
+from simulation.scenarios.demand.routes import find_routes
+from simulation.scenarios.demand.trips import DemandSettings, Flow, Zone, draw_trips, gateways
+from simulation.scenarios.networks.network import check_routes
 from simulation.scenarios.scenario import Scenario, any_demand, prepare
-from simulation.scenarios.vehicle_types import TYPES
+from simulation.sumo.vehicle_types import TYPES
 from slipstream.errors import InputError
 
 FLAT = (1.0,) * 24

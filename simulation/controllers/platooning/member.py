@@ -1,0 +1,64 @@
+"""A vehicle of the fleet as platooning knows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from simulation.controllers.vehicle import LegOrder
+
+Mode = Literal["alone", "following", "parting"]
+"""Who decides on a vehicle's speed: its car-following model; platooning, close behind another one;
+platooning, until its gap is wide enough for the model."""
+
+
+@dataclass
+class Member:
+    """A vehicle on the road.
+
+    Attributes:
+        order: what it was told.
+        numbers: of its path's segments.
+        factor: its own speed factor.
+        mode: see `Mode`.
+        ahead: of the fleet, whom it follows or last followed.
+        since_s: when it took its mode.
+        seen_s: when it was last seen directly behind another member.
+        lane_until_s: until when it is told to keep its lane.
+        gains: share of its speed that it adds to catch up.
+        yields: share of its speed that it gives up for one that catches up.
+        hurry: factor on its speed factor that is set.
+        refused: segment on which the traffic parted it.
+    """
+
+    order: LegOrder
+    numbers: dict[str, int]
+    factor: float
+    mode: Mode = "alone"
+    ahead: str | None = None
+    since_s: float = 0.0
+    seen_s: float = 0.0
+    lane_until_s: float = 0.0
+    gains: float = 0.0
+    yields: float = 0.0
+    hurry: float = 1.0
+    refused: str | None = None
+
+    def turn(self, mode: Mode, now_s: float) -> None:
+        """Take a mode."""
+        self.mode, self.since_s = mode, now_s
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Whom a vehicle is directly behind.
+
+    Attributes:
+        ahead: any vehicle.
+        gap_m: from its front to that one's rear.
+        ahead_mps: that one's speed.
+    """
+
+    ahead: str
+    gap_m: float
+    ahead_mps: float

@@ -1,0 +1,268 @@
+"""Signal priority: vehicles that come near a signal ask it for green, within limits.
+
+Transit signal priority as cities give it to buses: green extension, early green, recovery.
+
+- A signal serves the first that asked; whoever comes by the same green is served with it, as the
+  vehicles of a platoon are. What an earlier request has green by is not cut for a later one.
+- A grant ends when its vehicles are through or their green is over. Then the signal pauses, so
+  that the other streets are not starved.
+- Recovery, in programs of fixed times: a phase that was cut gets its time back at its next turn,
+  one that was held gives it back; then the program is in step again. Actuated ones need none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import libsumo
+
+from simulation.controllers.signals.crossings import Movements
+from simulation.controllers.signals.priority_requests import Asking, Request
+from simulation.controllers.signals.priority_rules import Cut, Hold, PrioritySettings, decide
+from simulation.controllers.signals.timing import Running, Signals
+from simulation.controllers.vehicle import LegOrder, VehicleState
+
+_NONE: Final[Mapping[str, float]] = {}
+
+
+@dataclass
+class Counts:
+    """What was asked and given.
+
+    Attributes:
+        requests: vehicles at signals that asked.
+        served: of them, those that something was done for.
+        extensions: grants that held a green.
+        early_greens: grants that cut a phase.
+    """
+
+    requests: int = 0
+    served: int = 0
+    extensions: int = 0
+    early_greens: int = 0
+
+
+@dataclass
+class _Grant:
+    """What a signal does for a request.
+
+    Attributes:
+        request: the first one that it was given for.
+        base_s: by the begin of a phase, when it would have ended without the grant.
+        green: whether the movement has had green since.
+        held: whether a green was held for it.
+        cut: whether a phase was cut for it.
+    """
+
+    request: Request
+    base_s: dict[float, float] = field(default_factory=dict)
+    green: bool = False
+    held: bool = False
+    cut: bool = False
+
+
+class Priority:
+    """Requests of the fleet's vehicles, and what signals do about them.
+
+    Args:
+        signals: of the running simulation; told what is changed.
+        enabled: whether the city gives priority at all.
+        settings: how.
+    """
+
+    def __init__(
+        self, signals: Signals, enabled: bool, settings: PrioritySettings | None = None
+    ) -> None:
+        self._signals = signals
+        self._enabled = enabled
+        self._settings = settings or PrioritySettings()
+        self._movements: Movements | None = None
+        self._asking: Asking | None = None
+        self._grants: dict[str, _Grant] = {}
+        self._paused_s: dict[str, float] = {}
+        self._owed_s: dict[str, dict[int, float]] = {}
+        self._settled_s: dict[str, float] = {}
+        self._next_s = -math.inf
+        self.counts = Counts()
+
+    def departed(self, name: str, order: LegOrder) -> None:
+        """A vehicle that may ask came onto the road, or was given another way on it."""
+        if self._enabled:
+            if self._movements is None or self._asking is None:
+                self._movements = Movements()
+                self._asking = Asking(self._signals, self._movements, self._settings)
+            self._asking.departed(name, order)
+
+    def ended(self, name: str) -> None:
+        """A vehicle is off the road."""
+        if self._asking is not None:
+            self._asking.ended(name)
+
+    def step(
+        self,
+        now_s: float,
+        states: Mapping[str, VehicleState],
+        tails_m: Mapping[str, float] = _NONE,
+    ) -> None:
+        """Before each step: once a second, hear the vehicles, then act at the signals.
+
+        Args:
+            now_s: simulated time.
+            states: of the vehicles on the road after the last step.
+            tails_m: from a leader's front to the end of its platoon.
+        """
+        if self._asking is None or now_s < self._next_s:
+            return
+        self._next_s = math.floor(now_s) + 1.0
+        requests = self._asking.at_signals(now_s, states, tails_m)
+        self.counts.requests += sum(
+            r.first_s == now_s for group in requests.values() for r in group
+        )
+        for tls in [*self._owed_s]:
+            self._settle(tls, now_s)
+        for tls in sorted({*requests, *self._grants}):
+            self._serve(tls, requests.get(tls, []), now_s)
+
+    def _serve(self, tls: str, requests: Sequence[Request], now_s: float) -> None:
+        """Act for the requests at one signal."""
+        grant = self._grants.get(tls)
+        running = self._signals.running(tls, now_s)
+        if grant is not None and self._is_over(grant, requests, running):
+            self._finish(tls, grant, running, now_s)
+            return
+        if grant is None:
+            if now_s < self._paused_s.get(tls, -math.inf):
+                return
+            chosen = self._first(running, requests)
+            if chosen is None:
+                return
+            grant = self._grants[tls] = _Grant(chosen)
+        self._act(tls, grant, requests, running, now_s)
+
+    def _first(self, running: Running, requests: Sequence[Request]) -> Request | None:
+        """The first request that something can be done for, at no earlier one's cost."""
+        phase = running.program.phases[running.phase]
+        relied = False
+        for request in requests:
+            action = self._decide(running, request, running.end_s)
+            if isinstance(action, Hold) or (isinstance(action, Cut) and not relied):
+                return request
+            relied = relied or phase.lets_go(request.link)
+        return None
+
+    def _decide(self, running: Running, request: Request, base_s: float) -> Hold | Cut | None:
+        return decide(
+            running.program,
+            running.phase,
+            running.begun_s,
+            base_s,
+            request.link,
+            request.wanted_s,
+            request.through_s,
+            base_s + self._settings.most_extension_s,
+        )
+
+    def _is_over(self, grant: _Grant, requests: Sequence[Request], running: Running) -> bool:
+        """Whether nobody needs a grant any more, or its green is over."""
+        phase = running.program.phases[running.phase]
+        if phase.lets_go(grant.request.link):
+            grant.green = True
+            return not any(phase.lets_go(request.link) for request in requests)
+        return grant.green or not any(request is grant.request for request in requests)
+
+    def _act(
+        self, tls: str, grant: _Grant, requests: Sequence[Request], running: Running, now_s: float
+    ) -> None:
+        phase = running.program.phases[running.phase]
+        base_s = grant.base_s.setdefault(running.begun_s, running.end_s)
+        if not phase.lets_go(grant.request.link):
+            action = self._decide(running, grant.request, base_s)
+            if (
+                isinstance(action, Cut)
+                and self._may_cut(tls, grant, running)
+                and self._cut(tls, running, action.at_s, base_s, now_s)
+            ):
+                self.counts.early_greens += not grant.cut
+                grant.cut = True
+                self._count(grant.request)
+            return
+        end_s = base_s
+        for request in requests:
+            action = self._decide(running, request, base_s)
+            if isinstance(action, Hold) and phase.lets_go(request.link):
+                end_s = max(end_s, math.ceil(action.until_s))
+                self.counts.extensions += not grant.held
+                grant.held = True
+                self._count(request)
+        if grant.held:
+            self._end_at(tls, running, end_s, now_s)
+
+    def _may_cut(self, tls: str, grant: _Grant, running: Running) -> bool:
+        """Whether the streets that lose green are not full."""
+        if grant.cut or self._movements is None:
+            return True
+        phase = running.program.phases[running.phase]
+        following = running.program.phases[phase.next[0]]
+        losing = {
+            name
+            for link, names in self._movements.lanes(tls).items()
+            if phase.lets_go(link) and not following.lets_go(link)
+            for name in names
+        }
+        count: int = sum(libsumo.lane.getLastStepVehicleNumber(name) for name in sorted(losing))
+        return count <= self._settings.most_losing
+
+    def _count(self, request: Request) -> None:
+        self.counts.served += not request.served
+        request.served = True
+
+    def _cut(self, tls: str, running: Running, at_s: float, base_s: float, now_s: float) -> bool:
+        """End a phase early, as a fixed time to come or, if it is actuated, when it is due."""
+        if running.program.fixed:
+            self._end_at(tls, running, min(math.ceil(at_s), base_s), now_s)
+            return True
+        if at_s > now_s:
+            return False
+        (following,) = running.program.phases[running.phase].next
+        lights = libsumo.trafficlight
+        lights.setPhase(tls, following)
+        lights.setPhaseDuration(tls, running.program.phases[following].least_s)
+        self._signals.changed(tls, {})
+        return True
+
+    def _end_at(self, tls: str, running: Running, end_s: float, now_s: float) -> None:
+        """Set the end of the running phase; an actuated one can only be held."""
+        end_s = max(end_s, now_s)
+        if end_s == running.end_s or (end_s < running.end_s and not running.program.fixed):
+            return
+        libsumo.trafficlight.setPhaseDuration(tls, end_s - now_s)
+        owed_s = self._owed_s.setdefault(tls, {})
+        if running.program.fixed:
+            owed_s[running.phase] = owed_s.get(running.phase, 0.0) + end_s - running.end_s
+            self._settled_s[tls] = running.begun_s
+        if not any(owed_s.values()):
+            del self._owed_s[tls]
+        self._signals.changed(tls, owed_s)
+
+    def _settle(self, tls: str, now_s: float) -> None:
+        """Once a turn of a phase of fixed time, give back what it owes."""
+        running = self._signals.running(tls, now_s)
+        phase = running.phase
+        if self._settled_s.get(tls) == running.begun_s or running.program.phases[phase].clearing:
+            return
+        self._settled_s[tls] = running.begun_s
+        lasting_s = running.program.settled_s(phase, self._owed_s[tls].get(phase, 0.0))
+        self._end_at(tls, running, running.begun_s + lasting_s, now_s)
+
+    def _finish(self, tls: str, grant: _Grant, running: Running, now_s: float) -> None:
+        """End a grant: what it has planned but not done is taken back, then the signal pauses."""
+        base_s = grant.base_s.get(running.begun_s)
+        if base_s is not None and running.program.fixed:
+            self._end_at(tls, running, base_s, now_s)
+        if grant.held or grant.cut:
+            pause_s = self._settings.pause_cycles * running.program.cycle_s
+            self._paused_s[tls] = now_s + pause_s
+        del self._grants[tls]

@@ -1,0 +1,142 @@
+"""Transit signal priority's rules, as pure decisions: green extension and early green.
+
+- Green extension: the movement is green, and would turn yellow before the vehicle is through: the
+  phase is held until then, by `most_extension_s` at most.
+- Early green: it is red: phases in between end earlier than usual, each after its least time and no
+  earlier than it takes to have the green, and the queue before it gone, as the vehicle comes.
+- No phase is left out, each yellow and each clearance lasts its time, the order stays.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from simulation.controllers.signals.program import Program
+
+
+@dataclass(frozen=True)
+class PrioritySettings:
+    """How priority is given.
+
+    Attributes:
+        horizon_s: a vehicle asks when a free drive to the stop line takes no longer.
+        lead_s: how long before its arrival the green should begin, so that it need not brake.
+        passing_s: how long after its arrival the green should last.
+        passing_mps: at which the rest of its platoon follows.
+        queue_s: what each vehicle that stands before the stop line adds to the lead.
+        most_extension_s: of a green beyond the end that it had.
+        most_losing: vehicles before the signal on the lanes that would lose their green, at which
+            it is still cut.
+        pause_cycles: usual cycles from the end of a grant until the signal gives the next one.
+    """
+
+    horizon_s: float = 12.0
+    lead_s: float = 6.0
+    passing_s: float = 1.5
+    passing_mps: float = 8.0
+    queue_s: float = 2.0
+    most_extension_s: float = 15.0
+    most_losing: float = 1000
+    pause_cycles: float = 1.0
+
+    def __post_init__(self) -> None:
+        if any(value < 0 for value in vars(self).values()) or self.passing_mps == 0:
+            raise ValueError("times of signal priority must be >= 0 and its speed > 0")
+
+
+class Hold(NamedTuple):
+    """Let the running phase end at another time than it would."""
+
+    until_s: float
+
+
+class Cut(NamedTuple):
+    """End the running phase at this time, or now if it is past."""
+
+    at_s: float
+
+
+def free_drive_s(
+    distance_m: float, speed_mps: float, limit_mps: float, acceleration_mps2: float = 1.8
+) -> float:
+    """Seconds to drive a distance with nobody ahead: up to the limit, then at it."""
+    if speed_mps >= limit_mps:
+        return distance_m / limit_mps
+    gaining_m = (limit_mps**2 - speed_mps**2) / (2 * acceleration_mps2)
+    if gaining_m >= distance_m:
+        reached_mps = math.sqrt(speed_mps**2 + 2 * acceleration_mps2 * distance_m)
+        return (reached_mps - speed_mps) / acceleration_mps2
+    return (limit_mps - speed_mps) / acceleration_mps2 + (distance_m - gaining_m) / limit_mps
+
+
+def decide(
+    program: Program,
+    phase: int,
+    begun_s: float,
+    end_s: float,
+    link: int,
+    wanted_s: float,
+    through_s: float,
+    latest_s: float,
+) -> Hold | Cut | None:
+    """What to do with the running phase for a vehicle; None: nothing helps or nothing is needed.
+
+    Args:
+        program: of the signal.
+        phase: that runs.
+        begun_s: when it began.
+        end_s: when it would end without priority; at the earliest, if it is actuated.
+        link: number of the vehicle's movement.
+        wanted_s: when its green should begin at the latest.
+        through_s: until when it should last.
+        latest_s: to which a green may be held at most.
+    """
+    running = program.phases[phase]
+    if running.clearing or len(running.next) != 1:
+        return None
+    if running.lets_go(link):
+        closes_s = _closes_s(program, phase, end_s, link)
+        if closes_s is None or closes_s >= through_s:
+            return None
+        until_s = end_s + through_s - closes_s
+        return Hold(until_s) if until_s <= latest_s else None
+    least_end_s = begun_s + running.least_s
+    between_s, usual_s = _between_s(program, phase, link)
+    if between_s is None:
+        return None
+    if program.fixed and end_s + usual_s <= wanted_s:
+        return None
+    at_s = max(least_end_s, wanted_s - between_s)
+    if program.fixed and at_s >= end_s:
+        return None
+    return Cut(at_s)
+
+
+def _closes_s(program: Program, phase: int, end_s: float, link: int) -> float | None:
+    """When a movement that may go now must stop, if the running phase ends as given."""
+    for _ in program.phases:
+        following = program.phases[phase].next
+        if len(following) != 1:
+            return end_s
+        phase = following[0]
+        if not program.phases[phase].lets_go(link):
+            return end_s
+        end_s += program.phases[phase].least_s
+    return None
+
+
+def _between_s(program: Program, phase: int, link: int) -> tuple[float | None, float]:
+    """Time between a phase and the next one in which a movement may go: the least, the usual."""
+    least_s = usual_s = 0.0
+    for _ in program.phases:
+        following = program.phases[phase].next
+        if len(following) != 1:
+            break
+        phase = following[0]
+        if program.phases[phase].lets_go(link):
+            return least_s, usual_s
+        least_s += program.phases[phase].least_s
+        usual_s += program.phases[phase].usual_s
+    return None, 0.0

@@ -1,0 +1,115 @@
+"""Simulates the arms that a folder lacks, several at once, each in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+
+from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.record import ArmResult
+from simulation.evaluation.runs.store import Store, write_whole
+
+Told = Callable[[float, float], None]
+"""Told the simulated time and the end, s since midnight; what it raises ends the arm."""
+
+Simulate = Callable[[Policy, int, Told], ArmResult]
+"""Simulates the arm of a policy and a seed in a process that it starts, and ends on any fault."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a run came to.
+
+    Attributes:
+        kept: arms that were in the folder already.
+        wall_s: what each newly simulated arm took, by its name and seed.
+    """
+
+    kept: int
+    wall_s: dict[tuple[str, int], float]
+
+
+class _Stop(Exception):
+    """An arm is not wanted any more."""
+
+
+def run_missing(
+    policies: Sequence[Policy],
+    seeds: Sequence[int],
+    span_s: tuple[float, float],
+    store: Store,
+    simulate: Simulate,
+    workers: int,
+    progress: Callable[[float, float], None],
+) -> Done:
+    """Simulate what is not in the store, seed by seed, so that an interrupted run has whole seeds.
+
+    Args:
+        span_s: begin and end of the simulated time.
+        workers: arms at once.
+        progress: told how much simulated time is done, of how much; never twice at once.
+
+    Raises:
+        InputError: an arm cannot be simulated, or the store is of another evaluation. What was
+            finished before is kept, as after KeyboardInterrupt.
+    """
+    begin_s, end_s = span_s
+    wanted = [(policy, seed) for seed in seeds for policy in policies]
+    missing = [job for job in wanted if store.get(*job) is None]
+    stop, lock = threading.Event(), threading.Lock()
+    passed_s: dict[tuple[str, int], float] = {}
+    wall_s: dict[tuple[str, int], float] = {}
+    whole_s = len(missing) * (end_s - begin_s)
+
+    def one(policy: Policy, seed: int) -> None:
+        def told(now_s: float, _: float) -> None:
+            if stop.is_set():
+                raise _Stop
+            with lock:
+                passed_s[policy.name, seed] = now_s - begin_s
+                progress(sum(passed_s.values()), whole_s)
+
+        if stop.is_set():
+            return
+        began = time.monotonic()
+        result = simulate(policy, seed, told)
+        with lock:
+            store.put(policy, seed, result)
+            wall_s[policy.name, seed] = time.monotonic() - began
+            note_wall(store.folder, policy.name, seed, wall_s[policy.name, seed])
+            passed_s[policy.name, seed] = end_s - begin_s
+            progress(sum(passed_s.values()), whole_s)
+
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        # Threads only wait: each arm has its process.
+        futures: list[Future[None]] = [pool.submit(one, *job) for job in missing]
+        try:
+            wait(futures, return_when=FIRST_EXCEPTION)
+        finally:
+            stop.set()
+            for future in futures:
+                future.cancel()
+    for future in futures:
+        if not future.cancelled() and not isinstance(future.exception(), _Stop | None):
+            future.result()
+    return Done(len(wanted) - len(missing), wall_s)
+
+
+def note_wall(folder: Path, name: str, seed: int, wall_s: float) -> None:
+    """Add what an arm took to `run.json`, which is no part of the results.
+
+    Raises:
+        OSError: the disk is full.
+    """
+    path = folder / "run.json"
+    try:
+        known = dict(json.loads(path.read_text(encoding="utf-8"))["wall_s"])
+    except (OSError, ValueError, KeyError, TypeError):
+        known = {}
+    known[f"{name}-{seed}"] = round(wall_s, 1)
+    write_whole(path, json.dumps({"wall_s": dict(sorted(known.items()))}, indent=1) + "\n")
