@@ -92,7 +92,7 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
     from simulation.closed_loop.history import History
     from simulation.closed_loop.tours import Rounds
     from simulation.closed_loop.world import FleetWorld
-    from simulation.controllers import FleetConductor
+    from simulation.controllers.fleet_controller import FleetConductor
     from simulation.sumo.session import Session
 
     scenario = load_scenario(order.scenario, net=order.net, fleet=order.fleet)

@@ -9,14 +9,8 @@ from typing import Final
 
 from simulation.closed_loop.losses import losses
 from simulation.closed_loop.record import DrivenLeg
-from simulation.controllers import (
-    SPEED_CHECKS,
-    Conductor,
-    Drafting,
-    LegOrder,
-    VehicleState,
-    read_state,
-)
+from simulation.controllers import SPEED_CHECKS, LegOrder, VehicleState, read_state
+from simulation.controllers.fleet_controller import Conductor, Drafting
 from simulation.sumo.session import Session
 from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, PAPER_CAR, VehicleParameters, trace_energy
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from simulation.closed_loop.tours import Rounds
 from simulation.closed_loop.world import FleetWorld
-from simulation.controllers import Conductor, LegOrder
+from simulation.controllers import LegOrder
+from simulation.controllers.fleet_controller import Conductor
 from simulation.live.fleet_file import open_since_s
 from simulation.live.plans import Waiting
 from simulation.scenarios.demand import Deliveries

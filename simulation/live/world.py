@@ -14,7 +14,7 @@ from typing import Final
 import libsumo
 
 from simulation.closed_loop.policy import LEVERS, WITHOUT_PRIORITY, Policy
-from simulation.controllers import FleetConductor
+from simulation.controllers.fleet_controller import FleetConductor
 from simulation.live.camera import Camera, CameraOrder
 from simulation.live.fleet import LiveFleet
 from simulation.live.fleet_file import OrderFile
@@ -28,7 +28,8 @@ from simulation.scenarios.day import sumo_options
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.networks import scenario_network
 from simulation.sumo.session import Session
-from simulation.sumo_view import SumoClipSettings, draw_pose, read_roads
+from simulation.sumo_view import SumoClipSettings, draw_pose
+from simulation.sumo_view.net import read_roads
 from slipstream.bus import Bus
 from slipstream.messages import ALL_PLANS, ALL_STATES, position_key
 from slipstream.roads import RoadNetwork

@@ -7,7 +7,6 @@
 from simulation.sumo_view.clip import SumoRenderer, render_sumo_clip
 from simulation.sumo_view.examples import find_additional, find_net, find_routes, find_rsu
 from simulation.sumo_view.lanes import Roads
-from simulation.sumo_view.net import read_roads
 from simulation.sumo_view.polylines import Floats, at, distances
 from simulation.sumo_view.pose import Pose, draw_pose
 from simulation.sumo_view.settings import (
@@ -40,6 +39,5 @@ __all__ = [
     "find_routes",
     "find_rsu",
     "is_known",
-    "read_roads",
     "render_sumo_clip",
 ]

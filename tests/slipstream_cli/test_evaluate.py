@@ -10,16 +10,18 @@ import pytest
 
 from simulation.closed_loop.arm import ArmOrder
 from simulation.closed_loop.record import ArmResult
-from simulation.controllers.advice import road
-from simulation.evaluation import ceiling_tables, exogenous_study, world, writing
+from simulation.controllers import advice
+from simulation.evaluation import exogenous, report
 from simulation.evaluation.exogenous import ExogenousOrder
+from simulation.evaluation.report import files
+from simulation.evaluation.runs import world
 from simulation.scenarios.scenario import Background, Scenario
 from slipstream_cli.main import main
 from tests.simulation.evaluation.fakes import make_arm
 
 Capture = pytest.CaptureFixture[str]
 
-READ_ROADS, CEILING_TABLES = road.read_roads, ceiling_tables.ceiling_tables
+READ_ROADS, CEILING_TABLES = advice.read_roads, report.ceiling_tables
 
 MORNING = ("--scenario", "corridor", "--begin", "6", "--hours", "3")
 
@@ -39,10 +41,10 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmOrder]:
     monkeypatch.setattr(world, "run_arm", run_arm)
     monkeypatch.setattr(world, "prepare", prepare)
     monkeypatch.setattr(world, "history_of", lambda scenario, seed, folder, **_: folder / "history")
-    monkeypatch.setattr(writing, "draw", lambda evaluation, folder: ())
+    monkeypatch.setattr(files, "draw", lambda evaluation, folder: ())
     # Ceilings take a second, which only their own test need wait for.
-    monkeypatch.setattr(road, "read_roads", lambda net: None)
-    monkeypatch.setattr(ceiling_tables, "ceiling_tables", lambda evaluation, roads: ())
+    monkeypatch.setattr(advice, "read_roads", lambda net: None)
+    monkeypatch.setattr(report, "ceiling_tables", lambda evaluation, roads: ())
     return ordered
 
 
@@ -85,16 +87,16 @@ def test_ceilings_and_the_papers_way_join_the_report(
     capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Asked for once, they are simulated once; stored, they are in every later report."""
-    monkeypatch.setattr(road, "read_roads", READ_ROADS)
-    monkeypatch.setattr(ceiling_tables, "ceiling_tables", CEILING_TABLES)
+    monkeypatch.setattr(advice, "read_roads", READ_ROADS)
+    monkeypatch.setattr(report, "ceiling_tables", CEILING_TABLES)
     driven: list[str] = []
 
     def run_apart(_: object, order: ExogenousOrder, *__: object) -> ArmResult:
         driven.append(order.policy.name)
         return make_arm(order.policy, order.seed)
 
-    monkeypatch.setattr(exogenous_study, "run_apart", run_apart)
-    monkeypatch.setattr(exogenous_study, "_recorded", lambda order: None)
+    monkeypatch.setattr(exogenous, "run_apart", run_apart)
+    monkeypatch.setattr(exogenous, "_recorded", lambda order: None)
     first = evaluate(capsys, tmp_path, "--arms", "C,exogenous", "--seeds", "1")
     assert set(driven) >= {"B", "C"}
     assert first["exogenous"]["everywhere"]["arms"]["C"]["against_baseline"]["saving"]["mean"] > 0

@@ -1,7 +1,7 @@
 """An evaluation as people read it: tables, plots, CSV and Markdown."""
 
-from simulation.evaluation.report.ceiling_tables import ceiling_tables
-from simulation.evaluation.report.exogenous_tables import exogenous_tables
+from simulation.evaluation.report.ceilings import ceiling_tables
+from simulation.evaluation.report.exogenous import exogenous_tables
 from simulation.evaluation.report.files import as_json, whole_summary, write_results
 from simulation.evaluation.report.formatting import Table
 from simulation.evaluation.report.markdown import printed

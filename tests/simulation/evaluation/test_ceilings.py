@@ -21,7 +21,7 @@ from simulation.evaluation.measures.ceilings import (
     where,
 )
 from simulation.evaluation.measures.evaluation import Evaluation, collect
-from simulation.evaluation.report.ceiling_tables import ceiling_tables
+from simulation.evaluation.report.ceilings import ceiling_tables
 from simulation.evaluation.report.proximity import together_kwh
 from simulation.evaluation.runs.store import Store
 from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy

@@ -16,8 +16,8 @@ from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import POLICIES, choose
 from simulation.evaluation.measures.evaluation import Evaluation, collect
+from simulation.evaluation.report import files as writing
 from simulation.evaluation.report.files import write_results
-from simulation.evaluation.report.markdown import files as writing
 from simulation.evaluation.report.markdown import printed
 from simulation.evaluation.runs.run import note_wall
 from simulation.evaluation.runs.store import Store

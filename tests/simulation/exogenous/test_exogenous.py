@@ -17,8 +17,9 @@ from simulation.closed_loop.dispatch_settings import evaluation_settings
 from simulation.closed_loop.policy import Gating, Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation import exogenous as study
-from simulation.evaluation.exogenous import ARMS, exogenous_evaluation, exogenous_tables
+from simulation.evaluation.exogenous import ARMS, exogenous_evaluation
 from simulation.evaluation.measures.evaluation import Evaluation
+from simulation.evaluation.report.exogenous import exogenous_tables
 from simulation.evaluation.runs.world import World, WorldFiles
 from simulation.exogenous import recorded as recording
 from simulation.exogenous.day import exogenous_day
