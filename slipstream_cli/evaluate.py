@@ -94,10 +94,10 @@ def run(options: argparse.Namespace) -> int:
             "slipstream: no RSU stands beside these roads, so no platoon will drive; give --rsus",
             file=sys.stderr,
         )
-    with Store(options.out, world.ground, code_stamp()) as store:
+    with Store(options.out, world.provenance, code_stamp()) as store:
         try:
             kept = 0 if options.stored else _simulate(policies, seeds, store, world, workers)
-            evaluation = collect(store, world.ground, seeds)
+            evaluation = collect(store, world.provenance, seeds)
             if not evaluation.arms:
                 raise InputError(
                     options.out, "no arm of these seeds is stored", "run it without --stored"
@@ -128,10 +128,10 @@ def _simulate(
     """Simulate what the store lacks; how many arms it had."""
     from simulation.evaluation.runs import run_missing
 
-    span_s = world.ground.begin_s, world.ground.end_s
+    span_s = world.provenance.begin_s, world.provenance.end_s
     with Progress("simulating", sys.stderr) as progress:
-        told = _told(progress)
-        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, told)
+        update = _update_of(progress)
+        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, update)
     return done.kept
 
 
@@ -149,7 +149,7 @@ def _exogenous(
             continue
         with Progress(f"on recorded traffic, watched: {watched}", sys.stderr) as progress:
             evaluation = exogenous_evaluation(
-                world, watched, seeds, options.out, workers, _told(progress), stored=stored
+                world, watched, seeds, options.out, workers, _update_of(progress), stored=stored
             )
         if evaluation.arms:
             found[watched] = evaluation
@@ -169,7 +169,7 @@ def _further_tables(
     return tables
 
 
-def _told(progress: Progress) -> Callable[[float, float], None]:
+def _update_of(progress: Progress) -> Callable[[float, float], None]:
     return lambda passed_s, whole_s: progress.update(round(passed_s), round(whole_s))
 
 
@@ -178,7 +178,7 @@ def _refuse_gridlock(evaluation: Evaluation) -> None:
     for name, seed, faults in evaluation.refused:
         if any(fault.startswith("gridlock") for fault in faults):
             raise InputError(
-                f"{evaluation.ground.scenario}, arm {name}, seed {seed}",
+                f"{evaluation.provenance.scenario}, arm {name}, seed {seed}",
                 faults[0],
                 "take fewer trips or another network",
             )

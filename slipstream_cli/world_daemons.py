@@ -10,12 +10,12 @@ from slipstream.config import Settings
 from slipstream_cli.demo import write_daemons
 
 if TYPE_CHECKING:
-    from simulation.live.world_order import CameraPlace, WorldOrder
+    from simulation.live.world_spec import CameraPlace, WorldSpec
 
 
 def write_world_settings(
     folder: Path,
-    order: WorldOrder,
+    order: WorldSpec,
     cameras: Sequence[CameraPlace],
     *,
     bus_endpoint: str,

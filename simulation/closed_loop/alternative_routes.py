@@ -14,11 +14,11 @@ from slipstream.roads import RoadNetwork
 
 Path = tuple[str, ...]
 
-_WORTH: Final = 0.02
+_MIN_IMPROVEMENT: Final = 0.02
 """Another way has to cost so much less of the present one, or vehicles go to and fro."""
 
 
-class Ways:
+class AlternativeRoutes:
     """Ways of least cost over roads under the traffic of one moment.
 
     Args:
@@ -48,16 +48,16 @@ class Ways:
             if kept >= len(path) - 1:
                 return None
             sources = [index[path[kept]]]
-        found = self._cheapest(sources, self._network.segments[path[-1]].end, driven is None)
+        found = self._least_cost(sources, self._network.segments[path[-1]].end, driven is None)
         if found is None:
             return None
         present = [index[name] for name in path[kept:]]
         cost = self._roads.parts(self._roads.objective, found)
-        if cost > (1 - _WORTH) * self._roads.parts(self._roads.objective, present):
+        if cost > (1 - _MIN_IMPROVEMENT) * self._roads.parts(self._roads.objective, present):
             return None
         return (*path[:kept], *(self._roads.ids[i] for i in found))
 
-    def _cheapest(self, sources: Sequence[int], end: str, begins: bool) -> list[int] | None:
+    def _least_cost(self, sources: Sequence[int], end: str, begins: bool) -> list[int] | None:
         """Segments from one of some to a junction."""
         objective = self._roads.objective
         into = self._roads.entering[end]

@@ -16,9 +16,9 @@ from slipstream.messages import SegmentState
 WINDOW_S: Final = 60.0
 """Longer than the paper's 10 s, in which less than three vehicles come by most of the day."""
 
-_LOOK_EVERY_S: Final = 1.0
+_SAMPLE_EVERY_S: Final = 1.0
 _STREAM: Final = 3000
-_FEWEST: Final = StabilitySettings().min_vehicles
+_MIN_VEHICLES: Final = StabilitySettings().min_vehicles
 
 
 class Roadside:
@@ -33,7 +33,7 @@ class Roadside:
 
     def __init__(self, rsus: Sequence[Rsu], seed: int, noise: float, gating: Gating) -> None:
         rule = StabilitySettings().bare()
-        self._observer = Observer(rsus, _LOOK_EVERY_S, rule, WINDOW_S)
+        self._observer = Observer(rsus, _SAMPLE_EVERY_S, rule, WINDOW_S)
         keep_s = {rsu.id: rsu.keep_s for rsu in rsus}
         self._reporter = Reporter(
             measured_errors(), seed, keep_s=keep_s, noise=noise, window_s=WINDOW_S
@@ -63,13 +63,13 @@ class Roadside:
         """Watched segments whose y_e is known."""
         return frozenset(state.segment for state in self.states if state.y_e is not None)
 
-    def look(self, now_s: float) -> None:
+    def sample(self, now_s: float) -> None:
         """After each step; a window ends at each full minute."""
-        if now_s % _LOOK_EVERY_S:
+        if now_s % _SAMPLE_EVERY_S:
             return
-        self._observer.look()
+        self._observer.sample()
         self._looked += 1
-        if now_s % WINDOW_S == 0 and self._looked >= WINDOW_S / _LOOK_EVERY_S:
+        if now_s % WINDOW_S == 0 and self._looked >= WINDOW_S / _SAMPLE_EVERY_S:
             self._report(self._observer.observe(now_s))
 
     def _report(self, observations: Sequence[Observation]) -> None:
@@ -105,4 +105,4 @@ def open_gates(
 
 def is_turbulent(truth: TrueWindow | None) -> bool:
     """Whether traffic was turbulent in truth; one or two vehicles that brake are no traffic."""
-    return truth is not None and truth.y_e == 0 and truth.vehicles >= _FEWEST
+    return truth is not None and truth.y_e == 0 and truth.vehicles >= _MIN_VEHICLES

@@ -32,7 +32,7 @@ _OF_DAY: Final = 8.0
 _OF_HOUR: Final = 16.0
 _NEIGHBOUR: Final = 0.5
 """What passages of the hours before and after count for."""
-_LEAST_SHARE: Final = 0.2
+_MIN_SHARE: Final = 0.2
 """No movement is expected to cost less, of what it costs at the limit without a stop."""
 
 
@@ -84,8 +84,8 @@ class History:
             mean = (extra + _OF_DAY * mean) / (passed + _OF_DAY)
             return np.asarray((extra_now + _OF_HOUR * mean) / (passed_now + _OF_HOUR))
 
-        loss = np.maximum(steady + beyond(self.loss_kwh, steady), _LEAST_SHARE * steady)
-        seconds = np.maximum(free_s + beyond(self.seconds, free_s), _LEAST_SHARE * free_s)
+        loss = np.maximum(steady + beyond(self.loss_kwh, steady), _MIN_SHARE * steady)
+        seconds = np.maximum(free_s + beyond(self.seconds, free_s), _MIN_SHARE * free_s)
         return Expectations(
             dict(zip(pairs, loss.tolist(), strict=True)),
             dict(zip(pairs, seconds.tolist(), strict=True)),

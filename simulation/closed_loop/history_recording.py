@@ -12,10 +12,10 @@ import numpy as np
 
 from dispatcher_daemon.drive import DrivingStyle
 from simulation.closed_loop.history import HOURS, Array, History
-from simulation.scenarios.day import DayOrder, sumo_options
+from simulation.scenarios.day import DaySpec, sumo_options
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
-from simulation.scenarios.scenario import Scenario, SignalControl, order_day, prepare
-from simulation.sumo import Progress, check_files, run_apart
+from simulation.scenarios.scenario import Scenario, SignalControl, day_spec, prepare
+from simulation.sumo import Progress, check_files, run_in_subprocess
 from slipstream.energy import PAPER_CAR, wheel_power_w
 from slipstream.roads import RoadNetwork
 
@@ -30,10 +30,10 @@ _HOUR_S: Final = 3600.0
 
 
 @dataclass(frozen=True)
-class HistoryOrder:
+class HistorySpec:
     """What to record: a day, and the limits of its roads, m/s, by segment."""
 
-    day: DayOrder
+    day: DaySpec
     limits_mps: Mapping[str, float]
 
 
@@ -59,11 +59,11 @@ def history_of(
         f"{scenario.name}-{seed}",
         signals,
         (begin_s, end_s),
-        (scenario.net.read_bytes(), scenario.demand.told().encode()),
+        (scenario.net.read_bytes(), scenario.demand.digest_text().encode()),
     )
     if not path.exists():
         background = prepare(scenario, seed + OTHER_DAY, folder)
-        day = order_day(scenario, background, folder, signals=signals, begin_s=begin_s, end_s=end_s)
+        day = day_spec(scenario, background, folder, signals=signals, begin_s=begin_s, end_s=end_s)
         record_history(day, scenario.network, progress).save(path)
     return path
 
@@ -73,26 +73,24 @@ def history_file(
     name: str,
     signals: SignalControl,
     span_s: tuple[float, float],
-    stands_on: Iterable[bytes],
+    depends_on: Iterable[bytes],
 ) -> Path:
     """Where a history lies: another net or other traffic has another name.
 
     Args:
         name: of the scenario and what its traffic is of.
         span_s: begin and end of what was recorded, s since midnight.
-        stands_on: contents of the net and of what the traffic is made from.
+        depends_on: contents of the net and of what the traffic is made from.
     """
     begin_s, end_s = span_s
     hours = "" if end_s - begin_s >= 86400 else f"-{begin_s:.0f}-{end_s:.0f}"
     digest = sha256()
-    for part in stands_on:
+    for part in depends_on:
         digest.update(sha256(part).digest())
     return folder / f"{name}-{signals}{hours}-{digest.hexdigest()[:8]}-history.json"
 
 
-def record_history(
-    day: DayOrder, network: RoadNetwork, progress: Progress | None = None
-) -> History:
+def record_history(day: DaySpec, network: RoadNetwork, progress: Progress | None = None) -> History:
     """Drive a day's background in a process of its own.
 
     Raises:
@@ -103,24 +101,24 @@ def record_history(
     check_files(day.net, (day.routes, *day.additional))
     limits = {name: segment.speed_limit_mps for name, segment in network.segments.items()}
     source = f"{day.net.name}, {day.routes.name}"
-    return run_apart(_simulate, HistoryOrder(day, limits), source, day.end_s, progress)
+    return run_in_subprocess(_simulate, HistorySpec(day, limits), source, day.end_s, progress)
 
 
-def _simulate(order: HistoryOrder, tell: Callable[[float], None]) -> History:
+def _simulate(spec: HistorySpec, report_time: Callable[[float], None]) -> History:
     from simulation.sumo.session import Session
 
-    day = order.day
-    passages = Passages(order.limits_mps, day.step_s)
+    day = spec.day
+    passages = Passages(spec.limits_mps, day.step_s)
     gridlock = GridlockWatch()
     with Session(sumo_options(day), (day.net, day.routes, *day.additional)) as session:
         traces: dict[str, Trace | None] = {}
         finished: list[Trace] = []
         while (now_s := session.time_s) < day.end_s:
             if now_s % CHECK_S == 0 and now_s > day.begin_s:
-                tell(now_s)
+                report_time(now_s)
                 gridlock.refuse(now_s, day.routes)
             session.advance()
-            finished += _look(traces, session.time_s)
+            finished += _sample(traces, session.time_s)
             if len(finished) >= _AT_ONCE:
                 passages.count(finished)
                 finished = []
@@ -140,7 +138,7 @@ class Trace:
     entries: list[tuple[int, int]] = field(default_factory=list)
 
 
-def _look(traces: dict[str, Trace | None], now_s: float) -> list[Trace]:
+def _sample(traces: dict[str, Trace | None], now_s: float) -> list[Trace]:
     """Add the running simulation's present step; the traces that have ended."""
     import libsumo
 
@@ -239,6 +237,6 @@ class Passages:
         for cells, sums in self._tables:
             for total, values in zip(table, sums, strict=True):
                 total += np.bincount(cells, weights=values, minlength=table.shape[1])
-        order = sorted(self._row)
-        rows = [self._row[pair] for pair in order]
-        return History(tuple(order), *table.reshape(4, -1, HOURS)[:, rows])
+        spec = sorted(self._row)
+        rows = [self._row[pair] for pair in spec]
+        return History(tuple(spec), *table.reshape(4, -1, HOURS)[:, rows])

@@ -34,7 +34,7 @@ class Arrival(Protocol):
 
 
 @dataclass
-class _Round:
+class _Tour:
     """A vehicle's round: its plan by legs, and how far it is."""
 
     number: int
@@ -45,7 +45,7 @@ class _Round:
 
 
 @dataclass
-class Rounds:
+class Tours:
     """Vehicles idle and under way, orders taken and served.
 
     Attributes:
@@ -64,7 +64,7 @@ class Rounds:
     def __post_init__(self) -> None:
         self.idle = dict.fromkeys(self.deliveries.vehicles, 0.0)
         self._orders: Mapping[str, Order] = {order.id: order for order in self.deliveries.orders}
-        self._under_way: dict[str, _Round] = {}
+        self._under_way: dict[str, _Tour] = {}
         self._begun = dict.fromkeys(self.deliveries.vehicles, 0)
         self._served: dict[str, float] = {}
 
@@ -79,7 +79,7 @@ class Rounds:
         legs = tuple(tuple(s for s in plan.segments if s.leg == leg) for leg in range(count))
         del self.idle[plan.vehicle]
         self.taken.update(stop.stop for stop in plan.stops[1:-1])
-        self._under_way[plan.vehicle] = _Round(self._begun[plan.vehicle], plan, legs)
+        self._under_way[plan.vehicle] = _Tour(self._begun[plan.vehicle], plan, legs)
         self._begun[plan.vehicle] += 1
         yield from self._next(plan.vehicle, plan.issued_ns / 1e9, plan.depart_ns / 1e9)
 

@@ -10,7 +10,7 @@ from typing import Final
 from simulation.closed_loop.losses import losses
 from simulation.closed_loop.record import DrivenLeg
 from simulation.controllers import SPEED_CHECKS, LegOrder, VehicleState, read_state
-from simulation.controllers.fleet_controller import Conductor, Drafting
+from simulation.controllers.fleet_controller import Drafting, VehicleController
 from simulation.sumo.session import Session
 from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, PAPER_CAR, VehicleParameters, trace_energy
 
@@ -19,8 +19,8 @@ Leave = Callable[[LegOrder, float], tuple[LegOrder, float]]
 _STANDING_MPS: Final = 0.1
 _ROLLING_MPS: Final = 1.0
 # The IDM comes ever nearer to the end of a leg and ever slower: the last metres would take minutes.
-_THERE_M: Final = 5.0
-_THERE_MPS: Final = 1.0
+_ARRIVED_M: Final = 5.0
+_ARRIVED_MPS: Final = 1.0
 
 
 @dataclass
@@ -66,7 +66,7 @@ class FleetWorld:
     Args:
         session: running.
         lengths_m: of the network's segments.
-        conductor: tells vehicles how to drive.
+        controller: tells vehicles how to drive.
         step_s: of the simulation.
         pace: desired speed of the fleet's vehicles over the limit.
         leave: asked once for each leg, when it is due: how to drive it, and when to leave.
@@ -77,13 +77,13 @@ class FleetWorld:
         self,
         session: Session,
         lengths_m: dict[str, float],
-        conductor: Conductor,
+        controller: VehicleController,
         step_s: float,
         pace: float = 1.0,
         leave: Leave | None = None,
         vehicle: VehicleParameters = PAPER_CAR,
     ) -> None:
-        self._session, self._lengths_m, self._conductor = session, lengths_m, conductor
+        self._session, self._lengths_m, self._controller = session, lengths_m, controller
         self._step_s, self._pace, self._vehicle = step_s, pace, vehicle
         self._due: list[tuple[float, str, LegOrder]] = []
         self._leave: Leave = leave or (lambda order, now_s: (order, now_s))
@@ -120,7 +120,7 @@ class FleetWorld:
         # SUMO may keep what lies behind; both ways end at the same place.
         own.behind = len(path) - len(libsumo.vehicle.getRoute(name))
         own.order = replace(own.order, path=path)
-        self._conductor.departed(name, own.order)
+        self._controller.departed(name, own.order)
         return True
 
     def step(self) -> list[DrivenLeg]:
@@ -133,7 +133,7 @@ class FleetWorld:
 
         now_s = self._session.time_s
         self._enter(now_s)
-        drafting = self._conductor.control(
+        drafting = self._controller.control(
             now_s, {name: own.state for name, own in self._on_road.items()}
         )
         self._session.advance()
@@ -144,7 +144,7 @@ class FleetWorld:
             own = self._on_road[name]
             if name not in gone:
                 own.take(read_state(name, own.order, own.behind), drafting, self._step_s)
-                if self._is_there(own):
+                if self._has_arrived(own):
                     libsumo.vehicle.remove(name)
                     ended.append(self._end(name, after_s))
             else:
@@ -154,7 +154,7 @@ class FleetWorld:
             if order is None:
                 continue
             self._on_road[name] = _OnRoad(order, after_s, read_state(name, order))
-            self._conductor.departed(name, order)
+            self._controller.departed(name, order)
         return ended
 
     def _enter(self, now_s: float) -> None:
@@ -189,15 +189,15 @@ class FleetWorld:
             self._session.run(add)
             self._entering[name] = order
 
-    def _is_there(self, own: _OnRoad) -> bool:
+    def _has_arrived(self, own: _OnRoad) -> bool:
         state, path = own.state, own.order.path
-        if state.number < len(path) - 1 or state.crossing or state.speed_mps > _THERE_MPS:
+        if state.number < len(path) - 1 or state.crossing or state.speed_mps > _ARRIVED_MPS:
             return False
-        return self._lengths_m[path[-1]] - state.front_m < _THERE_M
+        return self._lengths_m[path[-1]] - state.front_m < _ARRIVED_M
 
     def _end(self, name: str, now_s: float) -> DrivenLeg:
         own = self._on_road.pop(name)
-        self._conductor.ended(name)
+        self._controller.ended(name)
         order = own.order
         # It comes to rest in the step in which it is taken off.
         speeds, eta = [*own.speeds_mps, 0.0], [*own.eta, ETA_ALONE]

@@ -11,10 +11,4 @@ exported here for that reason), `vehicle.read_state`, `advice.radar`, `advice.ro
 
 from simulation.controllers.vehicle import PREFIX, SPEED_CHECKS, LegOrder, VehicleState, read_state
 
-__all__ = [
-    "PREFIX",
-    "SPEED_CHECKS",
-    "LegOrder",
-    "VehicleState",
-    "read_state",
-]
+__all__ = ["PREFIX", "SPEED_CHECKS", "LegOrder", "VehicleState", "read_state"]

@@ -29,7 +29,7 @@ class Drafting:
     turbulent: frozenset[str] = frozenset()
 
 
-class Conductor(Protocol):
+class VehicleController(Protocol):
     """Sets speeds, types and signals of the running simulation."""
 
     @property
@@ -62,7 +62,7 @@ class Gates(Protocol):
         ...
 
 
-class FleetConductor:
+class FleetController:
     """Sets the speeds of a running simulation's fleet, and asks its signals for green.
 
     Args:

@@ -12,11 +12,11 @@ from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, NOISES, POLICIES, gated, noisy
 from simulation.evaluation.measures import Evaluation, collect
-from simulation.evaluation.runs import Store, Told, World, WorldFiles, code_stamp, run_missing
+from simulation.evaluation.runs import Store, World, WorldFiles, code_stamp, run_missing
 from simulation.exogenous.day import exogenous_day
-from simulation.exogenous.recorded import Recorded, Watched, record_background
+from simulation.exogenous.recorded import RecordedTraffic, Watched, record_background
 from simulation.scenarios.scenario import Background, SignalControl
-from simulation.sumo import run_apart
+from simulation.sumo import Progress, run_in_subprocess
 
 ARMS: Final[Mapping[Watched, tuple[str, ...]]] = {
     "rsus": (
@@ -31,7 +31,7 @@ _STEP_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class ExogenousOrder:
+class ExogenousSpec:
     """One exogenous arm, for a process of its own.
 
     Attributes:
@@ -76,54 +76,56 @@ def exogenous_evaluation(
     Raises:
         InputError: a background is not fit, or the folder is of another evaluation.
     """
-    ground = replace(world.ground, step_s=_STEP_S, rsus=f"{watched} {world.ground.rsus}"[:72])
-    span_s = ground.begin_s, ground.end_s
+    provenance = replace(
+        world.provenance, step_s=_STEP_S, rsus=f"{watched} {world.provenance.rsus}"[:72]
+    )
+    span_s = provenance.begin_s, provenance.end_s
     lock = threading.Lock()
 
-    def simulate(policy: Policy, seed: int, told: Told) -> ArmResult:
+    def simulate(policy: Policy, seed: int, report: Progress) -> ArmResult:
         background = replace(world.background(seed), trips=None, routes=None)
-        order = ExogenousOrder(
+        spec = ExogenousSpec(
             world.files,
             background,
             background.file.parent,
             watched,
             policy,
             seed,
-            ground.signals,
+            provenance.signals,
             span_s,
         )
         with lock:  # the first arm of a seed records its background for all
-            _recorded(order)
-        source = f"{ground.scenario}, {background.file.name}"
-        return run_apart(run_exogenous, order, source, ground.end_s, told)
+            _recorded(spec)
+        source = f"{provenance.scenario}, {background.file.name}"
+        return run_in_subprocess(run_exogenous, spec, source, provenance.end_s, report)
 
     policies = [POLICIES[name] for name in ARMS[watched]]
-    with Store(folder / f"exogenous-{watched}", ground, code_stamp()) as store:
+    with Store(folder / f"exogenous-{watched}", provenance, code_stamp()) as store:
         if not stored:
             run_missing(policies, seeds, span_s, store, simulate, workers, progress)
-        return collect(store, ground, seeds)
+        return collect(store, provenance, seeds)
 
 
-def run_exogenous(order: ExogenousOrder, tell: Callable[[float], None]) -> ArmResult:
+def run_exogenous(spec: ExogenousSpec, report_time: Callable[[float], None]) -> ArmResult:
     """Evaluate an arm in this process, on a background that is recorded already."""
     day = exogenous_day(
-        order.files.load(),
-        _recorded(order),
-        order.policy,
-        order.seed,
-        progress=lambda now_s, _: tell(now_s),
+        spec.files.load(),
+        _recorded(spec),
+        spec.policy,
+        spec.seed,
+        progress=lambda now_s, _: report_time(now_s),
     )
     return day.arm
 
 
-def _recorded(order: ExogenousOrder) -> Recorded:
-    begin_s, end_s = order.span_s
+def _recorded(spec: ExogenousSpec) -> RecordedTraffic:
+    begin_s, end_s = spec.span_s
     return record_background(
-        order.files.load(),
-        order.background,
-        order.folder,
-        watched=order.watched,
-        signals=order.signals,
+        spec.files.load(),
+        spec.background,
+        spec.folder,
+        watched=spec.watched,
+        signals=spec.signals,
         begin_s=begin_s,
         end_s=end_s,
     )

@@ -66,7 +66,7 @@ class Passages:
 
     Attributes:
         legs: in the order of arrival.
-        partings: platoons on a segment that was turbulent in truth.
+        disengagements: platoons on a segment that was turbulent in truth.
         violations: their vehicles, one count a segment.
         violated_m: what these drove there.
         watched_m: driven on watched segments.
@@ -74,7 +74,7 @@ class Passages:
     """
 
     legs: tuple[DrivenLeg, ...]
-    partings: int
+    disengagements: int
     violations: int
     violated_m: float
     watched_m: float
@@ -93,7 +93,7 @@ def evaluate(
     entries = _entries(legs)
     eta = [[ETA_ALONE] * len(leg.path) for leg in legs]
     platooned_s = [0.0] * len(legs)
-    partings = violations = 0
+    disengagements = violations = 0
     watched_m = open_m = violated_m = 0.0
     extra = np.zeros(len(legs))
     for segment in sorted(entries):
@@ -110,7 +110,7 @@ def evaluate(
                 continue
             truth = roadside.truth(segment, group[0][0])
             turbulent = is_turbulent(truth)
-            partings += turbulent
+            disengagements += turbulent
             violations += turbulent * len(group)
             violated_m += turbulent * len(group) * length
             for place, (entry, leaving, (_, index, position)) in enumerate(group):
@@ -124,7 +124,7 @@ def evaluate(
         for i, leg in enumerate(legs)
     ]
     made.sort(key=lambda leg: (leg.arrived_s, leg.vehicle))
-    return Passages(tuple(made), partings, violations, violated_m, watched_m, open_m)
+    return Passages(tuple(made), disengagements, violations, violated_m, watched_m, open_m)
 
 
 def turbulence_kwh(

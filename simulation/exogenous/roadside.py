@@ -15,7 +15,7 @@ from edge_daemon.evaluation.windows import TrueWindow
 from simulation.closed_loop.dispatching import with_gates
 from simulation.closed_loop.gates import is_turbulent, open_gates
 from simulation.closed_loop.policy import Policy
-from simulation.exogenous.recorded import WINDOW_S, Recorded
+from simulation.exogenous.recorded import WINDOW_S, RecordedTraffic
 from simulation.scenarios.demand import Array
 from simulation.scenarios.perception import Reporter, measured_errors
 from simulation.scenarios.record import Traffic
@@ -36,7 +36,7 @@ class Roadside:
 
     def __init__(
         self,
-        recorded: Recorded,
+        recorded: RecordedTraffic,
         network: RoadNetwork,
         policy: Policy,
         seed: int,

@@ -17,7 +17,7 @@ def open_since_s(deliveries: Deliveries, begin_s: float) -> float:
     return max(0.0, begin_s - deliveries.settings.wave_s)
 
 
-class OrderFile:
+class FleetFile:
     """Written anew as orders are made ready and vehicles come and go; its times count from then.
 
     Args:

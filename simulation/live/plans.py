@@ -47,7 +47,7 @@ def in_world_time(plan: VehiclePlan, issued_s: float) -> VehiclePlan:
     )
 
 
-class Mailbox:
+class PlanQueue:
     """Plans from the bus's thread to the simulation's."""
 
     def __init__(self, vehicles: Collection[str]) -> None:
@@ -63,7 +63,7 @@ class Mailbox:
         if plan.vehicle in self._vehicles:
             self._plans.put(plan)
 
-    def news(self) -> Iterator[VehiclePlan]:
+    def drain(self) -> Iterator[VehiclePlan]:
         """What has come since the last call."""
         while True:
             try:
@@ -72,7 +72,7 @@ class Mailbox:
                 return
 
 
-class Waiting:
+class PendingPlans:
     """Plans that have come, by vehicle, until it is free to follow one.
 
     A vehicle on its round finishes it first. One at its depot takes the newest plan, unless that

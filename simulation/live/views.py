@@ -28,7 +28,7 @@ class Views:
         self._kind_numbers: dict[Kind, int] = {}
         self._seen = 0
 
-    def look(self) -> list[list[Vehicle]]:
+    def vehicles_in_view(self) -> list[list[Vehicle]]:
         """The vehicles around each camera after the last step, in the cameras' order."""
         scenes: list[list[Vehicle]] = [[] for _ in self._poses]
         present = libsumo.vehicle.getIDList()

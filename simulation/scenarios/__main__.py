@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from simulation.scenarios.acceptance import AcceptanceLimits, clock
 from simulation.scenarios.day import run_day
-from simulation.scenarios.demand import Standing, draw_deliveries
-from simulation.scenarios.gates import Gates, clock
+from simulation.scenarios.demand import DrawnBreakdown, draw_deliveries
 from simulation.scenarios.networks import (
     CorridorSettings,
     build_net,
@@ -24,7 +24,7 @@ from simulation.scenarios.networks import (
     write_fixed_time,
 )
 from simulation.scenarios.record import Day
-from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
+from simulation.scenarios.scenario import day_spec, load_scenario, own_background, prepare
 from slipstream.config import load
 from slipstream.errors import InputError
 
@@ -84,7 +84,7 @@ def day(options: argparse.Namespace) -> int:
     else:
         background = own_background(scenario, options.routes)
         options.out.mkdir(parents=True, exist_ok=True)
-    order = order_day(
+    order = day_spec(
         scenario,
         background,
         options.out,
@@ -100,7 +100,7 @@ def day(options: argparse.Namespace) -> int:
     simulated = run_day(order, show)
     if sys.stderr.isatty():
         print(file=sys.stderr)
-    faults = Gates().faults(simulated)
+    faults = AcceptanceLimits().faults(simulated)
     _write(options.out, scenario.name, options.seed, simulated, faults, background.breakdowns)
     found = simulated.statistics
     if options.json:
@@ -116,7 +116,7 @@ def day(options: argparse.Namespace) -> int:
             f"{found.inserted} of {found.loaded} trips, {simulated.wall_s:.0f} s; "
             f"{'fit' if not faults else 'refused'}"
         )
-    Gates().check(simulated, f"{scenario.name}, seed {options.seed}")
+    AcceptanceLimits().check(simulated, f"{scenario.name}, seed {options.seed}")
     return 0
 
 
@@ -144,7 +144,7 @@ def _write(
     seed: int,
     day: Day,
     faults: tuple[str, ...],
-    breakdowns: Sequence[Standing],
+    breakdowns: Sequence[DrawnBreakdown],
 ) -> None:
     """Figures as JSON, hours as CSV."""
     figures = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from simulation.scenarios.gates import clock
+from simulation.scenarios.acceptance import clock
 from slipstream.errors import InputError
 
 CHECK_S: Final = 600.0
@@ -28,7 +28,7 @@ class GridlockWatch:
         self.since_s: float | None = None
         self._stuck = 0
 
-    def look(self, now_s: float) -> bool:
+    def update(self, now_s: float) -> bool:
         """Take in the running simulation; True if it is in a gridlock."""
         import libsumo
 
@@ -46,7 +46,7 @@ class GridlockWatch:
         Raises:
             InputError: it is in a gridlock.
         """
-        if self.look(now_s):
+        if self.update(now_s):
             raise InputError(
                 source, f"gridlock at {clock(now_s)}", "take fewer trips or another network"
             )

@@ -7,13 +7,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Final, Literal
 
-from simulation.scenarios.day import DayOrder
+from simulation.scenarios.day import DaySpec
 from simulation.scenarios.demand import (
     DemandSettings,
+    DrawnBreakdown,
     FleetSettings,
     Flow,
     Routes,
-    Standing,
     Trips,
     Zone,
     draw_breakdowns,
@@ -76,7 +76,7 @@ class Background:
     rsus: tuple[Rsu, ...]
     trips: Trips | None = None
     routes: Routes | None = None
-    breakdowns: tuple[Standing, ...] = ()
+    breakdowns: tuple[DrawnBreakdown, ...] = ()
 
 
 def load_scenario(
@@ -149,7 +149,7 @@ def own_background(scenario: Scenario, routes: Path) -> Background:
     return Background(routes, scenario.rsus or ())
 
 
-def order_day(
+def day_spec(
     scenario: Scenario,
     background: Background,
     folder: Path,
@@ -157,7 +157,7 @@ def order_day(
     signals: SignalControl = "actuated",
     begin_s: float = 0.0,
     end_s: float = 86400.0,
-) -> DayOrder:
+) -> DaySpec:
     """What `simulation.scenarios.day.run_day` needs for a day of a scenario.
 
     Raises:
@@ -168,7 +168,7 @@ def order_day(
         path = folder / f"{scenario.name}-fixed.add.xml"
         write_fixed_time(scenario.net, path)
         additional = (path,)
-    return DayOrder(
+    return DaySpec(
         scenario.net,
         background.file,
         tuple(scenario.network.segments),

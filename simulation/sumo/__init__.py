@@ -4,7 +4,14 @@
 """
 
 from simulation.sumo.files import check_files, check_vehicle_files, elements
-from simulation.sumo.subprocess import Progress, run_apart
+from simulation.sumo.subprocess import Progress, run_in_subprocess
 from simulation.sumo.vehicle_types import TYPES
 
-__all__ = ["TYPES", "Progress", "check_files", "check_vehicle_files", "elements", "run_apart"]
+__all__ = [
+    "TYPES",
+    "Progress",
+    "check_files",
+    "check_vehicle_files",
+    "elements",
+    "run_in_subprocess",
+]

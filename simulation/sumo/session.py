@@ -80,7 +80,7 @@ class Session:
             command()
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             reasons = [str(error)]
-        spoken = self._said.news()
+        spoken = self._said.new_lines()
         if reasons or any(line.startswith("Error") for line in spoken):
             raise self._refusal([*spoken, *reasons])
 
@@ -104,7 +104,7 @@ def _close() -> None:
 
 
 @contextmanager
-def _messages() -> Iterator[_Said]:
+def _messages() -> Iterator[_CapturedOutput]:
     """Keep what this process writes to the terminal."""
     sys.stdout.flush()
     sys.stderr.flush()
@@ -113,7 +113,7 @@ def _messages() -> Iterator[_Said]:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
         try:
-            yield _Said(file.fileno())
+            yield _CapturedOutput(file.fileno())
         finally:
             os.dup2(saved[0], 1)
             os.dup2(saved[1], 2)
@@ -121,14 +121,14 @@ def _messages() -> Iterator[_Said]:
             os.close(saved[1])
 
 
-class _Said:
+class _CapturedOutput:
     """Reads what went into a file."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._read = 0
 
-    def news(self) -> list[str]:
+    def new_lines(self) -> list[str]:
         """The lines since the last call."""
         new = os.fstat(self._descriptor).st_size - self._read
         text = os.pread(self._descriptor, new, self._read) if new else b""

@@ -15,13 +15,13 @@ from slipstream.errors import InputError
 Progress = Callable[[float, float], None]
 """Told the simulated time and the end, s."""
 
-Order = TypeVar("Order")
+Spec = TypeVar("Spec")
 Result = TypeVar("Result")
 
 
-def run_apart(
-    simulate: Callable[[Order, Callable[[float], None]], Result],
-    order: Order,
+def run_in_subprocess(
+    simulate: Callable[[Spec, Callable[[float], None]], Result],
+    spec: Spec,
     source: str,
     end_s: float,
     progress: Progress | None = None,
@@ -30,7 +30,7 @@ def run_apart(
 
     Args:
         simulate: a module's function; told the order and whom to tell the simulated time.
-        order: what to simulate; sent to the process.
+        spec: what to simulate; sent to the process.
         source: files that it is made of, named if SUMO dies of them.
         end_s: simulated.
 
@@ -43,7 +43,7 @@ def run_apart(
         raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
     context = get_context("spawn")
     inbox, outbox = context.Pipe(duplex=False)
-    process = context.Process(target=_serve, args=(outbox, simulate, order), daemon=True)
+    process = context.Process(target=_serve, args=(outbox, simulate, spec), daemon=True)
     process.start()
     outbox.close()
     try:
@@ -71,13 +71,13 @@ def run_apart(
 
 
 def _serve(
-    outbox: Connection, simulate: Callable[[Order, Callable[[float], None]], object], order: Order
+    outbox: Connection, simulate: Callable[[Spec, Callable[[float], None]], object], spec: Spec
 ) -> None:
     """Run in the other process: send times as they pass, then the result, or the fault."""
     # An interrupt is the business of the process that asked.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        outbox.send(("result", simulate(order, lambda time_s: outbox.send(("time", time_s)))))
+        outbox.send(("result", simulate(spec, lambda time_s: outbox.send(("time", time_s)))))
     except InputError as error:
         outbox.send(("fault", error))
     except (BrokenPipeError, ConnectionResetError):

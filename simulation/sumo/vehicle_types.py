@@ -22,7 +22,7 @@ class VehicleType:
         max_speed_mps: of the vehicle, whatever the limit.
         acceleration_mps2: largest one of the IDM.
         deceleration_mps2: comfortable one of the IDM.
-        headway_s: time gap of the IDM.
+        time_gap_s: time gap of the IDM.
         min_gap_m: standing gap.
     """
 
@@ -32,7 +32,7 @@ class VehicleType:
     max_speed_mps: float
     acceleration_mps2: float
     deceleration_mps2: float
-    headway_s: float
+    time_gap_s: float
     min_gap_m: float = 2.5
 
     def xml(self) -> str:
@@ -44,7 +44,7 @@ class VehicleType:
             f'<vType id={quoteattr(self.id)} vClass="{self.vclass}" carFollowModel="IDM" '
             f'length="{self.length_m:g}" minGap="{self.min_gap_m:g}" '
             f'maxSpeed="{self.max_speed_mps:g}" accel="{self.acceleration_mps2:g}" '
-            f'decel="{self.deceleration_mps2:g}" emergencyDecel="9" tau="{self.headway_s:g}" '
+            f'decel="{self.deceleration_mps2:g}" emergencyDecel="9" tau="{self.time_gap_s:g}" '
             f'lcStrategic="3" speedFactor="1" speedDev="0"/>'
         )
 

@@ -20,7 +20,7 @@ from simulation.streetdrive.rendering import (
     SensorSettings,
     draw_light,
     lit,
-    paint_things,
+    paint_objects,
     paint_tree_line,
     paint_tree_shadow,
     shade_sky,
@@ -30,8 +30,8 @@ from simulation.streetdrive.vehicles import CLASS_OF_SHAPE
 from simulation.sumo_view.ground import paint_roads
 from simulation.sumo_view.lanes import Roads
 from simulation.sumo_view.pose import Pose, Site, draw_pose
-from simulation.sumo_view.process import Order, Simulation
-from simulation.sumo_view.roadside import Plan, choose_things, tree_shadow_feet
+from simulation.sumo_view.process import Simulation, ViewSpec
+from simulation.sumo_view.roadside import Plan, choose_objects, tree_shadow_feet
 from simulation.sumo_view.settings import RsuSettings, SceneSettings, SumoClipSettings, load_rsu
 from simulation.sumo_view.shapes import mesh_of
 from simulation.sumo_view.traffic import Vehicle
@@ -66,8 +66,8 @@ def _paint_backdrop(
     picture = np.where(ground_view.hits[..., None], ground, sky)
     background: Image = np.clip(picture, 0, 255).astype(np.uint8)
     paint_tree_line(background, camera, light, rng)
-    things = choose_things(plan, roads, site, scene, rng)
-    paint_things(background, camera, light, PALETTE, rng, things)
+    things = choose_objects(plan, roads, site, scene, rng)
+    paint_objects(background, camera, light, PALETTE, rng, things)
     return Backdrop(camera, light, background)
 
 
@@ -168,7 +168,7 @@ def render_sumo_clip(
     out_dir = Path(out_dir)
     make_folder(out_dir)
     pose = draw_pose(rsu, settings.seed, settings.rsu)
-    order = Order(
+    order = ViewSpec(
         settings.net,
         settings.routes,
         settings.additional,

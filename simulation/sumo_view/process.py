@@ -22,7 +22,7 @@ from slipstream.errors import InputError
 
 
 @dataclass(frozen=True)
-class Order:
+class ViewSpec:
     """What to simulate and what to hand over: frames around a point of the net."""
 
     net: Path
@@ -50,14 +50,14 @@ class Simulation:
 
     roads: Roads
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, spec: ViewSpec) -> None:
         if find_spec("libsumo") is None:
             raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
-        check_files(order.net, (order.routes, *order.additional))
-        self._order = order
+        check_files(spec.net, (spec.routes, *spec.additional))
+        self._spec = spec
         context = get_context("spawn")
         self._inbox, self._outbox = context.Pipe(duplex=False)
-        self._process = context.Process(target=_serve, args=(self._outbox, order), daemon=True)
+        self._process = context.Process(target=_serve, args=(self._outbox, spec), daemon=True)
 
     def __enter__(self) -> Simulation:
         self._process.start()
@@ -86,7 +86,7 @@ class Simulation:
             InputError: SUMO refuses a vehicle or a route or dies of it, no vehicle drives, or a
                 vehicle's class has no shape.
         """
-        for _ in range(self._order.frames):
+        for _ in range(self._spec.frames):
             vehicles = self._receive()
             assert isinstance(vehicles, list)
             yield vehicles
@@ -96,7 +96,7 @@ class Simulation:
             received = self._inbox.recv()
         except EOFError:
             self._process.join()
-            names = ", ".join(p.name for p in (self._order.net, self._order.routes))
+            names = ", ".join(p.name for p in (self._spec.net, self._spec.routes))
             raise InputError(
                 names,
                 f"SUMO crashes on them (exit status {self._process.exitcode})",
@@ -113,7 +113,7 @@ class Simulation:
         self._process.close()
 
 
-def _serve(outbox: Connection, order: Order) -> None:
+def _serve(outbox: Connection, spec: ViewSpec) -> None:
     """Run in the other process: send the roads, then the vehicles of each frame, or the fault."""
     # An interrupt is the business of the process that asked.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -121,10 +121,10 @@ def _serve(outbox: Connection, order: Order) -> None:
     from simulation.sumo_view.world import World, drive
 
     try:
-        with World(order.net, order.routes, order.additional, order.seed) as world:
-            outbox.send(read_roads(order.x_m, order.y_m, order.radius_m))
-            world.look(order.x_m, order.y_m, order.radius_m)
-            for vehicles in drive(world, order.begin_s, order.fps, order.frames):
+        with World(spec.net, spec.routes, spec.additional, spec.seed) as world:
+            outbox.send(read_roads(spec.x_m, spec.y_m, spec.radius_m))
+            world.subscribe_around(spec.x_m, spec.y_m, spec.radius_m)
+            for vehicles in drive(world, spec.begin_s, spec.fps, spec.frames):
                 outbox.send(vehicles)
     except InputError as error:
         outbox.send(error)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from simulation.streetdrive.rendering import Thing
+from simulation.streetdrive.rendering import RoadsideObject
 from simulation.sumo_view.ground import PAVEMENT_M, SHOULDER_M
 from simulation.sumo_view.lanes import Carriageway, Roads
 from simulation.sumo_view.polylines import Floats, at, distances, shifted
@@ -45,7 +45,7 @@ class Plan:
         row, column, inside = self._cells(points)
         return np.where(inside, self._clear[row, column], 0.0)
 
-    def hides_road(self, points: Floats, within_m: float) -> bool:
+    def occludes_road(self, points: Floats, within_m: float) -> bool:
         """Whether a thing with these corners (n, 2) stands, as the camera sees it, before a road
         that is nearer than a distance.
         """
@@ -69,11 +69,11 @@ class Plan:
         return np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1), inside
 
 
-def choose_things(
+def choose_objects(
     plan: Plan, roads: Roads, site: Site, scene: SceneSettings, rng: np.random.Generator
-) -> list[Thing]:
+) -> list[RoadsideObject]:
     """Things in the painter's form, in the site's axes."""
-    things: list[Thing] = []
+    things: list[RoadsideObject] = []
     for kind, mean, tries, spread_m in (
         ("building", scene.buildings, 40, 60.0),
         ("tree", scene.trees, 25, 25.0),
@@ -92,7 +92,7 @@ def choose_things(
         things += [
             (float(x), "lamp", float(y))
             for x, y in _lamp_spots(way, site, scene.lamp_spacing_m, rng)
-            if 15.0 < x < 300.0 and not plan.hides_road(np.array([[x, y]]), _THIN_M)
+            if 15.0 < x < 300.0 and not plan.occludes_road(np.array([[x, y]]), _THIN_M)
         ]
     return things
 
@@ -107,7 +107,7 @@ def tree_shadow_feet(plan: Plan, count: int, rng: np.random.Generator) -> list[F
 def _stands_free(plan: Plan, kind: str, spot: Floats) -> bool:
     if kind == "tree":
         corners = spot + np.array([[-3.2, -3.2], [3.2, -3.2], [3.2, 3.2], [-3.2, 3.2]])
-        return 3.4 < float(plan.clearance_m(spot[None])[0]) < 14.0 and not plan.hides_road(
+        return 3.4 < float(plan.clearance_m(spot[None])[0]) < 14.0 and not plan.occludes_road(
             corners, _SEEN_M
         )
     long, deep = _BLOCK_M
@@ -115,7 +115,7 @@ def _stands_free(plan: Plan, kind: str, spot: Floats) -> bool:
     corners = spot + np.array([[0, 0], [long, 0], [long, side * deep], [0, side * deep]])
     inner = spot + np.array([[a * long, side * b * deep] for a in (0.3, 0.7) for b in (0.3, 0.7)])
     clear = plan.clearance_m(np.concatenate([corners, inner]))
-    return float(clear.min()) > 3.0 and not plan.hides_road(corners, _SEEN_M)
+    return float(clear.min()) > 3.0 and not plan.occludes_road(corners, _SEEN_M)
 
 
 def _lamp_spots(way: Carriageway, site: Site, spacing_m: float, rng: np.random.Generator) -> Floats:

@@ -18,7 +18,7 @@ from simulation.sumo_view.settings import RsuSettings, WatchSettings
 from slipstream.errors import InputError
 
 NEAR_M, FAR_M = 20.0, 80.0
-_LEAST_M = 10.0
+_MIN_LENGTH_M = 10.0
 _WORTH_WATCHING_M = 30.0
 _EDGE_PX = 2.0
 
@@ -126,11 +126,12 @@ def _named(watch: WatchSettings, roads: Roads, view: View, source: Path) -> Stre
         raise InputError(source, "the edge is not in view", "turn the camera to it", key=key)
     start, end = low if low is not None else inside[0], high if high is not None else inside[1]
     seen = _in_view(way, view, 0.0, math.inf) or inside
-    if start < seen[0] - 1.0 or end > seen[1] + 1.0 or end - start < _LEAST_M:
+    if start < seen[0] - 1.0 or end > seen[1] + 1.0 or end - start < _MIN_LENGTH_M:
         raise InputError(
             source,
             f"{start:.0f} to {end:.0f} m cannot be watched",
-            f"give {_LEAST_M:g} m or more between {math.ceil(seen[0])} and {math.floor(seen[1])} m",
+            f"give {_MIN_LENGTH_M:g} m or more "
+            f"between {math.ceil(seen[0])} and {math.floor(seen[1])} m",
             key=key,
         )
     return Stretch(watch.id or watch.edge, way, start, end, lanes)

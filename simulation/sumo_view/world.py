@@ -76,7 +76,7 @@ class World:
         """
         self._session.advance(until_s)
 
-    def expect_vehicles(self) -> None:
+    def require_vehicles(self) -> None:
         """Make sure that there is something to see.
 
         Raises:
@@ -89,7 +89,7 @@ class World:
                 "give another begin, or a route file with vehicles",
             )
 
-    def look(self, x_m: float, y_m: float, radius_m: float) -> None:
+    def subscribe_around(self, x_m: float, y_m: float, radius_m: float) -> None:
         """Ask for the vehicles around a point of the net from now on."""
         libsumo.poi.add(_PLACE, x_m, y_m, (0, 0, 0, 0))
         libsumo.poi.subscribeContext(
@@ -154,7 +154,7 @@ def drive(world: World, begin_s: float, fps: float, frames: int) -> Iterator[lis
     numbers: dict[str, int] = {}
     start_s = round(begin_s / STEP_S) * STEP_S
     world.advance(max(start_s, STEP_S))
-    world.expect_vehicles()
+    world.require_vehicles()
     step = 0
     before = world.vehicles()
     kinds = {name: world.kind(name) for name in before}

@@ -54,7 +54,7 @@ def _from_folder(folder: Path, shape: tuple[int, int], count: int, seed: int) ->
         if image is None:
             raise InputError(paths[index], "not a readable picture", "remove it")
         size = image.shape[1], image.shape[0]
-        inputs.append(_laid(image, _placement(size, Region(0, 0, *size), shape)))
+        inputs.append(_letterboxed(image, _placement(size, Region(0, 0, *size), shape)))
     return inputs
 
 
@@ -76,7 +76,7 @@ def _from_clip(clip: Path, shape: tuple[int, int], count: int, camera: Path | No
                 if placement is None:
                     size = image.shape[1], image.shape[0]
                     placement = _placement(size, _road(size, camera, clip), shape)
-                inputs.append(_laid(image, placement))
+                inputs.append(_letterboxed(image, placement))
             number += 1
     finally:
         capture.release()
@@ -104,7 +104,7 @@ def _placement(size: tuple[int, int], wanted: Region, shape: tuple[int, int]) ->
     return place_freely(size, wanted, min(shape[1] / size[0], shape[0] / size[1]))
 
 
-def _laid(image: cv2.typing.MatLike, placement: Placement) -> Image:
+def _letterboxed(image: cv2.typing.MatLike, placement: Placement) -> Image:
     canvas = np.full((*placement.shape, 3), _GREY, dtype=np.uint8)
     fill(canvas, np.asarray(image, dtype=np.uint8), placement)
     return canvas

@@ -21,7 +21,7 @@ from edge_daemon.detection import VEHICLE_CLASSES
 from edge_daemon.detection.protocol import vehicle_class_of
 from edge_daemon.frame import Image
 from simulation.training.calibration import calibration_inputs
-from simulation.training.judge import figures_on, to_planes
+from simulation.training.judge import evaluate_model, to_planes
 from simulation.training.labelled import LabelledSet, read_labelled_set
 from simulation.training.metrics import Figures
 from slipstream.errors import InputError
@@ -251,4 +251,4 @@ def save(model: Any, metadata: str, out: Path, name: str) -> Path:
 
 
 def _judged(model: Any, labelled: LabelledSet | None, shape: tuple[int, int]) -> Figures | None:
-    return figures_on(model, labelled, shape)[0] if labelled else None
+    return evaluate_model(model, labelled, shape)[0] if labelled else None

@@ -20,7 +20,7 @@ from simulation.training.labelled import LabelledSet
 from simulation.training.metrics import Boxes, Figures, evaluate
 from slipstream.errors import InputError
 
-_SCORE, _IOU, _MOST = 0.001, 0.7, 300
+_SCORE, _IOU, _MAX_DETECTIONS = 0.001, 0.7, 300
 _GREY = 114
 
 
@@ -76,18 +76,18 @@ def decode(
         cv2.dnn.NMSBoxesBatched(boxes.tolist(), scores.tolist(), classes.tolist(), _SCORE, _IOU),
         dtype=np.int64,
     ).reshape(-1)
-    chosen = chosen[np.argsort(-scores[chosen], kind="stable")][:_MOST]
+    chosen = chosen[np.argsort(-scores[chosen], kind="stable")][:_MAX_DETECTIONS]
     corners = np.column_stack([boxes[chosen, :2], boxes[chosen, :2] + boxes[chosen, 2:]])
     found = placement.to_picture(corners.astype(np.float32)).astype(np.float64)
     limit = np.array(placement.picture * 2)
     return Boxes(np.clip(found, 0, limit), classes[chosen], scores[chosen])
 
 
-def figures_on(
+def evaluate_model(
     model: Path | Any,
     labelled: LabelledSet,
     shape: tuple[int, int] | None = None,
-    least_heights: Sequence[float] = (0.0,),
+    min_heights: Sequence[float] = (0.0,),
 ) -> list[Figures]:
     """Figures of an OpenVINO model on labelled pictures, for each least box height.
 
@@ -95,7 +95,7 @@ def figures_on(
         model: an .xml, or a model read from one; it is not changed.
         labelled: the pictures.
         shape: (height, width) that a dynamic input is given; None: it is static.
-        least_heights: px of a picture scaled to a width of 640 px.
+        min_heights: px of a picture scaled to a width of 640 px.
 
     Raises:
         InputError: a picture or its labels are unreadable.
@@ -121,7 +121,7 @@ def figures_on(
         unit = 640 / placement.picture[0]
         found.append(_scaled(decode(output, placement, vehicle_class), unit))
         true.append(_scaled(labelled.boxes(path, placement.picture), unit))
-    return [evaluate(found, true, len(VEHICLE_CLASSES), height) for height in least_heights]
+    return [evaluate(found, true, len(VEHICLE_CLASSES), height) for height in min_heights]
 
 
 def _scaled(boxes: Boxes, factor: float) -> Boxes:

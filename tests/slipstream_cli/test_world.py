@@ -10,12 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from simulation.live.world_spec import CameraPlace
 
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
 from simulation.live.prepare import prepare_world
-from simulation.live.world_order import CameraPlace
 from simulation.sumo_view.examples import find_routes
 from slipstream.bus import free_port
 from slipstream.config import BusSettings, load

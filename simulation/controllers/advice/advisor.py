@@ -10,14 +10,20 @@ from typing import Final, Protocol
 from simulation.controllers.advice.approach import (
     Margins,
     Window,
-    arrival_speed,
+    arrival_speed_mps,
     choose_arrival_s,
     free_arrival_s,
 )
-from simulation.controllers.advice.coasting import Rolling, braked_mps
-from simulation.controllers.advice.radar import Radar, Seen, closes_in, look_ahead, waiting
+from simulation.controllers.advice.coasting import CoastingModel, braked_mps
+from simulation.controllers.advice.radar import (
+    LeadVehicle,
+    Radar,
+    is_closing,
+    lead_vehicle,
+    queue_length,
+)
 from simulation.controllers.advice.road import LegRoad, Roads, StopLine, leg_road, read_roads
-from simulation.controllers.advice.time_price import leg_price_w
+from simulation.controllers.advice.time_price import leg_value_of_time_w
 from simulation.controllers.vehicle import LegOrder, VehicleState
 from slipstream.energy import PAPER_CAR, VehicleParameters
 
@@ -34,7 +40,7 @@ class SignalTiming(Protocol):
 
 
 @dataclass(frozen=True)
-class Driving:
+class AdviceParameters:
     """How vehicles of the fleet drive.
 
     Attributes:
@@ -57,7 +63,7 @@ class Driving:
 class _Leg:
     order: LegOrder
     road: LegRoad
-    price_w: float
+    value_of_time_w: float
     budget_s: float
     spent_s: float
     leader: str = ""
@@ -72,7 +78,7 @@ class SpeedAdvisor:
         signals: the timing that is broadcast.
         step_s: of the simulation.
         vehicle: physical data.
-        driving: how the vehicles drive.
+        parameters: how the vehicles drive.
     """
 
     def __init__(
@@ -81,15 +87,15 @@ class SpeedAdvisor:
         signals: SignalTiming,
         step_s: float,
         vehicle: VehicleParameters = PAPER_CAR,
-        driving: Driving | None = None,
-        radar: Radar = look_ahead,
+        parameters: AdviceParameters | None = None,
+        radar: Radar = lead_vehicle,
     ) -> None:
         self._roads = net if isinstance(net, Roads) else read_roads(net)
         self._signals = signals
         self._step_s = step_s
         self._vehicle = vehicle
-        self._rolling = Rolling.of(vehicle)
-        self._driving = driving or Driving()
+        self._coasting = CoastingModel.of(vehicle)
+        self._parameters = parameters or AdviceParameters()
         self._radar = radar
         self._legs: dict[str, _Leg] = {}
 
@@ -99,12 +105,12 @@ class SpeedAdvisor:
             return
         road = leg_road(self._roads, order.path)
         budget_s = order.advice.coasting_budget * order.free_s
-        price_w = leg_price_w(
-            road, budget_s, self._rolling, self._driving.braking_mps2, self._vehicle
+        value_of_time_w = leg_value_of_time_w(
+            road, budget_s, self._coasting, self._parameters.braking_mps2, self._vehicle
         )
         known = self._legs.get(name)
         spent_s = 0.0 if known is None else known.spent_s
-        self._legs[name] = _Leg(order, road, price_w, budget_s, spent_s)
+        self._legs[name] = _Leg(order, road, value_of_time_w, budget_s, spent_s)
 
     def ended(self, name: str) -> None:
         """A vehicle left the road."""
@@ -127,17 +133,17 @@ class SpeedAdvisor:
         place_m = leg.road.place_m(state)
         if not state.crossing and self._is_committed(leg, now_s, state, place_m):
             return None
-        seen = self._radar(name)
+        lead = self._radar(name)
         cap = math.inf
         if leg.order.advice.eco_approach and not state.crossing:
-            cap = self._for_signal(leg, now_s, state, place_m, tail_m, seen)
+            cap = self._for_signal(leg, now_s, state, place_m, tail_m, lead)
         if leg.spent_s < leg.budget_s and state.speed_mps > 0:
-            cap = min(cap, self._rolling_out(leg, state, place_m))
-        if seen is not None:
-            steady = seen.name == leg.leader and seen.speed_mps <= leg.leader_mps + 0.05
-            leg.leader, leg.leader_mps = seen.name, seen.speed_mps
-            if steady and closes_in(seen, state.speed_mps, self._driving.closing_mps2):
-                cap = min(cap, self._rolling.after(state.speed_mps, self._step_s))
+            cap = min(cap, self._coast_speed(leg, state, place_m))
+        if lead is not None:
+            steady = lead.name == leg.leader and lead.speed_mps <= leg.leader_mps + 0.05
+            leg.leader, leg.leader_mps = lead.name, lead.speed_mps
+            if steady and is_closing(lead, state.speed_mps, self._parameters.closing_mps2):
+                cap = min(cap, self._coasting.after(state.speed_mps, self._step_s))
         return None if cap == math.inf else cap
 
     def _is_committed(self, leg: _Leg, now_s: float, state: VehicleState, place_m: float) -> bool:
@@ -150,25 +156,27 @@ class SpeedAdvisor:
         if line is None:
             return False
         speed = state.speed_mps
-        stopping_m = speed**2 / (2 * self._driving.hard_mps2) + speed * self._step_s
+        stopping_m = speed**2 / (2 * self._parameters.hard_mps2) + speed * self._step_s
         if line.at_m - place_m > stopping_m:
             return False
         windows = self._signals.upcoming(line.tls, line.link, now_s)
         return not windows or windows[0].begin_s > now_s
 
-    def _rolling_out(self, leg: _Leg, state: VehicleState, place_m: float) -> float:
+    def _coast_speed(self, leg: _Leg, state: VehicleState, place_m: float) -> float:
         """The speed of rolling, if it is time to roll towards a place where speed must be lower."""
-        speed, braking = state.speed_mps, self._driving.braking_mps2
+        speed, braking = state.speed_mps, self._parameters.braking_mps2
         limit = leg.road.limits_mps[state.number]
         for slow in leg.road.slow_ahead(place_m):
             ahead_m = slow.at_m - place_m
             if ahead_m > _HORIZON_M:
                 break
-            if ahead_m <= self._rolling.approach_m(speed, slow.speed_mps, leg.price_w, braking):
+            if ahead_m <= self._coasting.approach_m(
+                speed, slow.speed_mps, leg.value_of_time_w, braking
+            ):
                 unhindered = min(limit, braked_mps(ahead_m, slow.speed_mps, braking))
                 if unhindered > speed:
                     leg.spent_s += self._step_s * (1 - speed / unhindered)
-                return max(slow.speed_mps, self._rolling.after(speed, self._step_s))
+                return max(slow.speed_mps, self._coasting.after(speed, self._step_s))
         return math.inf
 
     def _for_signal(
@@ -178,33 +186,35 @@ class SpeedAdvisor:
         state: VehicleState,
         place_m: float,
         tail_m: float,
-        seen: Seen | None,
+        lead: LeadVehicle | None,
     ) -> float:
         """The speed that reaches the next stop line at green."""
         line = self._line(leg, state, place_m)
         if line is None:
             return math.inf
-        speed, margins = state.speed_mps, self._driving.margins
+        speed, margins = state.speed_mps, self._parameters.margins
         limit = leg.road.limits_mps[state.number]
         ahead_m = line.at_m - place_m
         windows = self._signals.upcoming(line.tls, line.link, now_s)
-        earliest_s = now_s + free_arrival_s(ahead_m, speed, limit, self._driving.acceleration_mps2)
+        earliest_s = now_s + free_arrival_s(
+            ahead_m, speed, limit, self._parameters.acceleration_mps2
+        )
         tail_s = tail_m / line.passing_mps
         arrive_s = choose_arrival_s(
-            windows, now_s, earliest_s, tail_s, waiting(seen, ahead_m), margins
+            windows, now_s, earliest_s, tail_s, queue_length(lead, ahead_m), margins
         )
         if arrive_s is None or arrive_s <= earliest_s:
             return math.inf
         step_s = self._step_s
-        wanted = arrival_speed(
-            self._rolling,
+        wanted = arrival_speed_mps(
+            self._coasting,
             ahead_m - speed * step_s,
             arrive_s - now_s - step_s,
-            margins.least_mps,
+            margins.min_mps,
         )
         if wanted is None:
-            return max(margins.least_mps, self._rolling.after(speed, step_s))
-        return max(wanted, speed - self._driving.slowing_mps2 * step_s)
+            return max(margins.min_mps, self._coasting.after(speed, step_s))
+        return max(wanted, speed - self._parameters.slowing_mps2 * step_s)
 
     def _line(self, leg: _Leg, state: VehicleState, place_m: float) -> StopLine | None:
         """The next stop line, if it is near."""

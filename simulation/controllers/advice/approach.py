@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from simulation.controllers.advice.coasting import Rolling
+from simulation.controllers.advice.coasting import CoastingModel
 
 
 class Window(Protocol):
@@ -45,13 +45,13 @@ class Margins:
         certain_s: between the begin of a green that is fixed and the arrival, and between the
             platoon's last vehicle and the end.
         uncertain_s: of a green whose begin is the earliest one.
-        least_mps: no slower approach than this; who would have to be slower stops at the line.
+        min_mps: no slower approach than this; who would have to be slower stops at the line.
         queued_s: what each vehicle that waits at the line needs to get away.
     """
 
     certain_s: float = 1.5
     uncertain_s: float = 3.0
-    least_mps: float = 5.0
+    min_mps: float = 5.0
     queued_s: float = 2.0
 
 
@@ -115,11 +115,11 @@ def choose_arrival_s(
     return None
 
 
-def arrival_speed(
-    rolling: Rolling,
+def arrival_speed_mps(
+    coasting: CoastingModel,
     distance_m: float,
     remaining_s: float,
-    least_mps: float,
+    min_mps: float,
 ) -> float | None:
     """The speed from which rolling reaches the line in time; None: too slow, it will stop there.
 
@@ -127,9 +127,9 @@ def arrival_speed(
     """
     if distance_m <= 0 or remaining_s <= 0:
         return None
-    if distance_m / remaining_s < least_mps:
+    if distance_m / remaining_s < min_mps:
         return None
-    speed = rolling.speed_for(distance_m, remaining_s)
-    if rolling.after(speed, remaining_s) < least_mps:
+    speed = coasting.speed_for(distance_m, remaining_s)
+    if coasting.after(speed, remaining_s) < min_mps:
         return distance_m / remaining_s
     return speed

@@ -31,7 +31,7 @@ from slipstream.energy import PAPER_CAR, VehicleParameters
 
 
 @dataclass(frozen=True)
-class Rolling:
+class CoastingModel:
     """The motion of a vehicle without traction and without brakes.
 
     Attributes:
@@ -47,7 +47,7 @@ class Rolling:
     efficiency: float
 
     @classmethod
-    def of(cls, vehicle: VehicleParameters = PAPER_CAR) -> Rolling:
+    def of(cls, vehicle: VehicleParameters = PAPER_CAR) -> CoastingModel:
         """Of a vehicle that drives alone."""
         return cls(
             vehicle.rolling_force_n,
@@ -90,26 +90,28 @@ class Rolling:
         reach = math.exp(self.drag_kgpm * distance_m / self.mass_kg)
         return math.sqrt(self.rolling_n / self.drag_kgpm) * (reach - math.cos(tau)) / math.sin(tau)
 
-    def braking_speed(self, from_mps: float, price_w: float) -> float:
+    def braking_speed(self, from_mps: float, value_of_time_w: float) -> float:
         """v_c: where rolling from a speed should end for a price of time; see above."""
-        return 1 / (1 / from_mps + self.resistance_n(from_mps) / (self.efficiency * price_w))
+        return 1 / (
+            1 / from_mps + self.resistance_n(from_mps) / (self.efficiency * value_of_time_w)
+        )
 
     def approach_m(
-        self, speed_mps: float, slow_mps: float, price_w: float, braking_mps2: float
+        self, speed_mps: float, slow_mps: float, value_of_time_w: float, braking_mps2: float
     ) -> float:
         """Road to roll and brake on from a speed to a lower one, for a price of time."""
         if speed_mps <= slow_mps:
             return 0.0
-        least = max(slow_mps, self.braking_speed(speed_mps, price_w))
+        least = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))
         return self.distance_m(speed_mps, least) + braking_m(least, slow_mps, braking_mps2)
 
     def lost_s(
-        self, speed_mps: float, slow_mps: float, price_w: float, braking_mps2: float
+        self, speed_mps: float, slow_mps: float, value_of_time_w: float, braking_mps2: float
     ) -> float:
         """Time that rolling adds to an approach at a speed that is braked at the last moment."""
         if speed_mps <= slow_mps:
             return 0.0
-        least = max(slow_mps, self.braking_speed(speed_mps, price_w))
+        least = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))
         at_speed_m = self.distance_m(speed_mps, least) - braking_m(speed_mps, least, braking_mps2)
         braked_s = (speed_mps - least) / braking_mps2
         return self.duration_s(speed_mps, least) - at_speed_m / speed_mps - braked_s

@@ -8,11 +8,11 @@ from typing import Final, NamedTuple
 _RANGE_M: Final = 100.0
 _STANDING_GAP_M: Final = 2.5
 _CAR_M: Final = 4.6
-_HEADWAY_S: Final = 1.2
-_WAITING_MPS: Final = 1.0
+_TIME_GAP_S: Final = 1.2
+_QUEUED_MPS: Final = 1.0
 
 
-class Seen(NamedTuple):
+class LeadVehicle(NamedTuple):
     """The vehicle ahead.
 
     Attributes:
@@ -26,37 +26,37 @@ class Seen(NamedTuple):
     speed_mps: float
 
 
-Radar = Callable[[str], Seen | None]
+Radar = Callable[[str], LeadVehicle | None]
 
 
-def look_ahead(name: str) -> Seen | None:
+def lead_vehicle(name: str) -> LeadVehicle | None:
     """What a vehicle of the running simulation sees ahead on its way."""
     import libsumo
 
     found = libsumo.vehicle.getLeader(name, _RANGE_M)
     if not found or not found[0] or found[1] > _RANGE_M:
         return None
-    return Seen(found[0], float(found[1]), float(libsumo.vehicle.getSpeed(found[0])))
+    return LeadVehicle(found[0], float(found[1]), float(libsumo.vehicle.getSpeed(found[0])))
 
 
-def waiting(seen: Seen | None, line_m: float) -> int:
+def queue_length(lead: LeadVehicle | None, line_m: float) -> int:
     """Vehicles that wait at a stop line, of which the last one is seen.
 
     Args:
-        seen: the vehicle ahead.
+        lead: the vehicle ahead.
         line_m: distance to the stop line.
     """
-    if seen is None or seen.speed_mps > _WAITING_MPS:
+    if lead is None or lead.speed_mps > _QUEUED_MPS:
         return 0
-    before_m = line_m - seen.gap_m - _STANDING_GAP_M - _CAR_M
+    before_m = line_m - lead.gap_m - _STANDING_GAP_M - _CAR_M
     if before_m < -_CAR_M:
         return 0
     return 1 + max(0, round(before_m / (_CAR_M + _STANDING_GAP_M)))
 
 
-def closes_in(seen: Seen, speed_mps: float, slowing_mps2: float) -> bool:
+def is_closing(lead: LeadVehicle, speed_mps: float, slowing_mps2: float) -> bool:
     """Whether slowing gently from now on would not be too early to fall in behind a slower one."""
-    faster = speed_mps - seen.speed_mps
+    faster = speed_mps - lead.speed_mps
     if faster <= 0:
         return False
-    return seen.gap_m - _HEADWAY_S * seen.speed_mps <= 0.5 * faster * faster / slowing_mps2
+    return lead.gap_m - _TIME_GAP_S * lead.speed_mps <= 0.5 * faster * faster / slowing_mps2

@@ -107,7 +107,7 @@ def _lanes_through(net: Any, connection: Any) -> list[Any]:
 
 
 @dataclass(frozen=True)
-class Slow:
+class SlowPoint:
     """A place that may not be passed faster than this.
 
     Attributes:
@@ -151,7 +151,7 @@ class LegRoad:
     begins_m: tuple[float, ...]
     ends_m: tuple[float, ...]
     limits_mps: tuple[float, ...]
-    slow: tuple[Slow, ...]
+    slow: tuple[SlowPoint, ...]
     lines: tuple[StopLine, ...]
 
     @property
@@ -165,7 +165,7 @@ class LegRoad:
             return self.ends_m[state.number] + state.front_m
         return self.begins_m[state.number] + state.front_m
 
-    def slow_ahead(self, place_m: float) -> tuple[Slow, ...]:
+    def slow_ahead(self, place_m: float) -> tuple[SlowPoint, ...]:
         """The places ahead where speed must be lower."""
         return self.slow[bisect_right(self.slow, place_m, key=lambda slow: slow.at_m) :]
 
@@ -189,16 +189,16 @@ def leg_road(roads: Roads, path: Sequence[str], lanes: Mapping[int, int] | None 
         ends.append(at)
         limit = roads.limit_mps[segment]
         if number + 1 == len(path):
-            slow.append(Slow(at, 0.0))
+            slow.append(SlowPoint(at, 0.0))
             break
         way = roads.crossing(segment, path[number + 1], lanes.get(number, 0))
         if way.tls is not None:
             lines.append(StopLine(at, way.tls, way.link, min(limit, way.speed_mps)))
         if way.passing_mps < limit:
-            slow.append(Slow(at, way.passing_mps))
+            slow.append(SlowPoint(at, way.passing_mps))
         at += way.length_m
         onward = roads.limit_mps[path[number + 1]]
         if onward < min(limit, way.speed_mps):
-            slow.append(Slow(at, onward))
+            slow.append(SlowPoint(at, onward))
     limits = tuple(roads.limit_mps[segment] for segment in path)
     return LegRoad(tuple(begins), tuple(ends), limits, tuple(slow), tuple(lines))

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from simulation.controllers.advice.coasting import Rolling
+from simulation.controllers.advice.coasting import CoastingModel
 from simulation.controllers.advice.road import LegRoad
 from slipstream.energy import PAPER_CAR, VehicleParameters
 
-_DEAREST: Final = 64.0
+_MAX_VALUE: Final = 64.0
 """Times the least price: for that much, rolling adds next to no time."""
 
 _HALVINGS: Final = 20
@@ -35,7 +35,7 @@ def limit_before(road: LegRoad, at_m: float) -> float:
     return found
 
 
-def revealed_price_w(road: LegRoad, vehicle: VehicleParameters = PAPER_CAR) -> float:
+def revealed_value_of_time_w(road: LegRoad, vehicle: VehicleParameters = PAPER_CAR) -> float:
     """The price of time at which driving at the limit is best, without rolling, W."""
     pieces = [
         (end - begin, limit)
@@ -47,24 +47,24 @@ def revealed_price_w(road: LegRoad, vehicle: VehicleParameters = PAPER_CAR) -> f
     return (drag_j + braked_j) / (vehicle.powertrain_efficiency * seconds)
 
 
-def leg_price_w(
+def leg_value_of_time_w(
     road: LegRoad,
     budget_s: float,
-    rolling: Rolling,
+    coasting: CoastingModel,
     braking_mps2: float,
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> float:
     """The price of time for a leg: the revealed one, or what spends no more than the budget, W."""
-    least_w = revealed_price_w(road, vehicle)
+    least_w = revealed_value_of_time_w(road, vehicle)
     before = [limit_before(road, slow.at_m) for slow in road.slow]
 
-    def lost_s(price_w: float) -> float:
+    def lost_s(value_of_time_w: float) -> float:
         return sum(
-            rolling.lost_s(limit, slow.speed_mps, price_w, braking_mps2)
+            coasting.lost_s(limit, slow.speed_mps, value_of_time_w, braking_mps2)
             for limit, slow in zip(before, road.slow, strict=True)
         )
 
-    low, high = least_w, least_w * _DEAREST
+    low, high = least_w, least_w * _MAX_VALUE
     if lost_s(low) <= budget_s:
         return low
     for _ in range(_HALVINGS):

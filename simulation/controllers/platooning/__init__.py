@@ -2,4 +2,6 @@
 
 from simulation.controllers.platooning.controller import Platooning
 
-__all__ = ["Platooning"]
+__all__ = [
+    "Platooning",
+]

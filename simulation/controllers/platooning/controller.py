@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from simulation.controllers.platooning import road
-from simulation.controllers.platooning.catch_up import bring_together
-from simulation.controllers.platooning.gap_control import SLOWEST_MPS, close_gap_m
+from simulation.controllers.platooning.catch_up import assign_catch_ups
+from simulation.controllers.platooning.gap_control import MIN_SPEED_MPS, close_gap_m
 from simulation.controllers.platooning.join_leave import decide, disengage
 from simulation.controllers.platooning.member import Member
-from simulation.controllers.platooning.snapshot import Scene
-from simulation.controllers.platooning.speed_commands import commanded_mps, set_factors
+from simulation.controllers.platooning.snapshot import FleetSnapshot
+from simulation.controllers.platooning.speed_commands import commanded_mps, set_speed_factors
 from simulation.controllers.vehicle import LegOrder, VehicleState
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 
 _JOIN_EVERY_S: Final = 1.0
-_MEET_EVERY_S: Final = 2.0
+_CATCH_UP_EVERY_S: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class PlatoonStep:
         follows: vehicles whose speed platooning commands: close behind another one of the fleet,
             closing up to it, or opening the gap. No other advice is for them.
         caps: the speeds that those are to be driven at (`setSpeed`), m/s.
-        hurry: factor on a vehicle's own speed factor: above 1 while it follows or catches up, below
-            1 while it waits. Platooning has set it in SUMO already, and takes it back.
+        speed_scale: factor on a vehicle's own speed factor: above 1 while it follows or catches
+            up, below 1 while it waits. Platooning sets and resets it in SUMO itself.
         tail_m: of each leader, from its front to the rear of its last follower.
         turbulent: close together on a segment whose traffic is turbulent in truth.
     """
@@ -40,7 +40,7 @@ class PlatoonStep:
     leads: frozenset[str] = frozenset()
     follows: frozenset[str] = frozenset()
     caps: Mapping[str, float] = field(default_factory=dict)
-    hurry: Mapping[str, float] = field(default_factory=dict)
+    speed_scale: Mapping[str, float] = field(default_factory=dict)
     tail_m: Mapping[str, float] = field(default_factory=dict)
     turbulent: frozenset[str] = frozenset()
 
@@ -81,7 +81,7 @@ class Platooning:
         self._enabled = enabled
         self._members: dict[str, Member] = {}
         self._limits: dict[str, float] = {}
-        self._join_s = self._meet_s = 0.0
+        self._join_s = self._catch_up_s = 0.0
         self._disengagements = 0
 
     @property
@@ -108,38 +108,40 @@ class Platooning:
     def step(self, now_s: float, states: Mapping[str, VehicleState]) -> PlatoonStep:
         """Decide on the coming step, and set it in SUMO but for the speeds in `caps`."""
         members = self._members
-        if len(members) < 2 and all(m.mode == "alone" and m.hurry == 1 for m in members.values()):
+        if len(members) < 2 and all(
+            m.mode == "alone" and m.speed_scale == 1 for m in members.values()
+        ):
             return PlatoonStep()
         joins = now_s >= self._join_s
-        scene = Scene(
+        snapshot = FleetSnapshot(
             now_s, self._step_s, members, states, self._lengths, self._is_open, self._limits
         )
-        scene.look(everybody=joins)
-        self._disengagements += disengage(scene, self._is_turbulent)
+        snapshot.read_contacts(everybody=joins)
+        self._disengagements += disengage(snapshot, self._is_turbulent)
         for name, member in members.items():
             if joins or member.mode != "alone":
-                decide(scene, name)
+                decide(snapshot, name)
         if joins:
             self._join_s = now_s + _JOIN_EVERY_S
-        if now_s >= self._meet_s:
-            self._meet_s = now_s + _MEET_EVERY_S
-            bring_together(scene)
-        set_factors(scene)
-        return self._told(scene, commanded_mps(scene))
+        if now_s >= self._catch_up_s:
+            self._catch_up_s = now_s + _CATCH_UP_EVERY_S
+            assign_catch_ups(snapshot)
+        set_speed_factors(snapshot)
+        return self._platoon_step(snapshot, commanded_mps(snapshot))
 
-    def _told(self, scene: Scene, caps: dict[str, float]) -> PlatoonStep:
+    def _platoon_step(self, snapshot: FleetSnapshot, caps: dict[str, float]) -> PlatoonStep:
         # Anew: who follows has changed since the disengagements.
-        scene.__dict__.pop("platoons", None)
+        snapshot.__dict__.pop("platoons", None)
         eta: dict[str, float] = {}
         tail_m: dict[str, float] = {}
-        for platoon in scene.platoons:
+        for platoon in snapshot.platoons:
             leader, followers = platoon[0], platoon[1:]
             tail_m[leader] = road.length_m(leader) + sum(
-                scene.contacts[name].gap_m + road.length_m(name) for name in followers
+                snapshot.contacts[name].gap_m + road.length_m(name) for name in followers
             )
             for front, name in zip(platoon, followers, strict=False):
-                states = scene.states[front], scene.states[name]
-                fast = min(state.speed_mps for state in states) >= SLOWEST_MPS
+                states = snapshot.states[front], snapshot.states[name]
+                fast = min(state.speed_mps for state in states) >= MIN_SPEED_MPS
                 if fast and self._is_open(states[1].segment):
                     eta[name] = ETA_FOLLOWER
                     if self._is_open(states[0].segment):
@@ -149,18 +151,18 @@ class Platooning:
             leads=frozenset(tail_m),
             follows=frozenset(n for n, m in self._members.items() if m.mode != "alone"),
             caps=caps,
-            hurry={n: m.hurry for n, m in self._members.items() if m.hurry != 1},
+            speed_scale={n: m.speed_scale for n, m in self._members.items() if m.speed_scale != 1},
             tail_m=tail_m,
-            turbulent=self._exposed(scene),
+            turbulent=self._exposed(snapshot),
         )
 
-    def _exposed(self, scene: Scene) -> frozenset[str]:
+    def _exposed(self, snapshot: FleetSnapshot) -> frozenset[str]:
         """Those close together on a segment that is turbulent in truth, while they part as well."""
         exposed = []
-        for name, contact in scene.contacts.items():
-            member = scene.members[name]
+        for name, contact in snapshot.contacts.items():
+            member = snapshot.members[name]
             close = member.mode != "alone" and contact.gap_m <= close_gap_m(self._step_s)
-            if close and contact.ahead in scene.members:
+            if close and contact.ahead in snapshot.members:
                 pair = (name, contact.ahead)
-                exposed += [n for n in pair if self._is_turbulent(scene.states[n].segment)]
+                exposed += [n for n in pair if self._is_turbulent(snapshot.states[n].segment)]
         return frozenset(exposed)

@@ -18,18 +18,18 @@ from slipstream.energy import PAPER_CAR
 ADVISED_GAP_M: Final = 1.5
 """Gap that drag reductions are credited for; see `DispatcherSettings.gap_m`."""
 
-SLOWEST_MPS: Final = 5.0
+MIN_SPEED_MPS: Final = 5.0
 """Below this speed no drag reduction is credited: there is next to no drag."""
 
 _CAV: Final = TYPES["cav"]
-_HARDEST_MPS2: Final = 9.0
+_MAX_BRAKING_MPS2: Final = 9.0
 _GAIN_PER_S: Final = 0.4
-_NEARER_MPS: Final = 0.5
+_APPROACH_MPS: Final = 0.5
 _BRAKING_MPS2: Final = _CAV.deceleration_mps2
-_STEADYING_MPS2: Final = 1.0
-_SHARE_LEFT: Final = 0.6
-_NOTABLE_MPS2: Final = 0.2
-_LEAST_GAP_M: Final = 0.5
+_EXTRA_BRAKING_MPS2: Final = 1.0
+_GAP_SHARE_LEFT: Final = 0.6
+_BRAKING_THRESHOLD_MPS2: Final = 0.2
+_MIN_GAP_M: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -47,21 +47,21 @@ class Idm:
 
     acceleration_mps2: float = _CAV.acceleration_mps2
     deceleration_mps2: float = _CAV.deceleration_mps2
-    headway_s: float = _CAV.headway_s
+    time_gap_s: float = _CAV.time_gap_s
     min_gap_m: float = _CAV.min_gap_m
 
-    def wanted_gap_m(self, speed_mps: float, approach_mps: float = 0.0) -> float:
+    def desired_gap_m(self, speed_mps: float, approach_mps: float = 0.0) -> float:
         """s* = s₀ + max(0, v T + v Δv / 2√(ab))."""
         root = 2 * math.sqrt(self.acceleration_mps2 * self.deceleration_mps2)
-        dynamic = speed_mps * self.headway_s + speed_mps * approach_mps / root
+        dynamic = speed_mps * self.time_gap_s + speed_mps * approach_mps / root
         return self.min_gap_m + max(0.0, dynamic)
 
-    def accelerates_mps2(self, own: Motion, ahead_mps: float) -> float:
+    def acceleration_to_mps2(self, own: Motion, ahead_mps: float) -> float:
         """a (1 − (v/v₀)⁴ − (s*/s)²)."""
         v = own.speed_mps
-        wanted_m = self.wanted_gap_m(v, v - ahead_mps)
+        wanted_m = self.desired_gap_m(v, v - ahead_mps)
         free = (v / max(own.desired_mps, 0.1)) ** 4
-        return self.acceleration_mps2 * (1 - free - (wanted_m / max(own.gap_m, _LEAST_GAP_M)) ** 2)
+        return self.acceleration_mps2 * (1 - free - (wanted_m / max(own.gap_m, _MIN_GAP_M)) ** 2)
 
 
 def followed_gap_m(step_s: float, advised_gap_m: float = ADVISED_GAP_M) -> float:
@@ -70,7 +70,7 @@ def followed_gap_m(step_s: float, advised_gap_m: float = ADVISED_GAP_M) -> float
     The advised one, and what a vehicle ahead that starts to brake with all its might takes of it
     before the follower can know: 9 m/s² · step². 1.6 m at 0.1 s; 3.75 m at 0.5 s.
     """
-    return advised_gap_m + _HARDEST_MPS2 * step_s**2
+    return advised_gap_m + _MAX_BRAKING_MPS2 * step_s**2
 
 
 def close_gap_m(step_s: float) -> float:
@@ -84,7 +84,7 @@ def coasting_mps2(speed_mps: float) -> float:
 
 
 def following_mps(
-    own: Motion, now_mps: float, coming_mps: float, fastest_mps: float, step_s: float
+    own: Motion, now_mps: float, coming_mps: float, max_mps: float, step_s: float
 ) -> float:
     """Speed of a follower at the end of the coming step.
 
@@ -96,7 +96,7 @@ def following_mps(
         own: follower.
         now_mps: speed of the vehicle ahead.
         coming_mps: speed that it will have at the end of the step.
-        fastest_mps: that the follower may drive.
+        max_mps: that the follower may drive.
         step_s: of the simulation.
     """
     wanted_m = followed_gap_m(step_s)
@@ -107,32 +107,34 @@ def following_mps(
         coasting = coasting_mps2(own.speed_mps)
         closing = min(closing, math.sqrt(2 * 0.9 * coasting * error_m))
         if own.gap_m > close_gap_m(step_s):
-            braking = _needed_mps2(own.speed_mps, now_mps, slowing, error_m)
+            braking = _required_braking_mps2(own.speed_mps, now_mps, slowing, error_m)
         else:
-            braking = slowing + _needed_mps2(own.speed_mps, now_mps, 0.0, error_m)
+            braking = slowing + _required_braking_mps2(own.speed_mps, now_mps, 0.0, error_m)
         braking = max(coasting, braking)
-    elif own.gap_m >= _SHARE_LEFT * wanted_m:
-        braking = slowing + _STEADYING_MPS2
+    elif own.gap_m >= _GAP_SHARE_LEFT * wanted_m:
+        braking = slowing + _EXTRA_BRAKING_MPS2
     else:
-        braking = _HARDEST_MPS2
-    most = own.speed_mps + Idm().acceleration_mps2 * step_s
-    least = own.speed_mps - min(braking, _HARDEST_MPS2) * step_s
-    return max(0.0, least, min(coming_mps + closing, most, fastest_mps))
+        braking = _MAX_BRAKING_MPS2
+    upper = own.speed_mps + Idm().acceleration_mps2 * step_s
+    lower = own.speed_mps - min(braking, _MAX_BRAKING_MPS2) * step_s
+    return max(0.0, lower, min(coming_mps + closing, upper, max_mps))
 
 
-def _needed_mps2(speed_mps: float, ahead_mps: float, slowing_mps2: float, room_m: float) -> float:
+def _required_braking_mps2(
+    speed_mps: float, ahead_mps: float, slowing_mps2: float, room_m: float
+) -> float:
     """Least deceleration that keeps out of the vehicle ahead.
 
     It goes on at its speed, or slows on to a stand: the larger one of the two.
     """
     needed = max(0.0, speed_mps - ahead_mps) ** 2 / (2 * room_m)
-    if slowing_mps2 > _NOTABLE_MPS2:
+    if slowing_mps2 > _BRAKING_THRESHOLD_MPS2:
         stands_m = ahead_mps**2 / (2 * slowing_mps2)
         needed = max(needed, speed_mps**2 / (2 * (room_m + stands_m)))
     return needed
 
 
-def parting_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -> float:
+def leaving_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -> float:
     """Speed at the end of the coming step of a vehicle that opens its gap.
 
     It coasts; comfortable braking is for whom it still comes nearer to, as after a cut-in. It never
@@ -144,9 +146,9 @@ def parting_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -
         coming_mps: speed that it will have at the end of the step.
         step_s: of the simulation.
     """
-    nearer = own.speed_mps > now_mps + _NEARER_MPS
-    least = -_BRAKING_MPS2 if nearer else -coasting_mps2(own.speed_mps)
-    a = min(max(Idm().accelerates_mps2(own, now_mps), least), Idm().acceleration_mps2)
+    nearer = own.speed_mps > now_mps + _APPROACH_MPS
+    lower = -_BRAKING_MPS2 if nearer else -coasting_mps2(own.speed_mps)
+    a = min(max(Idm().acceleration_to_mps2(own, now_mps), lower), Idm().acceleration_mps2)
     gently = max(0.0, own.speed_mps + a * step_s)
     return min(gently, following_mps(own, now_mps, coming_mps, own.desired_mps, step_s))
 
@@ -156,19 +158,19 @@ def waiting_mps(speed_mps: float, target_mps: float, step_s: float) -> float:
     return max(target_mps, speed_mps - 0.9 * coasting_mps2(speed_mps) * step_s)
 
 
-def is_parted(own: Motion, ahead_mps: float) -> bool:
+def has_left(own: Motion, ahead_mps: float) -> bool:
     """Whether the IDM can take over without braking: it slows no more than coasting does."""
-    return Idm().accelerates_mps2(own, ahead_mps) >= -coasting_mps2(own.speed_mps)
+    return Idm().acceleration_to_mps2(own, ahead_mps) >= -coasting_mps2(own.speed_mps)
 
 
-def parting_way_m(speed_mps: float, gap_m: float) -> float:
-    """Way that opening a gap at a speed takes, until `is_parted`, m.
+def leaving_distance_m(speed_mps: float, gap_m: float) -> float:
+    """Way that opening a gap at a speed takes, until `has_left`, m.
 
     Coasting at c, the gap grows by ½ c t² and the IDM's wanted one shrinks by v c t / 2√(ab); at
     1.3 times the wanted one the IDM coasts too.
     """
     idm, c = Idm(), coasting_mps2(speed_mps)
-    shrinks = 1.3 * (idm.wanted_gap_m(speed_mps) - idm.wanted_gap_m(speed_mps, -1.0)) * c
-    lacks_m = max(0.0, 1.3 * idm.wanted_gap_m(speed_mps) - gap_m)
+    shrinks = 1.3 * (idm.desired_gap_m(speed_mps) - idm.desired_gap_m(speed_mps, -1.0)) * c
+    lacks_m = max(0.0, 1.3 * idm.desired_gap_m(speed_mps) - gap_m)
     seconds = (math.sqrt(shrinks**2 + 2 * c * lacks_m) - shrinks) / c
     return max(0.0, speed_mps * seconds - 0.5 * c * seconds**2)

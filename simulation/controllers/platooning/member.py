@@ -25,10 +25,10 @@ class Member:
         since_s: when it took its mode.
         seen_s: when it was last seen directly behind another member.
         lane_until_s: until when it is told to keep its lane.
-        gains: share of its speed that it adds to catch up.
-        yields: share of its speed that it gives up for one that catches up.
-        hurry: factor on its speed factor that is set.
-        refused: segment on which the traffic parted it.
+        speedup: share of its speed that it adds to catch up.
+        slowdown: share of its speed that it gives up for one that catches up.
+        speed_scale: factor on its speed factor that is set.
+        disengaged_on: segment on which the traffic parted it.
     """
 
     order: LegOrder
@@ -39,12 +39,12 @@ class Member:
     since_s: float = 0.0
     seen_s: float = 0.0
     lane_until_s: float = 0.0
-    gains: float = 0.0
-    yields: float = 0.0
-    hurry: float = 1.0
-    refused: str | None = None
+    speedup: float = 0.0
+    slowdown: float = 0.0
+    speed_scale: float = 1.0
+    disengaged_on: str | None = None
 
-    def turn(self, mode: Mode, now_s: float) -> None:
+    def set_mode(self, mode: Mode, now_s: float) -> None:
         """Take a mode."""
         self.mode, self.since_s = mode, now_s
 

@@ -20,40 +20,43 @@ from typing import Final
 
 from slipstream.energy import PAPER_CAR, VehicleParameters, drag_saving_kwh
 
-FASTER: Final = 0.05
+MAX_SPEEDUP: Final = 0.05
 """Most that a vehicle drives above its own speed: within what is tolerated over a limit."""
 
-SLOWER: Final = 0.10
+MAX_SLOWDOWN: Final = 0.10
 MARGIN_KWH: Final = 0.001
 """What a manoeuvre must save at least: a fiftieth of a stop from 13.9 m/s, 30 m of drafting by two
 vehicles at 30 m/s."""
 
-LONGEST_S: Final = 300.0
+MAX_CLOSING_S: Final = 300.0
 _CHOICES: Final = tuple(
-    (a, b) for a in (0.0, FASTER / 2, FASTER) for b in (0.0, SLOWER / 2, SLOWER) if a + b > 0
+    (a, b)
+    for a in (0.0, MAX_SPEEDUP / 2, MAX_SPEEDUP)
+    for b in (0.0, MAX_SLOWDOWN / 2, MAX_SLOWDOWN)
+    if a + b > 0
 )
 
 
 @dataclass(frozen=True)
-class Meeting:
+class Rendezvous:
     """How two vehicles come together.
 
     Attributes:
-        faster: a, of the rear one.
-        slower: b, of the front one.
+        speedup: a, of the rear one.
+        slowdown: b, of the front one.
         closing_s: T.
         way_m: x, from where the rear one is now.
         gain_kwh: saved by all of it.
     """
 
-    faster: float
-    slower: float
+    speedup: float
+    slowdown: float
     closing_s: float
     way_m: float
     gain_kwh: float
 
 
-def best_meeting(
+def best_rendezvous(
     distance_m: float,
     speed_mps: float,
     open_beyond_m: Callable[[float], float],
@@ -61,7 +64,7 @@ def best_meeting(
     *,
     front_yields: bool = True,
     vehicle: VehicleParameters = PAPER_CAR,
-) -> Meeting | None:
+) -> Rendezvous | None:
     """The best way to come together; None if none pays.
 
     Args:
@@ -71,24 +74,24 @@ def best_meeting(
         drag_reduction: η that drafting adds, of both vehicles together.
         front_yields: whether the front one may slow down.
     """
-    best: Meeting | None = None
+    best: Rendezvous | None = None
     for a, b in _CHOICES:
         if b > 0 and not front_yields:
             continue
         closing_s = distance_m / ((a + b) * speed_mps)
-        if closing_s > LONGEST_S:
+        if closing_s > MAX_CLOSING_S:
             continue
         way_m = (1 + a) * speed_mps * closing_s
         saved = drag_saving_kwh(open_beyond_m(way_m), speed_mps, drag_reduction, vehicle)
         gain = saved - manoeuvre_kwh(a, b, speed_mps, closing_s, vehicle)
         if gain > MARGIN_KWH and (best is None or gain > best.gain_kwh):
-            best = Meeting(a, b, closing_s, way_m, gain)
+            best = Rendezvous(a, b, closing_s, way_m, gain)
     return best
 
 
 def manoeuvre_kwh(
-    faster: float,
-    slower: float,
+    speedup: float,
+    slowdown: float,
     speed_mps: float,
     closing_s: float,
     vehicle: VehicleParameters = PAPER_CAR,
@@ -96,7 +99,7 @@ def manoeuvre_kwh(
     """What closing costs in drag and time, kWh: see the module."""
     drag_n = vehicle.drag_force_n(speed_mps)
     work_j = 0.0
-    for change in (faster, -slower):
+    for change in (speedup, -slowdown):
         way_m = (1 + change) * speed_mps * closing_s
         work_j += drag_n * ((1 + change) ** 2 - 1) * way_m
         work_j -= 2 * drag_n * speed_mps * change * closing_s

@@ -81,7 +81,7 @@ def set_speed_factor(name: str, factor: float) -> None:
     libsumo.vehicle.setSpeedFactor(name, factor)
 
 
-def take_over(name: str, factor: float) -> None:
+def start_control(name: str, factor: float) -> None:
     """From now on its speed is commanded.
 
     Args:
@@ -94,7 +94,7 @@ def take_over(name: str, factor: float) -> None:
     vehicle.setLaneChangeMode(name, _BEHIND_LEADER)
 
 
-def hand_back(name: str, factor: float) -> None:
+def end_control(name: str, factor: float) -> None:
     """It drives by the IDM again.
 
     Args:
@@ -106,12 +106,12 @@ def hand_back(name: str, factor: float) -> None:
     vehicle.setLaneChangeMode(name, _AS_DRIVERS_DO)
 
 
-def to_lane(name: str, lane: int, seconds: float) -> None:
+def change_lane(name: str, lane: int, seconds: float) -> None:
     """Change to a lane of its segment as soon as that is safe."""
     libsumo.vehicle.changeLane(name, lane, seconds)
 
 
-def leads_on(name: str, lane: int) -> bool:
+def lane_continues(name: str, lane: int) -> bool:
     """Whether a lane of its segment goes the vehicle's way, and does not end before."""
     return bool(libsumo.vehicle.getBestLanes(name)[lane][4])
 

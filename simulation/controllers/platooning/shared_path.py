@@ -9,7 +9,7 @@ from simulation.controllers.vehicle import VehicleState
 
 
 @dataclass(frozen=True)
-class Place:
+class PathPosition:
     """Where a vehicle is on its way.
 
     Attributes:
@@ -29,19 +29,19 @@ class Place:
 
 
 @dataclass(frozen=True)
-class SharedWay:
+class SharedPath:
     """Segments that the rear vehicle will drive behind the front one.
 
     Attributes:
-        between_m: from the rear one's front to the front one's front, along their way.
+        spacing_m: from the rear one's front to the front one's front, along their way.
         parts: segments from the rear one's on to the last common one, each with the distance from
             the rear one's front to its end, m.
     """
 
-    between_m: float
+    spacing_m: float
     parts: tuple[tuple[str, float], ...]
 
-    def open_run_m(self, is_open: Callable[[str], bool]) -> float:
+    def open_distance_m(self, is_open: Callable[[str], bool]) -> float:
         """From the rear one's front to where the gates stop being open, m; 0 where they are not."""
         run = 0.0
         for segment, end_m in self.parts:
@@ -60,9 +60,9 @@ class SharedWay:
         return total
 
 
-def shared_way(
-    rear: Place, front: Place, lengths: Mapping[str, float], farthest_m: float
-) -> SharedWay | None:
+def find_shared_path(
+    rear: PathPosition, front: PathPosition, lengths: Mapping[str, float], max_distance_m: float
+) -> SharedPath | None:
     """What a vehicle has in common with one ahead of it; None if it is not ahead or too far.
 
     Lengths of junctions are left out.
@@ -76,19 +76,19 @@ def shared_way(
     for segment in rear.path[start:meets]:
         end_m += lengths[segment]
         parts.append((segment, end_m))
-        if end_m > farthest_m:
+        if end_m > max_distance_m:
             return None
-    between_m = end_m + front.along_m(lengths)
+    spacing_m = end_m + front.along_m(lengths)
     if meets > start:
         # The rear one may have come farther into the junction between than the front one beyond it.
-        between_m = max(between_m, 0.0)
-    elif between_m <= 0:
+        spacing_m = max(spacing_m, 0.0)
+    elif spacing_m <= 0:
         return None
-    if between_m > farthest_m:
+    if spacing_m > max_distance_m:
         return None
     for mine, other in zip(rear.path[meets:], front.path[front.state.number :], strict=False):
         if mine != other:
             break
         end_m += lengths[mine]
         parts.append((mine, end_m))
-    return SharedWay(between_m, tuple(parts))
+    return SharedPath(spacing_m, tuple(parts))

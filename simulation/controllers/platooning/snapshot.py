@@ -11,17 +11,17 @@ from typing import Final
 from simulation.controllers.platooning import road
 from simulation.controllers.platooning.gap_control import Motion, close_gap_m
 from simulation.controllers.platooning.member import Contact, Member
-from simulation.controllers.platooning.shared_path import Place, SharedWay, shared_way
+from simulation.controllers.platooning.shared_path import PathPosition, SharedPath, find_shared_path
 from simulation.controllers.vehicle import VehicleState
 
-FARTHEST_M: Final = 2000.0
+MAX_DISTANCE_M: Final = 2000.0
 """Vehicles farther apart than this do not look for each other."""
 
 _NEAR_SEGMENTS: Final = 3
 
 
 @dataclass(frozen=True)
-class Scene:
+class FleetSnapshot:
     """What the decisions of a step rest on.
 
     Attributes:
@@ -43,9 +43,9 @@ class Scene:
     is_open: Callable[[str], bool]
     limits: dict[str, float]
     contacts: dict[str, Contact] = field(default_factory=dict)
-    _places: dict[str, Place] = field(default_factory=dict)
+    _positions: dict[str, PathPosition] = field(default_factory=dict)
 
-    def look(self, *, everybody: bool) -> None:
+    def read_contacts(self, *, everybody: bool) -> None:
         """Ask SUMO whom members are behind: those in close gaps, or all that may be behind one."""
         on = Counter(state.segment for state in self.states.values()) if everybody else None
         for name, member in self.members.items():
@@ -59,21 +59,23 @@ class Scene:
         near = self.members[name].order.path[number : number + _NEAR_SEGMENTS]
         return sum(on[segment] for segment in near) > 1
 
-    def way(self, rear: str, front: str) -> SharedWay | None:
+    def shared_path(self, rear: str, front: str) -> SharedPath | None:
         """What two vehicles have in common."""
-        return shared_way(self._place(rear), self._place(front), self.lengths, FARTHEST_M)
+        return find_shared_path(
+            self._position(rear), self._position(front), self.lengths, MAX_DISTANCE_M
+        )
 
-    def _place(self, name: str) -> Place:
-        place = self._places.get(name)
+    def _position(self, name: str) -> PathPosition:
+        place = self._positions.get(name)
         if place is None:
             member = self.members[name]
-            place = Place(member.order.path, member.numbers, self.states[name])
-            self._places[name] = place
+            place = PathPosition(member.order.path, member.numbers, self.states[name])
+            self._positions[name] = place
         return place
 
     def desired_mps(self, name: str) -> float:
         """What a vehicle would drive here if it did not hurry."""
-        return road.desired_mps(name) / self.members[name].hurry
+        return road.desired_mps(name) / self.members[name].speed_scale
 
     def limit_mps(self, segment: str) -> float:
         """Speed limit of a segment."""

@@ -13,7 +13,13 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from simulation.controllers.signals.crossings import Link, Movements
-from simulation.controllers.signals.predicted_drive import Greens, Manner, Outlook, Stretch, foresee
+from simulation.controllers.signals.predicted_drive import (
+    DriveParameters,
+    Greens,
+    PredictedDrive,
+    RoadPart,
+    predict_drive,
+)
 from simulation.controllers.signals.program import Green
 from simulation.controllers.signals.timing import Signals
 from slipstream.energy import JOULE_PER_KWH, PAPER_CAR, VehicleParameters
@@ -25,36 +31,42 @@ class DepartureSettings:
 
     Attributes:
         step_s: between the seconds that are tried.
-        most: how many are tried.
-        price_w: of travel time.
-        waiting_w: of time until the second; 0 where waiting costs nobody anything.
+        max_candidates: how many are tried.
+        value_of_time_w: of travel time.
+        value_of_waiting_w: of time until the second; 0 where waiting costs nobody anything.
         paces: share of the speed that traffic allows, each tried: a choice that one vehicle ahead
             can spoil is worth less than one that holds for all.
-        longest_s: that a leg can last, for how far timing is looked up.
-        manner: of driving.
+        max_leg_s: that a leg can last, for how far timing is looked up.
+        parameters: of driving.
     """
 
     step_s: float = 4.0
-    most: int = 9
-    price_w: float = 3000.0
-    waiting_w: float = 0.0
+    max_candidates: int = 9
+    value_of_time_w: float = 3000.0
+    value_of_waiting_w: float = 0.0
     paces: tuple[float, ...] = (0.94, 0.97, 1.0)
-    longest_s: float = 1800.0
-    manner: Manner = field(default_factory=Manner)
+    max_leg_s: float = 1800.0
+    parameters: DriveParameters = field(default_factory=DriveParameters)
 
     @property
     def window_s(self) -> float:
         """From the first second that is tried to the last."""
-        return self.step_s * (self.most - 1)
+        return self.step_s * (self.max_candidates - 1)
 
     def __post_init__(self) -> None:
-        if self.step_s <= 0 or self.most < 1 or min(self.price_w, self.waiting_w) < 0:
-            raise ValueError("step_s and most must be > 0, price_w and waiting_w >= 0")
+        if (
+            self.step_s <= 0
+            or self.max_candidates < 1
+            or min(self.value_of_time_w, self.value_of_waiting_w) < 0
+        ):
+            raise ValueError(
+                "step_s and max_candidates must be > 0, value_of_time_w and value_of_waiting_w >= 0"
+            )
         if not self.paces or any(not 0 < pace <= 1 for pace in self.paces):
             raise ValueError("paces must be in (0, 1]")
 
 
-class Departures:
+class DepartureOptimizer:
     """Chooses seconds on the signals of the running simulation.
 
     Args:
@@ -92,7 +104,7 @@ class Departures:
             speeds_mps: what traffic allows on each segment; the limit if not given.
         """
         settings = self._settings
-        seconds = [now_s + settings.step_s * i for i in range(settings.most)]
+        seconds = [now_s + settings.step_s * i for i in range(settings.max_candidates)]
         tried = [second for second in seconds if second <= latest_s]
         if len(tried) <= 1:
             return now_s
@@ -100,10 +112,12 @@ class Departures:
         greens = self._greens(now_s, tried[-1] - now_s)
 
         def price_kwh(second_s: float) -> float:
-            outlooks = [self._foresee(way, second_s, greens) for way in ways]
+            outlooks = [self._predict(way, second_s, greens) for way in ways]
             energy_kwh = sum(o.energy_kwh for o in outlooks) / len(outlooks)
             driving_s = sum(o.duration_s for o in outlooks) / len(outlooks)
-            time_j = settings.price_w * driving_s + settings.waiting_w * (second_s - now_s)
+            time_j = settings.value_of_time_w * driving_s + settings.value_of_waiting_w * (
+                second_s - now_s
+            )
             # Rounded, so that the first of equals wins.
             return round(energy_kwh + time_j / JOULE_PER_KWH, 9)
 
@@ -116,7 +130,7 @@ class Departures:
         now_s: float,
         speeds_mps: Sequence[float] | None = None,
         pace: float = 1.0,
-    ) -> Outlook:
+    ) -> PredictedDrive:
         """What a leg is expected to take and need if it begins at a second.
 
         Args:
@@ -127,39 +141,39 @@ class Departures:
             pace: share of these speeds.
         """
         way = self.way(path, speeds_mps, pace)
-        return self._foresee(way, depart_s, self._greens(now_s, depart_s - now_s))
+        return self._predict(way, depart_s, self._greens(now_s, depart_s - now_s))
 
     def way(
         self, path: tuple[str, ...], speeds_mps: Sequence[float] | None = None, pace: float = 1.0
-    ) -> tuple[Stretch, ...]:
+    ) -> tuple[RoadPart, ...]:
         """The stretches of a path: its segments and, between them, the junctions."""
         movements = self._movements
         speeds = speeds_mps or [movements.limit_mps(segment) for segment in path]
-        found: list[Stretch] = []
+        found: list[RoadPart] = []
         for number, (before, after) in enumerate(pairwise(path)):
             movement = movements.movement(before, after)
             link = next(iter(movement.links.values()), None) if movement is not None else None
             yields = movement is not None and movement.yields
-            end_mps = self._settings.manner.yielding_mps if yields else math.inf
-            found.append(Stretch(movements.length_m(before), pace * speeds[number], link, end_mps))
+            end_mps = self._settings.parameters.yielding_mps if yields else math.inf
+            found.append(RoadPart(movements.length_m(before), pace * speeds[number], link, end_mps))
             if movement is not None:
                 speed = min(movement.speed_mps, pace * movements.limit_mps(after))
-                found.append(Stretch(movement.length_m, speed))
-        found.append(Stretch(movements.length_m(path[-1]), pace * speeds[-1]))
+                found.append(RoadPart(movement.length_m, speed))
+        found.append(RoadPart(movements.length_m(path[-1]), pace * speeds[-1]))
         return tuple(found)
 
-    def _foresee(self, way: Sequence[Stretch], depart_s: float, greens: Greens) -> Outlook:
-        return foresee(way, depart_s, greens, self._settings.manner, self._vehicle)
+    def _predict(self, way: Sequence[RoadPart], depart_s: float, greens: Greens) -> PredictedDrive:
+        return predict_drive(way, depart_s, greens, self._settings.parameters, self._vehicle)
 
     def _greens(self, now_s: float, latest_s: float) -> Greens:
         """What is known of movements now, for drives that begin within some seconds."""
         known: dict[Link, tuple[Green, ...]] = {}
-        ahead_s = latest_s + self._settings.longest_s
+        ahead_s = latest_s + self._settings.max_leg_s
 
         def greens(link: Link) -> tuple[Green, ...]:
             found = known.get(link)
             if found is None:
-                found = self._signals.foreseen(link.tls, link.number, now_s, ahead_s)
+                found = self._signals.predicted(link.tls, link.number, now_s, ahead_s)
                 known[link] = found
             return found
 

@@ -19,13 +19,13 @@ from slipstream.energy import PAPER_CAR, VehicleParameters
 Greens = Callable[[Link], Sequence[Green]]
 """What is known of a movement, soonest first."""
 
-_NEARLY: Final = 0.9995
+_NEAR_DESIRED: Final = 0.9995
 """Of the desired speed: the IDM comes no nearer in finite time."""
 
-_ROUNDS: Final = 6
+_ITERATIONS: Final = 6
 
 
-class Stretch(NamedTuple):
+class RoadPart(NamedTuple):
     """A part of a way with one desired speed.
 
     Attributes:
@@ -42,29 +42,29 @@ class Stretch(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Manner:
+class DriveParameters:
     """How a vehicle drives in predictions.
 
     Attributes:
         acceleration_mps2: the IDM's largest one.
         braking_mps2: before turns and the end.
         slowing_mps2: before a signal that turns green while it comes near.
-        starting_s: from green to passing the stop line, where others may stand before.
+        startup_s: from green to passing the stop line, where others may stand before.
         yielding_mps: at places where somebody may have to be given way, who may not be there.
         late_s: how long after the end of green it still goes on.
-        doubt_s: wait at a signal of which nothing is known for the moment of the arrival.
+        unknown_wait_s: wait at a signal of which nothing is known for the moment of the arrival.
     """
 
     acceleration_mps2: float = 1.8
     braking_mps2: float = 1.0
     slowing_mps2: float = 1.5
-    starting_s: float = 1.5
+    startup_s: float = 1.5
     yielding_mps: float = 3.0
     late_s: float = 1.0
-    doubt_s: float = 4.0
+    unknown_wait_s: float = 4.0
 
 
-class Outlook(NamedTuple):
+class PredictedDrive(NamedTuple):
     """A drive as it is expected.
 
     Attributes:
@@ -91,13 +91,13 @@ def drive_on(speed_mps: float, desired_mps: float, length_m: float, a: float) ->
     if length_m <= 0:
         return Gain(speed_mps, 0.0, 0.0)
     v0 = desired_mps
-    x0 = min(speed_mps / v0, _NEARLY)
+    x0 = min(speed_mps / v0, _NEAR_DESIRED)
     c = math.atanh(x0 * x0)
     rate = 2 * a / (v0 * v0)
     y = rate * length_m + c
-    x1 = max(x0, min(math.sqrt(math.tanh(y)), _NEARLY))
+    x1 = max(x0, min(math.sqrt(math.tanh(y)), _NEAR_DESIRED))
     seconds = v0 / (2 * a) * (_clock(x1) - _clock(x0))
-    if x1 == _NEARLY:
+    if x1 == _NEAR_DESIRED:
         # Beyond the speed that counts as reached, it cruises.
         left_m = length_m - (math.atanh(x1 * x1) - c) / rate
         seconds += max(0.0, left_m) / (x1 * v0)
@@ -113,27 +113,27 @@ def _log_cosh(y: float) -> float:
     return y + math.log1p(math.exp(-2 * y)) - math.log(2)
 
 
-def foresee(
-    way: Sequence[Stretch],
+def predict_drive(
+    way: Sequence[RoadPart],
     depart_s: float,
     greens: Greens,
-    manner: Manner,
+    parameters: DriveParameters,
     vehicle: VehicleParameters = PAPER_CAR,
-) -> Outlook:
+) -> PredictedDrive:
     """A leg from rest to rest.
 
     Args:
         way: its stretches.
         depart_s: when it begins.
         greens: what is known of movements.
-        manner: of driving.
+        parameters: of driving.
         vehicle: physical data.
     """
     rolling_n, drag = vehicle.rolling_force_n, vehicle.drag_factor_kgpm
     now_s, speed, work_j, stops = depart_s, 0.0, 0.0, 0.0
-    caps = _caps(way, manner.braking_mps2)
+    caps = _caps(way, parameters.braking_mps2)
     for stretch, cap in zip(way, caps, strict=True):
-        gain, braked_m = _towards(speed, stretch, cap, manner)
+        gain, braked_m = _towards(speed, stretch, cap, parameters)
         work_j += 0.5 * vehicle.mass_kg * max(0.0, gain.speed_mps**2 - speed**2)
         work_j += rolling_n * (stretch.length_m - braked_m) + drag * gain.squares_m3ps2
         now_s += gain.seconds
@@ -143,30 +143,32 @@ def foresee(
             speed = cap
         if stretch.link is None:
             continue
-        waiting_s, protected = wait_s(greens(stretch.link), now_s, manner)
-        b = manner.slowing_mps2
+        waiting_s, protected = wait_s(greens(stretch.link), now_s, parameters)
+        b = parameters.slowing_mps2
         slowest = max(0.0, speed - math.sqrt(2 * b * speed * waiting_s))
         if not protected:
-            slowest = min(slowest, manner.yielding_mps)
+            slowest = min(slowest, parameters.yielding_mps)
         if slowest < speed:
-            work_j -= _unpulled_j(speed, slowest, b, stretch.length_m, vehicle)
+            work_j -= _traction_free_j(speed, slowest, b, stretch.length_m, vehicle)
             stops += 1 - slowest / speed
             now_s += max(waiting_s, _braking_loss_s(speed, slowest, b))
             speed = slowest
-    return Outlook(now_s - depart_s, vehicle.electrical_kwh(max(0.0, work_j)), stops)
+    return PredictedDrive(now_s - depart_s, vehicle.electrical_kwh(max(0.0, work_j)), stops)
 
 
-def wait_s(greens: Sequence[Green], arrival_s: float, manner: Manner) -> tuple[float, bool]:
+def wait_s(
+    greens: Sequence[Green], arrival_s: float, parameters: DriveParameters
+) -> tuple[float, bool]:
     """How long a vehicle waits that comes to a stop line, and whether nobody else goes first."""
     protected = True
     for green in greens:
         protected = green.protected
-        if arrival_s <= green.end_s + manner.late_s:
-            return max(0.0, green.begin_s + manner.starting_s - arrival_s), protected
-    return manner.doubt_s, protected
+        if arrival_s <= green.end_s + parameters.late_s:
+            return max(0.0, green.begin_s + parameters.startup_s - arrival_s), protected
+    return parameters.unknown_wait_s, protected
 
 
-def _caps(way: Sequence[Stretch], braking_mps2: float) -> list[float]:
+def _caps(way: Sequence[RoadPart], braking_mps2: float) -> list[float]:
     """The highest speed at the end of each stretch from which the next ones can be driven."""
     caps = [0.0] * len(way)
     after = 0.0
@@ -180,23 +182,23 @@ def _caps(way: Sequence[Stretch], braking_mps2: float) -> list[float]:
 
 
 def _towards(
-    speed_mps: float, stretch: Stretch, cap_mps: float, manner: Manner
+    speed_mps: float, stretch: RoadPart, cap_mps: float, parameters: DriveParameters
 ) -> tuple[Gain, float]:
     """Drive on, then brake so as to end a stretch at a cap; the first part, and the way braked."""
-    length_m, a = stretch.length_m, manner.acceleration_mps2
+    length_m, a = stretch.length_m, parameters.acceleration_mps2
     gain = drive_on(speed_mps, stretch.speed_mps, length_m, a)
     if gain.speed_mps <= cap_mps:
         return gain, 0.0
     braked_m = 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         # The later it brakes, the faster it is, the earlier it must: halfway between both.
-        needed_m = (gain.speed_mps**2 - cap_mps**2) / (2 * manner.braking_mps2)
+        needed_m = (gain.speed_mps**2 - cap_mps**2) / (2 * parameters.braking_mps2)
         braked_m = min(length_m, 0.5 * (braked_m + needed_m))
         gain = drive_on(speed_mps, stretch.speed_mps, length_m - braked_m, a)
     return gain, braked_m
 
 
-def _unpulled_j(
+def _traction_free_j(
     speed: float, slower: float, braking_mps2: float, length_m: float, vehicle: VehicleParameters
 ) -> float:
     """Work against rolling and drag that is not needed where a vehicle brakes, J."""

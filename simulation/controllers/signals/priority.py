@@ -20,8 +20,13 @@ from typing import Final
 import libsumo
 
 from simulation.controllers.signals.crossings import Movements
-from simulation.controllers.signals.priority_requests import Asking, Request
-from simulation.controllers.signals.priority_rules import Cut, Hold, PrioritySettings, decide
+from simulation.controllers.signals.priority_requests import PriorityRequests, Request
+from simulation.controllers.signals.priority_rules import (
+    EndPhase,
+    ExtendPhase,
+    PrioritySettings,
+    decide,
+)
 from simulation.controllers.signals.timing import Running, Signals
 from simulation.controllers.vehicle import LegOrder, VehicleState
 
@@ -80,7 +85,7 @@ class Priority:
         self._enabled = enabled
         self._settings = settings or PrioritySettings()
         self._movements: Movements | None = None
-        self._asking: Asking | None = None
+        self._asking: PriorityRequests | None = None
         self._grants: dict[str, _Grant] = {}
         self._paused_s: dict[str, float] = {}
         self._owed_s: dict[str, dict[int, float]] = {}
@@ -93,7 +98,7 @@ class Priority:
         if self._enabled:
             if self._movements is None or self._asking is None:
                 self._movements = Movements()
-                self._asking = Asking(self._signals, self._movements, self._settings)
+                self._asking = PriorityRequests(self._signals, self._movements, self._settings)
             self._asking.departed(name, order)
 
     def ended(self, name: str) -> None:
@@ -148,12 +153,14 @@ class Priority:
         relied = False
         for request in requests:
             action = self._decide(running, request, running.end_s)
-            if isinstance(action, Hold) or (isinstance(action, Cut) and not relied):
+            if isinstance(action, ExtendPhase) or (isinstance(action, EndPhase) and not relied):
                 return request
-            relied = relied or phase.lets_go(request.link)
+            relied = relied or phase.allows(request.link)
         return None
 
-    def _decide(self, running: Running, request: Request, base_s: float) -> Hold | Cut | None:
+    def _decide(
+        self, running: Running, request: Request, base_s: float
+    ) -> ExtendPhase | EndPhase | None:
         return decide(
             running.program,
             running.phase,
@@ -162,15 +169,15 @@ class Priority:
             request.link,
             request.wanted_s,
             request.through_s,
-            base_s + self._settings.most_extension_s,
+            base_s + self._settings.max_extension_s,
         )
 
     def _is_over(self, grant: _Grant, requests: Sequence[Request], running: Running) -> bool:
         """Whether nobody needs a grant any more, or its green is over."""
         phase = running.program.phases[running.phase]
-        if phase.lets_go(grant.request.link):
+        if phase.allows(grant.request.link):
             grant.green = True
-            return not any(phase.lets_go(request.link) for request in requests)
+            return not any(phase.allows(request.link) for request in requests)
         return grant.green or not any(request is grant.request for request in requests)
 
     def _act(
@@ -178,10 +185,10 @@ class Priority:
     ) -> None:
         phase = running.program.phases[running.phase]
         base_s = grant.base_s.setdefault(running.begun_s, running.end_s)
-        if not phase.lets_go(grant.request.link):
+        if not phase.allows(grant.request.link):
             action = self._decide(running, grant.request, base_s)
             if (
-                isinstance(action, Cut)
+                isinstance(action, EndPhase)
                 and self._may_cut(tls, grant, running)
                 and self._cut(tls, running, action.at_s, base_s, now_s)
             ):
@@ -192,7 +199,7 @@ class Priority:
         end_s = base_s
         for request in requests:
             action = self._decide(running, request, base_s)
-            if isinstance(action, Hold) and phase.lets_go(request.link):
+            if isinstance(action, ExtendPhase) and phase.allows(request.link):
                 end_s = max(end_s, math.ceil(action.until_s))
                 self.counts.extensions += not grant.held
                 grant.held = True
@@ -209,11 +216,11 @@ class Priority:
         losing = {
             name
             for link, names in self._movements.lanes(tls).items()
-            if phase.lets_go(link) and not following.lets_go(link)
+            if phase.allows(link) and not following.allows(link)
             for name in names
         }
         count: int = sum(libsumo.lane.getLastStepVehicleNumber(name) for name in sorted(losing))
-        return count <= self._settings.most_losing
+        return count <= self._settings.max_losing
 
     def _count(self, request: Request) -> None:
         self.counts.served += not request.served
@@ -229,7 +236,7 @@ class Priority:
         (following,) = running.program.phases[running.phase].next
         lights = libsumo.trafficlight
         lights.setPhase(tls, following)
-        lights.setPhaseDuration(tls, running.program.phases[following].least_s)
+        lights.setPhaseDuration(tls, running.program.phases[following].min_s)
         self._signals.changed(tls, {})
         return True
 
@@ -239,13 +246,15 @@ class Priority:
         if end_s == running.end_s or (end_s < running.end_s and not running.program.fixed):
             return
         libsumo.trafficlight.setPhaseDuration(tls, end_s - now_s)
-        owed_s = self._owed_s.setdefault(tls, {})
+        compensation_s = self._owed_s.setdefault(tls, {})
         if running.program.fixed:
-            owed_s[running.phase] = owed_s.get(running.phase, 0.0) + end_s - running.end_s
+            compensation_s[running.phase] = (
+                compensation_s.get(running.phase, 0.0) + end_s - running.end_s
+            )
             self._settled_s[tls] = running.begun_s
-        if not any(owed_s.values()):
+        if not any(compensation_s.values()):
             del self._owed_s[tls]
-        self._signals.changed(tls, owed_s)
+        self._signals.changed(tls, compensation_s)
 
     def _settle(self, tls: str, now_s: float) -> None:
         """Once a turn of a phase of fixed time, give back what it owes."""

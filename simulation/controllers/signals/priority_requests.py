@@ -45,7 +45,7 @@ class _Route:
     crossings: tuple[Crossing, ...]
 
 
-class Asking:
+class PriorityRequests:
     """The open requests of a running simulation.
 
     Args:
@@ -123,7 +123,7 @@ class Asking:
                 return
             yield crossing, now_s + drive_s
             running = self._signals.running(crossing.tls, now_s)
-            if not running.program.phases[running.phase].lets_go(crossing.link(-1)):
+            if not running.program.phases[running.phase].allows(crossing.link(-1)):
                 return
 
     def _update(

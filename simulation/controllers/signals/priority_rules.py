@@ -1,7 +1,7 @@
 """Transit signal priority's rules, as pure decisions: green extension and early green.
 
 - Green extension: the movement is green, and would turn yellow before the vehicle is through: the
-  phase is held until then, by `most_extension_s` at most.
+  phase is held until then, by `max_extension_s` at most.
 - Early green: it is red: phases in between end earlier than usual, each after its least time and no
   earlier than it takes to have the green, and the queue before it gone, as the vehicle comes.
 - No phase is left out, each yellow and each clearance lasts its time, the order stays.
@@ -26,8 +26,8 @@ class PrioritySettings:
         passing_s: how long after its arrival the green should last.
         passing_mps: at which the rest of its platoon follows.
         queue_s: what each vehicle that stands before the stop line adds to the lead.
-        most_extension_s: of a green beyond the end that it had.
-        most_losing: vehicles before the signal on the lanes that would lose their green, at which
+        max_extension_s: of a green beyond the end that it had.
+        max_losing: vehicles before the signal on the lanes that would lose their green, at which
             it is still cut.
         pause_cycles: usual cycles from the end of a grant until the signal gives the next one.
     """
@@ -37,8 +37,8 @@ class PrioritySettings:
     passing_s: float = 1.5
     passing_mps: float = 8.0
     queue_s: float = 2.0
-    most_extension_s: float = 15.0
-    most_losing: float = 1000
+    max_extension_s: float = 15.0
+    max_losing: float = 1000
     pause_cycles: float = 1.0
 
     def __post_init__(self) -> None:
@@ -46,13 +46,13 @@ class PrioritySettings:
             raise ValueError("times of signal priority must be >= 0 and its speed > 0")
 
 
-class Hold(NamedTuple):
+class ExtendPhase(NamedTuple):
     """Let the running phase end at another time than it would."""
 
     until_s: float
 
 
-class Cut(NamedTuple):
+class EndPhase(NamedTuple):
     """End the running phase at this time, or now if it is past."""
 
     at_s: float
@@ -80,7 +80,7 @@ def decide(
     wanted_s: float,
     through_s: float,
     latest_s: float,
-) -> Hold | Cut | None:
+) -> ExtendPhase | EndPhase | None:
     """What to do with the running phase for a vehicle; None: nothing helps or nothing is needed.
 
     Args:
@@ -96,22 +96,22 @@ def decide(
     running = program.phases[phase]
     if running.clearing or len(running.next) != 1:
         return None
-    if running.lets_go(link):
+    if running.allows(link):
         closes_s = _closes_s(program, phase, end_s, link)
         if closes_s is None or closes_s >= through_s:
             return None
         until_s = end_s + through_s - closes_s
-        return Hold(until_s) if until_s <= latest_s else None
-    least_end_s = begun_s + running.least_s
-    between_s, usual_s = _between_s(program, phase, link)
+        return ExtendPhase(until_s) if until_s <= latest_s else None
+    least_end_s = begun_s + running.min_s
+    between_s, nominal_s = _between_s(program, phase, link)
     if between_s is None:
         return None
-    if program.fixed and end_s + usual_s <= wanted_s:
+    if program.fixed and end_s + nominal_s <= wanted_s:
         return None
     at_s = max(least_end_s, wanted_s - between_s)
     if program.fixed and at_s >= end_s:
         return None
-    return Cut(at_s)
+    return EndPhase(at_s)
 
 
 def _closes_s(program: Program, phase: int, end_s: float, link: int) -> float | None:
@@ -121,22 +121,22 @@ def _closes_s(program: Program, phase: int, end_s: float, link: int) -> float | 
         if len(following) != 1:
             return end_s
         phase = following[0]
-        if not program.phases[phase].lets_go(link):
+        if not program.phases[phase].allows(link):
             return end_s
-        end_s += program.phases[phase].least_s
+        end_s += program.phases[phase].min_s
     return None
 
 
 def _between_s(program: Program, phase: int, link: int) -> tuple[float | None, float]:
     """Time between a phase and the next one in which a movement may go: the least, the usual."""
-    least_s = usual_s = 0.0
+    min_s = nominal_s = 0.0
     for _ in program.phases:
         following = program.phases[phase].next
         if len(following) != 1:
             break
         phase = following[0]
-        if program.phases[phase].lets_go(link):
-            return least_s, usual_s
-        least_s += program.phases[phase].least_s
-        usual_s += program.phases[phase].usual_s
+        if program.phases[phase].allows(link):
+            return min_s, nominal_s
+        min_s += program.phases[phase].min_s
+        nominal_s += program.phases[phase].nominal_s
     return None, 0.0

@@ -14,10 +14,10 @@ FREE: Final = "GO"
 YIELDING: Final = "go"
 """Letters that let it go through the gaps of traffic that has priority."""
 
-MOST_RETURN_S: Final = 15.0
+MAX_COMPENSATION_S: Final = 15.0
 """What a phase that was cut gets back in one turn at most."""
 
-NOTHING_OWED: Final[Mapping[int, float]] = MappingProxyType({})
+NO_COMPENSATION: Final[Mapping[int, float]] = MappingProxyType({})
 
 _CYCLES: Final = 2
 
@@ -45,17 +45,17 @@ class Phase:
 
     Attributes:
         state: a letter for each movement, as SUMO writes them.
-        usual_s: what it lasts in a program of fixed times; in an actuated one its nominal time.
-        least_s: what it lasts at least; in a program of fixed times, when it is shortened.
+        nominal_s: what it lasts in a program of fixed times; in an actuated one its nominal time.
+        min_s: what it lasts at least; in a program of fixed times, when it is shortened.
         next: phases that can follow.
     """
 
     state: str
-    usual_s: float
-    least_s: float
+    nominal_s: float
+    min_s: float
     next: tuple[int, ...]
 
-    def lets_go(self, link: int) -> bool:
+    def allows(self, link: int) -> bool:
         """Whether a movement may go in it."""
         return self.state[link] in FREE or self.state[link] in YIELDING
 
@@ -80,19 +80,19 @@ class Program:
     @property
     def cycle_s(self) -> float:
         """The usual time of a cycle."""
-        return sum(phase.usual_s for phase in self.phases)
+        return sum(phase.nominal_s for phase in self.phases)
 
-    def settled_s(self, phase: int, owed_s: float) -> float:
+    def settled_s(self, phase: int, compensation_s: float) -> float:
         """How long a phase of fixed time lasts when it gives back, or gets back, what is owed."""
-        usual_s = self.phases[phase].usual_s
-        least_s = self.phases[phase].least_s
-        return min(max(usual_s - owed_s, least_s), usual_s + MOST_RETURN_S)
+        nominal_s = self.phases[phase].nominal_s
+        min_s = self.phases[phase].min_s
+        return min(max(nominal_s - compensation_s, min_s), nominal_s + MAX_COMPENSATION_S)
 
     def course(
         self,
         phase: int,
         end_s: float,
-        owed_s: Mapping[int, float] = NOTHING_OWED,
+        compensation_s: Mapping[int, float] = NO_COMPENSATION,
         ahead_s: float | None = None,
     ) -> Iterator[tuple[int, float]]:
         """Phases from the running one on and when each ends, as far as the program fixes them.
@@ -102,10 +102,10 @@ class Program:
         Args:
             phase: that runs.
             end_s: its end; the earliest one if it is actuated.
-            owed_s: see `greens`.
+            compensation_s: see `greens`.
             ahead_s: how far to look beyond that end; two cycles if not given.
         """
-        owed = dict(owed_s)
+        owed = dict(compensation_s)
         until_s = end_s + (_CYCLES * self.cycle_s if ahead_s is None else ahead_s)
         while True:
             yield phase, end_s
@@ -113,10 +113,10 @@ class Program:
                 return
             phase = self.phases[phase].next[0]
             following = self.phases[phase]
-            lasting_s = following.least_s
+            lasting_s = following.min_s
             if self.fixed:
                 lasting_s = self.settled_s(phase, owed.get(phase, 0.0))
-                owed[phase] = owed.get(phase, 0.0) + lasting_s - following.usual_s
+                owed[phase] = owed.get(phase, 0.0) + lasting_s - following.nominal_s
             end_s += lasting_s
 
     def greens(
@@ -125,7 +125,7 @@ class Program:
         phase: int,
         begun_s: float,
         end_s: float,
-        owed_s: Mapping[int, float] = NOTHING_OWED,
+        compensation_s: Mapping[int, float] = NO_COMPENSATION,
         ahead_s: float | None = None,
     ) -> tuple[Green, ...]:
         """When a movement may go: all times of two cycles, or the next one of an actuated signal.
@@ -135,20 +135,20 @@ class Program:
             phase: that runs.
             begun_s: when it began.
             end_s: its end; the earliest one if it is actuated.
-            owed_s: by phases that lasted longer than usual, less than nothing to those that were
-                cut; settled at their next turn. Programs of fixed times only.
+            compensation_s: by phase, to be taken from its next turn: positive after an extension,
+                negative after an early end. Programs of fixed times only.
             ahead_s: how far to look in programs of fixed times, if not for two cycles.
         """
-        if all(p.lets_go(link) for p in self.phases):
+        if all(p.allows(link) for p in self.phases):
             free = all(p.state[link] in FREE for p in self.phases)
             return (Green(begun_s, math.inf, True, free),)
         found: list[Green] = []
         opened_s: float | None = None
         protected = True
         last_s = begun_s
-        for number, ends_s in self.course(phase, end_s, owed_s, ahead_s):
+        for number, ends_s in self.course(phase, end_s, compensation_s, ahead_s):
             running = self.phases[number]
-            if running.lets_go(link):
+            if running.allows(link):
                 if opened_s is None:
                     opened_s, protected = last_s, True
                 protected = protected and running.state[link] in FREE

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import libsumo
 
-from simulation.controllers.signals.program import NOTHING_OWED, Green, Phase, Program
+from simulation.controllers.signals.program import NO_COMPENSATION, Green, Phase, Program
 
 __all__ = ["Green", "Running", "Signals"]
 
@@ -48,11 +48,11 @@ class Signals:
     """The signals of the running simulation, each read once a step at most.
 
     Args:
-        least_green_s: what a green of fixed time keeps when it is shortened; less if it is shorter.
+        min_green_s: what a green of fixed time keeps when it is shortened; less if it is shorter.
     """
 
-    def __init__(self, least_green_s: float = 8.0) -> None:
-        self._least_green_s = least_green_s
+    def __init__(self, min_green_s: float = 8.0) -> None:
+        self._least_green_s = min_green_s
         self._programs: dict[tuple[str, str], Program] = {}
         self._running: dict[str, Running] = {}
         self._owed_s: dict[str, Mapping[int, float]] = {}
@@ -76,19 +76,19 @@ class Signals:
                 running.phase,
                 running.begun_s,
                 running.end_s,
-                self._owed_s.get(tls, NOTHING_OWED),
+                self._owed_s.get(tls, NO_COMPENSATION),
             )
             running.greens[link] = greens
         return greens
 
-    def foreseen(self, tls: str, link: int, now_s: float, ahead_s: float) -> tuple[Green, ...]:
+    def predicted(self, tls: str, link: int, now_s: float, ahead_s: float) -> tuple[Green, ...]:
         """`upcoming`, as far ahead as asked where times are fixed."""
         running = self.running(tls, now_s)
         if not running.program.fixed:
             return self.upcoming(tls, link, now_s)
-        owed_s = self._owed_s.get(tls, NOTHING_OWED)
+        compensation_s = self._owed_s.get(tls, NO_COMPENSATION)
         return running.program.greens(
-            link, running.phase, running.begun_s, running.end_s, owed_s, ahead_s
+            link, running.phase, running.begun_s, running.end_s, compensation_s, ahead_s
         )
 
     def running(self, tls: str, now_s: float) -> Running:
@@ -106,15 +106,15 @@ class Signals:
         self._running[tls] = known
         return known
 
-    def changed(self, tls: str, owed_s: Mapping[int, float]) -> None:
+    def changed(self, tls: str, compensation_s: Mapping[int, float]) -> None:
         """Hear that somebody changed a signal's times.
 
         Args:
             tls: the signal.
-            owed_s: what its phases owe now; see `Program.greens`.
+            compensation_s: what its phases owe now; see `Program.greens`.
         """
         self._running.pop(tls, None)
-        self._owed_s[tls] = dict(owed_s)
+        self._owed_s[tls] = dict(compensation_s)
 
     def _program(self, tls: str, name: str) -> Program:
         known = self._programs.get((tls, name))
@@ -129,10 +129,10 @@ class Signals:
         count = len(logic.phases)
         phases = []
         for number, read in enumerate(logic.phases):
-            usual_s = float(read.duration)
-            least_s = usual_s if fixed else float(read.minDur)
-            phase = Phase(read.state, usual_s, least_s, tuple(read.next) or ((number + 1) % count,))
+            nominal_s = float(read.duration)
+            min_s = nominal_s if fixed else float(read.minDur)
+            phase = Phase(read.state, nominal_s, min_s, tuple(read.next) or ((number + 1) % count,))
             if fixed and not phase.clearing:
-                phase = replace(phase, least_s=min(usual_s, self._least_green_s))
+                phase = replace(phase, min_s=min(nominal_s, self._least_green_s))
             phases.append(phase)
         return Program(tuple(phases), fixed)

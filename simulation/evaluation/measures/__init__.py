@@ -2,13 +2,13 @@
 
 from simulation.evaluation.measures.ceilings import (
     Ceilings,
-    Where,
-    ceilings,
+    LossShares,
+    compute_ceilings,
+    loss_shares,
     share_of_ceiling,
-    where,
 )
 from simulation.evaluation.measures.compare import Compared, Spread
-from simulation.evaluation.measures.curves import BIN_S, HOUR_S, Array, Course, course
+from simulation.evaluation.measures.curves import BIN_S, HOUR_S, Array, Course, day_course
 from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.measures.figures import Measures
 
@@ -20,12 +20,12 @@ __all__ = [
     "Compared",
     "Course",
     "Evaluation",
+    "LossShares",
     "Measures",
     "Spread",
-    "Where",
-    "ceilings",
     "collect",
-    "course",
+    "compute_ceilings",
+    "day_course",
+    "loss_shares",
     "share_of_ceiling",
-    "where",
 ]

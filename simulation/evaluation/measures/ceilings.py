@@ -72,7 +72,7 @@ class Ceilings:
 
 
 @dataclass(frozen=True)
-class Where:
+class LossShares:
     """Where the energy of an arm's legs goes, each vehicle alone; kWh, the parts add up.
 
     Attributes:
@@ -94,7 +94,9 @@ class Where:
     traffic: float
 
 
-def ceilings(arm: ArmResult, roads: Roads, vehicle: VehicleParameters = PAPER_CAR) -> Ceilings:
+def compute_ceilings(
+    arm: ArmResult, roads: Roads, vehicle: VehicleParameters = PAPER_CAR
+) -> Ceilings:
     """Ceilings of an arm.
 
     Args:
@@ -117,11 +119,11 @@ def ceilings(arm: ArmResult, roads: Roads, vehicle: VehicleParameters = PAPER_CA
     )
 
 
-def where(arm: ArmResult, roads: Roads, vehicle: VehicleParameters = PAPER_CAR) -> Where:
+def loss_shares(arm: ArmResult, roads: Roads, vehicle: VehicleParameters = PAPER_CAR) -> LossShares:
     """Split the energy of an arm's legs by what it was lost to."""
     lost = [leg.losses for leg in arm.legs]
     turns = sum(drive_losses(free_drive(leg.path, roads), vehicle).slowing_kwh for leg in arm.legs)
-    return Where(
+    return LossShares(
         rolling=sum(own.rolling_kwh for own in lost),
         drag=sum(own.drag_kwh for own in lost),
         deliveries=sum(own.arrival_kwh for own in lost),

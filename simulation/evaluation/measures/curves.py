@@ -33,7 +33,7 @@ class Course:
     platooned_km: Array
 
 
-def course(result: ArmResult, bin_s: float) -> Course:
+def day_course(result: ArmResult, bin_s: float) -> Course:
     """Energy and platooned distance by time, those of a leg spread evenly over its time on the
     road; what a leg needs after the last bin counts in the last one.
 

@@ -9,7 +9,7 @@ from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import POLICIES
 from simulation.evaluation.measures.compare import Compared, Spread, compare, sound
 from simulation.evaluation.measures.figures import Measures, measure
-from simulation.evaluation.runs import Ground, Store, StoredArm
+from simulation.evaluation.runs import Provenance, Store, StoredArm
 
 
 @dataclass(frozen=True)
@@ -17,14 +17,14 @@ class Evaluation:
     """The arms that are there, in the order of the tables.
 
     Attributes:
-        ground: what they stand on.
+        provenance: what they stand on.
         seeds: that were asked for, rising.
         arms: as stored, by name and seed.
         runs: in figures, refused ones included.
         compared: sound ones against the baseline.
     """
 
-    ground: Ground
+    provenance: Provenance
     seeds: tuple[int, ...]
     arms: Mapping[str, Mapping[int, StoredArm]]
     runs: Mapping[str, Mapping[int, Measures]]
@@ -63,7 +63,7 @@ class Evaluation:
         )
 
 
-def collect(store: Store, ground: Ground, seeds: Iterable[int]) -> Evaluation:
+def collect(store: Store, provenance: Provenance, seeds: Iterable[int]) -> Evaluation:
     """Everything in the store of these seeds, whether it was asked for this time or earlier.
 
     Raises:
@@ -79,7 +79,7 @@ def collect(store: Store, ground: Ground, seeds: Iterable[int]) -> Evaluation:
         name: {seed: measure(arm.result) for seed, arm in of_seed.items()}
         for name, of_seed in arms.items()
     }
-    return Evaluation(ground, ordered, arms, runs, compare(runs))
+    return Evaluation(provenance, ordered, arms, runs, compare(runs))
 
 
 def _spread(values: Iterable[float | None]) -> Spread | None:

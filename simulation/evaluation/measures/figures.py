@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from simulation.closed_loop.losses import Losses
 from simulation.closed_loop.record import ArmResult, Others
-from simulation.scenarios.gates import clock
+from simulation.scenarios.acceptance import clock
 from slipstream.energy import Energy, total
 
 

@@ -14,7 +14,7 @@ from simulation.evaluation.arms import (
     without,
 )
 from simulation.evaluation.measures import Evaluation
-from simulation.evaluation.report.cells import equal_time, files, lost, saving
+from simulation.evaluation.report.cells import arm_files, equal_time, saving, saving_lost
 from simulation.evaluation.report.formatting import Table, count, number, percent
 from simulation.evaluation.report.paper import PAPER_NOISE
 
@@ -31,8 +31,8 @@ def lever_table(evaluation: Evaluation) -> Table | None:
                 lever.replace("_", "-"),
                 saving(evaluation, alone, lambda c: c.saving),
                 equal_time(evaluation, alone),
-                lost(evaluation, rest, lambda c: c.saving),
-                lost(evaluation, rest, lambda c: c.at_equal_time),
+                saving_lost(evaluation, rest, lambda c: c.saving),
+                saving_lost(evaluation, rest, lambda c: c.at_equal_time),
             )
         )
     if not rows:
@@ -48,7 +48,7 @@ def lever_table(evaluation: Evaluation) -> Table | None:
             *("points that C+ loses without it", "at equal travel time"),
         ),
         tuple(rows),
-        files(evaluation, names),
+        arm_files(evaluation, names),
         ("C+ without priority is C. Levers share what can be had: columns do not add up.",),
     )
 
@@ -84,7 +84,7 @@ def gating_table(evaluation: Evaluation) -> Table | None:
             *("platooned in turbulence, s", "open gates in turbulence"),
         ),
         rows,
-        files(evaluation, names),
+        arm_files(evaluation, names),
     )
 
 
@@ -122,7 +122,7 @@ def noise_table(evaluation: Evaluation) -> Table | None:
         "Noise on the features",
         ("noise", *columns, "saving at equal travel time", "saving kept, paper", "saving kept"),
         tuple(rows),
-        f"ours from {files(evaluation, [noisy(level) for level in levels])}; the paper's from its "
+        f"ours from {arm_files(evaluation, map(noisy, levels))}; the paper's from its "
         'table "Noise Propagation & System Robustness"',
         (
             "Stable segments: ours is the share of judged segments whose gate was open, over all "

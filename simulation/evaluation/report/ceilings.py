@@ -12,15 +12,15 @@ from simulation.evaluation.measures import (
     Ceilings,
     Compared,
     Evaluation,
+    LossShares,
     Spread,
-    Where,
-    ceilings,
+    compute_ceilings,
+    loss_shares,
     share_of_ceiling,
-    where,
 )
-from simulation.evaluation.report.cells import MEANS, files
+from simulation.evaluation.report.cells import MEANS, arm_files
 from simulation.evaluation.report.formatting import NOTHING, Table, number, percent
-from simulation.evaluation.report.proximity import together_table
+from simulation.evaluation.report.proximity import proximity_table
 
 _CEILINGS: Final = (
     ("every kilometre drafted", "drafting", None),
@@ -80,9 +80,9 @@ def ceiling_tables(evaluation: Evaluation, roads: Roads) -> tuple[Table, ...]:
     fit = evaluation.results(BASELINE)
     if not fit:
         return ()
-    best = {seed: ceilings(result, roads) for seed, result in fit.items()}
-    goes = {seed: where(result, roads) for seed, result in fit.items()}
-    together = together_table(evaluation, roads.length_m)
+    best = {seed: compute_ceilings(result, roads) for seed, result in fit.items()}
+    goes = {seed: loss_shares(result, roads) for seed, result in fit.items()}
+    together = proximity_table(evaluation, roads.length_m)
     return (
         _ceiling_table(evaluation, best),
         _where_table(evaluation, goes),
@@ -112,7 +112,7 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Tabl
         "Ceilings: what B's legs could save at best",
         ("", "alone", "every kilometre drafted", "travel time"),
         rows,
-        f"{files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.ceilings`",
+        f"{arm_files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.ceilings`",
         (
             f"{MEANS} On the baseline's own paths. Drafted: 20 % less drag for everybody all the "
             "way, as if nobody led. No signals or traffic: empty roads, with turns, lower limits "
@@ -123,7 +123,7 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Tabl
     )
 
 
-def _where_table(evaluation: Evaluation, goes: Mapping[int, Where]) -> Table:
+def _where_table(evaluation: Evaluation, goes: Mapping[int, LossShares]) -> Table:
     words = {
         "rolling": "rolling",
         "drag": "drag",
@@ -144,7 +144,7 @@ def _where_table(evaluation: Evaluation, goes: Mapping[int, Where]) -> Table:
         "Where the baseline's energy goes",
         ("", "kWh", "share"),
         rows,
-        f"{files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.ceilings.where`",
+        f"{arm_files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.ceilings.where`",
         (MEANS,),
     )
 
@@ -182,7 +182,7 @@ def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[
             "Levers as shares of their ceilings",
             ("lever", "saving", "ceiling", "at most", "reached"),
             tuple(rows),
-            f"{files(evaluation, names)}, and the ceilings above",
+            f"{arm_files(evaluation, names)}, and the ceilings above",
             (
                 "Savings by drag are those of the same drives without drafting, as a share of B; "
                 'the others are at equal travel time. "The same" is no signals or traffic. '

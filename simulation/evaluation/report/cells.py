@@ -7,7 +7,7 @@ from typing import Final
 
 from simulation.evaluation.arms import BASELINE, EVERY_LEVER
 from simulation.evaluation.measures import Compared, Evaluation, Spread
-from simulation.evaluation.report.formatting import NOTHING, listed, number, percent
+from simulation.evaluation.report.formatting import NOTHING, join_names, number, percent
 
 _SLOWER: Final = "†"
 _FASTER: Final = "‡"
@@ -33,7 +33,7 @@ def equal_time(evaluation: Evaluation, name: str) -> str:
     return percent(evaluation.against(name, lambda c: c.at_equal_time), 2) + marks
 
 
-def lost(evaluation: Evaluation, name: str, of: Callable[[Compared], float | None]) -> str:
+def saving_lost(evaluation: Evaluation, name: str, of: Callable[[Compared], float | None]) -> str:
     """Points of saving that the arm with every lever has more than another, seed by seed."""
     every, rest = evaluation.compared.get(EVERY_LEVER, {}), evaluation.compared.get(name, {})
     points = [
@@ -47,7 +47,7 @@ def lost(evaluation: Evaluation, name: str, of: Callable[[Compared], float | Non
     return NOTHING if found is None else f"{number(found, 2, sign=True)} points"
 
 
-def files(evaluation: Evaluation, names: Iterable[str]) -> str:
+def arm_files(evaluation: Evaluation, names: Iterable[str]) -> str:
     """The files of arms, seeds in braces as a shell writes them."""
     said = []
     for name in dict.fromkeys(names):
@@ -62,7 +62,7 @@ def each_row(evaluation: Evaluation) -> str:
     """The files of a table with an arm a row."""
     lacking = any(len(of_seed) < len(evaluation.seeds) for of_seed in evaluation.runs.values())
     some = " that are there and sound" if lacking or evaluation.refused else ""
-    seeds = listed(evaluation.seeds)
+    seeds = join_names(evaluation.seeds)
     return f"`arms/ARM-SEED.json` of each row's ARM and the seeds {seeds}{some}"
 
 
@@ -91,6 +91,6 @@ def order_notes(evaluation: Evaluation, names: Iterable[str]) -> tuple[str, ...]
     if not unlike:
         return ()
     return (
-        f"**Not as many orders served as by B in every seed: {listed(unlike)}.** There totals do "
-        "not compare; the saving per order and at equal travel time do.",
+        f"**Not as many orders served as by B in every seed: {join_names(unlike)}.** There totals "
+        "do not compare; the saving per order and at equal travel time do.",
     )

@@ -9,8 +9,15 @@ from dataclasses import asdict
 from statistics import fmean
 from typing import Any, Final
 
-from simulation.evaluation.measures import Compared, Course, Evaluation, Measures, Spread, course
-from simulation.scenarios.gates import clock
+from simulation.evaluation.measures import (
+    Compared,
+    Course,
+    Evaluation,
+    Measures,
+    Spread,
+    day_course,
+)
+from simulation.scenarios.acceptance import clock
 
 FIGURES: Final[Mapping[str, Callable[[Measures], float | None]]] = {
     "energy_kwh": lambda m: m.energy_kwh,
@@ -116,13 +123,13 @@ def course_csv(evaluation: Evaluation, names: Iterable[str], bin_s: float) -> st
 
 def courses_of(evaluation: Evaluation, name: str, bin_s: float) -> list[Course]:
     """The day's course of an arm, one a sound seed."""
-    return [course(arm, bin_s) for arm in evaluation.results(name).values()]
+    return [day_course(arm, bin_s) for arm in evaluation.results(name).values()]
 
 
 def summary(evaluation: Evaluation) -> dict[str, Any]:
     """Means and spreads of all arms, for JSON."""
     return {
-        "ground": asdict(evaluation.ground),
+        "ground": asdict(evaluation.provenance),
         "seeds": list(evaluation.seeds),
         "code": evaluation.codes,
         "refused": [

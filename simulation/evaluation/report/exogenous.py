@@ -8,7 +8,7 @@ from dataclasses import replace
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, gated
 from simulation.evaluation.measures import Evaluation, Measures
 from simulation.evaluation.report.ablation_tables import noise_table
-from simulation.evaluation.report.cells import files, saving
+from simulation.evaluation.report.cells import arm_files, saving
 from simulation.evaluation.report.formatting import NOTHING, Table, count, number, percent
 from simulation.evaluation.report.paper import PAPER_BASELINE, PAPER_COOPERATIVE, PaperDay
 from slipstream.energy import ETA_FOLLOWER
@@ -87,7 +87,7 @@ def _day_table(closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluati
         ),
     )
     sources = [
-        files(study, names).replace("`arms/", f"`{prefix}arms/")
+        arm_files(study, names).replace("`arms/", f"`{prefix}arms/")
         for prefix, study, names in (
             ("exogenous-rsus/", rsus, rsus.runs),
             ("exogenous-everywhere/", everywhere, everywhere.runs),

@@ -14,7 +14,7 @@ from simulation.evaluation.report.data import arms_csv, course_csv, summary
 from simulation.evaluation.report.formatting import Table
 from simulation.evaluation.report.markdown import report
 from simulation.evaluation.report.plots import SHOWN, draw
-from simulation.evaluation.runs import not_writable, write_whole
+from simulation.evaluation.runs import not_writable, write_atomically
 from simulation.exogenous.recorded import Watched
 
 _NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream[sim]'"
@@ -39,12 +39,12 @@ def write_results(
     """
     names = [name for name in SHOWN if name in evaluation]
     try:
-        write_whole(folder / "arms.csv", arms_csv(evaluation))
+        write_atomically(folder / "arms.csv", arms_csv(evaluation))
         for watched, found in (exogenous or {}).items():
-            write_whole(folder / f"exogenous-{watched}" / "arms.csv", arms_csv(found))
+            write_atomically(folder / f"exogenous-{watched}" / "arms.csv", arms_csv(found))
         cumulative = course_csv(evaluation, [n for n in names if n != SHORTEST], BIN_S)
-        write_whole(folder / "cumulative.csv", cumulative)
-        write_whole(folder / "hourly.csv", course_csv(evaluation, names, HOUR_S))
+        write_atomically(folder / "cumulative.csv", cumulative)
+        write_atomically(folder / "hourly.csv", course_csv(evaluation, names, HOUR_S))
         pictures: Sequence[str] = ()
         missing: str | None = None
         try:
@@ -53,8 +53,10 @@ def write_results(
             if (error.name or "").split(".")[0] != "matplotlib":
                 raise
             missing = _NO_PICTURES
-        write_whole(folder / "report.md", report(evaluation, pictures, missing, more))
-        write_whole(folder / "report.json", as_json(whole_summary(evaluation, more, exogenous)))
+        write_atomically(folder / "report.md", report(evaluation, pictures, missing, more))
+        write_atomically(
+            folder / "report.json", as_json(whole_summary(evaluation, more, exogenous))
+        )
     except OSError as error:
         raise not_writable(Path(error.filename or folder), error) from None
     return missing

@@ -74,7 +74,7 @@ def count(found: Spread | float | None) -> str:
     return number(found, 1 if differ else 0)
 
 
-def listed(names: Sequence[object]) -> str:
+def join_names(names: Sequence[object]) -> str:
     """Names in a row."""
     return ", ".join(map(str, names))
 

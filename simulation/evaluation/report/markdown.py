@@ -8,7 +8,7 @@ from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER
 from simulation.evaluation.measures import Evaluation
 from simulation.evaluation.report.ablation_tables import gating_table, lever_table, noise_table
 from simulation.evaluation.report.cells import equal_time
-from simulation.evaluation.report.formatting import Table, listed, markdown, number, percent
+from simulation.evaluation.report.formatting import Table, join_names, markdown, number, percent
 from simulation.evaluation.report.tables import (
     curve_table,
     day_table,
@@ -18,7 +18,7 @@ from simulation.evaluation.report.tables import (
     parts_table,
     seed_table,
 )
-from simulation.scenarios.gates import clock
+from simulation.scenarios.acceptance import clock
 
 
 def report(
@@ -48,7 +48,7 @@ def report(
         _head(evaluation),
         *(markdown(table) for table in tables if table is not None),
         _figures(pictures, missing),
-        _ground(evaluation),
+        _provenance(evaluation),
     ]
     return "\n".join(parts)
 
@@ -76,7 +76,7 @@ def headline(evaluation: Evaluation) -> list[str]:
 def refusals(evaluation: Evaluation) -> list[str]:
     """Arms whose figures do not count, a line each."""
     return [
-        f"{name}, seed {seed}, is refused: {listed(faults)}"
+        f"{name}, seed {seed}, is refused: {join_names(faults)}"
         for name, seed, faults in evaluation.refused
     ]
 
@@ -84,7 +84,7 @@ def refusals(evaluation: Evaluation) -> list[str]:
 def gaps(evaluation: Evaluation) -> list[str]:
     """What makes the evaluation less than whole: arms without some seed, code that changed."""
     lines = [
-        f"{name} has no seed {listed(lacking)}"
+        f"{name} has no seed {join_names(lacking)}"
         for name, of_seed in evaluation.arms.items()
         if (lacking := [seed for seed in evaluation.seeds if seed not in of_seed])
     ]
@@ -94,7 +94,7 @@ def gaps(evaluation: Evaluation) -> list[str]:
         if any(not found.same_orders for found in of_seed.values())
     ]
     if unlike:
-        lines.append(f"Not as many orders served as by {BASELINE}: {listed(unlike)}")
+        lines.append(f"Not as many orders served as by {BASELINE}: {join_names(unlike)}")
     if len(evaluation.codes) > 1:
         lines.append(
             "arms were simulated by different code, see `code` in `arms.csv`: "
@@ -104,12 +104,12 @@ def gaps(evaluation: Evaluation) -> list[str]:
 
 
 def _head(evaluation: Evaluation) -> str:
-    ground = evaluation.ground
+    provenance = evaluation.provenance
     lines = [
-        f"# Evaluation: {ground.scenario}",
+        f"# Evaluation: {provenance.scenario}",
         "",
-        f"{clock(ground.begin_s)} to {_end(ground.end_s)}, {ground.signals} signals, "
-        f"seeds {listed(evaluation.seeds)}. Made by `slipstream evaluate` from the files named "
+        f"{clock(provenance.begin_s)} to {_end(provenance.end_s)}, {provenance.signals} signals, "
+        f"seeds {join_names(evaluation.seeds)}. Made by `slipstream evaluate` from the files named "
         "under each table; nothing in it is typed by hand but the paper's figures.",
     ]
     headlines = headline(evaluation)
@@ -139,16 +139,16 @@ def _figures(pictures: Sequence[str], missing: str | None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _ground(evaluation: Evaluation) -> str:
-    ground = evaluation.ground
+def _provenance(evaluation: Evaluation) -> str:
+    provenance = evaluation.provenance
     lines = [
         "## What it stands on",
         "",
-        f"- scenario {ground.scenario}; SHA-256 of its net `{ground.net[:12]}`, background "
-        f"`{ground.demand[:12]}`, fleet `{ground.fleet[:12]}`, RSUs "
-        + (f"`{ground.rsus[:12]}`" if ground.rsus else "placed by the traffic"),
-        f"- {ground.begin_s:g} to {ground.end_s:g} s, steps of {ground.step_s:g} s, "
-        f"{ground.signals} signals",
+        f"- scenario {provenance.scenario}; SHA-256 of its net `{provenance.net[:12]}`, background "
+        f"`{provenance.demand[:12]}`, fleet `{provenance.fleet[:12]}`, RSUs "
+        + (f"`{provenance.rsus[:12]}`" if provenance.rsus else "placed by the traffic"),
+        f"- {provenance.begin_s:g} to {provenance.end_s:g} s, steps of {provenance.step_s:g} s, "
+        f"{provenance.signals} signals",
         *(f"- code: {code}" for code in evaluation.codes),
         "- `arms.csv`: every figure of every arm and seed in full",
         "- `run.json`: how long the arms took; no part of the results",

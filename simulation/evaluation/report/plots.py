@@ -13,7 +13,7 @@ from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER, SHORT
 from simulation.evaluation.measures import BIN_S, HOUR_S, Array, Evaluation
 from simulation.evaluation.report.data import courses_of
 from simulation.evaluation.report.formatting import percent
-from simulation.scenarios.gates import clock
+from simulation.scenarios.acceptance import clock
 
 SHOWN: Final = (SHORTEST, BASELINE, COOPERATIVE, EVERY_LEVER)
 """Policies of the hourly figure; the cumulative one leaves out the first."""
@@ -59,7 +59,7 @@ def cumulative(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Pat
     )
     for name in names:
         courses = courses_of(evaluation, name, BIN_S)
-        hours = np.concatenate([[evaluation.ground.begin_s], courses[0].ends_s]) / HOUR_S
+        hours = np.concatenate([[evaluation.provenance.begin_s], courses[0].ends_s]) / HOUR_S
         energy = np.array([_so_far(c.energy_kwh) for c in courses])
         platooned = np.array([_so_far(c.platooned_km) for c in courses])
         saved = evaluation.against(name, lambda c: c.saving)
@@ -85,7 +85,7 @@ def hourly(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Path) -
     for place, name in enumerate(names):
         courses = courses_of(evaluation, name, HOUR_S)
         ends = courses[0].ends_s / HOUR_S
-        starts = np.concatenate([[evaluation.ground.begin_s / HOUR_S], ends[:-1]])
+        starts = np.concatenate([[evaluation.provenance.begin_s / HOUR_S], ends[:-1]])
         middle, width = (starts + ends) / 2, 0.84 / len(names) * (ends - starts)
         at = middle + (place - (len(names) - 1) / 2) * width
         energy = np.array([c.energy_kwh for c in courses])
@@ -116,7 +116,7 @@ def _band(axes: Any, hours: Array, values: Array, name: str, label: str | None) 
 
 def _hours(axes: Any, evaluation: Evaluation) -> None:
     """Ticks at round times of the simulated part of the day."""
-    begin_s, end_s = evaluation.ground.begin_s, evaluation.ground.end_s
+    begin_s, end_s = evaluation.provenance.begin_s, evaluation.provenance.end_s
     step_s = next((s for s in _TICKS_S if end_s - begin_s <= 8 * s), _TICKS_S[-1])
     times = [t * step_s for t in range(ceil(begin_s / step_s), floor(end_s / step_s) + 1)]
     words = [f"{t / HOUR_S:g}" if step_s >= HOUR_S else clock(t) for t in times]

@@ -14,7 +14,7 @@ from typing import Final
 from simulation.closed_loop.record import DrivenLeg
 from simulation.evaluation.arms import COOPERATIVE, EVERY_LEVER, only
 from simulation.evaluation.measures import Evaluation, Spread
-from simulation.evaluation.report.cells import MEANS, files
+from simulation.evaluation.report.cells import MEANS, arm_files
 from simulation.evaluation.report.formatting import Table, percent
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 
@@ -22,7 +22,7 @@ _ARMS: Final = (only("platoons"), COOPERATIVE, EVERY_LEVER)
 _WITHIN_MIN: Final = (1, 10, 30)
 
 
-def together_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Table | None:
+def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Table | None:
     """What arms with platoons drafted, beside what those near each other could have; None where
     there is no such arm.
 
@@ -37,7 +37,7 @@ def together_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Ta
         most = [ETA_FOLLOWER * sum(leg.alone.drag_kwh for leg in legs) for legs in fit]
         saved = [sum(leg.alone.total_kwh - leg.driven.total_kwh for leg in legs) for legs in fit]
         near = [
-            [together_kwh(legs, lengths_m, 60.0 * minutes) for legs in fit]
+            [proximity_kwh(legs, lengths_m, 60.0 * minutes) for legs in fit]
             for minutes in _WITHIN_MIN
         ]
         names.append(name)
@@ -56,7 +56,7 @@ def together_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Ta
         "Drafting, as a share of every kilometre drafted",
         ("arm", "driven", *(f"all within {minutes} min together" for minutes in _WITHIN_MIN)),
         tuple(rows),
-        f"{files(evaluation, names)}, by `simulation.evaluation.report.proximity`",
+        f"{arm_files(evaluation, names)}, by `simulation.evaluation.report.proximity`",
         (
             f"{MEANS} On each arm's own legs. Together: all who come to a segment within that time "
             "of the first one are a platoon there, gates and the way to each other left out.",
@@ -64,7 +64,7 @@ def together_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Ta
     )
 
 
-def together_kwh(
+def proximity_kwh(
     legs: Sequence[DrivenLeg], lengths_m: Mapping[str, float], within_s: float
 ) -> float:
     """Energy that drafting saves if all who are near each other on a segment are one platoon, kWh.

@@ -17,14 +17,21 @@ from simulation.evaluation.measures import Compared, Evaluation, Measures
 from simulation.evaluation.report.cells import (
     EQUAL_TIME,
     MEANS,
+    arm_files,
     each_row,
     equal_time,
-    files,
     order_notes,
     range_notes,
     saving,
 )
-from simulation.evaluation.report.formatting import NOTHING, Table, count, listed, number, percent
+from simulation.evaluation.report.formatting import (
+    NOTHING,
+    Table,
+    count,
+    join_names,
+    number,
+    percent,
+)
 from simulation.evaluation.report.paper import PAPER_BASELINE, PAPER_COOPERATIVE, PaperDay
 
 PARTS: Final[tuple[Callable[[Compared], float], ...]] = (
@@ -86,7 +93,7 @@ def day_table(evaluation: Evaluation) -> Table:
         "The day, beside the paper's",
         ("", "paper: baseline", "paper: cooperative", *(f"ours: {name}" for name in names)),
         rows,
-        f"ours from {files(evaluation, names)}; the paper's from its table "
+        f"ours from {arm_files(evaluation, names)}; the paper's from its table "
         '"24-Hour Microscopic Fleet Simulation Summary"',
         (
             f"{MEANS} A: shortest time, uncoordinated. B: the paper's baseline. C: every lever "
@@ -103,7 +110,7 @@ def energy_table(evaluation: Evaluation) -> Table:
     rows = tuple(
         (
             name,
-            listed([seed for seed, m in evaluation.runs[name].items() if not m.faults]),
+            join_names([seed for seed, m in evaluation.runs[name].items() if not m.faults]),
             number(evaluation.figure(name, lambda m: m.energy_kwh), 1),
             number(evaluation.figure(name, lambda m: m.distance_km), 1),
             number(evaluation.figure(name, lambda m: m.travel_h), 2),
@@ -244,7 +251,7 @@ def curve_table(evaluation: Evaluation) -> Table | None:
         "The baseline at other paces",
         ("arm", "pace", "s/order", "Wh/order", "travel time", "saving"),
         rows,
-        files(evaluation, names),
+        arm_files(evaluation, names),
         (
             "Of each seed: made to fall with the time where it does not, then interpolated by a "
             "monotone cubic. Beyond the slowest pace it goes on falling as between the two "
@@ -271,7 +278,7 @@ def seed_table(evaluation: Evaluation) -> Table:
                     str(found.late),
                     percent(None if against is None else against.saving, 2),
                     percent(None if against is None else against.at_equal_time, 2),
-                    f"refused: {listed(found.faults)}" if found.faults else "sound",
+                    f"refused: {join_names(found.faults)}" if found.faults else "sound",
                     f"`{stored.file}`",
                     f"`{stored.digest}`",
                 )

@@ -1,12 +1,12 @@
 """Simulation of an evaluation's arms, and their storage with everything that results depend on."""
 
-from simulation.evaluation.runs.provenance import Ground, code_stamp
-from simulation.evaluation.runs.run import Told, run_missing
-from simulation.evaluation.runs.store import Store, StoredArm, not_writable, write_whole
+from simulation.evaluation.runs.provenance import Provenance, code_stamp
+from simulation.evaluation.runs.run import run_missing
+from simulation.evaluation.runs.store import Store, StoredArm, not_writable, write_atomically
 from simulation.evaluation.runs.world import World, WorldFiles
 
 __all__ = [
-    "Ground",
+    "Provenance",
     "Store",
     "StoredArm",
     "Told",
@@ -15,5 +15,5 @@ __all__ = [
     "code_stamp",
     "not_writable",
     "run_missing",
-    "write_whole",
+    "write_atomically",
 ]

@@ -16,15 +16,15 @@ from simulation.scenarios.scenario import Scenario, SignalControl
 FORMAT: Final = 2
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
-_SIMULATE: Final = ("slipstream", "edge_daemon", "dispatcher_daemon", "simulation")
-_NOT: Final = frozenset(
+_PACKAGES: Final = ("slipstream", "edge_daemon", "dispatcher_daemon", "simulation")
+_EXCLUDED: Final = frozenset(
     f"simulation/{part}" for part in ("evaluation", "training", "streetdrive", "sumo_view", "live")
 )
 """What only renders, shows or reports."""
 
 
 @dataclass(frozen=True)
-class Ground:
+class Provenance:
     """What all arms of a folder share; results hang on every one of these.
 
     Attributes:
@@ -54,13 +54,13 @@ class Ground:
     format: int = FORMAT
 
 
-def ground_of(
+def provenance_of(
     scenario: Scenario,
     routes: Path | None,
     signals: SignalControl,
     span_s: tuple[float, float],
     step_s: float,
-) -> Ground:
+) -> Provenance:
     """The ground of a scenario.
 
     Args:
@@ -68,11 +68,11 @@ def ground_of(
         span_s: begin and end of the simulated time.
     """
     rsus = scenario.rsus
-    return Ground(
+    return Provenance(
         scenario.name,
         _digest(scenario.net.read_bytes()),
-        _digest(scenario.demand.told().encode() if routes is None else routes.read_bytes()),
-        "" if rsus is None else _digest(json.dumps([_told(rsu) for rsu in rsus]).encode()),
+        _digest(scenario.demand.digest_text().encode() if routes is None else routes.read_bytes()),
+        "" if rsus is None else _digest(json.dumps([_rsu_data(rsu) for rsu in rsus]).encode()),
         _digest(scenario.fleet.model_dump_json().encode()),
         _digest(measured_errors().model_dump_json().encode()),
         signals,
@@ -84,11 +84,11 @@ def ground_of(
 def code_stamp() -> str:
     """What simulates: versions, and a digest of the sources that an arm's result can hang on."""
     digest = sha256()
-    for package in _SIMULATE:
+    for package in _PACKAGES:
         root = Path(str(files(package)))
         for path in sorted(root.rglob("*.py")):
             inside = path.relative_to(root)
-            if f"{package}/{inside.parts[0]}" not in _NOT:
+            if f"{package}/{inside.parts[0]}" not in _EXCLUDED:
                 digest.update(f"{package}/{inside.as_posix()}\n".encode())
                 digest.update(path.read_bytes())
     return (
@@ -97,7 +97,7 @@ def code_stamp() -> str:
     )
 
 
-def _told(rsu: Rsu) -> dict[str, object]:
+def _rsu_data(rsu: Rsu) -> dict[str, object]:
     """What an RSU's file has to say. A setting that came later changes no older digest; who changes
     a default has to raise FORMAT.
     """

@@ -12,13 +12,14 @@ from pathlib import Path
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation.runs.store import Store, write_whole
+from simulation.evaluation.runs.store import Store, write_atomically
+from simulation.sumo import Progress
 
-Told = Callable[[float, float], None]
-"""Told the simulated time and the end, s since midnight; what it raises ends the arm."""
+Simulate = Callable[[Policy, int, Progress], ArmResult]
+"""Simulates the arm of a policy and a seed in a subprocess that it starts, and ends on any fault.
 
-Simulate = Callable[[Policy, int, Told], ArmResult]
-"""Simulates the arm of a policy and a seed in a process that it starts, and ends on any fault."""
+What the progress callback raises ends the arm.
+"""
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def run_missing(
     whole_s = len(missing) * (end_s - begin_s)
 
     def one(policy: Policy, seed: int) -> None:
-        def told(now_s: float, _: float) -> None:
+        def report(now_s: float, _: float) -> None:
             if stop.is_set():
                 raise _Stop
             with lock:
@@ -77,11 +78,11 @@ def run_missing(
         if stop.is_set():
             return
         began = time.monotonic()
-        result = simulate(policy, seed, told)
+        result = simulate(policy, seed, report)
         with lock:
             store.put(policy, seed, result)
             wall_s[policy.name, seed] = time.monotonic() - began
-            note_wall(store.folder, policy.name, seed, wall_s[policy.name, seed])
+            record_wall_time(store.folder, policy.name, seed, wall_s[policy.name, seed])
             passed_s[policy.name, seed] = end_s - begin_s
             progress(sum(passed_s.values()), whole_s)
 
@@ -100,7 +101,7 @@ def run_missing(
     return Done(len(wanted) - len(missing), wall_s)
 
 
-def note_wall(folder: Path, name: str, seed: int, wall_s: float) -> None:
+def record_wall_time(folder: Path, name: str, seed: int, wall_s: float) -> None:
     """Add what an arm took to `run.json`, which is no part of the results.
 
     Raises:
@@ -112,4 +113,4 @@ def note_wall(folder: Path, name: str, seed: int, wall_s: float) -> None:
     except (OSError, ValueError, KeyError, TypeError):
         known = {}
     known[f"{name}-{seed}"] = round(wall_s, 1)
-    write_whole(path, json.dumps({"wall_s": dict(sorted(known.items()))}, indent=1) + "\n")
+    write_atomically(path, json.dumps({"wall_s": dict(sorted(known.items()))}, indent=1) + "\n")

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation.runs.provenance import Ground
+from simulation.evaluation.runs.provenance import Provenance
 from slipstream.errors import InputError
 
 _NEW_FOLDER: Final = "give another folder, or empty this one to simulate all anew"
@@ -43,16 +43,16 @@ class Store:
 
     Args:
         folder: of the evaluation; made with its parents.
-        ground: what its arms must have been simulated on.
+        provenance: what its arms must have been simulated on.
         code: what simulates new ones.
 
     Raises:
         InputError: the folder cannot be written, or another run is at it.
     """
 
-    def __init__(self, folder: Path, ground: Ground, code: str) -> None:
+    def __init__(self, folder: Path, provenance: Provenance, code: str) -> None:
         self.folder = folder
-        self._ground: dict[str, Any] = json.loads(json.dumps(asdict(ground)))
+        self._provenance: dict[str, Any] = json.loads(json.dumps(asdict(provenance)))
         self._code = code
         try:
             (folder / "arms").mkdir(parents=True, exist_ok=True)
@@ -82,14 +82,14 @@ class Store:
             OSError: the disk is full.
         """
         document = {
-            "ground": self._ground,
+            "ground": self._provenance,
             "policy": _plain(policy),
             "seed": seed,
             "code": self._code,
             "result": _RESULT.dump_python(result, mode="json"),
         }
         path = self._path(policy.name, seed)
-        write_whole(path, json.dumps(document, allow_nan=False) + "\n")
+        write_atomically(path, json.dumps(document, allow_nan=False) + "\n")
 
     def get(self, policy: Policy, seed: int) -> StoredArm | None:
         """An arm, if it is there.
@@ -106,8 +106,8 @@ class Store:
             raise InputError(path, error.strerror or "not readable", "check the path") from None
         try:
             document = json.loads(data)
-            ground, code = document["ground"], str(document["code"])
-            self._compare(ground)
+            provenance, code = document["ground"], str(document["code"])
+            self._compare(provenance)
             if document["policy"] != _plain(policy) or document["seed"] != seed:
                 raise InputError(
                     self.folder,
@@ -123,12 +123,12 @@ class Store:
             ) from None
         return StoredArm(f"arms/{path.name}", sha256(data).hexdigest()[:12], code, result)
 
-    def _compare(self, ground: Mapping[str, Any]) -> None:
+    def _compare(self, provenance: Mapping[str, Any]) -> None:
         """Refuse arms that were simulated on another ground."""
         words = [
-            f"{name} was {_short(ground.get(name))}, is {_short(value)}"
-            for name, value in self._ground.items()
-            if ground.get(name) != value
+            f"{name} was {_short(provenance.get(name))}, is {_short(value)}"
+            for name, value in self._provenance.items()
+            if provenance.get(name) != value
         ]
         if words:
             raise InputError(
@@ -147,7 +147,7 @@ def not_writable(path: Path, error: OSError) -> InputError:
     return InputError(path, error.strerror or "not writable", "give another folder", key="--out")
 
 
-def write_whole(path: Path, text: str) -> None:
+def write_atomically(path: Path, text: str) -> None:
     """Write a file that other processes see as a whole or not at all."""
     part = path.with_name(f".{path.name}.part")
     with part.open("w", encoding="utf-8") as file:

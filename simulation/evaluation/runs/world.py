@@ -6,12 +6,11 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from simulation.closed_loop.arm import STEP_S, ArmOrder, run_arm
+from simulation.closed_loop.arm import STEP_S, ArmSpec, run_arm
 from simulation.closed_loop.history_recording import history_file, history_of, record_history
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation.runs.provenance import Ground, ground_of
-from simulation.evaluation.runs.run import Told
+from simulation.evaluation.runs.provenance import Provenance, provenance_of
 from simulation.scenarios.demand import DAY_S
 from simulation.scenarios.networks import check_routes
 from simulation.scenarios.record import HOUR_S
@@ -19,11 +18,12 @@ from simulation.scenarios.scenario import (
     Background,
     Scenario,
     SignalControl,
+    day_spec,
     load_scenario,
-    order_day,
     own_background,
     prepare,
 )
+from simulation.sumo import Progress
 from slipstream.roads import load_network
 
 
@@ -87,9 +87,11 @@ class World:
         self._backgrounds: dict[int, tuple[Background, tuple[Path, ...]]] = {}
 
     @property
-    def ground(self) -> Ground:
+    def provenance(self) -> Provenance:
         """What its arms' results hang on."""
-        return ground_of(self._scenario, self._files.routes, self._signals, self._span_s, STEP_S)
+        return provenance_of(
+            self._scenario, self._files.routes, self._signals, self._span_s, STEP_S
+        )
 
     @property
     def files(self) -> WorldFiles:
@@ -109,7 +111,7 @@ class World:
         """
         return self._background(seed)[0]
 
-    def simulate(self, policy: Policy, seed: int, told: Told) -> ArmResult:
+    def simulate(self, policy: Policy, seed: int, progress: Progress) -> ArmResult:
         """Simulate an arm in a process of its own.
 
         Raises:
@@ -118,7 +120,7 @@ class World:
         """
         background, additional = self._background(seed)
         begin_s, end_s = self._span_s
-        order = ArmOrder(
+        order = ArmSpec(
             scenario=self._files.name,
             background=background.file,
             rsus=background.rsus,
@@ -127,14 +129,14 @@ class World:
             net=self._files.net,
             fleet=self._files.fleet,
             additional=additional,
-            history=self._history(seed, told) if "routes" in policy.levers else None,
+            history=self._history(seed, progress) if "routes" in policy.levers else None,
             begin_s=begin_s,
             end_s=end_s,
             step_s=STEP_S,
         )
-        return run_arm(order, told)
+        return run_arm(order, progress)
 
-    def _history(self, seed: int, told: Told) -> Path:
+    def _history(self, seed: int, progress: Progress) -> Path:
         """What movements cost in these hours of another day, recorded when an arm needs it.
 
         Of the user's own routes there is no other day: they are what is learned from.
@@ -145,8 +147,8 @@ class World:
         with self._lock:
             lock = self._recording.setdefault(0 if own else seed, threading.Lock())
 
-        def progress(*_: float) -> None:
-            told(begin_s, end_s)
+        def at_begin(*_: float) -> None:
+            progress(begin_s, end_s)
 
         with lock:  # not all of them: other seeds, and arms without a history, go on
             if not own:
@@ -157,15 +159,15 @@ class World:
                     signals=self._signals,
                     begin_s=hours_s[0],
                     end_s=hours_s[1],
-                    progress=progress,
+                    progress=at_begin,
                 )
             background = self._background(seed)[0]
-            stands_on = (self._scenario.net.read_bytes(), background.file.read_bytes())
+            depends_on = (self._scenario.net.read_bytes(), background.file.read_bytes())
             path = history_file(
-                self._folder, f"{self._files.name}-routes", self._signals, hours_s, stands_on
+                self._folder, f"{self._files.name}-routes", self._signals, hours_s, depends_on
             )
             if not path.exists():
-                day = order_day(
+                day = day_spec(
                     self._scenario,
                     background,
                     self._folder,
@@ -173,7 +175,7 @@ class World:
                     begin_s=hours_s[0],
                     end_s=hours_s[1],
                 )
-                record_history(day, self._scenario.network, progress).save(path)
+                record_history(day, self._scenario.network, at_begin).save(path)
             return path
 
     def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:
@@ -186,6 +188,6 @@ class World:
                     if self._files.routes is None
                     else own_background(self._scenario, self._files.routes)
                 )
-                day = order_day(self._scenario, background, self._folder, signals=self._signals)
+                day = day_spec(self._scenario, background, self._folder, signals=self._signals)
                 self._backgrounds[seed] = background, day.additional
             return self._backgrounds[seed]

@@ -1,6 +1,6 @@
 """Demand of a day from a seed: background trips and routes, breakdowns, and deliveries."""
 
-from simulation.scenarios.demand.breakdowns import Standing, draw_breakdowns
+from simulation.scenarios.demand.breakdowns import DrawnBreakdown, draw_breakdowns
 from simulation.scenarios.demand.deliveries import (
     Deliveries,
     FleetSettings,
@@ -27,12 +27,12 @@ __all__ = [
     "Array",
     "Deliveries",
     "DemandSettings",
+    "DrawnBreakdown",
     "FleetSettings",
     "Flow",
     "Indices",
     "Order",
     "Routes",
-    "Standing",
     "Trips",
     "Zone",
     "draw_breakdowns",

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -26,18 +26,24 @@ Seconds = Annotated[float, Field(ge=0, le=86400, allow_inf_nan=False)]
 
 
 class Breakdown(Settings):
-    """A car that comes to a stand in the rightmost lane, some day here, some day there."""
+    """A car that breaks down in the rightmost lane of one of some segments."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"lasts_s": "duration_s"}
 
     name: Identifier
     segments: Annotated[tuple[Identifier, ...], Field(min_length=1)] = Field(
-        description="One of them, each as likely."
+        description="One of them is drawn, each with the same probability."
     )
-    begin_s: tuple[Seconds, Seconds] = Field(description="Enters it between these times.")
-    lasts_s: tuple[Seconds, Seconds] = Field(description="Stays so long, between these.")
+    begin_s: tuple[Seconds, Seconds] = Field(
+        description="It enters the segment between these times, s since midnight."
+    )
+    duration_s: tuple[Seconds, Seconds] = Field(
+        serialization_alias="lasts_s", description="Shortest and longest time until it drives on."
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        for key in ("begin_s", "lasts_s"):
+        for key in ("begin_s", "duration_s"):
             low, high = getattr(self, key)
             if low > high:
                 raise ValueError(f"{key}: {low:g} to {high:g} runs backwards")
@@ -45,7 +51,7 @@ class Breakdown(Settings):
 
 
 @dataclass(frozen=True)
-class Standing:
+class DrawnBreakdown:
     """One that was drawn.
 
     Attributes:
@@ -65,7 +71,7 @@ class Standing:
 
 def draw_breakdowns(
     breakdowns: Sequence[Breakdown], network: RoadNetwork, seed: int, source: str | Path
-) -> tuple[Standing, ...]:
+) -> tuple[DrawnBreakdown, ...]:
     """Draw a day's breakdowns in the order of time; each has a random stream of its own.
 
     Raises:
@@ -93,8 +99,8 @@ def draw_breakdowns(
         length_m = network.segments[name].length_m
         at_m = rng.uniform(_RUN_UP_M, length_m - _BEFORE_END_M)
         begin_s = rng.uniform(*breakdown.begin_s)
-        end_s = begin_s + rng.uniform(*breakdown.lasts_s)
+        end_s = begin_s + rng.uniform(*breakdown.duration_s)
         drawn.append(
-            Standing(breakdown.name, name, round(at_m, 1), round(begin_s, 1), round(end_s, 1))
+            DrawnBreakdown(breakdown.name, name, round(at_m, 1), round(begin_s, 1), round(end_s, 1))
         )
     return tuple(sorted(drawn, key=lambda standing: (standing.begin_s, standing.name)))

@@ -8,7 +8,7 @@ from operator import itemgetter
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from simulation.scenarios.demand.breakdowns import Standing
+from simulation.scenarios.demand.breakdowns import DrawnBreakdown
 from simulation.scenarios.demand.routes import Routes
 from simulation.scenarios.demand.trips import Trips, gateways
 from simulation.sumo import TYPES
@@ -20,7 +20,7 @@ def write_routes(
     trips: Trips,
     routes: Routes,
     network: RoadNetwork,
-    breakdowns: Sequence[Standing] = (),
+    breakdowns: Sequence[DrawnBreakdown] = (),
 ) -> None:
     """Write SUMO's route file of a day; byte for byte the same for the same arguments.
 
@@ -33,7 +33,7 @@ def write_routes(
 
 
 def _lines(
-    trips: Trips, routes: Routes, network: RoadNetwork, breakdowns: Sequence[Standing]
+    trips: Trips, routes: Routes, network: RoadNetwork, breakdowns: Sequence[DrawnBreakdown]
 ) -> Iterable[str]:
     for kind in TYPES.values():
         yield "    " + kind.xml()
@@ -47,7 +47,7 @@ def _lines(
         yield line
 
 
-def _broken_down(standing: Standing) -> str:
+def _broken_down(standing: DrawnBreakdown) -> str:
     lane = f"{standing.segment}_0"
     return (
         f'    <vehicle id={quoteattr("breakdown-" + standing.name)} type="car" '

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -47,18 +47,25 @@ class Zone(Settings):
 class Flow(Settings):
     """Trips of one purpose."""
 
+    renamed: ClassVar[Mapping[str, str]] = {"reach_m": "decay_length_m"}
+
     name: Identifier
     trips: Annotated[int, Field(ge=1, le=1_000_000)] = Field(description="A day.")
     origin: Identifier = Field(description="Name of a zone.")
     destination: Identifier = Field(description="Name of a zone.")
     hours: Hours = Field(description="Departures by hour, in relation to each other.")
-    reach_m: Annotated[float, Field(gt=0)] | None = Field(
-        default=None, description="Longer trips are rarer by exp(−d/reach); None: any length."
+    decay_length_m: Annotated[float, Field(gt=0)] | None = Field(
+        default=None,
+        serialization_alias="reach_m",
+        description="A trip of length d is drawn with a weight of exp(−d/decay_length_m). "
+        "None: the length does not count.",
     )
 
 
 class DemandSettings(Settings):
     """The demand of a day."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"shortest_m": "min_trip_m"}
 
     zones: dict[Identifier, Zone]
     flows: Annotated[tuple[Flow, ...], Field(min_length=1)]
@@ -66,14 +73,21 @@ class DemandSettings(Settings):
     speed_factor_std: Annotated[float, Field(ge=0, le=0.3)] = Field(
         default=0.08, description="Of drivers' own speed over the limit; its mean is 1."
     )
-    shortest_m: Annotated[float, Field(ge=0)] = Field(
-        default=800.0, description="Nobody drives less, as the crow flies."
+    min_trip_m: Annotated[float, Field(ge=0)] = Field(
+        default=800.0,
+        serialization_alias="shortest_m",
+        description="Shortest trip, as the crow flies.",
     )
     breakdowns: tuple[Breakdown, ...] = ()
 
-    def told(self) -> str:
-        """As JSON, for digests: a demand without breakdowns has that of before there were any."""
-        return self.model_dump_json(exclude=None if self.breakdowns else {"breakdowns"})
+    def digest_text(self) -> str:
+        """JSON for digests, under the former key names: stored arms hold digests of these.
+
+        Without breakdowns that key is left out, as it came later than the first stored arms.
+        """
+        return self.model_dump_json(
+            by_alias=True, exclude=None if self.breakdowns else {"breakdowns"}
+        )
 
 
 @dataclass(frozen=True)
@@ -129,9 +143,9 @@ def draw_trips(
     for index, flow in enumerate(settings.flows):
         rng = np.random.default_rng([seed, index])
         pairs = np.outer(weights[flow.origin], weights[flow.destination])
-        if flow.reach_m is not None:
-            pairs = pairs * np.exp(-apart / flow.reach_m)
-        pairs[apart < settings.shortest_m] = 0.0
+        if flow.decay_length_m is not None:
+            pairs = pairs * np.exp(-apart / flow.decay_length_m)
+        pairs[apart < settings.min_trip_m] = 0.0
         if pairs.sum() <= 0:
             raise InputError(
                 source, "no two places to drive between", "mend its zones", key=flow.name

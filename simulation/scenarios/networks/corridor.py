@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Final
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
@@ -23,6 +23,12 @@ _MARGIN_M: Final = 300.0
 class CorridorSettings(Settings):
     """Shape of the corridor."""
 
+    renamed: ClassVar[Mapping[str, str]] = {
+        "leaving_m": "deceleration_lane_m",
+        "between_m": "ramp_spacing_m",
+        "joining_m": "acceleration_lane_m",
+    }
+
     length_m: Annotated[float, Field(ge=3000, le=200_000)] = 40_000.0
     spacing_m: Annotated[float, Field(ge=2500, le=20_000)] = Field(
         default=4000.0, description="Between interchanges; the first lies half of it from the end."
@@ -31,13 +37,13 @@ class CorridorSettings(Settings):
     speed_mps: Annotated[float, Field(gt=0, le=45)] = 30.0
     ramp_speed_mps: Annotated[float, Field(gt=0, le=45)] = 20.0
     street_speed_mps: Annotated[float, Field(gt=0, le=45)] = 13.9
-    leaving_m: Annotated[float, Field(ge=100, le=1000)] = Field(
+    deceleration_lane_m: Annotated[float, Field(ge=100, le=1000)] = Field(
         default=250.0, description="Extra lane before an off-ramp."
     )
-    between_m: Annotated[float, Field(ge=300, le=2000)] = Field(
+    ramp_spacing_m: Annotated[float, Field(ge=300, le=2000)] = Field(
         default=600.0, description="From an interchange's off-ramp to its on-ramp."
     )
-    joining_m: Annotated[float, Field(ge=100, le=1000)] = Field(
+    acceleration_lane_m: Annotated[float, Field(ge=100, le=1000)] = Field(
         default=350.0, description="Extra lane behind an on-ramp."
     )
 
@@ -129,7 +135,12 @@ def corridor_rsus(
 
 def _centres(settings: CorridorSettings) -> list[float]:
     count = int(settings.length_m // settings.spacing_m)
-    needed = settings.between_m + settings.leaving_m + settings.joining_m + _MARGIN_M
+    needed = (
+        settings.ramp_spacing_m
+        + settings.deceleration_lane_m
+        + settings.acceleration_lane_m
+        + _MARGIN_M
+    )
     if count < 1 or needed > settings.spacing_m:
         raise InputError(
             "corridor",
@@ -165,12 +176,12 @@ def _carriageway(
         terminal = f"{'s' if east else 'n'}{number}"
         leave, mid, join, main = (f"{way}{k}_{part}" for part in ("leave", "mid", "join", "main"))
         off, on = f"{way}{k}_off", f"{way}{k}_on"
-        half = settings.between_m / 2
+        half = settings.ramp_spacing_m / 2
         a, b, c, d = (f"{way}{k}{letter}" for letter in "abcd")
-        yield junction(a, x - half - settings.leaving_m)
+        yield junction(a, x - half - settings.deceleration_lane_m)
         yield junction(b, x - half)
         yield junction(c, x + half)
-        yield junction(d, x + half + settings.joining_m)
+        yield junction(d, x + half + settings.acceleration_lane_m)
         yield motorway(previous, before, a, lanes)
         yield motorway(leave, a, b, lanes + 1)
         yield motorway(mid, b, c, lanes)

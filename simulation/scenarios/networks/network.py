@@ -15,7 +15,7 @@ from simulation.sumo import check_files, check_vehicle_files, elements
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, build_network, load_network
 
-_LEAST_SHARE: Final = 0.8
+_MIN_SHARE: Final = 0.8
 """Of the road length, that the largest part must have."""
 
 
@@ -50,7 +50,7 @@ def largest_part(network: RoadNetwork, source: str | Path) -> RoadNetwork:
     sizes = np.bincount(part, weights=length_m, minlength=count)
     largest = int(sizes.argmax())
     share = sizes[largest] / sizes.sum()
-    if share < _LEAST_SHARE:
+    if share < _MIN_SHARE:
         raise InputError(
             source,
             f"a net in pieces: the largest part has {share:.0%} of its road length",

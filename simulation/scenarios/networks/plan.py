@@ -70,7 +70,7 @@ class Turn:
     before: str
     after: str
     from_lane: int
-    to_lane: int
+    change_lane: int
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def write_plain(plan: Plan, folder: Path) -> list[str]:
     )
     turns = (
         f"<connection from={quoteattr(t.before)} to={quoteattr(t.after)} "
-        f'fromLane="{t.from_lane}" toLane="{t.to_lane}"/>'
+        f'fromLane="{t.from_lane}" toLane="{t.change_lane}"/>'
         for t in plan.turns
     )
     options = []

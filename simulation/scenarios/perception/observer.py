@@ -17,7 +17,7 @@ from simulation.scenarios.perception.rsus import Rsu, Stretch
 
 _LANE_M: Final = 3.2
 _NOBODY: Final = -1e6
-_LONGEST_M: Final = 100.0
+_MAX_VEHICLE_M: Final = 100.0
 """Of any vehicle."""
 
 
@@ -39,7 +39,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Passer:
+class ObservedVehicle:
     """A vehicle on a watched segment at one step: SUMO's id, its front's place, and its motion."""
 
     name: str
@@ -53,7 +53,7 @@ class Passer:
 class Observer:
     """Keeps the vehicles of the last window before each RSU's camera.
 
-    It must look at every step of a window: `look` after each. Accelerations are those of whole
+    It must look at every step of a window: `sample` after each. Accelerations are those of whole
     steps, so that at a step of 1 s they vary a little less than a camera's.
     """
 
@@ -65,12 +65,14 @@ class Observer:
         self._frames = round(window_s / step_s)
         self._step_s = step_s
         self._watched = [(rsu.id, stretch) for rsu in rsus for stretch in rsu.watch]
-        self._seen: list[deque[list[Passer]]] = [deque(maxlen=self._frames) for _ in self._watched]
+        self._seen: list[deque[list[ObservedVehicle]]] = [
+            deque(maxlen=self._frames) for _ in self._watched
+        ]
 
-    def look(self) -> None:
+    def sample(self) -> None:
         """Take in the running simulation's present step."""
         for (_, stretch), seen in zip(self._watched, self._seen, strict=True):
-            seen.append(passers(stretch))
+            seen.append(observed_vehicles(stretch))
 
     def forget(self) -> None:
         """Start a new window: the next look does not follow the last one by one step."""
@@ -90,11 +92,11 @@ class Observer:
             for (rsu, stretch), seen in zip(self._watched, self._seen, strict=True)
         )
 
-    def _window(self, stretch: Stretch, seen: list[list[Passer]]) -> TrueWindow | None:
+    def _window(self, stretch: Stretch, seen: list[list[ObservedVehicle]]) -> TrueWindow | None:
         return window_of(stretch, seen, self._step_s, self._rule)
 
 
-def passers(stretch: Stretch) -> list[Passer]:
+def observed_vehicles(stretch: Stretch) -> list[ObservedVehicle]:
     """The vehicles on a stretch in the running simulation."""
     import libsumo
 
@@ -103,17 +105,20 @@ def passers(stretch: Stretch) -> list[Passer]:
     for name in libsumo.edge.getLastStepVehicleIDs(stretch.segment):
         front_m = vehicle.getLanePosition(name)
         # Most vehicles of a long segment are not on the stretch: they cost one question, not three.
-        if not stretch.from_m <= front_m < stretch.to_m + _LONGEST_M:
+        if not stretch.from_m <= front_m < stretch.to_m + _MAX_VEHICLE_M:
             continue
         length_m, lane = vehicle.getLength(name), vehicle.getLaneIndex(name)
         if stretch.holds(front_m - length_m / 2, lane):
             speed_mps, mps2 = vehicle.getSpeed(name), vehicle.getAcceleration(name)
-            found.append(Passer(name, front_m, lane, speed_mps, mps2, length_m))
+            found.append(ObservedVehicle(name, front_m, lane, speed_mps, mps2, length_m))
     return found
 
 
 def window_of(
-    stretch: Stretch, seen: Sequence[Sequence[Passer]], step_s: float, rule: StabilitySettings
+    stretch: Stretch,
+    seen: Sequence[Sequence[ObservedVehicle]],
+    step_s: float,
+    rule: StabilitySettings,
 ) -> TrueWindow | None:
     """Features over the steps of a window by the edge's own definitions.
 

@@ -37,7 +37,7 @@ RELATIVE: Final = ("mean_speed_mps", "density_veh_per_m", "mean_gap_m")
 """Features whose errors are shares of the true value; the others' are in the feature's unit."""
 
 _SIGNED: Final = "mean_acceleration_mps2"
-_FEWEST_WINDOWS: Final = 30
+_MIN_WINDOWS: Final = 30
 _FPS: Final = 30.0
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -99,9 +99,9 @@ def fit_errors(
     regimes = []
     for y_e, key in ((1, "calm"), (0, "turbulent")):
         own = [(s, t) for s, t in seen if t.y_e == y_e]
-        if len(own) < _FEWEST_WINDOWS:
+        if len(own) < _MIN_WINDOWS:
             problem = f"{len(own)} {key} windows are too few"
-            raise InputError(provenance, problem, f"measure at least {_FEWEST_WINDOWS}")
+            raise InputError(provenance, problem, f"measure at least {_MIN_WINDOWS}")
         regimes.append(_fit(own))
     lost = 1 - len(seen) / len(windows)
     return PerceptionErrors(

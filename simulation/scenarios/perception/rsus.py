@@ -86,20 +86,20 @@ def place_rsus(
     passages: Mapping[str, int],
     count: int = 12,
     *,
-    least_m: float = 150.0,
-    most_m: float = 300.0,
+    min_m: float = 150.0,
+    max_m: float = 300.0,
     setback_m: float = 60.0,
-    apart_m: float = 600.0,
+    min_spacing_m: float = 600.0,
 ) -> tuple[Rsu, ...]:
     """RSUs on the busiest approaches that are long enough and not too near each other.
 
     Args:
         passages: vehicles a day over each segment.
-        least_m: shortest stretch worth watching.
-        most_m: longest that a unit can watch, with two cameras back to back.
+        min_m: shortest stretch worth watching.
+        max_m: longest that a unit can watch, with two cameras back to back.
         setback_m: between the stretch and the junction: what lies nearer is a queue most of the
             time, whatever the traffic does.
-        apart_m: least distance of the junctions that RSUs stand at.
+        min_spacing_m: least distance of the junctions that RSUs stand at.
 
     Returns:
         Fewer than ``count`` where there are no more.
@@ -109,11 +109,11 @@ def place_rsus(
     for name in sorted(passages, key=lambda name: (-passages[name], name)):
         segment = network.segments[name]
         place = network.junctions[segment.end]
-        near = any(hypot(place[0] - x, place[1] - y) < apart_m for x, y in taken)
-        if len(chosen) == count or segment.length_m < least_m + setback_m or near:
+        near = any(hypot(place[0] - x, place[1] - y) < min_spacing_m for x, y in taken)
+        if len(chosen) == count or segment.length_m < min_m + setback_m or near:
             continue
         end_m = round(segment.length_m - setback_m, 1)
-        begin_m = max(0.0, round(end_m - most_m, 1))
+        begin_m = max(0.0, round(end_m - max_m, 1))
         stretch = Stretch(segment=name, from_m=begin_m, to_m=end_m)
         chosen.append(Rsu(id=f"rsu-{len(chosen) + 1:02}", watch=(stretch,)))
         taken.append(place)

@@ -20,20 +20,19 @@ from simulation.streetdrive.rendering.mesh import Colour, Corner, Material, Mesh
 from simulation.streetdrive.rendering.painter import Image, Placed, Seen
 from simulation.streetdrive.rendering.scenery import (
     Density,
-    Thing,
-    paint_things,
+    RoadsideObject,
+    paint_objects,
     paint_tree_line,
     paint_tree_shadow,
 )
 from simulation.streetdrive.rendering.sensor import Sensor, SensorSettings
-from simulation.streetdrive.rendering.stage import Backdrop, Cover, Stage
+from simulation.streetdrive.rendering.stage import Backdrop, Occluder, Stage
 
 __all__ = [
     "Backdrop",
     "Camera",
     "Colour",
     "Corner",
-    "Cover",
     "Density",
     "Grid",
     "GroundView",
@@ -42,18 +41,19 @@ __all__ = [
     "Material",
     "Mesh",
     "MeshBuilder",
+    "Occluder",
     "Palette",
     "Placed",
+    "RoadsideObject",
     "Seen",
     "Sensor",
     "SensorSettings",
     "Stage",
-    "Thing",
     "band",
     "blend",
     "draw_light",
     "lit",
-    "paint_things",
+    "paint_objects",
     "paint_tree_line",
     "paint_tree_shadow",
     "patches",

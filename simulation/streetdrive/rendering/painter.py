@@ -203,7 +203,7 @@ def _darken(image: Image, pixels: Floats, strength: float) -> None:
 
 
 def measure(
-    camera: Camera, vehicles: Sequence[Placed], covers: Sequence[Floats] = ()
+    camera: Camera, vehicles: Sequence[Placed], occluders: Sequence[Floats] = ()
 ) -> list[Seen | None]:
     """Boxes and visible fractions; vehicles come sorted far to near, covers lie in front of all.
 
@@ -220,7 +220,7 @@ def measure(
         hull = cv2.convexHull(pixels.astype(np.float32))[:, 0, :].astype(np.float64)
         hulls.append((hull, ahead))
         fill(owner, hull, (number,), smooth=False)  # type: ignore[arg-type]
-    for cover in covers:
+    for cover in occluders:
         fill(owner, cover, (65535,), smooth=False)  # type: ignore[arg-type]
     seen: list[Seen | None] = []
     for number, entry in enumerate(hulls, start=1):

@@ -17,7 +17,7 @@ from simulation.streetdrive.traffic import Road
 
 _NEAREST_M = 2.0
 
-Thing = tuple[float, str, float]
+RoadsideObject = tuple[float, str, float]
 """What stands beside the road: x in metres, "building", "tree" or "lamp", y in metres."""
 
 
@@ -210,7 +210,7 @@ def paint_scenery(
     paint_tree_line(image, camera, light, rng)
     left = max(road.left_edge_m + road.pavement_m, camera.lateral_m) + 1.0
     right = min(road.right_edge_m - road.pavement_m, camera.lateral_m) - 1.0
-    things: list[Thing] = []
+    things: list[RoadsideObject] = []
     for edge, sign in ((left, 1.0), (right, -1.0)):
         things += [
             (x, "building", edge + sign * rng.uniform(6, 22))
@@ -224,16 +224,16 @@ def paint_scenery(
             spacing = 240 / density.lamp_posts
             posts = np.arange(rng.uniform(20, 45), 280, spacing)
             things += [(float(x), "lamp", edge - sign * 0.4) for x in posts]
-    paint_things(image, camera, light, palette, rng, things)
+    paint_objects(image, camera, light, palette, rng, things)
 
 
-def paint_things(
+def paint_objects(
     image: Image,
     camera: Camera,
     light: Light,
     palette: Palette,
     rng: np.random.Generator,
-    things: Sequence[Thing],
+    things: Sequence[RoadsideObject],
 ) -> None:
     """Upright things, from far to near; changes the picture in place."""
     for x, kind, y in sorted(things, reverse=True):

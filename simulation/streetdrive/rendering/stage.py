@@ -25,7 +25,7 @@ from simulation.streetdrive.traffic import Road
 
 
 @dataclass(frozen=True)
-class Cover:
+class Occluder:
     """A polygon in pixels (n, 2) that stands in front of everything, such as a sign post."""
 
     pixels: Floats
@@ -36,12 +36,12 @@ class Backdrop:
     """A painted picture without vehicles, on which vehicles move."""
 
     def __init__(
-        self, camera: Camera, light: Light, background: Image, covers: Sequence[Cover] = ()
+        self, camera: Camera, light: Light, background: Image, occluders: Sequence[Occluder] = ()
     ) -> None:
         self.camera = camera
         self.light = light
         self._background = background
-        self._covers = tuple(covers)
+        self._covers = tuple(occluders)
 
     def render(self, vehicles: Sequence[Placed]) -> tuple[Image, list[Seen | None]]:
         """The picture (h, w, 3) BGR and what is seen of each vehicle, in the order given."""
@@ -81,7 +81,7 @@ class Stage(Backdrop):
         *,
         density: Density | None = None,
         tree_shadows: int = 3,
-        covers: Sequence[Cover] = (),
+        occluders: Sequence[Occluder] = (),
     ) -> None:
         self.road = road
         sky = shade_sky(camera, light, rng)
@@ -91,4 +91,4 @@ class Stage(Backdrop):
         picture = np.where(hits[..., None], ground, sky)
         background: Image = np.clip(picture, 0, 255).astype(np.uint8)
         paint_scenery(background, camera, light, road, palette, rng, density or Density())
-        super().__init__(camera, light, background, covers)
+        super().__init__(camera, light, background, occluders)

@@ -32,7 +32,7 @@ class PaperLaw:
         return position, velocity, 0.75 * span / self.duration_s**2 / np.sqrt(tau)
 
 
-_PAPER_SLOWEST_MPS = 60 / 3.6
+_PAPER_MIN_SPEED_MPS = 60 / 3.6
 _PAPER_GAP_M = 6.0
 
 
@@ -54,7 +54,7 @@ def paper_lane(
         number = next(ids)
         fastest = float(rng.uniform(106.0, 119.5)) / 3.6
         law = PaperLaw(start, end, 1.5 * abs(end - start) / fastest)
-        slow_s = law.duration_s * (_PAPER_SLOWEST_MPS / fastest) ** 2 * 1.0001
+        slow_s = law.duration_s * (_PAPER_MIN_SPEED_MPS / fastest) ** 2 * 1.0001
         length = length_of(number)
         release_s += float(rng.uniform(2.2, 3.4))
         while ahead is not None and _paper_gap(ahead, (law, release_s, length)) < _PAPER_GAP_M:

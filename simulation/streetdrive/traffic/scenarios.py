@@ -31,7 +31,7 @@ class Driver:
     """Parameters of the intelligent driver model."""
 
     desired_speed_mps: float
-    time_headway_s: float
+    time_gap_s: float
     min_gap_m: float = 2.0
     max_acceleration_mps2: float = 1.4
     comfortable_braking_mps2: float = 2.0
@@ -40,7 +40,7 @@ class Driver:
         """IDM acceleration in m/s2, bounded below by hard braking."""
         root = math.sqrt(self.max_acceleration_mps2 * self.comfortable_braking_mps2)
         closing = speed_mps * (speed_mps - leader_speed_mps) / (2 * root)
-        wanted = self.min_gap_m + max(0.0, speed_mps * self.time_headway_s + closing)
+        wanted = self.min_gap_m + max(0.0, speed_mps * self.time_gap_s + closing)
         free = (speed_mps / self.desired_speed_mps) ** 4
         pull = 1.0 - free - (wanted / max(gap_m, 0.1)) ** 2
         return max(self.max_acceleration_mps2 * pull, -_MAX_BRAKING_MPS2)
@@ -51,7 +51,7 @@ class Wave:
     """Speed that a perturbed leader forces on all vehicles beyond `from_m` of the lane's path."""
 
     mean_mps: float
-    swing_mps: float
+    amplitude_mps: float
     period_s: float
     phase_rad: float
     from_m: float
@@ -59,7 +59,7 @@ class Wave:
     def speed(self, time_s: float) -> float:
         """Leader's speed in m/s, never negative."""
         angle = 2 * math.pi * time_s / self.period_s + self.phase_rad
-        return max(0.0, self.mean_mps + self.swing_mps * math.sin(angle))
+        return max(0.0, self.mean_mps + self.amplitude_mps * math.sin(angle))
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class Inflow:
     """How vehicles enter a lane: speed, and headways between these bounds in seconds."""
 
     speed_mps: float
-    least_headway_s: float
-    most_headway_s: float
+    min_time_gap_s: float
+    max_time_gap_s: float
 
 
 @dataclass
@@ -143,7 +143,7 @@ def simulate_lane(
                 car = _enter(cars, plan, rng, ids, length_of)
                 if car is not None:
                     cars.append(car)
-                    low, high = plan.inflow.least_headway_s, plan.inflow.most_headway_s
+                    low, high = plan.inflow.min_time_gap_s, plan.inflow.max_time_gap_s
                     next_entry_s = time_s + float(rng.uniform(low, high))
             _accelerations(cars, plan.wave, time_s, step_s)
             if substep == 0 and frame >= 0:
@@ -182,13 +182,13 @@ def _track(car: _Car, lane: Lane) -> Track:
 
 
 def _calm_driver(rng: np.random.Generator) -> Driver:
-    return Driver(desired_speed_mps=18.5 * float(rng.normal(1.0, 0.008)), time_headway_s=1.1)
+    return Driver(desired_speed_mps=18.5 * float(rng.normal(1.0, 0.008)), time_gap_s=1.1)
 
 
 def _hasty_driver(rng: np.random.Generator) -> Driver:
     return Driver(
         desired_speed_mps=15.0 * float(rng.normal(1.0, 0.05)),
-        time_headway_s=float(rng.uniform(0.6, 0.8)),
+        time_gap_s=float(rng.uniform(0.6, 0.8)),
         max_acceleration_mps2=3.5,
         comfortable_braking_mps2=4.0,
     )
@@ -203,7 +203,7 @@ def _stop_and_go(lane: Lane, rng: np.random.Generator) -> LanePlan:
     origin = FAR_M + 20.0 if lane.direction < 0 else 115.0 - NEAR_M
     wave = Wave(
         mean_mps=float(rng.uniform(6.2, 7.0)),
-        swing_mps=float(rng.uniform(9.0, 10.0)),
+        amplitude_mps=float(rng.uniform(9.0, 10.0)),
         period_s=float(rng.uniform(14.0, 17.0)),
         phase_rad=float(rng.uniform(0, 2 * math.pi)),
         from_m=origin,

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from simulation.closed_loop.departures import Departing
+from simulation.closed_loop.departures import LegDepartures
 from simulation.closed_loop.dispatching import settings_of
 from simulation.closed_loop.policy import LEVERS, Policy
 from simulation.controllers.vehicle import LegOrder
@@ -22,12 +22,12 @@ class Seconds:
         return latest_s
 
 
-def departing(slack_s: float, way: tuple[str, ...] | None = None) -> Departing:
+def leg_departures(slack_s: float, way: tuple[str, ...] | None = None) -> LegDepartures:
     """With a vehicle that has so much time, and a better way or none."""
     ways = SimpleNamespace(better=lambda *_: way)
     dispatching: Any = SimpleNamespace(ways=lambda *_: ways)
-    rounds: Any = SimpleNamespace(slack_s=lambda *_: slack_s)
-    return Departing(cast(Any, None), dispatching, cast(Any, None), rounds, cast(Any, Seconds()))
+    tours: Any = SimpleNamespace(slack_s=lambda *_: slack_s)
+    return LegDepartures(cast(Any, None), dispatching, cast(Any, None), tours, cast(Any, Seconds()))
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def test_a_leg_waits_no_longer_than_its_plan_and_its_deliveries_allow(
     """The plan that the vehicle got says within how much time the second may be chosen."""
     advice = DrivingAdvice(departure_window_s=window_s)
     order = LegOrder("van", 0, 0, ("a", "b"), 100.0, 100.0, 60.0, (), advice)
-    assert departing(slack_s).leave(order, 100.0) == (order, 100.0 + waits_s)
+    assert leg_departures(slack_s).leave(order, 100.0) == (order, 100.0 + waits_s)
 
 
 def test_the_window_is_in_the_plans_of_arms_that_have_the_lever() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from simulation.closed_loop.losses import Losses
 from simulation.closed_loop.record import DrivenLeg, Service
-from simulation.closed_loop.tours import Rounds, free_s
+from simulation.closed_loop.tours import Tours, free_s
 from simulation.controllers.vehicle import LegOrder
 from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
 from slipstream.energy import Energy
@@ -26,14 +26,14 @@ def network() -> RoadNetwork:
 
 
 @pytest.fixture
-def rounds(network: RoadNetwork) -> Rounds:
+def tours(network: RoadNetwork) -> Tours:
     """One van and three orders."""
     places = list(network.junctions)[:3]
     orders = tuple(
         Order(id=f"o{i}", node=node, release_s=0.0, latest_s=900.0, service_s=60.0, parcels=1)
         for i, node in enumerate(places)
     )
-    return Rounds(Deliveries(FleetSettings(), {"van": "depot"}, orders), network)
+    return Tours(Deliveries(FleetSettings(), {"van": "depot"}, orders), network)
 
 
 def plan(segment: str, *, second_leg: bool = True) -> VehiclePlan:
@@ -96,62 +96,62 @@ def driven(order: LegOrder, arrived_s: float) -> DrivenLeg:
     )
 
 
-def test_a_round_is_driven_leg_by_leg_and_ends_at_the_depot(rounds: Rounds) -> None:
+def test_a_round_is_driven_leg_by_leg_and_ends_at_the_depot(tours: Tours) -> None:
     """Each leg begins when the service at its beginning is over, whenever that really is."""
-    segment = next(iter(rounds.network.segments))
-    (first,) = rounds.begin(plan(segment))
+    segment = next(iter(tours.network.segments))
+    (first,) = tours.begin(plan(segment))
     assert (first.due_s, first.path, first.id) == (100.0, (segment,), "cav/van/0/0")
-    assert first.free_s == free_s(rounds.network, (segment,))
-    assert "van" not in rounds.idle
-    assert rounds.taken == {"o0", "o1"}
-    (second,) = rounds.arrived(driven(first, 230.0))
+    assert first.free_s == free_s(tours.network, (segment,))
+    assert "van" not in tours.idle
+    assert tours.taken == {"o0", "o1"}
+    (second,) = tours.arrived(driven(first, 230.0))
     assert (second.ready_s, second.due_s) == (290.0, 290.0)
-    (third,) = rounds.arrived(driven(second, 400.0))
-    assert not [*rounds.arrived(driven(third, 555.0))]
-    assert rounds.idle == {"van": 555.0}
-    assert rounds.services(1000.0)[:2] == (
+    (third,) = tours.arrived(driven(second, 400.0))
+    assert not [*tours.arrived(driven(third, 555.0))]
+    assert tours.idle == {"van": 555.0}
+    assert tours.services(1000.0)[:2] == (
         Service("o0", 900.0, 230.0),
         Service("o1", 900.0, 400.0),
     )
-    (again,) = rounds.begin(plan(segment))
+    (again,) = tours.begin(plan(segment))
     assert again.round == 1
 
 
-def test_waiting_to_meet_others_is_travel_time(rounds: Rounds) -> None:
+def test_waiting_to_meet_others_is_travel_time(tours: Tours) -> None:
     """Planned at 0 s to leave at 100 s, an arrival at 230 s took 230 s."""
-    (first,) = rounds.begin(plan(next(iter(rounds.network.segments))))
+    (first,) = tours.begin(plan(next(iter(tours.network.segments))))
     assert (first.ready_s, first.due_s) == (0.0, 100.0)
     assert driven(first, 230.0).travel_s == 230.0
 
 
-def test_two_stops_at_one_junction_need_no_drive_between_them(rounds: Rounds) -> None:
+def test_two_stops_at_one_junction_need_no_drive_between_them(tours: Tours) -> None:
     """The second service begins when the first one ends."""
-    segment = next(iter(rounds.network.segments))
-    (first,) = rounds.begin(plan(segment, second_leg=False))
-    (last,) = rounds.arrived(driven(first, 230.0))
+    segment = next(iter(tours.network.segments))
+    (first,) = tours.begin(plan(segment, second_leg=False))
+    (last,) = tours.arrived(driven(first, 230.0))
     assert (last.leg, last.due_s) == (2, 350.0)
-    assert rounds.services(1000.0)[1] == Service("o1", 900.0, 290.0)
+    assert tours.services(1000.0)[1] == Service("o1", 900.0, 290.0)
 
 
-def test_slack_is_what_the_tightest_delivery_leaves(rounds: Rounds) -> None:
+def test_slack_is_what_the_tightest_delivery_leaves(tours: Tours) -> None:
     """Planned to begin at 400 s and due by 900 s, o1 leaves 500 s, and less to whoever is late."""
-    segment = next(iter(rounds.network.segments))
-    (first,) = rounds.begin(plan(segment))
-    assert rounds.slack_s("van", first.due_s) == 500.0
-    assert rounds.slack_s("van", first.due_s + 30.0) == 470.0
-    assert rounds.slack_s("van", first.due_s + 1000.0) == 0.0
+    segment = next(iter(tours.network.segments))
+    (first,) = tours.begin(plan(segment))
+    assert tours.slack_s("van", first.due_s) == 500.0
+    assert tours.slack_s("van", first.due_s + 30.0) == 470.0
+    assert tours.slack_s("van", first.due_s + 1000.0) == 0.0
 
 
-def test_a_day_that_begins_late_leaves_earlier_orders_out(rounds: Rounds) -> None:
+def test_a_day_that_begins_late_leaves_earlier_orders_out(tours: Tours) -> None:
     """They are neither dispatched nor counted."""
-    rounds.deliveries = replace(
-        rounds.deliveries,
+    tours.deliveries = replace(
+        tours.deliveries,
         orders=(
-            replace(rounds.deliveries.orders[0], release_s=10.0),
-            *rounds.deliveries.orders[1:],
+            replace(tours.deliveries.orders[0], release_s=10.0),
+            *tours.deliveries.orders[1:],
         ),
     )
-    late = Rounds(rounds.deliveries, rounds.network)
+    late = Tours(tours.deliveries, tours.network)
     late.skip_before(10.0)
     assert late.taken == {"o1", "o2"}
     assert [service.order for service in late.services(1000.0)] == ["o0"]

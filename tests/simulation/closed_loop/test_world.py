@@ -13,7 +13,7 @@ from dispatcher_daemon.paths import least_cost_paths
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import take_snapshot
 from dispatcher_daemon.travel import roads_of
-from simulation.closed_loop.alternative_routes import Ways
+from simulation.closed_loop.alternative_routes import AlternativeRoutes
 from simulation.closed_loop.record import DrivenLeg
 from simulation.closed_loop.tours import free_s
 from simulation.closed_loop.world import FleetWorld
@@ -53,7 +53,7 @@ def shortest(troy: Scenario, start: str, end: str) -> tuple[str, ...]:
     return least_cost_paths(troy.network, cost, [start], [end])[start, end]
 
 
-def blocked(troy: Scenario, segments: tuple[str, ...]) -> Ways:
+def blocked(troy: Scenario, segments: tuple[str, ...]) -> AlternativeRoutes:
     """Ways of least time while some segments crawl."""
     depot, stop = Depot(node="vand_campbell"), Stop(id="a", node="3rd_broadway")
     fleet = Fleet(depots=(depot,), stops=(stop,), vehicles=(Vehicle(id="van"),))
@@ -61,7 +61,7 @@ def blocked(troy: Scenario, segments: tuple[str, ...]) -> Ways:
     slow = {name: replace(free.segments[name], speed_mps=1.0) for name in segments}
     snapshot = replace(free, segments={**free.segments, **slow})
     problem = RoutingProblem(troy.network, fleet, search="time")
-    return Ways(troy.network, roads_of(problem, snapshot))
+    return AlternativeRoutes(troy.network, roads_of(problem, snapshot))
 
 
 def order(troy: Scenario, path: tuple[str, ...]) -> LegOrder:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from simulation.controllers.advice.advisor import SpeedAdvisor
-from simulation.controllers.advice.radar import Radar, Seen
+from simulation.controllers.advice.radar import LeadVehicle, Radar
 from simulation.controllers.advice.road import Crossing, Roads
 from simulation.controllers.vehicle import LegOrder, VehicleState
 from slipstream.messages import DrivingAdvice
@@ -13,7 +13,7 @@ from slipstream.messages import DrivingAdvice
 LIMIT = 13.4
 
 
-def nobody(name: str) -> Seen | None:
+def nobody(name: str) -> LeadVehicle | None:
     """A radar before an empty road."""
     return None
 
@@ -144,8 +144,8 @@ def test_another_way_keeps_the_account() -> None:
 def test_a_queue_at_the_line_is_given_time_to_leave() -> None:
     """Who sees vehicles wait at the stop line approaches more slowly than an empty one."""
 
-    def queue(name: str) -> Seen | None:
-        return Seen("ahead", 70.0, 0.0)
+    def queue(name: str) -> LeadVehicle | None:
+        return LeadVehicle("ahead", 70.0, 0.0)
 
     def cap_mps(radar: Radar) -> float:
         advisor = SpeedAdvisor(ROADS, Timing((Green(40.0, 80.0),)), 0.5, radar=radar)
@@ -163,8 +163,8 @@ def test_nobody_speeds_up_behind_a_slower_vehicle() -> None:
     """A vehicle that closes in on a slower one rolls; one that falls back is left alone."""
 
     def cap(ahead_mps: float) -> float | None:
-        def slower(name: str) -> Seen | None:
-            return Seen("ahead", 30.0, ahead_mps)
+        def slower(name: str) -> LeadVehicle | None:
+            return LeadVehicle("ahead", 30.0, ahead_mps)
 
         advisor = SpeedAdvisor(ROADS, Timing(), 0.5, radar=slower)
         leg = order(eco=True)

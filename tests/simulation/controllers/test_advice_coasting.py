@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from simulation.controllers.advice.coasting import Rolling, braked_mps, braking_m
+from simulation.controllers.advice.coasting import CoastingModel, braked_mps, braking_m
 from slipstream.energy import PAPER_CAR, wheel_power_w
 
-CAR = Rolling.of(PAPER_CAR)
+CAR = CoastingModel.of(PAPER_CAR)
 
 
 def roll(speed_mps: float, to_mps: float, step_s: float = 1e-3) -> tuple[float, float]:
@@ -41,9 +41,9 @@ def test_rolling_ends_standing_still() -> None:
     assert CAR.after(3.0, 1000.0) == 0.0
 
 
-@pytest.mark.parametrize("price_w", [4000.0, 9000.0, 20000.0])
+@pytest.mark.parametrize("value_of_time_w", [4000.0, 9000.0, 20000.0])
 @pytest.mark.parametrize("slow_mps", [0.0, 6.5])
-def test_no_other_begin_of_rolling_is_cheaper(price_w: float, slow_mps: float) -> None:
+def test_no_other_begin_of_rolling_is_cheaper(value_of_time_w: float, slow_mps: float) -> None:
     """Rolling down to 1/(1/v0 + R/(ηp)) costs least of all ways to roll, brake and stop there."""
     v0, braking, road_m = 13.4, 1.5, 700.0
 
@@ -51,13 +51,13 @@ def test_no_other_begin_of_rolling_is_cheaper(price_w: float, slow_mps: float) -
         ends_mps = max(ends_mps, slow_mps)
         cruised_m = road_m - CAR.distance_m(v0, ends_mps) - braking_m(ends_mps, slow_mps, braking)
         seconds = cruised_m / v0 + CAR.duration_s(v0, ends_mps) + (ends_mps - slow_mps) / braking
-        return cruised_m * CAR.resistance_n(v0) / CAR.efficiency + price_w * seconds
+        return cruised_m * CAR.resistance_n(v0) / CAR.efficiency + value_of_time_w * seconds
 
-    best = CAR.braking_speed(v0, price_w)
+    best = CAR.braking_speed(v0, value_of_time_w)
     others = np.linspace(slow_mps + 0.01, v0, 500)
     assert cost_j(best) <= min(cost_j(float(speed)) for speed in others) + 1e-6
     if best > slow_mps:
-        assert CAR.approach_m(v0, slow_mps, price_w, braking) == pytest.approx(
+        assert CAR.approach_m(v0, slow_mps, value_of_time_w, braking) == pytest.approx(
             CAR.distance_m(v0, best) + braking_m(best, slow_mps, braking)
         )
 
@@ -73,12 +73,12 @@ def test_who_rolls_goes_on_rolling() -> None:
 
 def test_lost_time_is_against_braking_late() -> None:
     """What rolling adds: its time over the same road, less that of driving on and braking."""
-    price_w, braking = 9000.0, 1.5
-    ends = CAR.braking_speed(13.4, price_w)
-    road_m = CAR.approach_m(13.4, 0.0, price_w, braking)
+    value_of_time_w, braking = 9000.0, 1.5
+    ends = CAR.braking_speed(13.4, value_of_time_w)
+    road_m = CAR.approach_m(13.4, 0.0, value_of_time_w, braking)
     rolled_s = CAR.duration_s(13.4, ends) + ends / braking
     braked_s = (road_m - braking_m(13.4, 0.0, braking)) / 13.4 + 13.4 / braking
-    assert CAR.lost_s(13.4, 0.0, price_w, braking) == pytest.approx(rolled_s - braked_s)
+    assert CAR.lost_s(13.4, 0.0, value_of_time_w, braking) == pytest.approx(rolled_s - braked_s)
 
 
 def test_braking_speed_and_distance_are_inverse() -> None:

@@ -11,16 +11,16 @@ from simulation.controllers.platooning.gap_control import (
     coasting_mps2,
     followed_gap_m,
     following_mps,
-    is_parted,
-    parting_mps,
-    parting_way_m,
+    has_left,
+    leaving_distance_m,
+    leaving_mps,
 )
 from simulation.controllers.platooning.rendezvous import (
     MARGIN_KWH,
-    best_meeting,
+    best_rendezvous,
     manoeuvre_kwh,
 )
-from simulation.controllers.platooning.shared_path import Place, shared_way
+from simulation.controllers.platooning.shared_path import PathPosition, find_shared_path
 from simulation.controllers.vehicle import VehicleState
 from slipstream.energy import PAPER_CAR, drag_saving_kwh, steady_energy_kwh
 
@@ -90,15 +90,15 @@ def test_a_platoon_of_five_brakes_without_touching(step_s: float, braking: float
 def test_a_gap_opens_gently_until_the_idm_can_take_over() -> None:
     """Parting does not brake, and takes about the way that is reckoned with."""
     for v0, step_s in ((30.0, 0.5), (13.9, 0.5), (30.0, 0.1)):
-        speed, gap, way = v0, followed_gap_m(step_s), 0.0
-        assert not is_parted(Motion(speed, v0, gap), v0)
-        while not is_parted(Motion(speed, v0, gap), v0):
-            new = parting_mps(Motion(speed, v0, gap), v0, v0, step_s)
+        speed, gap, shared_path = v0, followed_gap_m(step_s), 0.0
+        assert not has_left(Motion(speed, v0, gap), v0)
+        while not has_left(Motion(speed, v0, gap), v0):
+            new = leaving_mps(Motion(speed, v0, gap), v0, v0, step_s)
             assert new >= speed - coasting_mps2(speed) * step_s - 1e-9
             gap += (v0 - new) * step_s
-            speed, way = new, way + new * step_s
-            assert way < 1000.0
-        assert way == pytest.approx(parting_way_m(v0, followed_gap_m(step_s)), rel=0.2)
+            speed, shared_path = new, shared_path + new * step_s
+            assert shared_path < 1000.0
+        assert shared_path == pytest.approx(leaving_distance_m(v0, followed_gap_m(step_s)), rel=0.2)
         assert speed > v0 - 4.0
 
 
@@ -107,46 +107,50 @@ def test_parting_keeps_away_from_a_vehicle_that_brakes() -> None:
     ahead, speed, gap = 20.0, 20.0, followed_gap_m(0.5)
     for _ in range(60):
         coming = max(0.0, ahead - 2.5 * 0.5)
-        speed = parting_mps(Motion(speed, 20.0, gap), ahead, coming, 0.5)
+        speed = leaving_mps(Motion(speed, 20.0, gap), ahead, coming, 0.5)
         ahead = coming
         gap += (ahead - speed) * 0.5
         assert gap > 1.0
     assert speed == pytest.approx(0.0, abs=1e-6)
 
 
-def place(path: str, number: int, front_m: float, *, crossing: bool = False) -> Place:
+def place(path: str, number: int, front_m: float, *, crossing: bool = False) -> PathPosition:
     """Somewhere on a path of one-letter segments."""
     state = VehicleState(path[number], number, crossing, 0, front_m, 20.0, 0.0)
-    return Place(tuple(path), {s: i for i, s in enumerate(path)}, state)
+    return PathPosition(tuple(path), {s: i for i, s in enumerate(path)}, state)
 
 
 def test_the_common_way_goes_from_the_rear_one_to_where_they_part() -> None:
     """Segments and distances, by hand; who is behind, elsewhere or too far has none."""
     rear, front = place("abcd", 0, 900.0), place("xbce", 1, 100.0)
-    way = shared_way(rear, front, LENGTHS, 2000.0)
-    assert way is not None
-    assert way.between_m == pytest.approx(200.0)
-    assert way.parts == (("a", 100.0), ("b", 600.0), ("c", 900.0))
-    assert shared_way(front, rear, LENGTHS, 2000.0) is None
-    assert shared_way(rear, front, LENGTHS, 150.0) is None
-    assert shared_way(rear, place("xe", 1, 10.0), LENGTHS, 2000.0) is None
-    inside = shared_way(place("abc", 0, 9.0, crossing=True), place("abc", 1, 5.0), LENGTHS, 2000.0)
+    shared_path = find_shared_path(rear, front, LENGTHS, 2000.0)
+    assert shared_path is not None
+    assert shared_path.spacing_m == pytest.approx(200.0)
+    assert shared_path.parts == (("a", 100.0), ("b", 600.0), ("c", 900.0))
+    assert find_shared_path(front, rear, LENGTHS, 2000.0) is None
+    assert find_shared_path(rear, front, LENGTHS, 150.0) is None
+    assert find_shared_path(rear, place("xe", 1, 10.0), LENGTHS, 2000.0) is None
+    inside = find_shared_path(
+        place("abc", 0, 9.0, crossing=True), place("abc", 1, 5.0), LENGTHS, 2000.0
+    )
     assert inside is not None
-    assert inside.between_m == 0.0
-    crossing = shared_way(rear, place("abc", 0, 8.0, crossing=True), LENGTHS, 2000.0)
+    assert inside.spacing_m == 0.0
+    crossing = find_shared_path(rear, place("abc", 0, 8.0, crossing=True), LENGTHS, 2000.0)
     assert crossing is not None
-    assert crossing.between_m == pytest.approx(108.0)
+    assert crossing.spacing_m == pytest.approx(108.0)
 
 
 def test_open_gates_count_from_here_and_beyond() -> None:
     """A run ends at the first closed gate; later open segments count for a meeting alone."""
-    way = shared_way(place("abcd", 0, 900.0), place("abcd", 0, 950.0), LENGTHS, 2000.0)
-    assert way is not None
-    assert way.open_run_m(lambda s: s != "c") == pytest.approx(600.0)
-    assert way.open_run_m(lambda s: s != "a") == 0.0
-    assert way.open_beyond_m(0.0, lambda s: s != "b") == pytest.approx(600.0)
-    assert way.open_beyond_m(350.0, lambda s: s != "c") == pytest.approx(450.0)
-    assert way.open_beyond_m(5000.0, lambda s: True) == 0.0
+    shared_path = find_shared_path(
+        place("abcd", 0, 900.0), place("abcd", 0, 950.0), LENGTHS, 2000.0
+    )
+    assert shared_path is not None
+    assert shared_path.open_distance_m(lambda s: s != "c") == pytest.approx(600.0)
+    assert shared_path.open_distance_m(lambda s: s != "a") == 0.0
+    assert shared_path.open_beyond_m(0.0, lambda s: s != "b") == pytest.approx(600.0)
+    assert shared_path.open_beyond_m(350.0, lambda s: s != "c") == pytest.approx(450.0)
+    assert shared_path.open_beyond_m(5000.0, lambda s: True) == 0.0
 
 
 def test_small_changes_of_speed_cost_nothing_to_first_order() -> None:
@@ -170,18 +174,18 @@ def test_a_meeting_is_worth_what_is_left_to_share() -> None:
     def left(way_m: float) -> Callable[[float], float]:
         return lambda begin_m: max(0.0, way_m - begin_m)
 
-    meeting = best_meeting(200.0, 30.0, left(8000.0), 0.25)
-    assert meeting is not None
-    assert meeting.way_m == pytest.approx((1 + meeting.faster) * 30.0 * meeting.closing_s)
-    relative = (meeting.faster + meeting.slower) * 30.0
-    assert meeting.closing_s * relative == pytest.approx(200.0)
-    saved = drag_saving_kwh(8000.0 - meeting.way_m, 30.0, 0.25)
-    cost = manoeuvre_kwh(meeting.faster, meeting.slower, 30.0, meeting.closing_s)
-    assert MARGIN_KWH < meeting.gain_kwh == pytest.approx(saved - cost)
-    assert best_meeting(200.0, 30.0, left(1200.0), 0.25) is None
-    assert best_meeting(1200.0, 30.0, left(90000.0), 0.25) is not None
-    assert best_meeting(3000.0, 30.0, left(90000.0), 0.25) is None
-    alone = best_meeting(200.0, 30.0, left(8000.0), 0.25, front_yields=False)
+    rendezvous = best_rendezvous(200.0, 30.0, left(8000.0), 0.25)
+    assert rendezvous is not None
+    assert rendezvous.way_m == pytest.approx((1 + rendezvous.speedup) * 30.0 * rendezvous.closing_s)
+    relative = (rendezvous.speedup + rendezvous.slowdown) * 30.0
+    assert rendezvous.closing_s * relative == pytest.approx(200.0)
+    saved = drag_saving_kwh(8000.0 - rendezvous.way_m, 30.0, 0.25)
+    cost = manoeuvre_kwh(rendezvous.speedup, rendezvous.slowdown, 30.0, rendezvous.closing_s)
+    assert MARGIN_KWH < rendezvous.gain_kwh == pytest.approx(saved - cost)
+    assert best_rendezvous(200.0, 30.0, left(1200.0), 0.25) is None
+    assert best_rendezvous(1200.0, 30.0, left(90000.0), 0.25) is not None
+    assert best_rendezvous(3000.0, 30.0, left(90000.0), 0.25) is None
+    alone = best_rendezvous(200.0, 30.0, left(8000.0), 0.25, front_yields=False)
     assert alone is not None
-    assert alone.slower == 0
-    assert alone.gain_kwh < meeting.gain_kwh
+    assert alone.slowdown == 0
+    assert alone.gain_kwh < rendezvous.gain_kwh

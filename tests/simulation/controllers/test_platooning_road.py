@@ -209,7 +209,7 @@ def test_a_leader_beyond_a_gate_that_has_just_closed_is_not_credited(
     """From the step on in which the gate of its segment closes."""
     on_b: list[bool] = []
 
-    def look(_: float) -> None:
+    def read_contacts(_: float) -> None:
         on_b.append(libsumo.vehicle.getRoadID(LEAD) == "b")
 
     found = drive(
@@ -217,7 +217,7 @@ def test_a_leader_beyond_a_gate_that_has_just_closed_is_not_credited(
         step_s=0.1,
         seconds=115.0,
         is_open=lambda segment: segment != "b" or not any(on_b),
-        lead_told=look,
+        lead_told=read_contacts,
     )
     closes = on_b.index(True)
     assert found.steps[closes].eta == {LEAD: ETA_LEADER, REAR: ETA_FOLLOWER}
@@ -241,7 +241,7 @@ def test_vehicles_apart_come_together(files: tuple[Path, Path]) -> None:
     found = drive(files, seconds=120.0, gap_m=150.0)
     assert max(found.speeds[REAR]) <= 1.05 * LIMIT + 1e-6
     assert min(found.speeds[LEAD]) >= 0.9 * LIMIT - 1e-6
-    assert found.steps[10].hurry[REAR] == pytest.approx(1.05)
+    assert found.steps[10].speed_scale[REAR] == pytest.approx(1.05)
     assert REAR in found.steps[-1].eta
     assert hardest(found.speeds[LEAD]) < 0.4
 
@@ -268,7 +268,7 @@ def test_vehicles_side_by_side_come_onto_one_lane(files: tuple[Path, Path], gap_
 def test_vehicles_that_soon_part_stay_apart(files: tuple[Path, Path]) -> None:
     """A common way that ends before it would pay changes nothing."""
     found = drive(files, seconds=20.0, gap_m=120.0, is_open=lambda segment: False)
-    assert not any(step.caps or step.hurry or step.eta for step in found.steps)
+    assert not any(step.caps or step.speed_scale or step.eta for step in found.steps)
 
 
 def test_an_arm_without_platoons_is_left_alone(files: tuple[Path, Path]) -> None:
@@ -295,4 +295,4 @@ def test_no_van_is_sent_onto_a_lane_that_ends(tmp_path: Path) -> None:
         libsumo.vehicle.add("van", "on", "cav", "now", "1", "10", "20")
         session.advance()
         assert libsumo.vehicle.getRoadID("van") == "e3_join"
-        assert [road.leads_on("van", lane) for lane in range(3)] == [False, True, True]
+        assert [road.lane_continues("van", lane) for lane in range(3)] == [False, True, True]

@@ -10,10 +10,10 @@ import pytest
 from simulation.controllers.signals.crossings import Link
 from simulation.controllers.signals.departure import DepartureSettings
 from simulation.controllers.signals.predicted_drive import (
-    Manner,
-    Stretch,
+    DriveParameters,
+    RoadPart,
     drive_on,
-    foresee,
+    predict_drive,
     wait_s,
 )
 from simulation.controllers.signals.program import Green
@@ -45,17 +45,17 @@ def test_the_closed_forms_are_the_idms_own_integral() -> None:
 
 def test_a_drive_is_the_same_in_one_stretch_and_in_many() -> None:
     """Cutting a road into pieces changes neither time nor energy."""
-    whole = foresee([Stretch(800.0, 13.4)], 0.0, lambda _: (), Manner())
-    cut = foresee([Stretch(200.0, 13.4)] * 4, 0.0, lambda _: (), Manner())
+    whole = predict_drive([RoadPart(800.0, 13.4)], 0.0, lambda _: (), DriveParameters())
+    cut = predict_drive([RoadPart(200.0, 13.4)] * 4, 0.0, lambda _: (), DriveParameters())
     assert cut.duration_s == pytest.approx(whole.duration_s, abs=0.1)
     assert cut.energy_kwh == pytest.approx(whole.energy_kwh, rel=0.01)
 
 
 def test_a_red_signal_costs_a_stop_and_its_wait() -> None:
     """Against green all the time: the wait, about the kinetic energy, one stop."""
-    way = [Stretch(500.0, 13.4, LINK), Stretch(500.0, 13.4)]
-    free = foresee(way, 0.0, lambda _: ALWAYS, Manner())
-    red = foresee(way, 0.0, lambda _: (Green(70.0, 100.0, True, True),), Manner())
+    way = [RoadPart(500.0, 13.4, LINK), RoadPart(500.0, 13.4)]
+    free = predict_drive(way, 0.0, lambda _: ALWAYS, DriveParameters())
+    red = predict_drive(way, 0.0, lambda _: (Green(70.0, 100.0, True, True),), DriveParameters())
     assert (free.stops, red.stops) == (0.0, 1.0)
     assert 20.0 < red.duration_s - free.duration_s < 45.0
     assert 0.03 < red.energy_kwh - free.energy_kwh < 0.06
@@ -64,13 +64,13 @@ def test_a_red_signal_costs_a_stop_and_its_wait() -> None:
 def test_waits_hang_on_the_windows() -> None:
     """Before a green, in it, just behind it, between two, and where nothing is known."""
     greens = (Green(10.0, 20.0, True, True), Green(50.0, 60.0, True, False))
-    manner = Manner(starting_s=2.0, late_s=1.0, doubt_s=7.0)
-    assert wait_s(greens, 5.0, manner) == (7.0, True)
-    assert wait_s(greens, 11.0, manner) == (1.0, True)
-    assert wait_s(greens, 15.0, manner) == (0.0, True)
-    assert wait_s(greens, 20.9, manner) == (0.0, True)
-    assert wait_s(greens, 30.0, manner) == (22.0, False)
-    assert wait_s(greens, 90.0, manner) == (7.0, False)
+    parameters = DriveParameters(startup_s=2.0, late_s=1.0, unknown_wait_s=7.0)
+    assert wait_s(greens, 5.0, parameters) == (7.0, True)
+    assert wait_s(greens, 11.0, parameters) == (1.0, True)
+    assert wait_s(greens, 15.0, parameters) == (0.0, True)
+    assert wait_s(greens, 20.9, parameters) == (0.0, True)
+    assert wait_s(greens, 30.0, parameters) == (22.0, False)
+    assert wait_s(greens, 90.0, parameters) == (7.0, False)
 
 
 def test_settings_out_of_range_are_refused() -> None:
@@ -90,7 +90,7 @@ PATH = (
 
 def test_drives_go_as_foreseen_and_the_chosen_second_costs_less(tmp_path: Path) -> None:
     """Alone in Troy, fixed times: one drive at once, one that begins at the chosen second."""
-    from simulation.controllers.signals.departure import Departures
+    from simulation.controllers.signals.departure import DepartureOptimizer
     from simulation.controllers.signals.timing import Signals
 
     net = load_scenario("troy").net
@@ -102,9 +102,9 @@ def test_drives_go_as_foreseen_and_the_chosen_second_costs_less(tmp_path: Path) 
     options += ["--no-step-log", "true", "--no-warnings", "true"]
     cost_kwh = []
     with Session(options, (net, types)) as session:
-        departures = Departures(Signals())
+        departures = DepartureOptimizer(Signals())
         libsumo.route.add("way", PATH)
-        dear = Departures(Signals(), settings=DepartureSettings(waiting_w=1e6))
+        dear = DepartureOptimizer(Signals(), settings=DepartureSettings(value_of_waiting_w=1e6))
         assert dear.best_second(PATH, session.time_s, session.time_s + 32.0) == session.time_s
         for slack_s in (0.0, 32.0):
             # Programs repeat each 80 s.

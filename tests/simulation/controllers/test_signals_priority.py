@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from simulation.controllers.signals.priority_rules import (
-    Cut,
-    Hold,
+    EndPhase,
+    ExtendPhase,
     PrioritySettings,
     decide,
     free_drive_s,
@@ -36,7 +36,9 @@ PROGRAM = Program(
 )
 
 
-def _decide(phase: int, link: int, *, wanted_s: float, through_s: float) -> Hold | Cut | None:
+def _decide(
+    phase: int, link: int, *, wanted_s: float, through_s: float
+) -> ExtendPhase | EndPhase | None:
     """A phase that began at 100 and ends at 130; greens are held to 145 at most."""
     return decide(PROGRAM, phase, 100.0, 130.0, link, wanted_s, through_s, 145.0)
 
@@ -44,14 +46,14 @@ def _decide(phase: int, link: int, *, wanted_s: float, through_s: float) -> Hold
 def test_a_green_is_held_only_if_it_is_needed_and_within_its_limit() -> None:
     """Through before its end: nothing; after it: held until then; too long: nothing."""
     assert _decide(0, 0, wanted_s=115.0, through_s=130.0) is None
-    assert _decide(0, 0, wanted_s=125.0, through_s=134.0) == Hold(134.0)
+    assert _decide(0, 0, wanted_s=125.0, through_s=134.0) == ExtendPhase(134.0)
     assert _decide(0, 0, wanted_s=140.0, through_s=146.0) is None
 
 
 def test_a_phase_is_cut_no_earlier_than_needed_and_after_its_least_time() -> None:
     """Green with the vehicle's arrival, yellow before it, and no green of less than 8 s."""
-    assert _decide(0, 1, wanted_s=120.0, through_s=128.0) == Cut(117.0)
-    assert _decide(0, 1, wanted_s=90.0, through_s=98.0) == Cut(108.0)
+    assert _decide(0, 1, wanted_s=120.0, through_s=128.0) == EndPhase(117.0)
+    assert _decide(0, 1, wanted_s=90.0, through_s=98.0) == EndPhase(108.0)
     assert _decide(0, 1, wanted_s=133.0, through_s=140.0) is None
 
 
@@ -81,7 +83,7 @@ def test_no_green_is_cut_where_the_streets_that_lose_it_are_full(
         "v", 0, 0, PATH, 25200.0, 25200.0, 60.0, (), DrivingAdvice(signal_priority=True)
     )
     with _troy(tmp_path, fixed=True) as session:
-        priority = Priority(Signals(), True, PrioritySettings(most_losing=0))
+        priority = Priority(Signals(), True, PrioritySettings(max_losing=0))
         # The cross street's green begins at 25280, before the vehicle comes near.
         session.advance(25270.0)
         libsumo.route.add(order.id, PATH)

@@ -117,10 +117,10 @@ def test_stop_lines_lie_where_vehicles_meet_them(world: World) -> None:
 
 def _program(*states: str, fixed: bool = True) -> Program:
     """Phases of 10 s (fixed times) or 5 s at least, one behind the other."""
-    least_s = 8.0 if fixed else 5.0
+    min_s = 8.0 if fixed else 5.0
     return Program(
         tuple(
-            Phase(state, 10.0, least_s, ((i + 1) % len(states),)) for i, state in enumerate(states)
+            Phase(state, 10.0, min_s, ((i + 1) % len(states),)) for i, state in enumerate(states)
         ),
         fixed,
     )

@@ -14,15 +14,15 @@ from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
 from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
 from simulation.evaluation.measures.ceilings import (
-    ceilings,
+    compute_ceilings,
     follower_saving,
     free_drive,
+    loss_shares,
     share_of_ceiling,
-    where,
 )
 from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.report.ceilings import ceiling_tables
-from simulation.evaluation.report.proximity import together_kwh
+from simulation.evaluation.report.proximity import proximity_kwh
 from simulation.evaluation.runs.store import Store
 from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
 from tests.simulation.evaluation.fakes import GROUND, make_arm
@@ -144,7 +144,7 @@ def test_ceilings_are_bounds_in_their_order() -> None:
         + ramp((0, 14), (20, 14), (30, 0))[1:],
     ]
     arm = an_arm(*traces)
-    found = ceilings(arm, ROADS)
+    found = compute_ceilings(arm, ROADS)
     exact = sum(trace_energy(trace, STEP_S, ETA_FOLLOWER).total_kwh for trace in traces)
     assert found.driven.drafted_kwh <= exact <= 1.002 * found.driven.drafted_kwh
     assert found.driven.alone_kwh == pytest.approx(sum(leg.alone.total_kwh for leg in arm.legs))
@@ -162,14 +162,14 @@ def test_ceilings_are_bounds_in_their_order() -> None:
 def test_an_arm_slower_than_the_empty_road_is_not_hurried() -> None:
     """Where the arm was faster than the empty road at the limit, that is driven at the limit."""
     hurried = an_arm(ramp((0, 0), (4, 25), (55, 25), (60, 0)))
-    found = ceilings(hurried, ROADS)
+    found = compute_ceilings(hurried, ROADS)
     assert found.free_in_time.alone_kwh == pytest.approx(found.free.alone_kwh, rel=1e-4)
 
 
 def test_where_energy_goes_adds_up() -> None:
     """Rolling, drag, deliveries, turns, stands and traffic make the whole, and a stand shows."""
     arm = an_arm(STOPPED)
-    parts = where(arm, ROADS)
+    parts = loss_shares(arm, ROADS)
     assert sum(vars(parts).values()) == pytest.approx(arm.legs[0].alone.total_kwh)
     assert parts.turns == pytest.approx(
         drive_losses(free_drive(("a", "b", "c"), ROADS)).slowing_kwh
@@ -181,7 +181,7 @@ def test_where_energy_goes_adds_up() -> None:
 def test_an_arm_without_legs_has_no_ceilings() -> None:
     """There is nothing to be a share of."""
     with pytest.raises(ValueError, match="without legs"):
-        ceilings(an_arm(), ROADS)
+        compute_ceilings(an_arm(), ROADS)
     assert share_of_ceiling(0.1, 0.0) is None
     assert share_of_ceiling(0.1, 0.2) == 0.5
 
@@ -248,7 +248,7 @@ def test_who_is_near_on_a_segment_drafts_there_but_for_one() -> None:
     third = replace(third, departed_s=400.0, arrived_s=552.0)
     drag = first.alone.drag_kwh
     together = [
-        together_kwh((first, second, third), ROADS.length_m, within_s)
+        proximity_kwh((first, second, third), ROADS.length_m, within_s)
         for within_s in (10.0, 60.0, 600.0)
     ]
     # Segment a: 600 of 1500 m, or of 1100 m; b: 500; c: 400, which the second one does not drive.

@@ -19,7 +19,7 @@ from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.report import files as writing
 from simulation.evaluation.report.files import write_results
 from simulation.evaluation.report.markdown import printed
-from simulation.evaluation.runs.run import note_wall
+from simulation.evaluation.runs.run import record_wall_time
 from simulation.evaluation.runs.store import Store
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
@@ -129,7 +129,7 @@ def test_the_figures_data_end_at_the_days_energy(whole: Path) -> None:
 def test_the_same_arms_give_the_same_bytes(whole: Path, tmp_path: Path) -> None:
     """Tables, figures' data and report do not depend on when and where they are made."""
     shutil.copytree(whole / "arms", tmp_path / "arms")
-    note_wall(tmp_path, "B", 1, 12.34)
+    record_wall_time(tmp_path, "B", 1, 12.34)
     write_results(tmp_path, read(tmp_path))
     made = sorted(path.name for path in whole.iterdir() if path.is_file())
     assert made == [

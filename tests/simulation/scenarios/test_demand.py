@@ -61,9 +61,14 @@ def test_departures_follow_the_hours_of_their_purpose(troy: Scenario) -> None:
 def test_reach_makes_trips_short(corridor: Scenario) -> None:
     """A purpose with a short reach drives shorter ways than one that may go anywhere."""
 
-    def mean_m(reach_m: float | None) -> float:
+    def mean_m(decay_length_m: float | None) -> float:
         flow = Flow(
-            name="x", trips=400, origin="all", destination="all", hours=FLAT, reach_m=reach_m
+            name="x",
+            trips=400,
+            origin="all",
+            destination="all",
+            hours=FLAT,
+            decay_length_m=decay_length_m,
         )
         demand = DemandSettings(zones={"all": Zone(base=1.0)}, flows=(flow,), types={"car": 1.0})
         trips = draw_trips(demand, corridor.network, 1)

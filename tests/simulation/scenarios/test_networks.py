@@ -177,7 +177,9 @@ def test_corridor_rsus_watch_every_segment_of_the_motorway(corridor: Scenario) -
 def test_corridor_too_short_for_its_interchanges_is_refused() -> None:
     """Interchanges that overlap would be a net of another shape."""
     with pytest.raises(InputError, match="do not fit"):
-        corridor_plan(CorridorSettings(spacing_m=2500, between_m=1500, joining_m=800))
+        corridor_plan(
+            CorridorSettings(spacing_m=2500, ramp_spacing_m=1500, acceleration_lane_m=800)
+        )
 
 
 def _line(names: str) -> RoadNetwork:

@@ -109,7 +109,7 @@ def test_paper_law_is_the_papers_formula():
 
 def test_idm_rests_at_its_equilibrium():
     """At the equilibrium gap the acceleration is 0; closer it brakes and farther it speeds up."""
-    driver = Driver(desired_speed_mps=20.0, time_headway_s=1.2)
+    driver = Driver(desired_speed_mps=20.0, time_gap_s=1.2)
     gap = (2.0 + 15.0 * 1.2) / np.sqrt(1 - (15 / 20) ** 4)
     assert driver.acceleration(15.0, gap, 15.0) == pytest.approx(0.0, abs=1e-9)
     assert driver.acceleration(15.0, gap * 0.7, 15.0) < 0 < driver.acceleration(15.0, 2 * gap, 15.0)

@@ -18,7 +18,7 @@ from simulation.sumo_view.ground import paint_roads
 from simulation.sumo_view.lanes import Carriageway, Roads
 from simulation.sumo_view.polylines import at, distances, shifted, stretch
 from simulation.sumo_view.pose import Site
-from simulation.sumo_view.roadside import Plan, choose_things
+from simulation.sumo_view.roadside import Plan, choose_objects
 from simulation.sumo_view.settings import SceneSettings
 from simulation.sumo_view.shapes import Kind, is_known, mesh_of
 from simulation.sumo_view.traffic import STEP_S, State, between
@@ -35,7 +35,7 @@ def test_built_in_routes_are_what_their_names_say(routes, begin_s, stable):
     """By the paper's rule the calm example is stable in each 10 s window, the rough one in none."""
     seen: dict[int, list[tuple[float, ...]]] = defaultdict(list)
     with World(find_net("avenue"), find_routes(routes), find_additional(routes, []), 3) as world:
-        world.look(140.0, 0.0, 60.0)
+        world.subscribe_around(140.0, 0.0, 60.0)
         for frame, vehicles in enumerate(drive(world, begin_s, 5.0, 75)):
             for vehicle in vehicles:
                 if 115 < vehicle.x_m < 173 and vehicle.y_m > 0:
@@ -171,12 +171,12 @@ def test_nothing_stands_on_the_road_or_before_it():
     roads, site = bent_roads(), Site(-10.0, 8.0, 0.0)
     plan = Plan(roads, site)
     scene = SceneSettings(buildings=8.0, trees=30.0)
-    things = choose_things(plan, roads, site, scene, np.random.default_rng(3))
+    things = choose_objects(plan, roads, site, scene, np.random.default_rng(3))
     kinds = [kind for _, kind, _ in things]
     assert {"building", "tree", "lamp"} == set(kinds)
     spots = np.array([[x, y] for x, _, y in things])
     assert plan.clearance_m(spots).min() > 0.2
     trees = spots[[kind == "tree" for kind in kinds]]
-    assert not any(plan.hides_road(spot[None], 200.0) for spot in trees)
+    assert not any(plan.occludes_road(spot[None], 200.0) for spot in trees)
     on_road = site.to_local(at(shifted(ARC, -3.5), np.arange(20.0, 100.0, 5.0)))
     assert plan.clearance_m(on_road).max() == 0.0

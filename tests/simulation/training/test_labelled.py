@@ -14,7 +14,7 @@ from edge_daemon.detection.protocol import builtin_model
 from simulation.training.__main__ import main as training
 from simulation.training.calibration import calibration_inputs
 from simulation.training.dataset import write_dataset
-from simulation.training.judge import figures_on
+from simulation.training.judge import evaluate_model
 from simulation.training.labelled import label_of, read_labelled_set
 from simulation.training.ranges import ROADSIDE
 from slipstream.errors import InputError
@@ -84,7 +84,7 @@ def test_a_faulty_label_is_named(tmp_path: Path, line: str) -> None:
 
 def test_the_shipped_model_does_well_on_held_out_pictures(rendered: Path) -> None:
     """Figures of its card cannot be told from six pictures, but nonsense can."""
-    figures = figures_on(builtin_model(), read_labelled_set(rendered), (384, 640), (0.0, 12.0))
+    figures = evaluate_model(builtin_model(), read_labelled_set(rendered), (384, 640), (0.0, 12.0))
     assert 0.7 < figures[0].map50 <= 1
     assert figures[0].map50 > figures[0].map50_95 > 0.4
     assert sum(figures[1].boxes) <= sum(figures[0].boxes)

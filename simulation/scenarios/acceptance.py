@@ -9,7 +9,7 @@ from slipstream.errors import InputError
 
 
 @dataclass(frozen=True)
-class Gates:
+class AcceptanceLimits:
     """Limits of a day.
 
     Attributes:

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from simulation.scenarios.day import DayOrder
+from simulation.scenarios.day import DaySpec
 from simulation.scenarios.demand import Deliveries
 from simulation.scenarios.perception import Rsu
 from slipstream.config import BusSettings
 
-_LONGEST_STEP_S: Final = 0.1
+_MAX_STEP_S: Final = 0.1
 """Between two steps of this length vehicles move as cameras see them move."""
 
 
 @dataclass(frozen=True)
-class WorldOrder:
+class WorldSpec:
     """A world that runs against the wall clock.
 
     Attributes:
@@ -35,7 +35,7 @@ class WorldOrder:
         width_px: of a picture, with height_px.
     """
 
-    day: DayOrder
+    day: DaySpec
     begin_s: float
     speed: float
     rsus: tuple[Rsu, ...]
@@ -52,7 +52,7 @@ class WorldOrder:
     @property
     def steps_a_frame(self) -> int:
         """Steps of the simulation from one picture to the next."""
-        return max(1, math.ceil(self.speed / self.fps / _LONGEST_STEP_S - 1e-6))
+        return max(1, math.ceil(self.speed / self.fps / _MAX_STEP_S - 1e-6))
 
     @property
     def step_s(self) -> float:
