@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
     from simulation.evaluation.measures import collect
-    from simulation.evaluation.report import as_json, printed, whole_summary, write_results
+    from simulation.evaluation.report import as_json, terminal_summary, whole_summary, write_results
     from simulation.evaluation.runs import Store, World, WorldFiles, code_stamp
 
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         if kept:
             print(f"{kept} of {len(policies) * len(seeds)} arms were stored already")
-        print(printed(evaluation))
+        print(terminal_summary(evaluation))
         print(f"{options.out / 'report.md'}")
     _refuse_gridlock(evaluation)
     return 0

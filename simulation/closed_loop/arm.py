@@ -124,8 +124,10 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 policy.levers, scenario.net, order.step_s, lengths_m, roadside
             )
             dispatching = Dispatching(tours, policy, order.seed, executor, history)
-            seconds = departure_optimizer(policy, controller.signals, dispatching.waiting_worth_kw)
-            leg_departures = LegDepartures(network, dispatching, roadside, tours, seconds)
+            optimizer = departure_optimizer(
+                policy, controller.signals, dispatching.waiting_worth_kw
+            )
+            leg_departures = LegDepartures(network, dispatching, roadside, tours, optimizer)
             world = FleetWorld(
                 session, lengths_m, controller, order.step_s, policy.pace, leg_departures.leave
             )

@@ -36,7 +36,7 @@ class LegDepartures:
         dispatching: knows what ways cost by now.
         roadside: what RSUs report.
         tours: know how long a vehicle may wait.
-        seconds: chooses the second; None: vehicles leave when they are due.
+        optimizer: chooses the second; None: vehicles leave when they are due.
     """
 
     def __init__(
@@ -45,10 +45,10 @@ class LegDepartures:
         dispatching: Dispatching,
         roadside: Roadside,
         tours: Tours,
-        seconds: DepartureOptimizer | None,
+        optimizer: DepartureOptimizer | None,
     ) -> None:
         self._network, self._dispatching, self._roadside = network, dispatching, roadside
-        self._tours, self._seconds = tours, seconds
+        self._tours, self._optimizer = tours, optimizer
 
     def leave(self, order: LegOrder, now_s: float) -> tuple[LegOrder, float]:
         """The leg as it is to be driven, and when to leave; once a leg, when it is due.
@@ -57,14 +57,14 @@ class LegDepartures:
         """
         if any(segment.platoon is not None for segment in order.planned):
             return order, now_s
-        way = self._dispatching.ways(now_s, self._roadside).better(order.path)
+        way = self._dispatching.alternatives(now_s, self._roadside).better(order.path)
         if way is not None:
             order = replace(order, path=way, free_s=free_s(self._network, way))
         window_s = order.advice.departure_window_s
-        if self._seconds is None or window_s <= 0:
+        if self._optimizer is None or window_s <= 0:
             return order, now_s
         latest_s = now_s + min(window_s, self._tours.slack_s(order.vehicle, now_s))
-        return order, self._seconds.best_second(order.path, now_s, latest_s)
+        return order, self._optimizer.best_second(order.path, now_s, latest_s)
 
     def better_route(
         self, order: LegOrder, state: VehicleState, now_s: float
@@ -73,4 +73,6 @@ class LegDepartures:
         ahead = order.path[state.number :]
         if any(s.platoon is not None and s.segment in ahead for s in order.planned):
             return None
-        return self._dispatching.ways(now_s, self._roadside).better(order.path, state.number)
+        return self._dispatching.alternatives(now_s, self._roadside).better(
+            order.path, state.number
+        )

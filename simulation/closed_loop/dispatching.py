@@ -56,7 +56,7 @@ class Dispatching:
         self.time_worth_kw = (
             0.0 if self._history is None else self._history.time_worth_kw(tours.network)
         )
-        self._ways: tuple[tuple[SegmentState, ...], AlternativeRoutes] | None = None
+        self._alternatives: tuple[tuple[SegmentState, ...], AlternativeRoutes] | None = None
         self._expected: tuple[int, Expectations] | None = None
         self._settings = settings_of(policy)
         self._solve = evaluation_solve()
@@ -114,16 +114,16 @@ class Dispatching:
             snapshot = with_gates(snapshot, roadside.open)
         return replace(snapshot, expected=self._expectations(now_s))
 
-    def ways(self, now_s: float, roadside: Roadside) -> AlternativeRoutes:
+    def alternatives(self, now_s: float, roadside: Roadside) -> AlternativeRoutes:
         """The cheapest ways as the traffic is now, by the costs of the arm's routes."""
-        if self._ways is None or self._ways[0] is not roadside.states:
+        if self._alternatives is None or self._alternatives[0] is not roadside.states:
             # A problem has somebody to serve; costs of roads do not hang on whom.
             depots = self._tours.deliveries.settings.depots
             stop = Stop(id="anywhere", node=depots[0].node)
             fleet = Fleet(depots=depots, stops=(stop,), vehicles=(Vehicle(id="anybody"),))
             roads = roads_of(self._problem(fleet), self.snapshot(now_s, roadside))
-            self._ways = roadside.states, AlternativeRoutes(self._tours.network, roads)
-        return self._ways[1]
+            self._alternatives = roadside.states, AlternativeRoutes(self._tours.network, roads)
+        return self._alternatives[1]
 
     @property
     def waiting_worth_kw(self) -> float:

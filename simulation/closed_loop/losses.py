@@ -36,11 +36,6 @@ class Losses(NamedTuple):
     stands_kwh: float
     slowing_kwh: float
 
-    @property
-    def braking_kwh(self) -> float:
-        """All that brakes destroyed."""
-        return self.arrival_kwh + self.stands_kwh + self.slowing_kwh
-
 
 def losses(
     speed_mps: npt.ArrayLike, step_s: npt.ArrayLike, vehicle: VehicleParameters = PAPER_CAR

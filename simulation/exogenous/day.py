@@ -37,7 +37,7 @@ from slipstream.energy import Energy, total
 from slipstream.messages import VehiclePlan
 
 _STYLE: Final = DrivingStyle()
-_NOTHING_HAPPENED: Final = Others(0, 0.0, 0.0, 0.0)
+_NO_OTHERS: Final = Others(0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def exogenous_day(
         legs=driven.legs,
         services=day.tours.services(end_s),
         cycles=tuple(day.cycles),
-        others=_NOTHING_HAPPENED,
+        others=_NO_OTHERS,
         disengagements=driven.disengagements,
         teleports=0,
         collisions=0,

@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final
 
-from simulation.live.world_spec import CameraPlace
+from simulation.live.world_spec import CameraEndpoint
 from simulation.sumo_view import Pose, Roads, RsuSettings, SumoClipSettings, Vehicle
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
@@ -62,7 +62,7 @@ class Camera:
         self._process.start()
         other.close()
 
-    def place(self) -> CameraPlace:
+    def place(self) -> CameraEndpoint:
         """Wait until it serves.
 
         Raises:
@@ -70,7 +70,7 @@ class Camera:
             ChildProcessError: the process died.
         """
         place = self._receive()
-        assert isinstance(place, CameraPlace)
+        assert isinstance(place, CameraEndpoint)
         return place
 
     def show(self, vehicles: list[Vehicle], due_s: float) -> None:
@@ -136,7 +136,7 @@ def _serve(connection: Connection, spec: CameraSpec) -> None:
     latest = LatestPicture()
     server = MjpegServer(latest)
     segments = tuple(stretch.segment_id for stretch in renderer.stretches)
-    connection.send(CameraPlace(spec.site.name, segments, server.url, spec.calibration))
+    connection.send(CameraEndpoint(spec.site.name, segments, server.url, spec.calibration))
     held_s = _HELD / spec.clip.fps
     due_s = 0.0
 

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Final
 
-from simulation.live.world_spec import CameraPlace, WorldCounts, WorldSpec
+from simulation.live.world_spec import CameraEndpoint, WorldCounts, WorldSpec
 from simulation.sumo import check_files
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
@@ -75,7 +75,7 @@ class WorldProcess:
 
     def open(
         self, stopping: Callable[[], bool], progress: Callable[[float], None]
-    ) -> tuple[CameraPlace, ...]:
+    ) -> tuple[CameraEndpoint, ...]:
         """Wait until the roads are full and the cameras serve; nothing if it is stopped before.
 
         Raises:

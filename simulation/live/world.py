@@ -96,7 +96,7 @@ class _World:
         Raises:
             InputError: SUMO refuses a vehicle, or nothing moves any more.
         """
-        told_s = 0.0
+        reported_s = 0.0
         while not connection.poll(self._pace.wait_s()):
             self._take_plans()
             self._fleet.step()
@@ -107,8 +107,8 @@ class _World:
                     self._cameras, self._views.vehicles_in_view(), strict=True
                 ):
                     camera.show(scene, self._pace.due_s)
-            if time.monotonic() - told_s >= _REPORT_S:
-                told_s = time.monotonic()
+            if time.monotonic() - reported_s >= _REPORT_S:
+                reported_s = time.monotonic()
                 self._report_time(connection)
 
     def _look_for_gridlock(self) -> None:

@@ -63,7 +63,7 @@ class WorldSpec:
 
 
 @dataclass(frozen=True)
-class CameraPlace:
+class CameraEndpoint:
     """A camera that serves pictures.
 
     Attributes:

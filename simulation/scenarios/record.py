@@ -51,12 +51,6 @@ class Traffic:
         """Mean number of vehicles on the segment; over its length, the density."""
         return self.present_s / self.interval_s
 
-    def speeds_at(self, time_s: float, limits_mps: Array) -> Array:
-        """Speeds in the interval of a time, the limit where nobody was; shape (segments,)."""
-        row = int(np.clip((time_s - self.begin_s) // self.interval_s, 0, len(self.present_s) - 1))
-        now = self.speed_mps()[row]
-        return np.asarray(np.where(np.isnan(now), limits_mps, np.minimum(now, limits_mps)))
-
 
 @dataclass(frozen=True)
 class Hour:

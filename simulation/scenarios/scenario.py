@@ -110,7 +110,7 @@ def load_scenario(
         name,
         net,
         network,
-        any_demand(network) if demand is None else load(demand, DemandSettings),
+        default_demand(network) if demand is None else load(demand, DemandSettings),
         None if rsus is None else load_rsus(rsus, network),
         FleetSettings() if fleet is None else load(fleet, FleetSettings),
     )
@@ -179,7 +179,7 @@ def day_spec(
     )
 
 
-def any_demand(network: RoadNetwork) -> DemandSettings:
+def default_demand(network: RoadNetwork) -> DemandSettings:
     """Light demand for a net of which nothing is known: random pairs of places, a day's curve."""
     km = sum(segment.length_m for segment in network.segments.values()) / 1000
     ends = dict.fromkeys(sorted(gateways(network)), 1.0)

@@ -88,8 +88,10 @@ class Session:
         """SUMO's complaint about one of the files; about all but the net if it names none."""
         text = "\n".join(lines)
         parts = [line.removeprefix("Error: ").strip() for line in text.splitlines()]
-        told = list(dict.fromkeys(p for p in parts if p and p not in ("Process Error", _QUIT)))
-        problem = " ".join(told[:3]).rstrip(".") or "it gives no reason"
+        complaints = list(
+            dict.fromkeys(p for p in parts if p and p not in ("Process Error", _QUIT))
+        )
+        problem = " ".join(complaints[:3]).rstrip(".") or "it gives no reason"
         named = next((path for path in self._files if str(path) in text), None)
         source = named or ", ".join(path.name for path in self._files[1:])
         if named is not None:

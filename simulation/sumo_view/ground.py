@@ -142,10 +142,12 @@ def _pave(image: Grid, strip: _Strip, view: GroundView, palette: Palette) -> Non
     cover = strip.cover(edge, edge + wide)
     joints = band(np.mod(strip.along, 2.0), 0.0, 0.05, strip.along_px)
     tone = (1.0 + 0.05 * view.fine.reshape(-1)[strip.pixels]) * (1 - 0.25 * joints)
-    _lay(image, strip.pixels, np.asarray(palette.pavement, np.float32) * tone[:, None], cover)
+    _blend_pixels(
+        image, strip.pixels, np.asarray(palette.pavement, np.float32) * tone[:, None], cover
+    )
 
 
-def _lay(image: Grid, pixels: NDArray[np.int64], colours: Grid, cover: Grid) -> None:
+def _blend_pixels(image: Grid, pixels: NDArray[np.int64], colours: Grid, cover: Grid) -> None:
     flat = image.reshape(-1, 3)
     below = flat[pixels]
     flat[pixels] = below + (colours - below) * cover[:, None]
@@ -202,5 +204,5 @@ def paint_roads(
     paint = np.asarray(palette.marking, dtype=np.float32)
     for strip in strips:
         cover = _markings(strip) * worn[strip.pixels]
-        _lay(image, strip.pixels, np.broadcast_to(paint, (len(strip.pixels), 3)), cover)
+        _blend_pixels(image, strip.pixels, np.broadcast_to(paint, (len(strip.pixels), 3)), cover)
     return image

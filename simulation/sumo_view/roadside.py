@@ -85,7 +85,7 @@ def choose_objects(
             # Even in distance from the camera, which leaves fewer where the picture is small.
             spot = np.array([rng.uniform(25, 330), rng.uniform(-spread_m, spread_m)])
             spot[1] += math.copysign(8.0, spot[1])
-            if _stands_free(plan, kind, spot):
+            if _is_clear(plan, kind, spot):
                 things.append((float(spot[0]), kind, float(spot[1])))
                 wanted -= 1
     for way in roads.carriageways:
@@ -104,7 +104,7 @@ def tree_shadow_feet(plan: Plan, count: int, rng: np.random.Generator) -> list[F
     return list(spots[(clear > 1.0) & (clear < 6.0)][:count])
 
 
-def _stands_free(plan: Plan, kind: str, spot: Floats) -> bool:
+def _is_clear(plan: Plan, kind: str, spot: Floats) -> bool:
     if kind == "tree":
         corners = spot + np.array([[-3.2, -3.2], [3.2, -3.2], [3.2, 3.2], [-3.2, 3.2]])
         return 3.4 < float(plan.clearance_m(spot[None])[0]) < 14.0 and not plan.occludes_road(

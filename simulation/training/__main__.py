@@ -10,12 +10,12 @@ from pathlib import Path
 
 from simulation.training.card import REACH_HEIGHT_PX, Record, StageRecord, card_text
 from simulation.training.dataset import write_data_yaml, write_dataset
-from simulation.training.judge import evaluate_model
 from simulation.training.labelled import read_labelled_set
 from simulation.training.ranges import QUEUES, RIDERS, ROADSIDE, WIDE
 from simulation.training.scenes import TRAIN
 from simulation.training.ship import ship
 from simulation.training.train import INPUT_SHAPE, TrainSettings, train, ultralytics_map
+from simulation.training.validation import evaluate_model
 
 _TOOLS = ("torch", "ultralytics-opencv-headless", "openvino", "opencv-python-headless", "numpy")
 

@@ -13,7 +13,7 @@ from edge_daemon.detection.placement import Placement, place_freely
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
 from edge_daemon.stills import readable_picture
-from simulation.training.judge import fill
+from simulation.training.validation import fill
 from slipstream.errors import InputError
 
 _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})

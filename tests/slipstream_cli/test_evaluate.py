@@ -78,9 +78,9 @@ def test_arms_are_simulated_once_and_reported_again(
     assert list(more["arms"]) == ["A", "B", "C"]
     assert len(orders) == 6
     assert main(["evaluate", *MORNING, "--out", str(tmp_path), "--arms", "C", "--seeds", "1"]) == 0
-    printed = capsys.readouterr().out
-    assert "2 of 2 arms were stored already" in printed
-    assert str(tmp_path / "report.md") in printed
+    terminal_summary = capsys.readouterr().out
+    assert "2 of 2 arms were stored already" in terminal_summary
+    assert str(tmp_path / "report.md") in terminal_summary
 
 
 def test_ceilings_and_the_papers_way_join_the_report(

@@ -3,8 +3,4 @@
 from simulation.controllers.advice.advisor import SpeedAdvisor
 from simulation.controllers.advice.road import Roads, read_roads
 
-__all__ = [
-    "Roads",
-    "SpeedAdvisor",
-    "read_roads",
-]
+__all__ = ["Roads", "SpeedAdvisor", "read_roads"]

@@ -12,7 +12,6 @@ from simulation.controllers.advice.approach import (
     Window,
     arrival_speed_mps,
     choose_arrival_s,
-    free_arrival_s,
 )
 from simulation.controllers.advice.coasting import CoastingModel, braked_mps
 from simulation.controllers.advice.radar import (
@@ -24,7 +23,7 @@ from simulation.controllers.advice.radar import (
 )
 from simulation.controllers.advice.road import LegRoad, Roads, StopLine, leg_road, read_roads
 from simulation.controllers.advice.time_price import leg_value_of_time_w
-from simulation.controllers.vehicle import LegOrder, VehicleState
+from simulation.controllers.vehicle import LegOrder, VehicleState, free_drive_s
 from slipstream.energy import PAPER_CAR, VehicleParameters
 
 _HORIZON_M: Final = 600.0
@@ -196,9 +195,7 @@ class SpeedAdvisor:
         limit = leg.road.limits_mps[state.number]
         ahead_m = line.at_m - place_m
         windows = self._signals.upcoming(line.tls, line.link, now_s)
-        earliest_s = now_s + free_arrival_s(
-            ahead_m, speed, limit, self._parameters.acceleration_mps2
-        )
+        earliest_s = now_s + free_drive_s(ahead_m, speed, limit, self._parameters.acceleration_mps2)
         tail_s = tail_m / line.passing_mps
         arrive_s = choose_arrival_s(
             windows, now_s, earliest_s, tail_s, queue_length(lead, ahead_m), margins

@@ -10,7 +10,6 @@ slow down to it, slower ones may still gain speed, and whoever is on it rolls.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
@@ -53,32 +52,6 @@ class Margins:
     uncertain_s: float = 3.0
     min_mps: float = 5.0
     queued_s: float = 2.0
-
-
-@dataclass(frozen=True)
-class Target:
-    """Where and when to be.
-
-    Attributes:
-        distance_m: to the stop line.
-        arrive_s: not before this time; None: it is too far off to be reached without stopping.
-    """
-
-    distance_m: float
-    arrive_s: float | None
-
-
-def free_arrival_s(
-    distance_m: float, speed_mps: float, limit_mps: float, acceleration_mps2: float
-) -> float:
-    """Time to a place ahead for who speeds up to the limit."""
-    if speed_mps >= limit_mps:
-        return distance_m / limit_mps
-    gaining_m = 0.5 * (limit_mps**2 - speed_mps**2) / acceleration_mps2
-    if gaining_m >= distance_m:
-        reached = math.sqrt(speed_mps**2 + 2 * acceleration_mps2 * distance_m)
-        return (reached - speed_mps) / acceleration_mps2
-    return (limit_mps - speed_mps) / acceleration_mps2 + (distance_m - gaining_m) / limit_mps
 
 
 def choose_arrival_s(

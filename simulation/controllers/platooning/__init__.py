@@ -2,6 +2,4 @@
 
 from simulation.controllers.platooning.controller import Platooning
 
-__all__ = [
-    "Platooning",
-]
+__all__ = ["Platooning"]

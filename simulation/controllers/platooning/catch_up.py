@@ -66,7 +66,7 @@ def _has_arrived(snapshot: FleetSnapshot, name: str) -> bool:
     there overtakes.
     """
     member, contact = snapshot.members[name], snapshot.contacts.get(name)
-    if member.mode == "parting":
+    if member.mode == "leaving":
         return True
     if contact is None or contact.ahead not in snapshot.members:
         return False

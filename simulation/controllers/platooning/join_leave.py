@@ -43,7 +43,7 @@ def disengage(snapshot: FleetSnapshot, is_turbulent: Callable[[str], bool]) -> i
         parted += 1
         for name in platoon[1:]:
             snapshot.members[name].disengaged_on = rough
-            snapshot.members[name].set_mode("parting", snapshot.now_s)
+            snapshot.members[name].set_mode("leaving", snapshot.now_s)
     return parted
 
 
@@ -65,9 +65,9 @@ def decide(snapshot: FleetSnapshot, name: str) -> None:
     if member.mode == "following":
         if contact is None and snapshot.now_s - member.seen_s < _DROPOUT_S:
             return
-        member.set_mode("parting", snapshot.now_s)
+        member.set_mode("leaving", snapshot.now_s)
         _stay_behind(snapshot, name)
-    if member.mode == "parting" and _has_left(snapshot, name):
+    if member.mode == "leaving" and _has_left(snapshot, name):
         road.end_control(name, member.factor)
         member.set_mode("alone", snapshot.now_s)
         member.ahead, member.speed_scale = None, 1.0

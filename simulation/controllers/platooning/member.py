@@ -7,7 +7,7 @@ from typing import Literal
 
 from simulation.controllers.vehicle import LegOrder
 
-Mode = Literal["alone", "following", "parting"]
+Mode = Literal["alone", "following", "leaving"]
 """Who decides on a vehicle's speed: its car-following model; platooning, close behind another one;
 platooning, until its gap is wide enough for the model."""
 

@@ -30,7 +30,7 @@ def set_speed_factors(snapshot: FleetSnapshot) -> None:
 def _speed_scale(snapshot: FleetSnapshot, name: str, member: Member) -> float:
     if member.mode == "following":
         return 1 + MAX_SPEEDUP
-    if member.mode == "parting" or (member.speedup <= 0 and member.slowdown <= 0):
+    if member.mode == "leaving" or (member.speedup <= 0 and member.slowdown <= 0):
         return 1.0
     if member.speedup > 0:
         return 1 + member.speedup
@@ -85,7 +85,7 @@ class _Commands:
             )
         motion = snapshot.motion(name)
         coming_mps = self._coming_mps(contact.ahead)
-        if member.mode == "parting":
+        if member.mode == "leaving":
             return leaving_mps(motion, contact.ahead_mps, coming_mps, snapshot.step_s)
         max_mps = (1 + MAX_SPEEDUP) * motion.desired_mps
         return following_mps(motion, contact.ahead_mps, coming_mps, max_mps, snapshot.step_s)

@@ -4,9 +4,4 @@ from simulation.controllers.signals.departure import DepartureOptimizer, Departu
 from simulation.controllers.signals.priority import Priority
 from simulation.controllers.signals.timing import Signals
 
-__all__ = [
-    "DepartureOptimizer",
-    "DepartureSettings",
-    "Priority",
-    "Signals",
-]
+__all__ = ["DepartureOptimizer", "DepartureSettings", "Priority", "Signals"]

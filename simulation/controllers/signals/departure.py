@@ -112,9 +112,9 @@ class DepartureOptimizer:
         greens = self._greens(now_s, tried[-1] - now_s)
 
         def price_kwh(second_s: float) -> float:
-            outlooks = [self._predict(way, second_s, greens) for way in ways]
-            energy_kwh = sum(o.energy_kwh for o in outlooks) / len(outlooks)
-            driving_s = sum(o.duration_s for o in outlooks) / len(outlooks)
+            predictions = [self._predict(way, second_s, greens) for way in ways]
+            energy_kwh = sum(o.energy_kwh for o in predictions) / len(predictions)
+            driving_s = sum(o.duration_s for o in predictions) / len(predictions)
             time_j = settings.value_of_time_w * driving_s + settings.value_of_waiting_w * (
                 second_s - now_s
             )
@@ -123,7 +123,7 @@ class DepartureOptimizer:
 
         return min(tried, key=lambda second: (price_kwh(second), second))
 
-    def outlook(
+    def predict(
         self,
         path: tuple[str, ...],
         depart_s: float,

@@ -96,7 +96,7 @@ def drive_on(speed_mps: float, desired_mps: float, length_m: float, a: float) ->
     rate = 2 * a / (v0 * v0)
     y = rate * length_m + c
     x1 = max(x0, min(math.sqrt(math.tanh(y)), _NEAR_DESIRED))
-    seconds = v0 / (2 * a) * (_clock(x1) - _clock(x0))
+    seconds = v0 / (2 * a) * (_time_integral(x1) - _time_integral(x0))
     if x1 == _NEAR_DESIRED:
         # Beyond the speed that counts as reached, it cruises.
         left_m = length_m - (math.atanh(x1 * x1) - c) / rate
@@ -105,7 +105,7 @@ def drive_on(speed_mps: float, desired_mps: float, length_m: float, a: float) ->
     return Gain(x1 * v0, seconds, squares)
 
 
-def _clock(x: float) -> float:
+def _time_integral(x: float) -> float:
     return math.atan(x) + math.atanh(x)
 
 

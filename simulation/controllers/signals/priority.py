@@ -88,7 +88,7 @@ class Priority:
         self._asking: PriorityRequests | None = None
         self._grants: dict[str, _Grant] = {}
         self._paused_s: dict[str, float] = {}
-        self._owed_s: dict[str, dict[int, float]] = {}
+        self._compensation_s: dict[str, dict[int, float]] = {}
         self._settled_s: dict[str, float] = {}
         self._next_s = -math.inf
         self.counts = Counts()
@@ -126,7 +126,7 @@ class Priority:
         self.counts.requests += sum(
             r.first_s == now_s for group in requests.values() for r in group
         )
-        for tls in [*self._owed_s]:
+        for tls in [*self._compensation_s]:
             self._settle(tls, now_s)
         for tls in sorted({*requests, *self._grants}):
             self._serve(tls, requests.get(tls, []), now_s)
@@ -189,8 +189,8 @@ class Priority:
             action = self._decide(running, grant.request, base_s)
             if (
                 isinstance(action, EndPhase)
-                and self._may_cut(tls, grant, running)
-                and self._cut(tls, running, action.at_s, base_s, now_s)
+                and self._may_end_phase(tls, grant, running)
+                and self._end_phase(tls, running, action.at_s, base_s, now_s)
             ):
                 self.counts.early_greens += not grant.cut
                 grant.cut = True
@@ -207,7 +207,7 @@ class Priority:
         if grant.held:
             self._end_at(tls, running, end_s, now_s)
 
-    def _may_cut(self, tls: str, grant: _Grant, running: Running) -> bool:
+    def _may_end_phase(self, tls: str, grant: _Grant, running: Running) -> bool:
         """Whether the streets that lose green are not full."""
         if grant.cut or self._movements is None:
             return True
@@ -226,7 +226,9 @@ class Priority:
         self.counts.served += not request.served
         request.served = True
 
-    def _cut(self, tls: str, running: Running, at_s: float, base_s: float, now_s: float) -> bool:
+    def _end_phase(
+        self, tls: str, running: Running, at_s: float, base_s: float, now_s: float
+    ) -> bool:
         """End a phase early, as a fixed time to come or, if it is actuated, when it is due."""
         if running.program.fixed:
             self._end_at(tls, running, min(math.ceil(at_s), base_s), now_s)
@@ -246,14 +248,14 @@ class Priority:
         if end_s == running.end_s or (end_s < running.end_s and not running.program.fixed):
             return
         libsumo.trafficlight.setPhaseDuration(tls, end_s - now_s)
-        compensation_s = self._owed_s.setdefault(tls, {})
+        compensation_s = self._compensation_s.setdefault(tls, {})
         if running.program.fixed:
             compensation_s[running.phase] = (
                 compensation_s.get(running.phase, 0.0) + end_s - running.end_s
             )
             self._settled_s[tls] = running.begun_s
         if not any(compensation_s.values()):
-            del self._owed_s[tls]
+            del self._compensation_s[tls]
         self._signals.changed(tls, compensation_s)
 
     def _settle(self, tls: str, now_s: float) -> None:
@@ -263,7 +265,7 @@ class Priority:
         if self._settled_s.get(tls) == running.begun_s or running.program.phases[phase].clearing:
             return
         self._settled_s[tls] = running.begun_s
-        lasting_s = running.program.settled_s(phase, self._owed_s[tls].get(phase, 0.0))
+        lasting_s = running.program.settled_s(phase, self._compensation_s[tls].get(phase, 0.0))
         self._end_at(tls, running, running.begun_s + lasting_s, now_s)
 
     def _finish(self, tls: str, grant: _Grant, running: Running, now_s: float) -> None:

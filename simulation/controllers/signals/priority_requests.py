@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import libsumo
 
 from simulation.controllers.signals.crossings import Crossing, Movements
-from simulation.controllers.signals.priority_rules import PrioritySettings, free_drive_s
+from simulation.controllers.signals.priority_rules import PrioritySettings
 from simulation.controllers.signals.timing import Signals
-from simulation.controllers.vehicle import LegOrder, VehicleState
+from simulation.controllers.vehicle import LegOrder, VehicleState, free_drive_s
 
 
 @dataclass

@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,19 +55,6 @@ class EndPhase(NamedTuple):
     """End the running phase at this time, or now if it is past."""
 
     at_s: float
-
-
-def free_drive_s(
-    distance_m: float, speed_mps: float, limit_mps: float, acceleration_mps2: float = 1.8
-) -> float:
-    """Seconds to drive a distance with nobody ahead: up to the limit, then at it."""
-    if speed_mps >= limit_mps:
-        return distance_m / limit_mps
-    gaining_m = (limit_mps**2 - speed_mps**2) / (2 * acceleration_mps2)
-    if gaining_m >= distance_m:
-        reached_mps = math.sqrt(speed_mps**2 + 2 * acceleration_mps2 * distance_m)
-        return (reached_mps - speed_mps) / acceleration_mps2
-    return (limit_mps - speed_mps) / acceleration_mps2 + (distance_m - gaining_m) / limit_mps
 
 
 def decide(

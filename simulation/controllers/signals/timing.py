@@ -55,7 +55,7 @@ class Signals:
         self._least_green_s = min_green_s
         self._programs: dict[tuple[str, str], Program] = {}
         self._running: dict[str, Running] = {}
-        self._owed_s: dict[str, Mapping[int, float]] = {}
+        self._compensation_s: dict[str, Mapping[int, float]] = {}
 
     def upcoming(self, tls: str, link: int, now_s: float) -> tuple[Green, ...]:
         """When a movement may go, soonest first, from now on.
@@ -76,7 +76,7 @@ class Signals:
                 running.phase,
                 running.begun_s,
                 running.end_s,
-                self._owed_s.get(tls, NO_COMPENSATION),
+                self._compensation_s.get(tls, NO_COMPENSATION),
             )
             running.greens[link] = greens
         return greens
@@ -86,7 +86,7 @@ class Signals:
         running = self.running(tls, now_s)
         if not running.program.fixed:
             return self.upcoming(tls, link, now_s)
-        compensation_s = self._owed_s.get(tls, NO_COMPENSATION)
+        compensation_s = self._compensation_s.get(tls, NO_COMPENSATION)
         return running.program.greens(
             link, running.phase, running.begun_s, running.end_s, compensation_s, ahead_s
         )
@@ -114,7 +114,7 @@ class Signals:
             compensation_s: what its phases owe now; see `Program.greens`.
         """
         self._running.pop(tls, None)
-        self._owed_s[tls] = dict(compensation_s)
+        self._compensation_s[tls] = dict(compensation_s)
 
     def _program(self, tls: str, name: str) -> Program:
         known = self._programs.get((tls, name))

@@ -138,12 +138,6 @@ def share_of_ceiling(saving: float, ceiling: float) -> float | None:
     return saving / ceiling if ceiling > 0 else None
 
 
-def follower_saving(speed_mps: float, vehicle: VehicleParameters = PAPER_CAR) -> float:
-    """Share of steady traction that following saves: 13 % at 30 m/s, what a motorway allows."""
-    alone = steady_energy_kwh(1.0, speed_mps, vehicle=vehicle)
-    return 1 - steady_energy_kwh(1.0, speed_mps, ETA_FOLLOWER, vehicle=vehicle) / alone
-
-
 def free_drive(path: Sequence[str], roads: Roads, pace: float = 1.0) -> Drive:
     """A leg on empty roads without signals: limits, and the speeds that turns allow.
 

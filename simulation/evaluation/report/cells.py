@@ -58,7 +58,7 @@ def arm_files(evaluation: Evaluation, names: Iterable[str]) -> str:
     return ", ".join(said)
 
 
-def each_row(evaluation: Evaluation) -> str:
+def arm_rows_source(evaluation: Evaluation) -> str:
     """The files of a table with an arm a row."""
     lacking = any(len(of_seed) < len(evaluation.seeds) for of_seed in evaluation.runs.values())
     some = " that are there and sound" if lacking or evaluation.refused else ""

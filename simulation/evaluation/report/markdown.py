@@ -160,7 +160,7 @@ def _end(time_s: float) -> str:
     return "24:00" if time_s == 86400 else clock(time_s)
 
 
-def printed(evaluation: Evaluation) -> str:
+def terminal_summary(evaluation: Evaluation) -> str:
     """The main figures for a terminal."""
     lines = [
         f"{'arm':20} {'seeds':>5} {'kWh':>9} {'km':>9} {'h':>7} {'saving':>15} {'equal time':>17}"

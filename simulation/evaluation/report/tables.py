@@ -18,7 +18,7 @@ from simulation.evaluation.report.cells import (
     EQUAL_TIME,
     MEANS,
     arm_files,
-    each_row,
+    arm_rows_source,
     equal_time,
     order_notes,
     range_notes,
@@ -131,7 +131,7 @@ def energy_table(evaluation: Evaluation) -> Table:
             *("saving", "saving per order", "travel time", "saving at equal travel time"),
         ),
         rows,
-        each_row(evaluation),
+        arm_rows_source(evaluation),
         (
             f"{MEANS} Savings and travel times are against B of the same seed. {EQUAL_TIME} "
             "Late: begun after their latest time, or not begun though it is over.",
@@ -159,8 +159,8 @@ def parts_table(evaluation: Evaluation) -> Table:
             *("distance, % of B", "drag", "acceleration", "sum"),
         ),
         rows,
-        f"{each_row(evaluation)} and those of B, split by `slipstream.energy.split_saving` of "
-        "summed energies",
+        f"{arm_rows_source(evaluation)} and those of B, split by `slipstream.energy.split_saving` "
+        "of summed energies",
         (
             "Drag: what driving in platoons saves on the same drives. Acceleration: less energy "
             "for changes of speed. Distance: less rolling resistance and undrafted drag, by "
@@ -188,7 +188,7 @@ def losses_table(evaluation: Evaluation) -> Table:
             *("braked to a stand on the road, kWh", "braked else, kWh", "drafting saved, kWh"),
         ),
         rows,
-        each_row(evaluation),
+        arm_rows_source(evaluation),
         ("Of the same drives without any drafting; the parts but the last add up to them.",),
     )
 
@@ -220,7 +220,7 @@ def driving_table(evaluation: Evaluation) -> Table:
             *("others, s a trip", "unfinished"),
         ),
         rows,
-        each_row(evaluation),
+        arm_rows_source(evaluation),
         (
             "Disengagements: platoons that had to part because the traffic was turbulent in truth. "
             "Open gates in turbulence: segments let for platoons while turbulent in truth, summed "

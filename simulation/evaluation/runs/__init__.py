@@ -9,7 +9,6 @@ __all__ = [
     "Provenance",
     "Store",
     "StoredArm",
-    "Told",
     "World",
     "WorldFiles",
     "code_stamp",

@@ -23,7 +23,7 @@ What the progress callback raises ends the arm.
 
 
 @dataclass(frozen=True)
-class Done:
+class RunSummary:
     """What a run came to.
 
     Attributes:
@@ -35,7 +35,7 @@ class Done:
     wall_s: dict[tuple[str, int], float]
 
 
-class _Stop(Exception):
+class _Cancelled(Exception):
     """An arm is not wanted any more."""
 
 
@@ -47,7 +47,7 @@ def run_missing(
     simulate: Simulate,
     workers: int,
     progress: Callable[[float, float], None],
-) -> Done:
+) -> RunSummary:
     """Simulate what is not in the store, seed by seed, so that an interrupted run has whole seeds.
 
     Args:
@@ -70,7 +70,7 @@ def run_missing(
     def one(policy: Policy, seed: int) -> None:
         def report(now_s: float, _: float) -> None:
             if stop.is_set():
-                raise _Stop
+                raise _Cancelled
             with lock:
                 passed_s[policy.name, seed] = now_s - begin_s
                 progress(sum(passed_s.values()), whole_s)
@@ -96,9 +96,9 @@ def run_missing(
             for future in futures:
                 future.cancel()
     for future in futures:
-        if not future.cancelled() and not isinstance(future.exception(), _Stop | None):
+        if not future.cancelled() and not isinstance(future.exception(), _Cancelled | None):
             future.result()
-    return Done(len(wanted) - len(missing), wall_s)
+    return RunSummary(len(wanted) - len(missing), wall_s)
 
 
 def record_wall_time(folder: Path, name: str, seed: int, wall_s: float) -> None:

@@ -136,7 +136,7 @@ def draw_deliveries(
     weights = zone_weights(settings.stops, network, junctions)
     if weights.sum() <= 0:
         raise InputError(source, "no place has a customer", "give stops a base", key="stops")
-    depots = settings.depots or _any_depots(junctions, weights, network, rng)
+    depots = settings.depots or _random_depots(junctions, weights, network, rng)
     for depot in depots:
         if depot.node not in network.junctions:
             raise InputError(
@@ -194,7 +194,7 @@ def fleet_at(
     return Fleet(name=f"cycle-{now_s:.0f}", depots=settings.depots, stops=stops, vehicles=vehicles)
 
 
-def _any_depots(
+def _random_depots(
     junctions: tuple[str, ...], weights: Array, network: RoadNetwork, rng: np.random.Generator
 ) -> tuple[Depot, ...]:
     """Two places, the second one as far from the first as any customer is."""

@@ -185,7 +185,7 @@ def _calm_driver(rng: np.random.Generator) -> Driver:
     return Driver(desired_speed_mps=18.5 * float(rng.normal(1.0, 0.008)), time_gap_s=1.1)
 
 
-def _hasty_driver(rng: np.random.Generator) -> Driver:
+def _aggressive_driver(rng: np.random.Generator) -> Driver:
     return Driver(
         desired_speed_mps=15.0 * float(rng.normal(1.0, 0.05)),
         time_gap_s=float(rng.uniform(0.6, 0.8)),
@@ -208,7 +208,7 @@ def _stop_and_go(lane: Lane, rng: np.random.Generator) -> LanePlan:
         phase_rad=float(rng.uniform(0, 2 * math.pi)),
         from_m=origin,
     )
-    return LanePlan(lane, Inflow(10.0, 1.4, 2.2), _hasty_driver, wave)
+    return LanePlan(lane, Inflow(10.0, 1.4, 2.2), _aggressive_driver, wave)
 
 
 def simulate(

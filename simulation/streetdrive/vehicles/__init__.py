@@ -2,9 +2,4 @@
 
 from simulation.streetdrive.vehicles.catalogue import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
 
-__all__ = [
-    "CLASSES",
-    "CLASS_OF_SHAPE",
-    "PAINTS",
-    "build_vehicle",
-]
+__all__ = ["CLASSES", "CLASS_OF_SHAPE", "PAINTS", "build_vehicle"]

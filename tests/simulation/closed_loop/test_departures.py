@@ -24,8 +24,8 @@ class Seconds:
 
 def leg_departures(slack_s: float, way: tuple[str, ...] | None = None) -> LegDepartures:
     """With a vehicle that has so much time, and a better way or none."""
-    ways = SimpleNamespace(better=lambda *_: way)
-    dispatching: Any = SimpleNamespace(ways=lambda *_: ways)
+    alternatives = SimpleNamespace(better=lambda *_: way)
+    dispatching: Any = SimpleNamespace(alternatives=lambda *_: alternatives)
     tours: Any = SimpleNamespace(slack_s=lambda *_: slack_s)
     return LegDepartures(cast(Any, None), dispatching, cast(Any, None), tours, cast(Any, Seconds()))
 

@@ -113,7 +113,7 @@ def test_drives_go_as_foreseen_and_the_chosen_second_costs_less(tmp_path: Path) 
             second_s = departures.best_second(PATH, now_s, now_s + slack_s)
             assert (second_s > now_s) == (slack_s > 0)
             assert second_s <= now_s + slack_s
-            outlook = departures.outlook(PATH, second_s, now_s)
+            predict = departures.predict(PATH, second_s, now_s)
             name = f"after-{slack_s:g}"
             libsumo.vehicle.add(name, "way", typeID="cav", depart=str(second_s), departSpeed="0")
             speeds = [0.0]
@@ -122,7 +122,7 @@ def test_drives_go_as_foreseen_and_the_chosen_second_costs_less(tmp_path: Path) 
                 if name in libsumo.vehicle.getIDList():
                     speeds.append(libsumo.vehicle.getSpeed(name))
             energy_kwh = trace_energy(speeds, 0.5).total_kwh
-            assert len(speeds) * 0.5 == pytest.approx(outlook.duration_s, rel=0.08)
-            assert energy_kwh == pytest.approx(outlook.energy_kwh, rel=0.15)
+            assert len(speeds) * 0.5 == pytest.approx(predict.duration_s, rel=0.08)
+            assert energy_kwh == pytest.approx(predict.energy_kwh, rel=0.15)
             cost_kwh.append(energy_kwh + len(speeds) * 0.5 * 3000.0 / 3.6e6)
     assert cost_kwh[1] < 0.97 * cost_kwh[0]

@@ -13,10 +13,9 @@ from simulation.controllers.signals.priority_rules import (
     ExtendPhase,
     PrioritySettings,
     decide,
-    free_drive_s,
 )
 from simulation.controllers.signals.program import Phase, Program
-from simulation.controllers.vehicle import LegOrder, read_state
+from simulation.controllers.vehicle import LegOrder, free_drive_s, read_state
 from simulation.scenarios.networks.fixed_time import write_fixed_time
 from simulation.scenarios.scenario import load_scenario
 from simulation.sumo.session import Session

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.drive import DrivingStyle, drive_energy, plan_drive
-from simulation.closed_loop.losses import Losses, drive_losses, losses
+from simulation.closed_loop.losses import drive_losses, losses
 from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
 from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
 from simulation.evaluation.measures.ceilings import (
     compute_ceilings,
-    follower_saving,
     free_drive,
     loss_shares,
     share_of_ceiling,
@@ -24,7 +23,7 @@ from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.report.ceilings import ceiling_tables
 from simulation.evaluation.report.proximity import proximity_kwh
 from simulation.evaluation.runs.store import Store
-from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
+from slipstream.energy import ETA_FOLLOWER, steady_energy_kwh, stop_energy_kwh, trace_energy
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 STEP_S: Final = 0.5
@@ -111,7 +110,6 @@ def test_braking_belongs_to_the_occasion_it_ends_with() -> None:
     )
     assert rippled.slowing_kwh == 0.0
     assert rippled.stands_kwh > 0.8 * whole
-    assert rippled.braking_kwh == pytest.approx(rippled.stands_kwh + rippled.arrival_kwh)
 
 
 def test_a_planned_drives_losses_are_those_of_its_trace() -> None:
@@ -188,9 +186,9 @@ def test_an_arm_without_legs_has_no_ceilings() -> None:
 
 def test_a_motorways_follower_saves_an_eighth() -> None:
     """13 % at 30 m/s, 6 % at 13.9 m/s (FINDINGS, "The paper", 7)."""
-    assert follower_saving(30.0) == pytest.approx(0.13, abs=0.002)
-    assert follower_saving(13.9) == pytest.approx(0.057, abs=0.001)
-    assert Losses(1.0, 1.0, 1.0, 2.0, 3.0).braking_kwh == 6.0
+    for speed_mps, share in ((30.0, 0.13), (13.9, 0.057)):
+        alone, following = (steady_energy_kwh(1.0, speed_mps, eta) for eta in (0.0, ETA_FOLLOWER))
+        assert 1 - following / alone == pytest.approx(share, abs=0.002)
 
 
 @pytest.fixture(scope="module")

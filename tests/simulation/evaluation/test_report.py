@@ -18,7 +18,7 @@ from simulation.evaluation.arms import POLICIES, choose
 from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.report import files as writing
 from simulation.evaluation.report.files import write_results
-from simulation.evaluation.report.markdown import printed
+from simulation.evaluation.report.markdown import terminal_summary
 from simulation.evaluation.runs.run import record_wall_time
 from simulation.evaluation.runs.store import Store
 from tests.simulation.evaluation.fakes import GROUND, make_arm
@@ -155,7 +155,7 @@ def test_unlike_deliveries_are_said_and_compared_by_order(tmp_path: Path) -> Non
     write_results(tmp_path, evaluation)
     text = (tmp_path / "report.md").read_text()
     assert "Not as many orders served as by B in every seed: A" in text
-    assert "Not as many orders served as by B: A" in printed(evaluation)
+    assert "Not as many orders served as by B: A" in terminal_summary(evaluation)
 
 
 def test_without_matplotlib_all_the_rest_is_written(
@@ -183,4 +183,4 @@ def test_arms_of_different_code_are_not_mixed_silently(tmp_path: Path) -> None:
     text = (tmp_path / "report.md").read_text()
     assert "different code" in text
     assert "C has no seed 2" in text
-    assert "different code" in printed(evaluation)
+    assert "different code" in terminal_summary(evaluation)

@@ -11,7 +11,7 @@ import pytest
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.runs.run import Done, Simulate, record_wall_time, run_missing
+from simulation.evaluation.runs.run import RunSummary, Simulate, record_wall_time, run_missing
 from simulation.evaluation.runs.store import Store
 from simulation.sumo import Progress
 from slipstream.errors import InputError
@@ -21,7 +21,7 @@ ARMS = (POLICIES["B"], POLICIES["C"])
 SPAN_S = (GROUND.begin_s, GROUND.end_s)
 
 
-def run(folder: Path, simulate: Simulate, workers: int = 1) -> tuple[Done, list[float]]:
+def run(folder: Path, simulate: Simulate, workers: int = 1) -> tuple[RunSummary, list[float]]:
     """Two arms of two seeds, and the shares that progress was told."""
     shares: list[float] = []
     with Store(folder, GROUND, "code") as store:

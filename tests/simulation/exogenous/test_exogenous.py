@@ -35,7 +35,7 @@ from simulation.scenarios.day import DaySpec
 from simulation.scenarios.demand.deliveries import FleetSettings
 from simulation.scenarios.perception.observer import Observation
 from simulation.scenarios.record import Day, Statistics, Traffic
-from simulation.scenarios.scenario import Background, Scenario, any_demand
+from simulation.scenarios.scenario import Background, Scenario, default_demand
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, total
 from slipstream.roads import RoadNetwork
 from tests.simulation.evaluation.fakes import GROUND, make_arm
@@ -83,7 +83,7 @@ def scenario(network: RoadNetwork) -> Scenario:
         wave_s=3600.0,
         capacity=3,
     )
-    return Scenario("town", Path("town"), network, any_demand(network), None, fleet)
+    return Scenario("town", Path("town"), network, default_demand(network), None, fleet)
 
 
 def a_day(

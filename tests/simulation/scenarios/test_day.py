@@ -41,17 +41,6 @@ def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     assert np.isnan(speeds[day.traffic.present_s == 0]).all()
 
 
-def test_speeds_at_a_time_fall_back_on_the_limit(morning: Morning) -> None:
-    """Segments on which nobody was are taken as free."""
-    segments = morning.scenario.network.segments.values()
-    limits = np.array([segment.speed_limit_mps for segment in segments])
-    speeds = morning.day.traffic.speeds_at(BEGIN_S + 400.0, limits)
-    empty = morning.day.traffic.present_s[1] == 0
-    assert (speeds[empty] == limits[empty]).all()
-    assert (speeds <= limits).all()
-    assert (speeds < 0.9 * limits).any()
-
-
 def test_same_day_twice_is_the_same(morning: Morning) -> None:
     """Same files, same seed, same record, but for the time it took."""
     order = day_spec(

@@ -13,7 +13,7 @@ import pytest
 from simulation.scenarios.demand.routes import find_routes
 from simulation.scenarios.demand.trips import DemandSettings, Flow, Zone, draw_trips, gateways
 from simulation.scenarios.networks.network import check_routes
-from simulation.scenarios.scenario import Scenario, any_demand, prepare
+from simulation.scenarios.scenario import Scenario, default_demand, prepare
 from simulation.sumo.vehicle_types import TYPES
 from slipstream.errors import InputError
 
@@ -147,7 +147,7 @@ def test_unknown_places_and_zones_are_told(troy: Scenario) -> None:
 
 def test_a_net_of_which_nothing_is_known_gets_light_demand(corridor: Scenario) -> None:
     """Random pairs of places, in proportion to the length of the roads."""
-    demand = any_demand(corridor.network)
+    demand = default_demand(corridor.network)
     km = sum(segment.length_m for segment in corridor.network.segments.values()) / 1000
     assert demand.flows[0].trips == round(170 * km)
     assert len(draw_trips(demand, corridor.network, 1)) == demand.flows[0].trips

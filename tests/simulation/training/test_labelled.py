@@ -14,9 +14,9 @@ from edge_daemon.detection.protocol import builtin_model
 from simulation.training.__main__ import main as training
 from simulation.training.calibration import calibration_inputs
 from simulation.training.dataset import write_dataset
-from simulation.training.judge import evaluate_model
 from simulation.training.labelled import label_of, read_labelled_set
 from simulation.training.ranges import ROADSIDE
+from simulation.training.validation import evaluate_model
 from slipstream.errors import InputError
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from edge_daemon.detection.region import Region
 from edge_daemon.evaluation.identity import box_overlap
-from simulation.training.judge import decode, letterbox
 from simulation.training.metrics import Boxes, average_precision, evaluate
+from simulation.training.validation import decode, letterbox
 
 
 def boxes(*rows: tuple[float, float, float, float, int, float]) -> Boxes:
