@@ -1,4 +1,4 @@
-"""Other ways for legs, before they begin and on the road, as the traffic has become."""
+"""Alternative paths of legs by the present traffic, before they begin and on the road."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from slipstream.roads import RoadNetwork
 Path = tuple[str, ...]
 
 _MIN_IMPROVEMENT: Final = 0.02
-"""Another way has to cost so much less of the present one, or vehicles go to and fro."""
+"""Smallest relative improvement of another path, against oscillation."""
 
 
 class AlternativeRoutes:
-    """Ways of least cost over roads under the traffic of one moment.
+    """Least-cost paths under the traffic of one moment.
 
     Args:
         network: whose roads they are.
@@ -32,7 +32,7 @@ class AlternativeRoutes:
         self._graph = csr_array((roads.objective.turn, tuple(roads.turn)), shape=(m, m))
 
     def better(self, path: Path, driven: int | None = None) -> Path | None:
-        """A way to the same place that costs clearly less; None if there is none.
+        """A path to the same place with a clearly lower cost; None if there is none.
 
         Args:
             path: of the leg.

@@ -1,4 +1,4 @@
-"""One arm of a day: SUMO, RSUs, dispatcher and fleet together, in a process of its own."""
+"""One arm of a day in a subprocess: SUMO, RSUs, dispatcher and fleet."""
 
 from __future__ import annotations
 
@@ -80,12 +80,12 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     """Simulate in this process.
 
     Args:
-        report_time: told the simulated time every ten minutes.
+        report_time: called with the simulated time every ten minutes.
 
     Raises:
         InputError: SUMO refuses a file.
     """
-    # Imported here: they need libsumo, or what takes a second to load.
+    # Imported here: they need libsumo, or take a second to load.
     from simulation.closed_loop.departures import LegDepartures, departure_optimizer
     from simulation.closed_loop.dispatching import Dispatching
     from simulation.closed_loop.gates import Roadside

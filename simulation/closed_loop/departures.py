@@ -1,4 +1,4 @@
-"""The last look before a leg begins, and while it lasts: which way now, and at which second."""
+"""Path and departure second of a leg just before it begins, and its path while it lasts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slipstream.roads import RoadNetwork
 def departure_optimizer(
     policy: Policy, signals: Signals, waiting_worth_kw: float
 ) -> DepartureOptimizer | None:
-    """What chooses the seconds of an arm; standing at the kerb is priced like driving."""
+    """The departure optimizer of an arm; waiting at the kerb has the value of driving time."""
     if "departures" not in policy.levers:
         return None
     value_of_time_w = 1000 * waiting_worth_kw
@@ -29,13 +29,13 @@ def departure_optimizer(
 
 
 class LegDepartures:
-    """Decides when a leg is due.
+    """Decides on the path and the departure of legs.
 
     Args:
         network: roads.
-        dispatching: knows what ways cost by now.
-        roadside: what RSUs report.
-        tours: know how long a vehicle may wait.
+        dispatching: has the present costs of paths.
+        roadside: has the RSUs' reports.
+        tours: have the slack of each vehicle.
         optimizer: chooses the second; None: vehicles leave when they are due.
     """
 
@@ -51,9 +51,9 @@ class LegDepartures:
         self._tours, self._optimizer = tours, optimizer
 
     def leave(self, order: LegOrder, now_s: float) -> tuple[LegOrder, float]:
-        """The leg as it is to be driven, and when to leave; once a leg, when it is due.
+        """The leg to drive and its departure time; called once a leg, when it is due.
 
-        Who is to drive in a platoon keeps to the plan.
+        A vehicle that is planned in a platoon keeps to its plan.
         """
         if any(segment.platoon is not None for segment in order.planned):
             return order, now_s
@@ -69,7 +69,7 @@ class LegDepartures:
     def better_route(
         self, order: LegOrder, state: VehicleState, now_s: float
     ) -> tuple[str, ...] | None:
-        """A better way for a vehicle on the road; None if it is to stay on its own."""
+        """A better path for a vehicle on the road; None: it keeps its path."""
         ahead = order.path[state.number :]
         if any(s.platoon is not None and s.segment in ahead for s in order.planned):
             return None

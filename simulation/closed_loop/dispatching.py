@@ -1,4 +1,4 @@
-"""Dispatch cycles of a running simulation: from what RSUs report to legs that vehicles drive."""
+"""Dispatch cycles of a running simulation: from RSU reports to legs of vehicles."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from simulation.scenarios.demand import fleet_at
 from slipstream.messages import DrivingAdvice, SegmentState
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0
-"""What an hour is worth to who drives in a city at the limit; see `History.time_worth_kw`."""
+"""Value of driving time in a city at the limit; see `History.time_worth_kw`."""
 
 
 class Dispatching:
@@ -63,7 +63,7 @@ class Dispatching:
         self.cycles: list[CycleRecord] = []
 
     def cycle(self, now_s: float, roadside: Roadside) -> Iterator[LegOrder]:
-        """Plan for the orders that are ready; the first legs of the rounds that begin."""
+        """Plan the released orders; the first legs of the tours that begin."""
         tours = self._tours
         idle = {name: at for name, at in tours.idle.items() if at <= now_s}
         fleet = fleet_at(tours.deliveries, now_s, idle, tours.taken)
@@ -115,9 +115,9 @@ class Dispatching:
         return replace(snapshot, expected=self._expectations(now_s))
 
     def alternatives(self, now_s: float, roadside: Roadside) -> AlternativeRoutes:
-        """The cheapest ways as the traffic is now, by the costs of the arm's routes."""
+        """Alternative paths by the present traffic and the costs of the arm's routes."""
         if self._alternatives is None or self._alternatives[0] is not roadside.states:
-            # A problem has somebody to serve; costs of roads do not hang on whom.
+            # A problem needs a stop; the costs of roads do not depend on it.
             depots = self._tours.deliveries.settings.depots
             stop = Stop(id="anywhere", node=depots[0].node)
             fleet = Fleet(depots=depots, stops=(stop,), vehicles=(Vehicle(id="anybody"),))
@@ -127,7 +127,7 @@ class Dispatching:
 
     @property
     def waiting_worth_kw(self) -> float:
-        """What an hour at the depot or at the kerb counts for."""
+        """Value of waiting at the depot or at the kerb."""
         return self.time_worth_kw or DEFAULT_TIME_WORTH_KW
 
     def _problem(self, fleet: Fleet) -> RoutingProblem:

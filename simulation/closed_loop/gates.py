@@ -1,4 +1,4 @@
-"""What the RSUs report in a running simulation, and where platoons may form."""
+"""RSU reports in a running simulation, and the platooning gates that follow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from simulation.scenarios.perception import Observation, Observer, Reporter, Rsu
 from slipstream.messages import SegmentState
 
 WINDOW_S: Final = 60.0
-"""Longer than the paper's 10 s, in which less than three vehicles come by most of the day."""
+"""Longer than the paper's 10 s, in which fewer than three vehicles pass during most of the day."""
 
 _SAMPLE_EVERY_S: Final = 1.0
 _STREAM: Final = 3000
@@ -50,7 +50,7 @@ class Roadside:
         return segment in self._open
 
     def is_turbulent(self, segment: str) -> bool:
-        """Whether the traffic there was turbulent in the last window in truth."""
+        """Whether the true traffic on it was turbulent in the last window."""
         return segment in self._turbulent
 
     @property
@@ -64,7 +64,7 @@ class Roadside:
         return frozenset(state.segment for state in self.states if state.y_e is not None)
 
     def sample(self, now_s: float) -> None:
-        """After each step; a window ends at each full minute."""
+        """Sample the traffic after each step; a window ends at each full minute."""
         if now_s % _SAMPLE_EVERY_S:
             return
         self._observer.sample()
@@ -86,11 +86,11 @@ def open_gates(
     """The segments whose gates are open.
 
     Args:
-        gating: `random` deals the reported gates out anew, once for all day, so that as many are
-            open, and for as long; by chance a segment may keep its own.
+        gating: `random` permutes the reported gates over the segments once a day, so that as many
+            are open for as long.
         watched: by an RSU.
         reported: stable by the RSUs.
-        seed: of who has whose gate.
+        seed: of the permutation.
     """
     if gating == "open":
         return frozenset(watched)
@@ -104,5 +104,5 @@ def open_gates(
 
 
 def is_turbulent(truth: TrueWindow | None) -> bool:
-    """Whether traffic was turbulent in truth; one or two vehicles that brake are no traffic."""
+    """Whether the true traffic was turbulent; fewer vehicles than the rule needs do not count."""
     return truth is not None and truth.y_e == 0 and truth.vehicles >= _MIN_VEHICLES

@@ -1,4 +1,4 @@
-"""Where the energy of a drive went: rolling, drag, and what brakes destroyed on which occasion."""
+"""Energy losses of a drive: rolling, drag, and braking by occasion."""
 
 from __future__ import annotations
 

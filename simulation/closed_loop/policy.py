@@ -1,4 +1,4 @@
-"""What an arm of the evaluation lets its dispatcher and its vehicles do."""
+"""The policy of an arm: levers of its dispatcher and vehicles, gating, noise, pace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fleet's day: which vehicle is on which round, and which leg comes next."""
+"""The fleet's day: vehicles on their tours, and the next leg of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slipstream.roads import RoadNetwork
 
 
 class Arrival(Protocol):
-    """What is told of a leg that ended."""
+    """A leg that ended."""
 
     @property
     def vehicle(self) -> str:
@@ -24,7 +24,7 @@ class Arrival(Protocol):
 
     @property
     def leg(self) -> int:
-        """Its number in the round."""
+        """Its number in the tour."""
         ...
 
     @property
@@ -35,7 +35,7 @@ class Arrival(Protocol):
 
 @dataclass
 class _Tour:
-    """A vehicle's round: its plan by legs, and how far it is."""
+    """A vehicle's tour: its plan by legs, and its present leg."""
 
     number: int
     plan: VehiclePlan
@@ -74,7 +74,7 @@ class Tours:
         self.taken.update(o.id for o in self.deliveries.orders if o.release_s < begin_s)
 
     def begin(self, plan: VehiclePlan) -> Iterator[LegOrder]:
-        """A vehicle starts a round; the first leg to drive."""
+        """A vehicle starts a tour; its first leg."""
         count = len(plan.stops) - 1
         legs = tuple(tuple(s for s in plan.segments if s.leg == leg) for leg in range(count))
         del self.idle[plan.vehicle]
@@ -84,7 +84,7 @@ class Tours:
         yield from self._next(plan.vehicle, plan.issued_ns / 1e9, plan.depart_ns / 1e9)
 
     def arrived(self, leg: Arrival) -> Iterator[LegOrder]:
-        """A vehicle ended a leg; the next one to drive, none at its depot."""
+        """A vehicle ended a leg; the next one, none at its depot."""
         self._under_way[leg.vehicle].leg = leg.leg
         yield from self._serve(leg.vehicle, leg.arrived_s)
 
@@ -97,8 +97,9 @@ class Tours:
         return {name: own.late_s for name, own in self._under_way.items()}
 
     def slack_s(self, vehicle: str, due_s: float) -> float:
-        """By how much a vehicle may leave later than a moment without missing a delivery of its
-        round, if the rest of it takes as long as planned; 0 where it is late already.
+        """Largest delay of a departure without a late delivery on the rest of the tour, s.
+
+        The rest takes as long as planned; 0 where the vehicle is late already.
         """
         own = self._under_way[vehicle]
         shift = due_s - own.plan.stops[own.leg].departure_ns / 1e9
@@ -151,7 +152,7 @@ class Tours:
 
 
 def free_s(network: RoadNetwork, path: tuple[str, ...]) -> float:
-    """What a way takes from rest to rest at the limit on empty roads."""
+    """Time of a path from rest to rest at the limit on empty roads, s."""
     segments = [network.segments[name] for name in path]
     return plan_drive(
         [s.length_m for s in segments], [s.speed_limit_mps for s in segments], DrivingStyle()

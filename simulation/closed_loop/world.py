@@ -1,4 +1,4 @@
-"""The fleet's vehicles in the running simulation: put onto the road, watched, taken off at rest."""
+"""The fleet's vehicles in the running simulation: insertion, measurement, removal at rest."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Leave = Callable[[LegOrder, float], tuple[LegOrder, float]]
 
 _STANDING_MPS: Final = 0.1
 _ROLLING_MPS: Final = 1.0
-# The IDM comes ever nearer to the end of a leg and ever slower: the last metres would take minutes.
+# The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
 _ARRIVED_M: Final = 5.0
 _ARRIVED_MPS: Final = 1.0
 
 
 @dataclass
 class _OnRoad:
-    """A vehicle on the road, and what it has driven so far."""
+    """A vehicle on the road with its measurements so far."""
 
     order: LegOrder
     departed_s: float
@@ -41,7 +41,7 @@ class _OnRoad:
     behind: int = 0
 
     def take(self, state: VehicleState, drafting: Drafting, step_s: float) -> None:
-        """Take in what a step brought."""
+        """Add the measurements of a step."""
         name, way_m = self.order.id, state.driven_m - self.state.driven_m
         eta = drafting.eta.get(name, ETA_ALONE)
         if eta >= ETA_FOLLOWER:
@@ -66,10 +66,10 @@ class FleetWorld:
     Args:
         session: running.
         lengths_m: of the network's segments.
-        controller: tells vehicles how to drive.
+        controller: of the vehicles.
         step_s: of the simulation.
         pace: desired speed of the fleet's vehicles over the limit.
-        leave: asked once for each leg, when it is due: how to drive it, and when to leave.
+        leave: called once for each leg when it is due; the leg to drive and its departure time.
         vehicle: whose energy is counted.
     """
 
@@ -101,11 +101,11 @@ class FleetWorld:
         return {name: (own.order, own.state) for name, own in self._on_road.items()}
 
     def send(self, order: LegOrder) -> None:
-        """Put a vehicle onto the road when it is due; at once if that is past."""
+        """Insert a vehicle when it is due; at once if that time has passed."""
         heapq.heappush(self._due, (order.due_s, order.id, order))
 
     def reroute(self, name: str, path: tuple[str, ...]) -> bool:
-        """Give a vehicle on the road another way to the same place; False in a junction.
+        """Give a vehicle on the road another path to the same place; False in a junction.
 
         Args:
             path: from the leg's begin, the same as before as far as the vehicle has come.

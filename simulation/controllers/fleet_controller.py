@@ -1,4 +1,4 @@
-"""The conductor of an arm: platooning, speed advice and signal priority, brought together."""
+"""The controller of the fleet: platooning, speed advice and signal priority combined."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from simulation.controllers.vehicle import LegOrder, VehicleState
 
 @dataclass(frozen=True)
 class Drafting:
-    """What of the coming step is driven in platoons.
+    """Platooning in the coming step.
 
     Attributes:
-        eta: drag reduction by vehicle; those alone are left out.
-        turbulent: vehicles close behind or before another one, parting included, where the traffic
-            is turbulent in truth.
+        eta: drag reduction by vehicle; vehicles without one are left out.
+        turbulent: vehicles in a close gap, leaving ones included, on segments whose true traffic is
+            turbulent.
     """
 
     eta: Mapping[str, float] = field(default_factory=dict)
@@ -34,31 +34,31 @@ class VehicleController(Protocol):
 
     @property
     def disengagements(self) -> int:
-        """Platoons that had to part so far."""
+        """Number of disengagements so far."""
         ...
 
     def departed(self, name: str, order: LegOrder) -> None:
-        """A vehicle came onto the road, or was given another way on it."""
+        """A vehicle entered the road, or was rerouted on it."""
         ...
 
     def ended(self, name: str) -> None:
-        """A vehicle is off the road."""
+        """A vehicle left the road."""
         ...
 
     def control(self, now_s: float, states: Mapping[str, VehicleState]) -> Drafting:
-        """Before each step; the states are those after the last one."""
+        """Called before each step with the states after the last step."""
         ...
 
 
 class Gates(Protocol):
-    """What is known of the traffic on a segment."""
+    """Gate and traffic state of a segment."""
 
     def is_open(self, segment: str) -> bool:
-        """Whether close gaps are allowed there."""
+        """Whether close gaps are allowed on it."""
         ...
 
     def is_turbulent(self, segment: str) -> bool:
-        """Whether platoons have to part there."""
+        """Whether platoons must disengage on it."""
         ...
 
 
@@ -71,7 +71,7 @@ class FleetController:
         net: the SUMO net.
         step_s: of the simulation.
         lengths_m: of its segments.
-        roadside: where platoons may form, and where the traffic is turbulent in truth.
+        roadside: gates, and where the true traffic is turbulent.
     """
 
     def __init__(
@@ -97,24 +97,24 @@ class FleetController:
 
     @property
     def disengagements(self) -> int:
-        """Platoons that had to part so far."""
+        """Number of disengagements so far."""
         return self._platooning.disengagements
 
     def departed(self, name: str, order: LegOrder) -> None:
-        """A vehicle came onto the road, or was given another way on it."""
+        """A vehicle entered the road, or was rerouted on it."""
         self._platooning.departed(name, order)
         self._advisor.departed(name, order)
         if order.advice.signal_priority:
             self._priority.departed(name, order)
 
     def ended(self, name: str) -> None:
-        """A vehicle is off the road."""
+        """A vehicle left the road."""
         for part in (self._platooning, self._advisor, self._priority):
             part.ended(name)
         self._held.discard(name)
 
     def control(self, now_s: float, states: Mapping[str, VehicleState]) -> Drafting:
-        """Before each step; the states are those after the last one."""
+        """Called before each step with the states after the last step."""
         platoons = self._platooning.step(now_s, states)
         for name, state in states.items():
             cap = platoons.caps.get(name)
@@ -127,7 +127,7 @@ class FleetController:
         return Drafting(platoons.eta, platoons.turbulent)
 
     def _hold(self, name: str, cap: float | None) -> None:
-        """Have a vehicle drive at a speed; SUMO's own checks for safety stay on."""
+        """Set a vehicle's speed, or release it; SUMO's safety checks stay on."""
         if cap is not None:
             libsumo.vehicle.setSpeed(name, cap)
             self._held.add(name)

@@ -1,7 +1,7 @@
-"""A vehicle of the fleet on one leg: what it was told, and where it is in the running simulation.
+"""A vehicle of the fleet on one leg: its order, and its state in the running simulation.
 
-Each leg is a SUMO vehicle of its own, from rest at one place to rest at the next, as the dispatcher
-plans it: customers lie beside the road, so that serving them blocks nobody.
+Each leg is a separate SUMO vehicle, from rest at one place to rest at the next, as the dispatcher
+plans it. Customers are beside the road, so service blocks no lane.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Final
 from slipstream.messages import DrivingAdvice, PlannedSegment
 
 SPEED_CHECKS: Final = 0b11011
-"""All of SUMO's checks but one: a vehicle that is told its speed would else brake no harder than is
-comfortable, even for a red light, for somebody who cuts in, or behind another one that does."""
+"""SUMO's speed mode: all checks except the limit on deceleration. With that limit, a vehicle whose
+speed is set would brake no harder than comfortable, even for a red light or a cut-in."""
 
 PREFIX: Final = "cav/"
 """SUMO ids of the fleet's vehicles begin with it; no id of the background does."""
@@ -22,7 +22,7 @@ PREFIX: Final = "cav/"
 
 @dataclass(frozen=True)
 class LegOrder:
-    """One leg as its vehicle was told to drive it.
+    """One leg as its vehicle is to drive it.
 
     Attributes:
         vehicle: of the fleet.
@@ -99,7 +99,7 @@ def read_state(name: str, order: LegOrder, behind: int = 0) -> VehicleState:
 def free_drive_s(
     distance_m: float, speed_mps: float, limit_mps: float, acceleration_mps2: float = 1.8
 ) -> float:
-    """Seconds to drive a distance with nobody ahead: up to the limit, then at it."""
+    """Time to drive a distance on a free road, s: acceleration to the limit, then the limit."""
     if speed_mps >= limit_mps:
         return distance_m / limit_mps
     gaining_m = (limit_mps**2 - speed_mps**2) / (2 * acceleration_mps2)

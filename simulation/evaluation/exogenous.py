@@ -1,4 +1,4 @@
-"""The exogenous evaluation of the same days: arms in folders of their own, and its tables."""
+"""The exogenous evaluation of the same days; its arms are stored in separate folders."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _STEP_S: Final = 1.0
 
 @dataclass(frozen=True)
 class ExogenousSpec:
-    """One exogenous arm, for a process of its own.
+    """One exogenous arm, for a subprocess.
 
     Attributes:
         files: of the scenario.
@@ -70,7 +70,7 @@ def exogenous_evaluation(
     Args:
         folder: of the evaluation; these arms lie in `exogenous-rsus` and `exogenous-everywhere`.
         workers: arms at once.
-        progress: told how much simulated time is done, of how much.
+        progress: called with the simulated time done and the total, s.
         stored: nothing is simulated, what is there is collected.
 
     Raises:

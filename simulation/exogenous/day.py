@@ -47,10 +47,10 @@ class ExogenousDay:
     Attributes:
         arm: legs, services and cycles like the closed loop's; the background's own figures are
             zero, since nothing happens to it. Disengagements are platoons, one count a segment, on
-            a segment that was turbulent in truth.
+            a segment whose true traffic was turbulent.
         watched_m: driven on segments that are watched.
         open_m: of that, driven where the gate was open on entering, in a platoon or alone.
-        violations: passages in a platoon of segments that were turbulent in truth.
+        violations: passages in a platoon of segments whose true traffic was turbulent.
         violated_m: their length.
     """
 
@@ -67,7 +67,7 @@ class ExogenousDay:
 
     @property
     def travel_s(self) -> float:
-        """Driving, service apart."""
+        """Driving time without service."""
         return sum(leg.travel_s for leg in self.arm.legs)
 
     @property
@@ -103,7 +103,7 @@ def exogenous_day(
     Args:
         seed: of the deliveries, the perception's errors and the searches.
         settings: of the dispatcher.
-        progress: told the simulated time.
+        progress: called with the simulated time and the end, s.
 
     Raises:
         InputError: the scenario's fleet does not fit its network.

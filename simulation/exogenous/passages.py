@@ -66,7 +66,7 @@ class Passages:
 
     Attributes:
         legs: in the order of arrival.
-        disengagements: platoons on a segment that was turbulent in truth.
+        disengagements: platoons on a segment whose true traffic was turbulent.
         violations: their vehicles, one count a segment.
         violated_m: what these drove there.
         watched_m: driven on watched segments.

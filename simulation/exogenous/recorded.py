@@ -1,4 +1,4 @@
-"""One background day, simulated once and kept in a file: what an exogenous evaluation stands on."""
+"""A recorded background day in a file: the input of an exogenous evaluation."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def rsus_everywhere(
 
 
 def _fingerprint(spec: DaySpec) -> str:
-    """Changes with everything that the record hangs on."""
+    """Cache key: changes with everything that the record depends on."""
     said = hashlib.sha256()
     for path in (spec.net, spec.routes, *spec.additional):
         said.update(path.read_bytes())

@@ -1,4 +1,4 @@
-"""The dispatcher's fleet file: what is to be delivered, and who is free for it, at any moment."""
+"""The dispatcher's fleet file: open orders and free vehicles of the moment."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def open_since_s(deliveries: Deliveries, begin_s: float) -> float:
 
 
 class FleetFile:
-    """Written anew as orders are made ready and vehicles come and go; its times count from then.
+    """Rewritten as orders are released and vehicles come and go; its times count from then.
 
     Args:
         path: of the file, in a folder that is there.
@@ -30,7 +30,7 @@ class FleetFile:
         self._deliveries = deliveries
 
     def write(self, now_s: float, idle: Mapping[str, float], taken: Collection[str]) -> int:
-        """Write the fleet of a moment, whole or not at all.
+        """Write the fleet of a moment atomically.
 
         Args:
             now_s: s since midnight.
@@ -38,7 +38,7 @@ class FleetFile:
             taken: orders that are served or on their way.
 
         Returns:
-            Orders that are open and nobody has taken.
+            Number of open orders that are not taken.
         """
         fleet = fleet_at(self._deliveries, now_s, idle, taken)
         text = (

@@ -95,7 +95,7 @@ class WorldProcess:
         return ()
 
     def poll(self) -> None:
-        """Take in what the world tells.
+        """Receive the world's messages.
 
         Raises:
             InputError: SUMO refuses or dies of a vehicle.

@@ -39,7 +39,7 @@ _REPORT_S: Final = 0.5
 
 
 def run_world(spec: WorldSpec, connection: Connection) -> None:
-    """Run until the other end says so: tells the warm-up's share, the cameras, counts.
+    """Run until the other end stops it; sends the warm-up's share, the cameras, status counts.
 
     Raises:
         InputError: SUMO refuses a file, or a camera's stretch cannot be watched.

@@ -1,4 +1,4 @@
-"""What the world is asked to be, and what it tells of itself; sent between processes."""
+"""Specification and status of a live world, sent between processes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class WorldSpec:
         rsus: that have a camera.
         deliveries: orders and vehicles; plans for others are ignored.
         fleet: the dispatcher's fleet file, kept up to date.
-        bus: to get plans and tell positions over.
+        bus: for plans and positions.
         folder: for the cameras' calibration files.
         priority: whether vehicles may ask signals for green.
         seed: of light and scenery.
@@ -92,7 +92,7 @@ class WorldCounts:
         frames: pictures served.
         frames_skipped: pictures left out as the camera was still busy with the one before.
         vehicles: on the road now, the fleet's included.
-        orders_waiting: that are ready and nobody has taken.
+        orders_waiting: released and not taken.
         rounds_begun: plans that a vehicle follows or has followed.
         rounds_finished: of them, ended at the depot.
         legs_driven: of the fleet, to their end.

@@ -1,4 +1,4 @@
-"""Whether a scenario's day is fit for an evaluation; a sick one says why."""
+"""Acceptance of a scenario's day for an evaluation, with the reasons of a refusal."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class AcceptanceLimits:
     emergency_stops: int = 0
 
     def faults(self, day: Day) -> tuple[str, ...]:
-        """What a day fails on; nothing if it is fit."""
+        """Reasons to refuse a day; empty if it is accepted."""
         found, faults = day.statistics, []
         if day.gridlock_s is not None:
             faults.append(f"gridlock at {clock(day.gridlock_s)}")
@@ -59,6 +59,6 @@ class AcceptanceLimits:
 
 
 def clock(time_s: float) -> str:
-    """A time of the day as people write it."""
+    """A time of the day as HH:MM."""
     minutes = int(time_s // 60)
     return f"{minutes // 60 % 24:02}:{minutes % 60:02}"

@@ -1,4 +1,4 @@
-"""Runs the background traffic of a day in a process of its own and brings back its record."""
+"""Runs the background traffic of a day in a subprocess and returns its record."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class DaySpec:
         window_every_s: a window of the RSUs ends at each multiple.
         window_s: its length, no more than that.
         seed: of SUMO. With the scenarios' own vehicles nothing is drawn from it.
-        rule: by which windows are stable in truth: the paper's, without hysteresis.
+        rule: of the true stability of windows: the paper's, without hysteresis.
     """
 
     net: Path
@@ -61,7 +61,7 @@ class DaySpec:
 
 
 def sumo_options(spec: DaySpec, additional: tuple[Path, ...] = ()) -> list[str]:
-    """SUMO's options for a day, the same for every arm: what its vehicles do hangs on them."""
+    """SUMO's options for a day, the same for every arm."""
     files = (*spec.additional, *additional)
     return [
         *("--net-file", str(spec.net), "--route-files", str(spec.routes)),
@@ -89,7 +89,7 @@ def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
     """Simulate in this process.
 
     Args:
-        report_time: told the simulated time now and then.
+        report_time: called with the simulated time now and then.
 
     Raises:
         InputError: SUMO refuses a file.

@@ -1,4 +1,4 @@
-"""Whether a running simulation stands still."""
+"""Detection of gridlock in a running simulation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from simulation.scenarios.acceptance import clock
 from slipstream.errors import InputError
 
 CHECK_S: Final = 600.0
-"""Between two looks."""
+"""Between two checks."""
 
 _STANDING_MPS: Final = 0.1
 _STUCK_SHARE: Final = 0.8
@@ -18,7 +18,7 @@ _STUCK_VEHICLES: Final = 50
 
 
 class GridlockWatch:
-    """Counts the looks, ten minutes apart, at which four fifths of the vehicles stood.
+    """Gridlock: at three checks in a row, ten minutes apart, four fifths of the vehicles stand.
 
     Attributes:
         since_s: simulated time at which it was a gridlock; None: never.
@@ -41,7 +41,7 @@ class GridlockWatch:
         return self.since_s is not None
 
     def refuse(self, now_s: float, source: str | Path) -> None:
-        """Look, and end what stands still.
+        """Check, and end a simulation in a gridlock.
 
         Raises:
             InputError: it is in a gridlock.

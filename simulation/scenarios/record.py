@@ -41,7 +41,7 @@ class Traffic:
     entered: Array
 
     def speed_mps(self) -> Array:
-        """Mean speed over time and vehicles; NaN where nobody was."""
+        """Mean speed over time and vehicles; NaN where no vehicle was."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(
                 np.where(self.present_s > 0, self.distance_m / self.present_s, np.nan)
@@ -65,7 +65,7 @@ class Hour:
         stops_per_km: how often they came to a stand.
         time_loss_share: of their time, against driving as fast as they like.
         judged: windows with enough vehicles for a flag.
-        stable: those of them that were stable in truth.
+        stable: those of them whose true traffic was stable.
     """
 
     speed_mps: float
@@ -177,7 +177,7 @@ def read_traffic(
 
 @dataclass(frozen=True)
 class TripInfo:
-    """What SUMO tells of a trip that ended: times in s since midnight."""
+    """SUMO's record of a trip that ended; times in s since midnight."""
 
     id: str
     depart_s: float

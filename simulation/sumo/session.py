@@ -27,7 +27,7 @@ class Session:
 
     Args:
         options: of SUMO, the program's name left out.
-        files: that they name, the net first; refusals are told of one of them.
+        files: that they name, the net first; errors name one of them.
 
     Raises:
         InputError: SUMO refuses a file.

@@ -1,4 +1,4 @@
-"""A simulation in a process of its own: SUMO ends its process on some faults, and holds one."""
+"""A simulation in a subprocess: SUMO ends its process on some faults, and runs once per process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TypeVar
 from slipstream.errors import InputError
 
 Progress = Callable[[float, float], None]
-"""Told the simulated time and the end, s."""
+"""Called with the simulated time and the end, s."""
 
 Spec = TypeVar("Spec")
 Result = TypeVar("Result")
@@ -26,10 +26,10 @@ def run_in_subprocess(
     end_s: float,
     progress: Progress | None = None,
 ) -> Result:
-    """Simulate in another process and bring back what came of it.
+    """Simulate in a subprocess and return the result.
 
     Args:
-        simulate: a module's function; told the order and whom to tell the simulated time.
+        simulate: a module's function of the specification and a callback for the simulated time.
         spec: what to simulate; sent to the process.
         source: files that it is made of, named if SUMO dies of them.
         end_s: simulated.
@@ -81,6 +81,6 @@ def _serve(
     except InputError as error:
         outbox.send(("fault", error))
     except (BrokenPipeError, ConnectionResetError):
-        return  # nobody wants the rest
+        return  # the parent has closed the connection
     except Exception:
         outbox.send(("fault", RuntimeError(f"the simulation failed:\n{traceback.format_exc()}")))

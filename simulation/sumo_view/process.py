@@ -1,7 +1,7 @@
-"""SUMO in a process of its own, which hands over roads and vehicles.
+"""SUMO in a subprocess that sends roads and vehicles.
 
-SUMO ends the process in which it runs on some faulty files; so it must not be this one. A process
-also holds one simulation at most, and SUMO computes while frames are painted here.
+SUMO ends its process on some faulty files, so it must not run in this one. A process runs at most
+one simulation, and SUMO computes while frames are painted here.
 """
 
 from __future__ import annotations
@@ -129,4 +129,4 @@ def _serve(outbox: Connection, spec: ViewSpec) -> None:
     except InputError as error:
         outbox.send(error)
     except (BrokenPipeError, ConnectionResetError):
-        return  # nobody wants the rest
+        return  # the parent has closed the connection

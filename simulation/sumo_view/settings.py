@@ -1,4 +1,4 @@
-"""What a SUMO view is told to be: the clip's settings and the RSU file, both checked."""
+"""Settings of a SUMO view: the clip's and the RSU file, both checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speed advice for the fleet's vehicles, step by step: which speed to have at the next one."""
+"""Speed advice for the fleet's vehicles: the largest speed for each coming step."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class _Leg:
 
 
 class SpeedAdvisor:
-    """Speeds for vehicles that their plan tells to time signals, to roll out, or both.
+    """Speeds for vehicles whose plan has eco-approach, coasting, or both.
 
     Args:
         net: the SUMO net, or what was read of it.
@@ -99,7 +99,7 @@ class SpeedAdvisor:
         self._legs: dict[str, _Leg] = {}
 
     def departed(self, name: str, order: LegOrder) -> None:
-        """A vehicle came onto the road, or was given another way on it: it keeps its account."""
+        """A vehicle entered the road, or was rerouted on it; its spent coasting time is kept."""
         if not (order.advice.eco_approach or order.advice.coasting_budget > 0):
             return
         road = leg_road(self._roads, order.path)
@@ -118,7 +118,7 @@ class SpeedAdvisor:
     def cap_mps(
         self, name: str, now_s: float, state: VehicleState, tail_m: float = 0.0
     ) -> float | None:
-        """The speed to have after the coming step at most; None: as fast as the road allows.
+        """Largest speed after the coming step, m/s; None: no advice.
 
         Args:
             name: of the vehicle.

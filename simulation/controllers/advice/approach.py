@@ -81,7 +81,7 @@ def choose_arrival_s(
         opens_s = window.begin_s + margin_s + queue * margins.queued_s
         arrive_s = earliest_s if running and not queue else max(earliest_s, opens_s)
         if not window.certain:
-            # It lasts longer if anybody comes: whoever is late for what is sure goes on.
+            # An actuated green is extended for vehicles that arrive after its earliest end.
             return arrive_s
         if arrive_s + tail_s <= window.end_s - margins.certain_s:
             return arrive_s

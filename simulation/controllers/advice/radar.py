@@ -1,4 +1,4 @@
-"""The vehicle ahead, as a radar sees it: how far, how fast, and how many wait at the line."""
+"""The vehicle ahead as a radar measures it, and the queue that it implies at a stop line."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Radar = Callable[[str], LeadVehicle | None]
 
 
 def lead_vehicle(name: str) -> LeadVehicle | None:
-    """What a vehicle of the running simulation sees ahead on its way."""
+    """The vehicle ahead of one of the running simulation; None: none in range."""
     import libsumo
 
     found = libsumo.vehicle.getLeader(name, _RANGE_M)
@@ -40,7 +40,7 @@ def lead_vehicle(name: str) -> LeadVehicle | None:
 
 
 def queue_length(lead: LeadVehicle | None, line_m: float) -> int:
-    """Vehicles that wait at a stop line, of which the last one is seen.
+    """Vehicles that wait at a stop line, estimated from the last one.
 
     Args:
         lead: the vehicle ahead.
@@ -55,7 +55,7 @@ def queue_length(lead: LeadVehicle | None, line_m: float) -> int:
 
 
 def is_closing(lead: LeadVehicle, speed_mps: float, slowing_mps2: float) -> bool:
-    """Whether slowing gently from now on would not be too early to fall in behind a slower one."""
+    """Whether it is time to slow down gently behind a slower vehicle."""
     faster = speed_mps - lead.speed_mps
     if faster <= 0:
         return False

@@ -11,7 +11,7 @@ from typing import Any, Final
 from simulation.controllers.vehicle import VehicleState
 
 YIELDING_MPS: Final = 4.0
-"""Who has to give way sees 4.5 m before the line, SUMO's measure, whether somebody comes, and must
+"""A vehicle that must give way sees crossing traffic 4.5 m before the line, SUMO's value, and must
 be able to stop there: √(2 · 2.5 m/s² · 4.5 m) = 4.7 m/s, less what a step takes."""
 
 _YIELDING: Final = "msw="
@@ -38,13 +38,13 @@ class Crossing:
 
     @property
     def passing_mps(self) -> float:
-        """How fast it is driven into when nobody comes."""
+        """Entry speed on an empty junction."""
         return min(self.speed_mps, YIELDING_MPS) if self.yields else self.speed_mps
 
 
 @dataclass(frozen=True)
 class Roads:
-    """A net as far as speeds hang on it.
+    """The parts of a net that speeds depend on.
 
     Attributes:
         length_m: of each segment.

@@ -1,4 +1,4 @@
-"""Who hurries to catch up with whom, and who waits for it."""
+"""Catch-up: which vehicle drives faster towards which, and which one slows down for it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LANE_S: Final = 3.0
 
 
 def assign_catch_ups(snapshot: FleetSnapshot) -> None:
-    """Choose meetings, and what both sides gain and yield; one at most catches up with each."""
+    """Choose rendezvous and set both vehicles' speed changes; at most one catches up with each."""
     members = snapshot.members
     for member in members.values():
         member.speedup = member.slowdown = 0.0
@@ -49,7 +49,7 @@ def assign_catch_ups(snapshot: FleetSnapshot) -> None:
         taken.add(front)
         aside = _spacings_aside(snapshot, rear, front) if member.mode == "alone" else None
         if aside is not None and aside < 1.0:
-            # Too near to change lanes; at the same speed they would stay so for good.
+            # Too near to change lanes; at equal speeds that would not change.
             member.slowdown = max(member.slowdown, _DROP_BACK)
             continue
         if aside is not None and aside <= _LANE_SPACINGS:
@@ -60,10 +60,10 @@ def assign_catch_ups(snapshot: FleetSnapshot) -> None:
 
 
 def _has_arrived(snapshot: FleetSnapshot, name: str) -> bool:
-    """Whether a vehicle is as near to another one as it may be.
+    """Whether a vehicle is as close to the one ahead as it may be.
 
-    Alone behind a closed gate that is where its car-following model would hold it: whoever hurries
-    there overtakes.
+    For a vehicle alone, that is the distance of its car-following model; a faster one would
+    overtake there.
     """
     member, contact = snapshot.members[name], snapshot.contacts.get(name)
     if member.mode == "leaving":
@@ -78,7 +78,7 @@ def _has_arrived(snapshot: FleetSnapshot, name: str) -> bool:
 def _is_worth_speed(snapshot: FleetSnapshot, shared_path: SharedPath) -> bool:
     """Whether a speed that is gained here lasts to where the gates are open.
 
-    From a ramp or a side street it does not: at its end everybody slows down to turn.
+    On a ramp or a side street it does not: vehicles slow down to turn at its end.
     """
     here = shared_path.parts[0][0]
     first = next((segment for segment, _ in shared_path.parts if snapshot.is_open(segment)), None)
@@ -88,8 +88,9 @@ def _is_worth_speed(snapshot: FleetSnapshot, shared_path: SharedPath) -> bool:
 
 
 def _is_blocked(snapshot: FleetSnapshot, rear: str, front: str) -> bool:
-    """Whether others drive between whom one cannot overtake: hurrying up to them wins nothing but
-    braking. On a motorway the one who hurries passes them.
+    """Whether vehicles between the two block the rear one, which could only brake behind them.
+
+    On a motorway with free lanes it overtakes them.
     """
     if _can_pass(snapshot, rear):
         return False
@@ -107,8 +108,9 @@ def _can_pass(snapshot: FleetSnapshot, name: str) -> bool:
 
 
 def _spacings_aside(snapshot: FleetSnapshot, rear: str, front: str) -> float | None:
-    """How many car-following gaps a vehicle on another lane of the same segment is ahead, where
-    overtaking goes; None: it is not on one.
+    """Distance to a vehicle on another lane of the same segment, in car-following gaps.
+
+    None where it is not on another lane, or overtaking is not possible.
     """
     own, other = snapshot.states[rear], snapshot.states[front]
     if own.segment != other.segment or own.lane == other.lane or own.crossing or other.crossing:
@@ -120,8 +122,8 @@ def _spacings_aside(snapshot: FleetSnapshot, rear: str, front: str) -> float | N
 
 
 def _to_same_lane(snapshot: FleetSnapshot, rear: str, front: str) -> None:
-    """Send the rear one to the front one's lane, or that one to its lane if somebody else is behind
-    it; SUMO changes as soon as that is safe.
+    """Have the rear vehicle change to the front one's lane, or the reverse if another vehicle is
+    between them. SUMO changes lanes as soon as it is safe.
     """
     own, other = snapshot.states[rear], snapshot.states[front]
     between = road.behind(front, other.front_m - own.front_m)
@@ -134,7 +136,7 @@ def _to_same_lane(snapshot: FleetSnapshot, rear: str, front: str) -> None:
 
 
 def _leader(snapshot: FleetSnapshot, name: str) -> str:
-    """Who sets the pace of a vehicle: itself, or the front of those that follow each other."""
+    """The leader of a vehicle's platoon; itself where it follows none."""
     seen = {name}
     while snapshot.members[name].mode == "following":
         ahead = snapshot.members[name].ahead
@@ -148,7 +150,7 @@ def _leader(snapshot: FleetSnapshot, name: str) -> str:
 def _best_rendezvous(
     snapshot: FleetSnapshot, rear: str, behind: dict[str | None, str], taken: set[str]
 ) -> tuple[str, Rendezvous] | None:
-    """With the nearest vehicle ahead on the same way, if it pays."""
+    """The rendezvous with the nearest vehicle ahead on the same path, if it saves energy."""
     nearest: tuple[float, str, SharedPath] | None = None
     for front in snapshot.members:
         if front == rear or front in taken or behind.get(front, rear) != rear:

@@ -26,14 +26,14 @@ class PlatoonStep:
 
     Attributes:
         eta: drag reduction; vehicles that have none are left out.
-        leads: at the front of a platoon, with somebody close behind.
-        follows: vehicles whose speed platooning commands: close behind another one of the fleet,
-            closing up to it, or opening the gap. No other advice is for them.
-        caps: the speeds that those are to be driven at (`setSpeed`), m/s.
+        leads: leaders of platoons.
+        follows: vehicles whose speed platooning commands: in a close gap, closing it, or opening
+            it. They take no other advice.
+        caps: their commanded speeds (`setSpeed`), m/s.
         speed_scale: factor on a vehicle's own speed factor: above 1 while it follows or catches
             up, below 1 while it waits. Platooning sets and resets it in SUMO itself.
         tail_m: of each leader, from its front to the rear of its last follower.
-        turbulent: close together on a segment whose traffic is turbulent in truth.
+        turbulent: vehicles in a close gap on a segment whose true traffic is turbulent.
     """
 
     eta: Mapping[str, float] = field(default_factory=dict)
@@ -46,23 +46,23 @@ class PlatoonStep:
 
 
 class Platooning:
-    """Brings vehicles of the fleet together, keeps them close where gates are open, parts them.
+    """Platoons of the fleet: catch up, join, keep a close gap where gates are open, leave.
 
     Two vehicles drive as a platoon where one is directly behind the other on its lane, both go the
-    same way, the gates there are open and what is left of them makes up for the manoeuvre. The
+    same way, the gates there are open, and the open distance ahead pays for the manoeuvre. The
     follower is then commanded (`following_mps`) under SUMO's safety checks; the leader keeps the
     car-following model that it has in every other arm. The drag reduction is that of the advised
     gap: in a simulation of steps of 0.5 s followers keep 3.75 m, and the gap of 1.5 m is given in
     the evaluation, not in the motion. It is credited for gaps of at most 7.5 m, at 5 m/s and more,
     behind an open gate.
 
-    A disengagement is a platoon that parts because a segment that one of its vehicles is on has an
-    open gate though its traffic is turbulent in truth. It is counted once, however many vehicles
-    the platoon has; its followers do not close up again before that segment is behind them.
+    A disengagement is a platoon that opens its gaps because a segment under one of its vehicles has
+    an open gate although its true traffic is turbulent. It is counted once per platoon. The
+    followers do not close up again before they have left that segment.
 
     Args:
         open_segments: whether a segment's gate is open now.
-        turbulent: whether a segment's traffic is turbulent in truth now.
+        turbulent: whether a segment's true traffic is turbulent now.
         step_s: of the simulation.
         segment_lengths: m.
         enabled: whether this arm has platoons; without them nothing is read or set.
@@ -86,11 +86,11 @@ class Platooning:
 
     @property
     def disengagements(self) -> int:
-        """Platoons that had to part so far because of turbulent traffic behind an open gate."""
+        """Number of disengagements so far."""
         return self._disengagements
 
     def departed(self, name: str, order: LegOrder) -> None:
-        """A vehicle came onto the road, or was given another way on it."""
+        """A vehicle entered the road, or was rerouted on it."""
         if not self._enabled:
             return
         numbers = {segment: number for number, segment in enumerate(order.path)}
@@ -102,11 +102,11 @@ class Platooning:
             self._members[name] = Member(order, numbers, road.speed_factor(name))
 
     def ended(self, name: str) -> None:
-        """A vehicle is off the road."""
+        """A vehicle left the road."""
         self._members.pop(name, None)
 
     def step(self, now_s: float, states: Mapping[str, VehicleState]) -> PlatoonStep:
-        """Decide on the coming step, and set it in SUMO but for the speeds in `caps`."""
+        """Control the coming step in SUMO; the caller sets the speeds in `caps`."""
         members = self._members
         if len(members) < 2 and all(
             m.mode == "alone" and m.speed_scale == 1 for m in members.values()
@@ -130,7 +130,7 @@ class Platooning:
         return self._platoon_step(snapshot, commanded_mps(snapshot))
 
     def _platoon_step(self, snapshot: FleetSnapshot, caps: dict[str, float]) -> PlatoonStep:
-        # Anew: who follows has changed since the disengagements.
+        # The platoons have changed since the disengagements.
         snapshot.__dict__.pop("platoons", None)
         eta: dict[str, float] = {}
         tail_m: dict[str, float] = {}
@@ -157,7 +157,7 @@ class Platooning:
         )
 
     def _exposed(self, snapshot: FleetSnapshot) -> frozenset[str]:
-        """Those close together on a segment that is turbulent in truth, while they part as well."""
+        """Vehicles in a close gap in truly turbulent traffic, leaving ones included."""
         exposed = []
         for name, contact in snapshot.contacts.items():
             member = snapshot.members[name]

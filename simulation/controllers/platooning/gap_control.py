@@ -1,9 +1,9 @@
-"""Speeds that close, keep and open a gap: pure functions of what both vehicles do.
+"""Gap control: speeds that close, keep and open a gap, as pure functions of both motions.
 
-Keeping: constant-distance following with the speed that the vehicle ahead is about to have (it
-tells: that is the C in CACC), v = v_ahead' + k (g − g*). SUMO's CACC is not used: at the
-evaluation's step its own gains answer a braking leader with 9 m/s², and it would bind the leader
-to another car-following model than every other arm has.
+Keeping: constant-distance following with the speed that the vehicle ahead announces for the end of
+the step (the communication in CACC), v = v_ahead' + k (g − g*). SUMO's CACC is not used: at the
+evaluation's step its gains answer a braking leader with 9 m/s², and it would give the leader
+another car-following model than in every other arm.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _MIN_GAP_M: Final = 0.5
 
 @dataclass(frozen=True)
 class Motion:
-    """How a vehicle drives: speed, the speed it likes best here, the gap to whom it is behind."""
+    """Speed, desired speed, and gap to the vehicle ahead."""
 
     speed_mps: float
     desired_mps: float
@@ -43,7 +43,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Idm:
-    """The car-following model that vehicles alone have (Treiber, Hennecke, Helbing 2000)."""
+    """Car-following model of vehicles alone: IDM (Treiber, Hennecke, Helbing 2000)."""
 
     acceleration_mps2: float = _CAV.acceleration_mps2
     deceleration_mps2: float = _CAV.deceleration_mps2
@@ -67,8 +67,8 @@ class Idm:
 def followed_gap_m(step_s: float, advised_gap_m: float = ADVISED_GAP_M) -> float:
     """Gap g* that followers keep in a simulation of a step length, m.
 
-    The advised one, and what a vehicle ahead that starts to brake with all its might takes of it
-    before the follower can know: 9 m/s² · step². 1.6 m at 0.1 s; 3.75 m at 0.5 s.
+    The advised gap plus the distance lost to an emergency braking ahead within one step,
+    9 m/s² · step²: 1.6 m at 0.1 s, 3.75 m at 0.5 s.
     """
     return advised_gap_m + _MAX_BRAKING_MPS2 * step_s**2
 
@@ -123,9 +123,9 @@ def following_mps(
 def _required_braking_mps2(
     speed_mps: float, ahead_mps: float, slowing_mps2: float, room_m: float
 ) -> float:
-    """Least deceleration that keeps out of the vehicle ahead.
+    """Smallest deceleration that avoids the vehicle ahead, m/s².
 
-    It goes on at its speed, or slows on to a stand: the larger one of the two.
+    That vehicle keeps its speed, or goes on braking to a stand: the larger result of the two.
     """
     needed = max(0.0, speed_mps - ahead_mps) ** 2 / (2 * room_m)
     if slowing_mps2 > _BRAKING_THRESHOLD_MPS2:
@@ -137,8 +137,8 @@ def _required_braking_mps2(
 def leaving_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -> float:
     """Speed at the end of the coming step of a vehicle that opens its gap.
 
-    It coasts; comfortable braking is for whom it still comes nearer to, as after a cut-in. It never
-    drives faster than a follower would.
+    It coasts, and brakes comfortably while it still approaches, as after a cut-in. It never drives
+    faster than a follower.
 
     Args:
         own: the vehicle.
@@ -154,17 +154,17 @@ def leaving_mps(own: Motion, now_mps: float, coming_mps: float, step_s: float) -
 
 
 def waiting_mps(speed_mps: float, target_mps: float, step_s: float) -> float:
-    """Speed at most of a vehicle that lets another one catch up: it only coasts down."""
+    """Largest speed of a vehicle that another one catches up with: it slows by coasting only."""
     return max(target_mps, speed_mps - 0.9 * coasting_mps2(speed_mps) * step_s)
 
 
 def has_left(own: Motion, ahead_mps: float) -> bool:
-    """Whether the IDM can take over without braking: it slows no more than coasting does."""
+    """Whether the IDM can take over: it would brake no harder than coasting."""
     return Idm().acceleration_to_mps2(own, ahead_mps) >= -coasting_mps2(own.speed_mps)
 
 
 def leaving_distance_m(speed_mps: float, gap_m: float) -> float:
-    """Way that opening a gap at a speed takes, until `has_left`, m.
+    """Distance driven until a gap is open (`has_left`), m.
 
     Coasting at c, the gap grows by ½ c t² and the IDM's wanted one shrinks by v c t / 2√(ab); at
     1.3 times the wanted one the IDM coasts too.

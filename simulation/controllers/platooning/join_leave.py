@@ -1,4 +1,4 @@
-"""Who follows closely, who opens the gap, who is on its own."""
+"""Join and leave: transitions between driving alone, following and leaving."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _START_M: Final = 10.0
 _JOIN_SPACINGS: Final = 2.0
 _KEEP_SPACINGS: Final = 3.0
 _LANE_S: Final = 3.0
-# SUMO sees nobody ahead for a step now and then, as where a lane begins.
+# SUMO reports no vehicle ahead in single steps, as where a lane begins.
 _DROPOUT_S: Final = 1.0
 _SETTLE_S: Final = 2.0
 
 
 def disengage(snapshot: FleetSnapshot, is_turbulent: Callable[[str], bool]) -> int:
-    """Part platoons with a vehicle on a segment that is turbulent in truth behind an open gate.
+    """Disengage platoons on segments with an open gate whose true traffic is turbulent.
 
     Returns:
-        How many.
+        Number of platoons.
     """
     parted = 0
     for platoon in snapshot.platoons:
@@ -48,7 +48,7 @@ def disengage(snapshot: FleetSnapshot, is_turbulent: Callable[[str], bool]) -> i
 
 
 def decide(snapshot: FleetSnapshot, name: str) -> None:
-    """Whether a vehicle follows closely, opens its gap or is on its own, from what is ahead."""
+    """Set a vehicle's mode by the vehicle ahead and the gates."""
     member, contact = snapshot.members[name], snapshot.contacts.get(name)
     if contact is not None and contact.ahead in snapshot.members:
         keeps = member.mode == "following" and member.ahead == contact.ahead
@@ -74,7 +74,7 @@ def decide(snapshot: FleetSnapshot, name: str) -> None:
 
 
 def _may_join(snapshot: FleetSnapshot, name: str) -> bool:
-    """Whether the traffic that last parted it is behind it."""
+    """Whether it has left the segment of its last disengagement."""
     member = snapshot.members[name]
     if member.disengaged_on is not None:
         if member.disengaged_on in member.order.path[snapshot.states[name].number :]:
@@ -84,7 +84,7 @@ def _may_join(snapshot: FleetSnapshot, name: str) -> bool:
 
 
 def _is_worthwhile(snapshot: FleetSnapshot, name: str, contact: Contact, *, keeps: bool) -> bool:
-    """Whether gates are open for long enough."""
+    """Whether the open distance ahead pays for joining, or for staying."""
     shared_path = snapshot.shared_path(name, contact.ahead)
     run_m = 0.0 if shared_path is None else shared_path.open_distance_m(snapshot.is_open)
     if run_m <= 0:
@@ -109,12 +109,12 @@ def _is_worthwhile(snapshot: FleetSnapshot, name: str, contact: Contact, *, keep
 
 
 def _spacing_m(speed_mps: float) -> float:
-    """Between vehicles alone at a speed, with some more for those that just start."""
+    """Car-following gap at a speed, plus a margin for vehicles that just start."""
     return _START_M + Idm().desired_gap_m(speed_mps)
 
 
 def _keep_lane(snapshot: FleetSnapshot, name: str, ahead: str) -> None:
-    """Have a follower stay on its leader's lane: it goes the same way, so it loses nothing."""
+    """Keep a follower on its leader's lane; both drive the same path."""
     member, own, other = snapshot.members[name], snapshot.states[name], snapshot.states[ahead]
     due = snapshot.now_s >= member.lane_until_s or own.lane != other.lane
     if due and own.segment == other.segment and not (own.crossing or other.crossing):
@@ -123,7 +123,7 @@ def _keep_lane(snapshot: FleetSnapshot, name: str, ahead: str) -> None:
 
 
 def _stay_behind(snapshot: FleetSnapshot, name: str) -> None:
-    """Follow a leader that has changed its lane."""
+    """Change to the lane of a leader that has changed its own."""
     ahead = snapshot.members[name].ahead
     if ahead is not None and ahead in snapshot.states:
         own, other = snapshot.states[name], snapshot.states[ahead]

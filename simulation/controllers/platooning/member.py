@@ -1,4 +1,4 @@
-"""A vehicle of the fleet as platooning knows it."""
+"""State of a vehicle of the fleet in platooning."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Literal
 from simulation.controllers.vehicle import LegOrder
 
 Mode = Literal["alone", "following", "leaving"]
-"""Who decides on a vehicle's speed: its car-following model; platooning, close behind another one;
-platooning, until its gap is wide enough for the model."""
+"""Speed control of a vehicle. alone: by its car-following model. following: by platooning, in or
+closing a close gap. leaving: by platooning, until the gap is wide enough for the model."""
 
 
 @dataclass
@@ -17,18 +17,18 @@ class Member:
     """A vehicle on the road.
 
     Attributes:
-        order: what it was told.
+        order: its leg.
         numbers: of its path's segments.
         factor: its own speed factor.
         mode: see `Mode`.
-        ahead: of the fleet, whom it follows or last followed.
-        since_s: when it took its mode.
+        ahead: vehicle of the fleet that it follows or last followed.
+        since_s: begin of its mode.
         seen_s: when it was last seen directly behind another member.
-        lane_until_s: until when it is told to keep its lane.
-        speedup: share of its speed that it adds to catch up.
-        slowdown: share of its speed that it gives up for one that catches up.
+        lane_until_s: end of the last command to keep its lane.
+        speedup: share of its speed that it is added to catch up.
+        slowdown: share of its speed that is taken off for a vehicle that catches up.
         speed_scale: factor on its speed factor that is set.
-        disengaged_on: segment on which the traffic parted it.
+        disengaged_on: segment of its last disengagement, until it has left it.
     """
 
     order: LegOrder
@@ -51,7 +51,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Contact:
-    """Whom a vehicle is directly behind.
+    """The vehicle directly ahead.
 
     Attributes:
         ahead: any vehicle.

@@ -1,4 +1,4 @@
-"""Whether it pays that two vehicles some way apart come together, and how fast they should.
+"""Rendezvous of two vehicles at a distance: whether it saves energy, and at which speeds.
 
 The rear one drives (1 + a) v, the front one (1 − b) v. They have closed a distance d after
 T = d / ((a + b) v), the rear one having come x = (1 + a) v T. From there on to where they part,
@@ -21,11 +21,11 @@ from typing import Final
 from slipstream.energy import PAPER_CAR, VehicleParameters, drag_saving_kwh
 
 MAX_SPEEDUP: Final = 0.05
-"""Most that a vehicle drives above its own speed: within what is tolerated over a limit."""
+"""Largest share above its own speed: within the usual tolerance over a limit."""
 
 MAX_SLOWDOWN: Final = 0.10
 MARGIN_KWH: Final = 0.001
-"""What a manoeuvre must save at least: a fiftieth of a stop from 13.9 m/s, 30 m of drafting by two
+"""Smallest saving of a manoeuvre: a fiftieth of a stop from 13.9 m/s, or 30 m of drafting by two
 vehicles at 30 m/s."""
 
 MAX_CLOSING_S: Final = 300.0
@@ -39,14 +39,14 @@ _CHOICES: Final = tuple(
 
 @dataclass(frozen=True)
 class Rendezvous:
-    """How two vehicles come together.
+    """Speeds, time and gain of a rendezvous.
 
     Attributes:
         speedup: a, of the rear one.
         slowdown: b, of the front one.
         closing_s: T.
         way_m: x, from where the rear one is now.
-        gain_kwh: saved by all of it.
+        gain_kwh: energy that it saves.
     """
 
     speedup: float
@@ -65,7 +65,7 @@ def best_rendezvous(
     front_yields: bool = True,
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> Rendezvous | None:
-    """The best way to come together; None if none pays.
+    """The rendezvous with the largest gain; None if none reaches the margin.
 
     Args:
         distance_m: d, to be closed.

@@ -1,4 +1,4 @@
-"""What platooning reads from and sets in the running simulation."""
+"""Platooning's access to the running simulation: all it reads and sets in SUMO."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _AS_DRIVERS_DO: Final = 0b011001010101
 
 
 def add_follower_type() -> None:
-    """Make the type of followers: a vehicle like those alone, that SUMO holds to no time gap.
+    """Add the vehicle type of followers: as of vehicles alone, without a time gap.
 
-    Its model only says what is safe: not to run into the vehicle ahead should that brake.
+    Its car-following model only prevents collisions with a braking vehicle ahead.
     """
     kinds = libsumo.vehicletype
     if FOLLOWER in kinds.getIDList():
@@ -43,7 +43,7 @@ def add_follower_type() -> None:
 
 
 def ahead(name: str) -> tuple[str, float] | None:
-    """Who drives next on the lanes that a vehicle is about to use, and the gap to its rear, m."""
+    """The next vehicle on the lanes ahead, and the gap to its rear, m."""
     found = libsumo.vehicle.getLeader(name, _LOOK_AHEAD_M)
     if not found or not found[0] or found[1] > _LOOK_AHEAD_M:
         return None
@@ -51,13 +51,13 @@ def ahead(name: str) -> tuple[str, float] | None:
 
 
 def behind(name: str, within_m: float) -> str | None:
-    """Who drives next behind a vehicle on its lane, no farther than that."""
+    """The next vehicle behind on the same lane, within a distance, m."""
     found = libsumo.vehicle.getFollower(name, within_m)
     return found[0] if found and found[0] and found[1] <= within_m else None
 
 
 def speed_mps(name: str) -> float:
-    """Of any vehicle."""
+    """Speed of any vehicle."""
     return float(libsumo.vehicle.getSpeed(name))
 
 
@@ -67,7 +67,7 @@ def acceleration_mps2(name: str) -> float:
 
 
 def desired_mps(name: str) -> float:
-    """What it would drive here on an empty road: the limit times its speed factor."""
+    """Speed on an empty road here: the limit times its speed factor."""
     return float(libsumo.vehicle.getAllowedSpeed(name))
 
 
@@ -82,10 +82,10 @@ def set_speed_factor(name: str, factor: float) -> None:
 
 
 def start_control(name: str, factor: float) -> None:
-    """From now on its speed is commanded.
+    """Command its speed from now on.
 
     Args:
-        factor: its speed factor, which SUMO forgets with the type.
+        factor: its speed factor, which SUMO resets with the type.
     """
     vehicle = libsumo.vehicle
     vehicle.setType(name, FOLLOWER)
@@ -95,7 +95,7 @@ def start_control(name: str, factor: float) -> None:
 
 
 def end_control(name: str, factor: float) -> None:
-    """It drives by the IDM again.
+    """Return it to the IDM.
 
     Args:
         factor: its speed factor.
@@ -112,7 +112,7 @@ def change_lane(name: str, lane: int, seconds: float) -> None:
 
 
 def lane_continues(name: str, lane: int) -> bool:
-    """Whether a lane of its segment goes the vehicle's way, and does not end before."""
+    """Whether a lane of its segment continues on the vehicle's path."""
     return bool(libsumo.vehicle.getBestLanes(name)[lane][4])
 
 

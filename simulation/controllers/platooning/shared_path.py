@@ -1,4 +1,4 @@
-"""The way that two vehicles still have in common, and where on it platoons may be."""
+"""The path that two vehicles share, and where on it the gates are open."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from simulation.controllers.vehicle import VehicleState
 
 @dataclass(frozen=True)
 class PathPosition:
-    """Where a vehicle is on its way.
+    """Position of a vehicle on its path.
 
     Attributes:
         path: its segments.

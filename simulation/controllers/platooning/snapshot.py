@@ -1,4 +1,4 @@
-"""One step's view of the fleet's vehicles: where they are and whom they are behind."""
+"""Snapshot of the fleet in one step: positions, vehicles ahead, platoons."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from simulation.controllers.platooning.shared_path import PathPosition, SharedPa
 from simulation.controllers.vehicle import VehicleState
 
 MAX_DISTANCE_M: Final = 2000.0
-"""Vehicles farther apart than this do not look for each other."""
+"""Largest distance of a rendezvous."""
 
 _NEAR_SEGMENTS: Final = 3
 
 
 @dataclass(frozen=True)
 class FleetSnapshot:
-    """What the decisions of a step rest on.
+    """Input of one step's decisions.
 
     Attributes:
         now_s: since midnight.
@@ -32,7 +32,7 @@ class FleetSnapshot:
         lengths: of segments, m.
         is_open: whether a segment's gate is.
         limits: of segments, m/s, as far as they were asked for.
-        contacts: whom members are directly behind, of those that were asked for.
+        contacts: vehicle directly ahead of members, as far as read.
     """
 
     now_s: float
@@ -46,7 +46,7 @@ class FleetSnapshot:
     _positions: dict[str, PathPosition] = field(default_factory=dict)
 
     def read_contacts(self, *, everybody: bool) -> None:
-        """Ask SUMO whom members are behind: those in close gaps, or all that may be behind one."""
+        """Read vehicles ahead from SUMO: of platoon members, or of all that may be behind one."""
         on = Counter(state.segment for state in self.states.values()) if everybody else None
         for name, member in self.members.items():
             if member.mode != "alone" or (on is not None and self._may_follow(name, on)):
@@ -60,7 +60,7 @@ class FleetSnapshot:
         return sum(on[segment] for segment in near) > 1
 
     def shared_path(self, rear: str, front: str) -> SharedPath | None:
-        """What two vehicles have in common."""
+        """The path that two vehicles share; None where there is none."""
         return find_shared_path(
             self._position(rear), self._position(front), self.lengths, MAX_DISTANCE_M
         )
@@ -74,7 +74,7 @@ class FleetSnapshot:
         return place
 
     def desired_mps(self, name: str) -> float:
-        """What a vehicle would drive here if it did not hurry."""
+        """Speed that a vehicle would drive here without its catch-up factor."""
         return road.desired_mps(name) / self.members[name].speed_scale
 
     def limit_mps(self, segment: str) -> float:

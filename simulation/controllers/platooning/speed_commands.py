@@ -1,4 +1,4 @@
-"""Speeds of those that follow or part, and speed factors of those that hurry or wait."""
+"""Speed commands of following and leaving vehicles, and speed factors during catch-up."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from simulation.controllers.platooning.snapshot import FleetSnapshot
 def set_speed_factors(snapshot: FleetSnapshot) -> None:
     """Set the speed factors of the step.
 
-    Those who wait get a lower one, not a command: under a command SUMO brakes no harder than
-    comfortably, not even at signals.
+    A vehicle that slows down for another one gets a lower factor, not a speed command: under a
+    command SUMO brakes no harder than comfortable, even at signals.
     """
     for name, member in snapshot.members.items():
         speed_scale = _speed_scale(snapshot, name, member)
@@ -41,7 +41,7 @@ def _speed_scale(snapshot: FleetSnapshot, name: str, member: Member) -> float:
 
 
 def commanded_mps(snapshot: FleetSnapshot) -> dict[str, float]:
-    """Speeds at the end of the step of those that follow or part."""
+    """Commanded speeds of following and leaving vehicles at the end of the step, m/s."""
     return _Commands(snapshot).all()
 
 
@@ -60,14 +60,14 @@ class _Commands:
         return self._caps
 
     def _coming_mps(self, name: str) -> float:
-        """Speed that a vehicle will have: commanded, or going on as in the last step."""
+        """Speed at the end of the step: commanded, or extrapolated from the last step."""
         if name not in self._coming:
             snapshot = self._scene
             now_mps = (
                 snapshot.states[name].speed_mps if name in snapshot.states else road.speed_mps(name)
             )
             goes_on = max(0.0, now_mps + road.acceleration_mps2(name) * snapshot.step_s)
-            # Set before the others are asked, so that a ring of vehicles ends here.
+            # Set before the recursion, which a ring of vehicles would never leave.
             self._coming[name] = goes_on
             cap = self._cap_mps(name, now_mps) if name in snapshot.members else None
             if cap is not None:

@@ -27,13 +27,13 @@ from slipstream.energy import JOULE_PER_KWH, PAPER_CAR, VehicleParameters
 
 @dataclass(frozen=True)
 class DepartureSettings:
-    """How the second is chosen.
+    """Choice of the departure second.
 
     Attributes:
         step_s: between the seconds that are tried.
         max_candidates: how many are tried.
         value_of_time_w: of travel time.
-        value_of_waiting_w: of time until the second; 0 where waiting costs nobody anything.
+        value_of_waiting_w: of time before the departure; 0 where waiting is free.
         paces: share of the speed that traffic allows, each tried: a choice that one vehicle ahead
             can spoil is worth less than one that holds for all.
         max_leg_s: that a leg can last, for how far timing is looked up.
@@ -67,7 +67,7 @@ class DepartureSettings:
 
 
 class DepartureOptimizer:
-    """Chooses seconds on the signals of the running simulation.
+    """Chooses departure seconds by the signal timing of the running simulation.
 
     Args:
         signals: their timing.

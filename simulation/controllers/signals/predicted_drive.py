@@ -1,4 +1,4 @@
-"""What a leg will take, and need, if it begins at a given second: a drive through known signals.
+"""Predicted time and energy of a leg by its departure second: a drive through known signals.
 
 A vehicle alone on its road follows the IDM, dv/dt = a (1 − (v/v₀)⁴), which has closed forms:
 v² = v₀² tanh(2as/v₀² + c), t = v₀/(2a) [atan x + artanh x] with x = v/v₀, and
@@ -50,9 +50,9 @@ class DriveParameters:
         braking_mps2: before turns and the end.
         slowing_mps2: before a signal that turns green while it comes near.
         startup_s: from green to passing the stop line, where others may stand before.
-        yielding_mps: at places where somebody may have to be given way, who may not be there.
-        late_s: how long after the end of green it still goes on.
-        unknown_wait_s: wait at a signal of which nothing is known for the moment of the arrival.
+        yielding_mps: speed where the vehicle may have to give way.
+        late_s: time after the end of green in which it still passes.
+        unknown_wait_s: wait at a signal whose state at the arrival is unknown.
     """
 
     acceleration_mps2: float = 1.8
@@ -65,7 +65,7 @@ class DriveParameters:
 
 
 class PredictedDrive(NamedTuple):
-    """A drive as it is expected.
+    """Predicted drive.
 
     Attributes:
         duration_s: from rest to rest.
@@ -159,7 +159,7 @@ def predict_drive(
 def wait_s(
     greens: Sequence[Green], arrival_s: float, parameters: DriveParameters
 ) -> tuple[float, bool]:
-    """How long a vehicle waits that comes to a stop line, and whether nobody else goes first."""
+    """Wait at a stop line, and whether the movement is protected then."""
     protected = True
     for green in greens:
         protected = green.protected

@@ -73,7 +73,7 @@ class Priority:
     """Requests of the fleet's vehicles, and what signals do about them.
 
     Args:
-        signals: of the running simulation; told what is changed.
+        signals: of the running simulation; changes of their times are reported to it.
         enabled: whether the city gives priority at all.
         settings: how.
     """
@@ -173,7 +173,7 @@ class Priority:
         )
 
     def _is_over(self, grant: _Grant, requests: Sequence[Request], running: Running) -> bool:
-        """Whether nobody needs a grant any more, or its green is over."""
+        """Whether a grant's request has passed, or its green is over."""
         phase = running.program.phases[running.phase]
         if phase.allows(grant.request.link):
             grant.green = True

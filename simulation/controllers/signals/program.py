@@ -28,9 +28,9 @@ class Green(NamedTuple):
     Attributes:
         begin_s: simulated time; past for a green that runs.
         end_s: when yellow begins; infinite where it never does.
-        certain: both ends are fixed. If not, an actuated signal keeps this green at least so long,
-            or gives it at the earliest then and for at least so long.
-        protected: nobody has to be given way in all of it.
+        certain: whether both ends are fixed. If not (actuated signal), `end_s` is the earliest end
+            and `begin_s` the earliest begin.
+        protected: whether the movement has right of way in all of it.
     """
 
     begin_s: float

@@ -107,7 +107,7 @@ class Signals:
         return known
 
     def changed(self, tls: str, compensation_s: Mapping[int, float]) -> None:
-        """Hear that somebody changed a signal's times.
+        """Take in a change of a signal's times.
 
         Args:
             tls: the signal.

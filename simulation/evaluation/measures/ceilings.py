@@ -28,7 +28,7 @@ class Ideal:
     """One way to drive an arm's legs at best.
 
     Attributes:
-        alone_kwh: with nobody to follow.
+        alone_kwh: without drafting.
         drafted_kwh: with 20 % less drag all the way.
         travel_s: of all legs.
     """

@@ -17,7 +17,7 @@ class Evaluation:
     """The arms that are there, in the order of the tables.
 
     Attributes:
-        provenance: what they stand on.
+        provenance: what they depend on.
         seeds: that were asked for, rising.
         arms: as stored, by name and seed.
         runs: in figures, refused ones included.

@@ -22,7 +22,7 @@ class Measures:
         distance_km: of all of them.
         travel_h: from when legs could begin to their arrivals, service left out.
         led_km: at the front of platoons.
-        followed_km: behind somebody.
+        followed_km: as a follower.
         stops: on the road.
         waited_h: standing on the road.
         orders: released.
@@ -33,9 +33,9 @@ class Measures:
         watched: segments that RSUs watch, summed over cycles, as the next three.
         judged: those whose y_e was known.
         open: judged ones whose gate was open.
-        open_turbulent: open gates of traffic that was turbulent in truth.
-        disengagements: platoons that had to part as the traffic was turbulent in truth.
-        turbulent_s: time close behind or before another one in such traffic, parting included.
+        open_turbulent: open gates on segments whose true traffic was turbulent.
+        disengagements: of platoons, because of truly turbulent traffic.
+        turbulent_s: time in a close gap in such traffic, leaving included.
         others: the background's trips.
         unfinished: vehicles on the road at the end.
         faults: why no figure of this arm counts; nothing if it is sound.
@@ -124,8 +124,7 @@ def measure(result: ArmResult) -> Measures:
 
 
 def faults(result: ArmResult) -> tuple[str, ...]:
-    """What makes an arm's figures worthless: its traffic broke down, or somebody braked or drove
-    as nobody can."""
+    """Faults that make an arm invalid: gridlock, teleports, collisions, emergency stops."""
     found = []
     if result.gridlock_s is not None:
         found.append(f"gridlock at {clock(result.gridlock_s)}")

@@ -1,4 +1,4 @@
-"""Figures as people read them, and tables of them as Markdown."""
+"""Formatting of figures, and tables of them in Markdown."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Table:
 
 
 def markdown(table: Table) -> str:
-    """A table with its heading and its words."""
+    """A table with its heading, source and notes."""
     lines = [
         f"## {table.title}",
         "",

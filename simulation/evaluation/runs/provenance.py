@@ -1,4 +1,4 @@
-"""What an evaluation stands on, and what simulates it, as digests to tell one from another by."""
+"""Provenance of an evaluation: digests of its inputs and of the simulating code."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _PACKAGES: Final = ("slipstream", "edge_daemon", "dispatcher_daemon", "simulatio
 _EXCLUDED: Final = frozenset(
     f"simulation/{part}" for part in ("evaluation", "training", "streetdrive", "sumo_view", "live")
 )
-"""What only renders, shows or reports."""
+"""Packages that only render, display or report."""
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """What all arms of a folder share; results hang on every one of these.
+    """Inputs that all arms of a folder share; results depend on every one.
 
     Attributes:
         scenario: its name.
@@ -61,7 +61,7 @@ def provenance_of(
     span_s: tuple[float, float],
     step_s: float,
 ) -> Provenance:
-    """The ground of a scenario.
+    """The provenance of a scenario's arms.
 
     Args:
         routes: the user's own background, instead of the demand's.
@@ -82,7 +82,7 @@ def provenance_of(
 
 
 def code_stamp() -> str:
-    """What simulates: versions, and a digest of the sources that an arm's result can hang on."""
+    """Versions, and a digest of the sources that an arm's result can depend on."""
     digest = sha256()
     for package in _PACKAGES:
         root = Path(str(files(package)))
@@ -98,8 +98,9 @@ def code_stamp() -> str:
 
 
 def _rsu_data(rsu: Rsu) -> dict[str, object]:
-    """What an RSU's file has to say. A setting that came later changes no older digest; who changes
-    a default has to raise FORMAT.
+    """An RSU's settings without defaults, so that a new setting changes no older digest.
+
+    A changed default needs a higher FORMAT.
     """
     return rsu.model_dump(mode="json", exclude_defaults=True)
 

@@ -1,4 +1,4 @@
-"""Simulates the arms that a folder lacks, several at once, each in a process of its own."""
+"""Simulates the arms that a folder lacks, several at once, each in a subprocess."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ What the progress callback raises ends the arm.
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a run came to.
+    """Summary of a run.
 
     Attributes:
         kept: arms that were in the folder already.
@@ -36,7 +36,7 @@ class RunSummary:
 
 
 class _Cancelled(Exception):
-    """An arm is not wanted any more."""
+    """The run was stopped."""
 
 
 def run_missing(
@@ -53,7 +53,7 @@ def run_missing(
     Args:
         span_s: begin and end of the simulated time.
         workers: arms at once.
-        progress: told how much simulated time is done, of how much; never twice at once.
+        progress: called with the simulated time done and the total, s; never concurrently.
 
     Raises:
         InputError: an arm cannot be simulated, or the store is of another evaluation. What was
@@ -102,7 +102,7 @@ def run_missing(
 
 
 def record_wall_time(folder: Path, name: str, seed: int, wall_s: float) -> None:
-    """Add what an arm took to `run.json`, which is no part of the results.
+    """Add an arm's wall time to `run.json`, which is not part of the results.
 
     Raises:
         OSError: the disk is full.

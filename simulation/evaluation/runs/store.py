@@ -1,4 +1,4 @@
-"""Finished arms in a folder, each with all that it hangs on, for a later run to go on from."""
+"""Finished arms in a folder, each with its provenance; a later run continues from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NEW_FOLDER: Final = "give another folder, or empty this one to simulate all ane
 
 @dataclass(frozen=True)
 class StoredArm:
-    """One arm of one seed as it lies in a file.
+    """One stored arm of one seed.
 
     Attributes:
         file: its path in the evaluation's folder.

@@ -88,7 +88,7 @@ class World:
 
     @property
     def provenance(self) -> Provenance:
-        """What its arms' results hang on."""
+        """What its arms' results depend on."""
         return provenance_of(
             self._scenario, self._files.routes, self._signals, self._span_s, STEP_S
         )
@@ -112,7 +112,7 @@ class World:
         return self._background(seed)[0]
 
     def simulate(self, policy: Policy, seed: int, progress: Progress) -> ArmResult:
-        """Simulate an arm in a process of its own.
+        """Simulate an arm in a subprocess.
 
         Raises:
             InputError: the background cannot be made, or SUMO cannot run it.

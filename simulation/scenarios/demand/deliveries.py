@@ -112,7 +112,7 @@ class Deliveries:
     orders: tuple[Order, ...]
 
     def released(self, now_s: float, taken: Collection[str]) -> tuple[Order, ...]:
-        """Orders that are ready and nobody has taken."""
+        """Orders that are ready and not taken."""
         return tuple(o for o in self.orders if o.release_s <= now_s and o.id not in taken)
 
 
@@ -165,7 +165,7 @@ def fleet_at(
         taken: orders that are served or on their way.
 
     Returns:
-        None if there is nothing to drive or nobody to drive it.
+        None without open orders or free vehicles.
     """
     settings = deliveries.settings
     orders = deliveries.released(now_s, taken)

@@ -16,7 +16,7 @@ from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, build_network, load_network
 
 _MIN_SHARE: Final = 0.8
-"""Of the road length, that the largest part must have."""
+"""Smallest share of the road length in the largest part."""
 
 
 def scenario_network(path: Path) -> RoadNetwork:

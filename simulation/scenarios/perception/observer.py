@@ -1,4 +1,4 @@
-"""What stands before the RSUs' cameras in a running simulation: windows as they are in truth."""
+"""True windows of the traffic in view of the RSUs' cameras in a running simulation."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def window_of(
     lanes = 1 + max(p.lane for _, _, p in rows) - first
     numbers = {name: i for i, name in enumerate(sorted({p.name for _, _, p in rows}))}
     n, steps = len(rows), len(seen)
-    # Somebody far outside in each step, as steps without anybody count for the density too.
+    # A vehicle far outside in each step: empty steps count for the density too.
     frame = np.array([f for f, _, _ in rows] + list(range(steps)))
     order = np.argsort(frame, kind="stable")
     nothing = np.zeros(steps)

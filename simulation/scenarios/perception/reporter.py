@@ -1,5 +1,4 @@
-"""What an RSU would report of a window: the truth with the errors that the perception was measured
-to make.
+"""Simulated RSU reports: true windows with the measured errors of the perception.
 
 The errors come from windows of rendered clips whose truth is known (`make bench-accuracy`), apart
 for calm and turbulent ones: a bias and a spread a feature, and how the six errors go together.
@@ -90,7 +89,7 @@ def measured_errors(path: Path | None = None) -> PerceptionErrors:
 def fit_errors(
     windows: Sequence[tuple[SegmentState, TrueWindow]], provenance: str
 ) -> PerceptionErrors:
-    """Take the error model from states laid beside what was true.
+    """Fit the error model to states and the true windows beside them.
 
     Raises:
         InputError: too few windows of a kind.

@@ -17,7 +17,7 @@ from slipstream.roads import RoadNetwork
 
 
 class Stretch(Settings):
-    """A part of a segment that a camera watches, counted along it."""
+    """A watched part of a segment; distances from its beginning."""
 
     segment: Identifier
     from_m: Annotated[float, Field(ge=0, allow_inf_nan=False)]

@@ -109,7 +109,7 @@ def _accelerations(cars: list[_Car], wave: Wave | None, time_s: float, step_s: f
 
 
 def _advance(cars: list[_Car], step_s: float) -> None:
-    """Move all cars by one step of constant acceleration; nobody reverses."""
+    """Move all cars by one step of constant acceleration; speeds stay non-negative."""
     for car in cars:
         speed = car.speed_mps + car.acceleration_mps2 * step_s
         if speed < 0:
