@@ -91,7 +91,7 @@ def history_file(
 
 
 def record_history(day: DaySpec, network: RoadNetwork, progress: Progress | None = None) -> History:
-    """Drive a day's background in a process of its own.
+    """Drive a day's background in a subprocess.
 
     Raises:
         InputError: a file is no SUMO file or none that fits the net, SUMO dies of it, or the day

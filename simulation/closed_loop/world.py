@@ -117,7 +117,7 @@ class FleetWorld:
             return False
         number = own.state.number
         self._session.run(lambda: libsumo.vehicle.setRoute(name, list(path[number:])))
-        # SUMO may keep what lies behind; both ways end at the same place.
+        # SUMO may keep the driven segments; both paths end at the same place.
         own.behind = len(path) - len(libsumo.vehicle.getRoute(name))
         own.order = replace(own.order, path=path)
         self._controller.departed(name, own.order)

@@ -26,8 +26,8 @@ class LegOrder:
 
     Attributes:
         vehicle: of the fleet.
-        round: number of its round in the day, from 0.
-        leg: number in the round, from 0.
+        round: number of the tour in the vehicle's day, from 0.
+        leg: number in the tour, from 0.
         path: segments, the first one left from its beginning, the last one driven to its end.
         ready_s: from when on it could have left, s since midnight; travel time counts from then.
         due_s: when to leave, later where the plan has it wait to meet others.

@@ -150,7 +150,7 @@ class _FleetDay:
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
     def run(self, begin_s: float, end_s: float, progress: Progress | None) -> None:
-        """Dispatch until the end; rounds that are under way then are driven home."""
+        """Dispatch until the end; tours under way then are finished."""
         tours, solve = self.tours, evaluation_solve()
         tours.skip_before(begin_s)
         deliveries, now_s = tours.deliveries, begin_s

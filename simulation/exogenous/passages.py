@@ -1,4 +1,4 @@
-"""Legs driven on recorded traffic: who drives behind whom, and what each leg needs."""
+"""Legs driven on recorded traffic: platoons, and the energy of each leg."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class RecordedLeg:
 
     Attributes:
         vehicle: of the fleet.
-        round: number of its round in the day.
-        leg: number of the leg in the round.
+        round: number of the tour in the vehicle's day, from 0.
+        leg: number of the leg in the tour, from 0.
         path: segments.
         ready_s: when it could have left.
         due_s: its departure; times of the drive count from it.

@@ -1,4 +1,4 @@
-"""An RSU's camera in a process of its own: vehicles in, pictures over HTTP."""
+"""An RSU's camera in a subprocess: vehicles in, pictures over HTTP."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ class LiveFleet:
     """The vehicles of a fleet in a running simulation, driven by plans as they come.
 
     Attributes:
-        tours: who is under way and who is not.
-        begun: rounds.
+        tours: of the vehicles.
+        begun: tours.
         finished: of them, back at the depot.
         legs: driven.
         driven_m: of all legs driven.

@@ -128,7 +128,7 @@ def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
 
 
 class _Watch:
-    """Drives the simulation from window to window and looks for a gridlock on the way."""
+    """Advances the simulation from window to window, and checks for a gridlock."""
 
     def __init__(self, spec: DaySpec, report_time: Callable[[float], None]) -> None:
         self._spec = spec

@@ -1,4 +1,4 @@
-"""Pictures that INT8's ranges are fitted to, laid into the network's input as an RSU would."""
+"""Calibration pictures of INT8, letterboxed into the network's input as on an RSU."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def calibration_inputs(
     Args:
         source: a video file, or a folder with pictures (also in folders below).
         shape: (height, width) at which the model was trained: it fixes the scale.
-        count: at most so many, spread evenly over a clip, drawn from a folder.
+        count: largest number, spread evenly over a clip or drawn from a folder.
         camera: the clip's calibration: only the road's part is taken, as the daemon would. Without
             it, a camera.toml beside the clip is used if there is one.
         seed: of the draw.

@@ -1,11 +1,11 @@
-"""Reaching a signal when it is green: which green, and how fast to be for it.
+"""Eco-approach: which green of a signal to reach, and the speed for it.
 
 A red that cannot be passed costs its time anyway; the question is how to spend it. For a given
 time and distance the energy is least if the vehicle brakes first and then rolls to the stop line:
 what it keeps of its speed there it need not gain again, and rolling needs no traction. (By
 Pontryagin with a price of time that is negative before the line, since being early is worth
 nothing.) So the advice is the speed from which rolling reaches the line just then: faster vehicles
-slow down to it, slower ones may still gain speed, and whoever is on it rolls.
+slow down to it, slower ones may still gain speed, and a vehicle at it coasts.
 """
 
 from __future__ import annotations

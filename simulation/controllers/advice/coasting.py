@@ -1,4 +1,4 @@
-"""Rolling without traction: its motion, and when to begin it before a place to be slow at.
+"""Coasting: motion without traction and brakes, and when to begin it before a lower speed.
 
 A vehicle without traction and brakes is slowed by m dv/dt = −(r + k v²), r the rolling resistance
 and k v² the drag. Speed over time, distance over time and distance over speed have closed forms.
@@ -9,7 +9,7 @@ the brakes' force B >= 0, and λ the costate of K. The Hamiltonian
 
     H = F/η + p/v + λ (F − B − R)
 
-does not hang on x, so it is the same all along (Pontryagin). It is least with full traction where
+does not depend on x, so it is constant (Pontryagin). It is least with full traction where
 λ < −1/η, with any where λ = −1/η (cruising), with none where −1/η < λ < 0 (rolling) and with the
 brakes where λ > 0. Where rolling begins, at v₀, λ = −1/η and H = p/v₀ + R(v₀)/η. Where it ends and
 braking begins, at v_c, λ = 0 and H = p/v_c. Hence
@@ -19,7 +19,7 @@ braking begins, at v_c, λ = 0 and H = p/v_c. Hence
 and, above v_t, braking from v_c to v_t. It holds for cruising at a limit and for accelerating (v₀
 is then the highest speed reached, and there is no cruising). While v rolls down from v₀, the v_c
 that this would give for v gets lower and the road that is needed longer than the road that is left:
-whoever has begun to roll finds that he should roll at each later moment, so no memory is needed.
+a vehicle that has begun to coast also finds coasting optimal later, so no memory is needed.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ _YIELDING: Final = "msw="
 
 @dataclass(frozen=True)
 class Crossing:
-    """The way through a junction, from a lane of one segment to the next segment.
+    """A crossing of a junction, from a lane of one segment to the next segment.
 
     Attributes:
         length_m: of the lanes through the junction; 0 where there are none.
@@ -57,7 +57,7 @@ class Roads:
     crossings: Mapping[tuple[str, str], Mapping[int, Crossing]]
 
     def crossing(self, segment: str, following: str, lane: int) -> Crossing:
-        """The way from a lane, or from the nearest lane that leads there."""
+        """The crossing from a lane, or from the nearest lane that leads there."""
         ways = self.crossings[segment, following]
         return ways[min(ways, key=lambda other: (abs(other - lane), other))]
 

@@ -70,7 +70,8 @@ def best_rendezvous(
     Args:
         distance_m: d, to be closed.
         speed_mps: v, that both like to drive.
-        open_beyond_m: metres with open gates on the common way, beyond a way of the rear one.
+        open_beyond_m: distance with open gates on the shared path, beyond a distance of the rear
+            vehicle, m.
         drag_reduction: η that drafting adds, of both vehicles together.
         front_yields: whether the front one may slow down.
     """

@@ -33,7 +33,7 @@ class SharedPath:
     """Segments that the rear vehicle will drive behind the front one.
 
     Attributes:
-        spacing_m: from the rear one's front to the front one's front, along their way.
+        spacing_m: between both fronts along the path.
         parts: segments from the rear one's on to the last common one, each with the distance from
             the rear one's front to its end, m.
     """

@@ -19,7 +19,7 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True)
 class Movement:
-    """The way from one segment onto the next one.
+    """The movement from one segment to the next.
 
     Attributes:
         length_m: through the junction; the mean of the lanes that lead there.

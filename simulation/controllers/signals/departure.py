@@ -1,4 +1,4 @@
-"""The second at which a leg begins: the one from which the signals suit it best.
+"""The departure second of a leg: the one with the least cost through the signals.
 
 A vehicle that stands at its depot or at a customer's costs nothing by standing a little longer, if
 its deliveries stay in time. Each of some seconds is tried out on what is broadcast: the whole leg

@@ -26,7 +26,7 @@ _ITERATIONS: Final = 6
 
 
 class RoadPart(NamedTuple):
-    """A part of a way with one desired speed.
+    """A part of a path with one desired speed.
 
     Attributes:
         length_m: of it.
@@ -184,7 +184,7 @@ def _caps(way: Sequence[RoadPart], braking_mps2: float) -> list[float]:
 def _towards(
     speed_mps: float, stretch: RoadPart, cap_mps: float, parameters: DriveParameters
 ) -> tuple[Gain, float]:
-    """Drive on, then brake so as to end a stretch at a cap; the first part, and the way braked."""
+    """Drive on, then brake to a cap: the drive before braking, and the braking distance."""
     length_m, a = stretch.length_m, parameters.acceleration_mps2
     gain = drive_on(speed_mps, stretch.speed_mps, length_m, a)
     if gain.speed_mps <= cap_mps:

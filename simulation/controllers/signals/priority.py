@@ -40,7 +40,7 @@ class Counts:
     Attributes:
         requests: vehicles at signals that asked.
         served: of them, those that something was done for.
-        extensions: grants that held a green.
+        extensions: grants that extended a green.
         early_greens: grants that cut a phase.
     """
 
@@ -58,7 +58,7 @@ class _Grant:
         request: the first one that it was given for.
         base_s: by the begin of a phase, when it would have ended without the grant.
         green: whether the movement has had green since.
-        held: whether a green was held for it.
+        held: whether a green was extended for it.
         cut: whether a phase was cut for it.
     """
 

@@ -1,4 +1,4 @@
-"""Who asks which signal for green: vehicles whose free drive to its stop line is short enough."""
+"""Priority requests: vehicles whose free drive to a stop line is short enough."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class PriorityRequests:
         self._open: dict[str, dict[str, Request]] = {}
 
     def departed(self, name: str, order: LegOrder) -> None:
-        """A vehicle came onto the road, or was given another way on it."""
+        """A vehicle entered the road, or was rerouted on it."""
         movements = self._movements
         self._open.pop(name, None)
         self._routes[name] = _Route(

@@ -1,7 +1,7 @@
 """Transit signal priority's rules, as pure decisions: green extension and early green.
 
 - Green extension: the movement is green, and would turn yellow before the vehicle is through: the
-  phase is held until then, by `max_extension_s` at most.
+  phase is extended until then, by `max_extension_s` at most.
 - Early green: it is red: phases in between end earlier than usual, each after its least time and no
   earlier than it takes to have the green, and the queue before it gone, as the vehicle comes.
 - No phase is left out, each yellow and each clearance lasts its time, the order stays.
@@ -77,7 +77,7 @@ def decide(
         link: number of the vehicle's movement.
         wanted_s: when its green should begin at the latest.
         through_s: until when it should last.
-        latest_s: to which a green may be held at most.
+        latest_s: latest end of an extended green.
     """
     running = program.phases[phase]
     if running.clearing or len(running.next) != 1:

@@ -25,7 +25,7 @@ _SLOWEST: Final = 0.3
 
 @dataclass(frozen=True)
 class Ideal:
-    """One way to drive an arm's legs at best.
+    """An ideal drive of an arm's legs.
 
     Attributes:
         alone_kwh: without drafting.

@@ -1,4 +1,4 @@
-"""Delivery rounds of a day: depots, vehicles and orders from a seed, and the fleet of one cycle.
+"""Deliveries of a day: depots, vehicles and orders from a seed, and the fleet of one cycle.
 
 What is drawn here is fixed before any saving is measured; it knows nothing of platoons, RSUs or
 traffic.
@@ -160,7 +160,7 @@ def fleet_at(
 
     Args:
         now_s: since midnight.
-        idle: when each vehicle is ready at its depot, s since midnight; those on a round are left
+        idle: when each vehicle is ready at its depot, s since midnight; those on a tour are left
             out.
         taken: orders that are served or on their way.
 

@@ -33,9 +33,9 @@ class Routes:
     """Routes of trips.
 
     Attributes:
-        segments: ids, which `ways` counts by.
-        ways: the different routes, each a tuple of indices.
-        of_trip: index of each trip's way, shape (n,).
+        segments: ids; `ways` has their indices.
+        ways: the distinct routes, each a tuple of segment indices.
+        of_trip: index of each trip's route, shape (n,).
     """
 
     segments: tuple[str, ...]
@@ -65,11 +65,11 @@ def capacity_per_h(segment: Segment, network: RoadNetwork) -> float:
 def find_routes(trips: Trips, network: RoadNetwork, seed: int) -> Routes:
     """A route for each trip; same arguments, same routes.
 
-    Trips of an hour are dealt out to batches by the seed; each batch takes the shortest ways on the
+    Trips of an hour are assigned to batches by the seed; each batch takes the shortest paths on the
     times that the earlier batches of the hour leave behind.
 
     Raises:
-        InputError: there is no way between two places.
+        InputError: there is no path between two places.
     """
     roads = _Roads(network, trips.junctions)
     rng = np.random.default_rng([seed, 1000])
@@ -121,7 +121,7 @@ class _Roads:
         """Predecessors on the shortest ways from some junctions, shape (origins, vertices)."""
         alpha, beta = _BPR
         times = self._free_s * (1 + alpha * (volume / self._capacity) ** beta)
-        # Entering a destination costs nothing, which a sparse matrix takes for no way at all.
+        # Entering a destination costs 0, which a sparse matrix treats as no edge.
         cost = np.append(times, np.full(self._size - len(times), 1e-6))[self._onto]
         graph = csr_array((cost, (self._from, self._onto)), shape=(self._size, self._size))
         _, before = dijkstra(graph, indices=len(times) + origins, return_predecessors=True)

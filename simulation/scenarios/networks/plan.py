@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 from slipstream.errors import InputError
 
 Control = Literal["signals", "priority", "gateway"]
-"""Who goes first at a junction; a gateway is where the model ends, and traffic may turn round."""
+"""Control of a junction; a gateway is an end of the model, where traffic may turn around."""
 
 _NODE_TYPES: dict[str, str] = {
     "signals": "traffic_light",

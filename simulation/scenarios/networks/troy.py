@@ -80,7 +80,7 @@ def _directions(row: RoadRow) -> list[Road]:
 
 
 def _rows(path: Path) -> list[tuple[str, dict[str, str]]]:
-    """The rows of a table, each with the words that errors name it by."""
+    """The rows of a table, each with its label for errors."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))

@@ -172,7 +172,7 @@ def window_of(
 
 
 def _straight(stretch: Stretch, lanes: int) -> WatchedSegment:
-    """A watched segment laid along the x-axis, x being the place along the segment."""
+    """A watched segment along the x-axis; x is the distance along the segment."""
     low, high, width = stretch.from_m, stretch.to_m, lanes * _LANE_M
     outline = np.array([(low, 0.0), (high, 0.0), (high, width), (low, width)])
     return WatchedSegment(
