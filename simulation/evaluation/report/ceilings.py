@@ -144,7 +144,7 @@ def _where_table(evaluation: Evaluation, goes: Mapping[int, LossShares]) -> Tabl
         "Where the baseline's energy goes",
         ("", "kWh", "share"),
         rows,
-        f"{arm_files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.ceilings.where`",
+        f"{arm_files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.loss_shares`",
         (MEANS,),
     )
 

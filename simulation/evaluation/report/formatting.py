@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from simulation.evaluation.measures import Spread
+from slipstream.tables import markdown_table
 
 NOTHING: Final = "–"
 
@@ -35,9 +36,7 @@ def markdown(table: Table) -> str:
     lines = [
         f"## {table.title}",
         "",
-        _row(table.columns),
-        _row(("---", *("--:" for _ in table.columns[1:]))),
-        *map(_row, table.rows),
+        markdown_table(table.columns, table.rows),
         "",
         f"Source: {table.source}.",
         *(f"\n{note}" for note in table.notes),
@@ -81,7 +80,3 @@ def join_names(names: Sequence[object]) -> str:
 
 def _no_minus_zero(value: float, digits: int) -> float:
     return round(value, digits) + 0.0
-
-
-def _row(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
