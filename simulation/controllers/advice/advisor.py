@@ -22,7 +22,7 @@ from simulation.controllers.advice.radar import (
     queue_length,
 )
 from simulation.controllers.advice.road import LegRoad, Roads, StopLine, leg_road, read_roads
-from simulation.controllers.advice.time_price import leg_value_of_time_w
+from simulation.controllers.advice.value_of_time import leg_value_of_time_w
 from simulation.controllers.vehicle import LegOrder, VehicleState, free_drive_s
 from slipstream.energy import PAPER_CAR, VehicleParameters
 

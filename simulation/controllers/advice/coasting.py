@@ -102,8 +102,8 @@ class CoastingModel:
         """Road to roll and brake on from a speed to a lower one, for a price of time."""
         if speed_mps <= slow_mps:
             return 0.0
-        least = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))
-        return self.distance_m(speed_mps, least) + braking_m(least, slow_mps, braking_mps2)
+        lower_mps = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))
+        return self.distance_m(speed_mps, lower_mps) + braking_m(lower_mps, slow_mps, braking_mps2)
 
     def lost_s(
         self, speed_mps: float, slow_mps: float, value_of_time_w: float, braking_mps2: float
@@ -111,10 +111,12 @@ class CoastingModel:
         """Time that rolling adds to an approach at a speed that is braked at the last moment."""
         if speed_mps <= slow_mps:
             return 0.0
-        least = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))
-        at_speed_m = self.distance_m(speed_mps, least) - braking_m(speed_mps, least, braking_mps2)
-        braked_s = (speed_mps - least) / braking_mps2
-        return self.duration_s(speed_mps, least) - at_speed_m / speed_mps - braked_s
+        lower_mps = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))
+        at_speed_m = self.distance_m(speed_mps, lower_mps) - braking_m(
+            speed_mps, lower_mps, braking_mps2
+        )
+        braked_s = (speed_mps - lower_mps) / braking_mps2
+        return self.duration_s(speed_mps, lower_mps) - at_speed_m / speed_mps - braked_s
 
     @property
     def _rate_per_s(self) -> float:

@@ -116,7 +116,7 @@ class Platooning:
         snapshot = FleetSnapshot(
             now_s, self._step_s, members, states, self._lengths, self._is_open, self._limits
         )
-        snapshot.read_contacts(everybody=joins)
+        snapshot.read_contacts(all_members=joins)
         self._disengagements += disengage(snapshot, self._is_turbulent)
         for name, member in members.items():
             if joins or member.mode != "alone":

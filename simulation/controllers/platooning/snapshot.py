@@ -45,9 +45,9 @@ class FleetSnapshot:
     contacts: dict[str, Contact] = field(default_factory=dict)
     _positions: dict[str, PathPosition] = field(default_factory=dict)
 
-    def read_contacts(self, *, everybody: bool) -> None:
+    def read_contacts(self, *, all_members: bool) -> None:
         """Read vehicles ahead from SUMO: of platoon members, or of all that may be behind one."""
-        on = Counter(state.segment for state in self.states.values()) if everybody else None
+        on = Counter(state.segment for state in self.states.values()) if all_members else None
         for name, member in self.members.items():
             if member.mode != "alone" or (on is not None and self._may_follow(name, on)):
                 found = road.ahead(name)

@@ -88,13 +88,13 @@ def decide(
             return None
         until_s = end_s + through_s - closes_s
         return ExtendPhase(until_s) if until_s <= latest_s else None
-    least_end_s = begun_s + running.min_s
+    min_end_s = begun_s + running.min_s
     between_s, nominal_s = _between_s(program, phase, link)
     if between_s is None:
         return None
     if program.fixed and end_s + nominal_s <= wanted_s:
         return None
-    at_s = max(least_end_s, wanted_s - between_s)
+    at_s = max(min_end_s, wanted_s - between_s)
     if program.fixed and at_s >= end_s:
         return None
     return EndPhase(at_s)

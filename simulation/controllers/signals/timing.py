@@ -52,7 +52,7 @@ class Signals:
     """
 
     def __init__(self, min_green_s: float = 8.0) -> None:
-        self._least_green_s = min_green_s
+        self._min_green_s = min_green_s
         self._programs: dict[tuple[str, str], Program] = {}
         self._running: dict[str, Running] = {}
         self._compensation_s: dict[str, Mapping[int, float]] = {}
@@ -133,6 +133,6 @@ class Signals:
             min_s = nominal_s if fixed else float(read.minDur)
             phase = Phase(read.state, nominal_s, min_s, tuple(read.next) or ((number + 1) % count,))
             if fixed and not phase.clearing:
-                phase = replace(phase, min_s=min(nominal_s, self._least_green_s))
+                phase = replace(phase, min_s=min(nominal_s, self._min_green_s))
             phases.append(phase)
         return Program(tuple(phases), fixed)

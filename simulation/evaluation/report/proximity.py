@@ -34,7 +34,7 @@ def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> T
         fit = [arm.legs for arm in evaluation.results(name).values() if arm.legs]
         if not fit:
             continue
-        most = [ETA_FOLLOWER * sum(leg.alone.drag_kwh for leg in legs) for legs in fit]
+        bound = [ETA_FOLLOWER * sum(leg.alone.drag_kwh for leg in legs) for legs in fit]
         saved = [sum(leg.alone.total_kwh - leg.driven.total_kwh for leg in legs) for legs in fit]
         near = [
             [proximity_kwh(legs, lengths_m, 60.0 * minutes) for legs in fit]
@@ -45,7 +45,7 @@ def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> T
             (
                 name,
                 *(
-                    percent(Spread.over([k / m for k, m in zip(kwh, most, strict=True)]))
+                    percent(Spread.over([k / m for k, m in zip(kwh, bound, strict=True)]))
                     for kwh in (saved, *near)
                 ),
             )

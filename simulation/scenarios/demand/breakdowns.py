@@ -92,8 +92,10 @@ def draw_breakdowns(
                 raise InputError(source, problem, "name one of the net", key=key)
             if segment.length_m < _RUN_UP_M + 2 * _BEFORE_END_M:
                 problem = f"{name} is {segment.length_m:.0f} m long"
-                least = _RUN_UP_M + 2 * _BEFORE_END_M
-                raise InputError(source, problem, f"name one of {least:g} m and more", key=key)
+                min_length_m = _RUN_UP_M + 2 * _BEFORE_END_M
+                raise InputError(
+                    source, problem, f"name one of {min_length_m:g} m and more", key=key
+                )
         rng = np.random.default_rng([seed, _STREAM, index])
         name = breakdown.segments[rng.integers(len(breakdown.segments))]
         length_m = network.segments[name].length_m

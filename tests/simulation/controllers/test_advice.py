@@ -89,7 +89,7 @@ def test_no_advice_is_free_driving() -> None:
 
 
 def test_red_is_passed_at_green_without_stopping() -> None:
-    """A vehicle told of the next green reaches the line within it, still rolling."""
+    """With a known next green, a vehicle reaches the line within it, still rolling."""
     speeds, places, times = drive(order(eco=True), Timing((Green(45.0, 80.0),)))
     assert 46.0 <= times["line"] <= 50.0
     on_the_way = [v for v, x in zip(speeds, places, strict=True) if 100 < x < 400]

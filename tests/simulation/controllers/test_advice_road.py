@@ -6,7 +6,7 @@ from simulation.controllers.advice.approach import Margins, arrival_speed_mps, c
 from simulation.controllers.advice.coasting import CoastingModel
 from simulation.controllers.advice.radar import LeadVehicle, queue_length
 from simulation.controllers.advice.road import YIELDING_MPS, Crossing, Roads, SlowPoint, leg_road
-from simulation.controllers.advice.time_price import (
+from simulation.controllers.advice.value_of_time import (
     leg_value_of_time_w,
     limit_before,
     revealed_value_of_time_w,

@@ -103,7 +103,7 @@ def drive(
     is_turbulent: Callable[[str], bool] = lambda segment: False,
     enabled: bool = True,
     paths: Mapping[str, str] | None = None,
-    lead_told: Callable[[float], float | None] = lambda now: None,
+    lead_command: Callable[[float], float | None] = lambda now: None,
     between: bool = False,
     rear_lane: int = 0,
 ) -> Drive:
@@ -138,8 +138,8 @@ def drive(
             states = {name: read_state(name, order) for name, order in orders.items()}
             step = platooning.step(session.time_s, states)
             for name in orders:
-                told = lead_told(session.time_s) if name == LEAD else None
-                cap = told if told is not None else step.caps.get(name, -1)
+                commanded = lead_command(session.time_s) if name == LEAD else None
+                cap = commanded if commanded is not None else step.caps.get(name, -1)
                 vehicle.setSpeed(name, cap)
             session.advance()
             found.collisions += libsumo.simulation.getCollidingVehiclesNumber()
@@ -180,10 +180,10 @@ def test_a_platoon_holds_one_to_two_metres_at_steps_of_a_tenth(files: tuple[Path
 def test_a_platoon_stays_together_when_its_leader_brakes(files: tuple[Path, Path]) -> None:
     """At 0.5 s, through braking at 2.5 m/s² to a third of the speed and back, nobody touches."""
 
-    def told(now: float) -> float | None:
+    def commanded(now: float) -> float | None:
         return 10.0 if 45 <= now < 60 else None
 
-    found = drive(files, seconds=90.0, lead_told=told)
+    found = drive(files, seconds=90.0, lead_command=commanded)
     together = found.gaps[80:]
     assert 1.5 < min(together) <= max(together) < 7.5
     assert found.collisions == 0
@@ -217,7 +217,7 @@ def test_a_leader_beyond_a_gate_that_has_just_closed_is_not_credited(
         step_s=0.1,
         seconds=115.0,
         is_open=lambda segment: segment != "b" or not any(on_b),
-        lead_told=read_contacts,
+        lead_command=read_contacts,
     )
     closes = on_b.index(True)
     assert found.steps[closes].eta == {LEAD: ETA_LEADER, REAR: ETA_FOLLOWER}

@@ -48,15 +48,15 @@ def test_fixed_times_are_told_as_they_come(world: World) -> None:
     with world(True) as session:
         signals = Signals()
         session.advance()
-        told = {link: signals.upcoming(SIGNAL, link, session.time_s) for link in range(13)}
-        assert all(green.certain for greens in told.values() for green in greens)
-        assert [green.protected for green in told[6]] == [False, False]
-        assert told[3][0].protected
+        timing = {link: signals.upcoming(SIGNAL, link, session.time_s) for link in range(13)}
+        assert all(green.certain for greens in timing.values() for green in greens)
+        assert [green.protected for green in timing[6]] == [False, False]
+        assert timing[3][0].protected
         for _ in range(240):
             begun_s = session.time_s
             session.advance()
             state = libsumo.trafficlight.getRedYellowGreenState(SIGNAL)
-            for link, greens in told.items():
+            for link, greens in timing.items():
                 inside = any(g.begin_s <= begun_s < g.end_s for g in greens)
                 assert inside == (state[link] in "Gg"), (link, begun_s)
 

@@ -328,7 +328,7 @@ def test_an_evaluations_exogenous_arms_are_kept_and_shown(
             return background
 
     def apart(
-        simulate: object, order: study.ExogenousSpec, source: str, end_s: float, told: object
+        simulate: object, order: study.ExogenousSpec, source: str, end_s: float, progress: object
     ) -> ArmResult:
         seen.append((order.watched, order.policy.name))
         return make_arm(order.policy, order.seed)

@@ -55,7 +55,7 @@ def leg_value_of_time_w(
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> float:
     """The price of time for a leg: the revealed one, or what spends no more than the budget, W."""
-    least_w = revealed_value_of_time_w(road, vehicle)
+    min_w = revealed_value_of_time_w(road, vehicle)
     before = [limit_before(road, slow.at_m) for slow in road.slow]
 
     def lost_s(value_of_time_w: float) -> float:
@@ -64,7 +64,7 @@ def leg_value_of_time_w(
             for limit, slow in zip(before, road.slow, strict=True)
         )
 
-    low, high = least_w, least_w * _MAX_VALUE
+    low, high = min_w, min_w * _MAX_VALUE
     if lost_s(low) <= budget_s:
         return low
     for _ in range(_HALVINGS):
