@@ -1,7 +1,7 @@
-"""Fixed-time signals: the programs of a net with their green times as they stand, whatever comes.
+"""Fixed-time signals: the programs of a net with their nominal green times.
 
-A net's actuated signals end their green when nobody comes; a vehicle that is told when it will be
-green needs to know that beforehand, as with fixed times it does.
+A net's actuated signals end their green when no vehicle comes, so their future greens are unknown.
+With fixed times they are known in advance, as speed advice towards signals needs.
 """
 
 from __future__ import annotations
