@@ -99,7 +99,7 @@ class CoastingModel:
     def approach_m(
         self, speed_mps: float, slow_mps: float, value_of_time_w: float, braking_mps2: float
     ) -> float:
-        """Road to roll and brake on from a speed to a lower one, for a price of time."""
+        """Distance of coasting and braking from a speed to a lower one, for a value of time, m."""
         if speed_mps <= slow_mps:
             return 0.0
         lower_mps = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))
@@ -108,7 +108,7 @@ class CoastingModel:
     def lost_s(
         self, speed_mps: float, slow_mps: float, value_of_time_w: float, braking_mps2: float
     ) -> float:
-        """Time that rolling adds to an approach at a speed that is braked at the last moment."""
+        """Time that coasting adds to an approach with braking at the last moment, s."""
         if speed_mps <= slow_mps:
             return 0.0
         lower_mps = max(slow_mps, self.braking_speed(speed_mps, value_of_time_w))

@@ -1,14 +1,14 @@
-"""The price of time of a leg: what a second is worth in W, by which all advice is weighed.
+"""The value of time of a leg in W, by which speed advice trades time for energy.
 
-Who drives a leg at the limit, and does not roll, shows by it what time is worth at least: with a
-factor f on all speeds, E(f) = Σ (r + k f²v²) L/η + Σ ½m ((f v)² − v_t²)/η over segments and places
-where speed must be lower, and T(f) = Σ L/(f v). Driving at the limit is best only if time costs
+Driving a leg at the limit without coasting reveals a smallest value of time: with a factor f on all
+speeds, E(f) = Σ (r + k f²v²) L/η + Σ ½m ((f v)² − v_t²)/η over segments and places
+where speed must be lower, and T(f) = Σ L/(f v). Driving at the limit is optimal only for
 
     p = −(dE/df) / (dT/df) at f = 1 = (Σ 2 k v² L + Σ m v²) / (η Σ L/v)
 
-Rolling for that price saves more than driving slower all the way would in the same time. Where it
-would cost more time than the budget, the price is raised until it does not: one price for a whole
-leg spends a budget best (it is the constraint's Lagrange multiplier).
+Coasting at that value saves more than driving slower everywhere in the same time. Where it would
+take more time than the budget, the value is raised until it does not: one value for a whole leg is
+optimal for a budget (it is the constraint's Lagrange multiplier).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from simulation.controllers.advice.road import LegRoad
 from slipstream.energy import PAPER_CAR, VehicleParameters
 
 _MAX_VALUE: Final = 64.0
-"""Times the least price: for that much, rolling adds next to no time."""
+"""Factor on the smallest value, at which coasting adds almost no time."""
 
 _HALVINGS: Final = 20
 

@@ -1,13 +1,14 @@
-"""Signal priority: vehicles that come near a signal ask it for green, within limits.
+"""Signal priority: vehicles near a signal request green, within limits.
 
-Transit signal priority as cities give it to buses: green extension, early green, recovery.
+Transit signal priority as for buses: green extension, early green, recovery.
 
-- A signal serves the first that asked; whoever comes by the same green is served with it, as the
-  vehicles of a platoon are. What an earlier request has green by is not cut for a later one.
-- A grant ends when its vehicles are through or their green is over. Then the signal pauses, so
-  that the other streets are not starved.
-- Recovery, in programs of fixed times: a phase that was cut gets its time back at its next turn,
-  one that was held gives it back; then the program is in step again. Actuated ones need none.
+- A signal serves the earliest request. Vehicles that pass in the same green, as those of a platoon,
+  are served with it. A green of an earlier request is not ended for a later one.
+- A grant ends when its vehicles have passed or their green is over. Then the signal pauses, so that
+  other movements are not starved.
+- Recovery, in fixed-time programs: a phase that was ended early gets its time back at its next
+  turn, an extended one gives it back; then the program is in step again. Actuated signals need
+  none.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _NONE: Final[Mapping[str, float]] = {}
 
 @dataclass
 class Counts:
-    """What was asked and given.
+    """Counts of requests and grants.
 
     Attributes:
         requests: vehicles at signals that asked.

@@ -18,14 +18,14 @@ class Request:
     """A vehicle before a signal.
 
     Attributes:
-        vehicle: that asks.
+        vehicle: that requests.
         tls: the signal.
         crossing: number of its segment in the vehicle's path.
         link: number of its movement at the signal.
-        first_s: when it asked first.
-        wanted_s: when it needs green at the latest, so as not to brake.
-        through_s: when it has passed the stop line, with all that follow it.
-        served: whether the signal did something for it.
+        first_s: time of its first request.
+        wanted_s: latest begin of green at which it need not brake.
+        through_s: when it and its followers have passed the stop line.
+        served: whether the signal changed its times for it.
     """
 
     vehicle: str
