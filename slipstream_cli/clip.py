@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from simulation.streetdrive.writer import ClipSummary
+    from simulation.streetdrive import ClipSummary
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -64,7 +64,7 @@ def _add_common(world: argparse.ArgumentParser) -> None:
 
 def run_streetdrive(options: argparse.Namespace) -> int:
     """Render a StreetDrive clip."""
-    from simulation.streetdrive.clip import ClipSettings, render_clip
+    from simulation.streetdrive import ClipSettings, render_clip
 
     settings = ClipSettings(
         seconds=options.seconds,
@@ -80,8 +80,14 @@ def run_streetdrive(options: argparse.Namespace) -> int:
 
 def run_sumo(options: argparse.Namespace) -> int:
     """Render a SUMO view."""
-    from simulation.sumo import SumoClipSettings, render_sumo_clip
-    from simulation.sumo.builtin import find_additional, find_net, find_routes, find_rsu
+    from simulation.sumo_view import (
+        SumoClipSettings,
+        find_additional,
+        find_net,
+        find_routes,
+        find_rsu,
+        render_sumo_clip,
+    )
 
     settings = SumoClipSettings(
         net=find_net(options.net),

@@ -14,10 +14,9 @@ from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
     from simulation.closed_loop.policy import Policy
-    from simulation.evaluation.evaluation import Evaluation
-    from simulation.evaluation.store import Store
-    from simulation.evaluation.words import Table
-    from simulation.evaluation.world import World
+    from simulation.evaluation.measures import Evaluation
+    from simulation.evaluation.report import Table
+    from simulation.evaluation.runs import Store, World
     from simulation.exogenous.recorded import Watched
 
 _EXIT_INTERRUPTED: Final = 130
@@ -83,12 +82,9 @@ def run(options: argparse.Namespace) -> int:
     span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
-    from simulation.evaluation.evaluation import collect
-    from simulation.evaluation.ground import code_stamp
-    from simulation.evaluation.report import printed
-    from simulation.evaluation.store import Store
-    from simulation.evaluation.world import World, WorldFiles
-    from simulation.evaluation.writing import as_json, whole_summary, write_results
+    from simulation.evaluation.measures import collect
+    from simulation.evaluation.report import as_json, terminal_summary, whole_summary, write_results
+    from simulation.evaluation.runs import Store, World, WorldFiles, code_stamp
 
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
     files = WorldFiles(options.scenario, *parts)
@@ -98,10 +94,10 @@ def run(options: argparse.Namespace) -> int:
             "slipstream: no RSU stands beside these roads, so no platoon will drive; give --rsus",
             file=sys.stderr,
         )
-    with Store(options.out, world.ground, code_stamp()) as store:
+    with Store(options.out, world.provenance, code_stamp()) as store:
         try:
             kept = 0 if options.stored else _simulate(policies, seeds, store, world, workers)
-            evaluation = collect(store, world.ground, seeds)
+            evaluation = collect(store, world.provenance, seeds)
             if not evaluation.arms:
                 raise InputError(
                     options.out, "no arm of these seeds is stored", "run it without --stored"
@@ -120,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         if kept:
             print(f"{kept} of {len(policies) * len(seeds)} arms were stored already")
-        print(printed(evaluation))
+        print(terminal_summary(evaluation))
         print(f"{options.out / 'report.md'}")
     _refuse_gridlock(evaluation)
     return 0
@@ -130,12 +126,12 @@ def _simulate(
     policies: Sequence[Policy], seeds: Sequence[int], store: Store, world: World, workers: int
 ) -> int:
     """Simulate what the store lacks; how many arms it had."""
-    from simulation.evaluation.run import run_missing
+    from simulation.evaluation.runs import run_missing
 
-    span_s = world.ground.begin_s, world.ground.end_s
+    span_s = world.provenance.begin_s, world.provenance.end_s
     with Progress("simulating", sys.stderr) as progress:
-        told = _told(progress)
-        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, told)
+        update = _update_of(progress)
+        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, update)
     return done.kept
 
 
@@ -144,7 +140,7 @@ def _exogenous(
 ) -> dict[Watched, Evaluation]:
     """The exogenous evaluation, if it is asked for or stored."""
     from simulation.evaluation.arms import wants_exogenous
-    from simulation.evaluation.exogenous_study import ARMS, exogenous_evaluation
+    from simulation.evaluation.exogenous import ARMS, exogenous_evaluation
 
     stored = options.stored or not wants_exogenous(options.arms)
     found: dict[Watched, Evaluation] = {}
@@ -153,7 +149,7 @@ def _exogenous(
             continue
         with Progress(f"on recorded traffic, watched: {watched}", sys.stderr) as progress:
             evaluation = exogenous_evaluation(
-                world, watched, seeds, options.out, workers, _told(progress), stored=stored
+                world, watched, seeds, options.out, workers, _update_of(progress), stored=stored
             )
         if evaluation.arms:
             found[watched] = evaluation
@@ -164,9 +160,8 @@ def _further_tables(
     world: World, evaluation: Evaluation, exogenous: Mapping[Watched, Evaluation]
 ) -> tuple[Table, ...]:
     """Ceilings, and the exogenous evaluation where there is one."""
-    from simulation.closed_loop.advice.road import read_roads
-    from simulation.evaluation.ceiling_tables import ceiling_tables
-    from simulation.evaluation.exogenous_study import exogenous_tables
+    from simulation.controllers.advice import read_roads
+    from simulation.evaluation.report import ceiling_tables, exogenous_tables
 
     tables = ceiling_tables(evaluation, read_roads(world.scenario.net))
     if {"rsus", "everywhere"} <= set(exogenous):
@@ -174,7 +169,7 @@ def _further_tables(
     return tables
 
 
-def _told(progress: Progress) -> Callable[[float, float], None]:
+def _update_of(progress: Progress) -> Callable[[float, float], None]:
     return lambda passed_s, whole_s: progress.update(round(passed_s), round(whole_s))
 
 
@@ -183,7 +178,7 @@ def _refuse_gridlock(evaluation: Evaluation) -> None:
     for name, seed, faults in evaluation.refused:
         if any(fault.startswith("gridlock") for fault in faults):
             raise InputError(
-                f"{evaluation.ground.scenario}, arm {name}, seed {seed}",
+                f"{evaluation.provenance.scenario}, arm {name}, seed {seed}",
                 faults[0],
                 "take fewer trips or another network",
             )

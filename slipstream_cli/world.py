@@ -25,7 +25,7 @@ from slipstream_cli.tally import Tally
 if TYPE_CHECKING:
     from simulation.live.process import WorldProcess
 
-_TELL_S = 60.0
+_REPORT_S = 60.0
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -174,7 +174,7 @@ def _looking_at(world: WorldProcess, supervisor: Supervisor) -> Callable[[float]
     def look(elapsed_s: float) -> None:
         nonlocal told_s
         world.poll()
-        if elapsed_s - told_s >= _TELL_S and world.counts is not None:
+        if elapsed_s - told_s >= _REPORT_S and world.counts is not None:
             told_s = elapsed_s
             supervisor.say("world", _line(world))
 

@@ -10,13 +10,13 @@ from slipstream.config import Settings
 from slipstream_cli.demo import write_daemons
 
 if TYPE_CHECKING:
-    from simulation.live.order import CameraPlace, WorldOrder
+    from simulation.live.world_spec import CameraEndpoint, WorldSpec
 
 
 def write_world_settings(
     folder: Path,
-    order: WorldOrder,
-    cameras: Sequence[CameraPlace],
+    order: WorldSpec,
+    cameras: Sequence[CameraEndpoint],
     *,
     bus_endpoint: str,
     dashboard_port: int,

@@ -17,8 +17,8 @@ from benchmarks.routing.watch import watched
 from benchmarks.world import report
 from benchmarks.world.figures import Repeat, Saved, TimedRun
 from benchmarks.world.report import Results
-from simulation.closed_loop.advice.road import read_roads
-from simulation.closed_loop.recording import history_of
+from simulation.closed_loop.history_recording import history_of
+from simulation.controllers.advice import read_roads
 from simulation.evaluation.arms import (
     BASELINE,
     COOPERATIVE,
@@ -28,12 +28,8 @@ from simulation.evaluation.arms import (
     noisy,
     paced,
 )
-from simulation.evaluation.ceilings import ceilings
-from simulation.evaluation.compare import Spread
-from simulation.evaluation.evaluation import Evaluation, collect
-from simulation.evaluation.ground import code_stamp
-from simulation.evaluation.store import Store
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation.measures import Evaluation, Spread, collect, compute_ceilings
+from simulation.evaluation.runs import Store, World, WorldFiles, code_stamp
 from simulation.scenarios.scenario import load_scenario, prepare
 from slipstream.errors import InputError
 
@@ -269,8 +265,8 @@ def _saving(bench: _Bench, results: Results) -> Results:
     for scenario in form.scenarios:
         begin_h, end_h = form.saving_span_h
         folder = bench.settings.out / f"{scenario}-{begin_h:g}-{end_h:g}"
-        listed = ",".join(map(str, seeds))
-        if bench.evaluate(scenario, folder, form.saving_arms, form.saving_span_h, listed):
+        join_names = ",".join(map(str, seeds))
+        if bench.evaluate(scenario, folder, form.saving_arms, form.saving_span_h, join_names):
             saved.append(read_saved(scenario, folder, form.saving_span_h, seeds))
             tables.append(str(folder))
     return replace(results, saved=tuple(saved), tables=tuple(tables))
@@ -282,8 +278,8 @@ def read_saved(
     """What an evaluation's folder says."""
     span_s = span_h[0] * _HOUR_S, span_h[1] * _HOUR_S
     world = World(WorldFiles(scenario), folder / "background", "actuated", span_s)
-    with Store(folder, world.ground, code_stamp()) as store:
-        found = collect(store, world.ground, seeds)
+    with Store(folder, world.provenance, code_stamp()) as store:
+        found = collect(store, world.provenance, seeds)
 
     def equal(name: str) -> float | None:
         return _mean(found.against(name, lambda c: c.at_equal_time))
@@ -305,7 +301,7 @@ def _drafting(found: Evaluation, world: World) -> float | None:
     """What every kilometre drafted would save of the baseline, mean of the seeds."""
     roads = read_roads(world.scenario.net)
     shares = [
-        ceilings(stored.result, roads).savings()["drafting"]
+        compute_ceilings(stored.result, roads).savings()["drafting"]
         for seed, stored in found.arms.get(BASELINE, {}).items()
         if not found.runs[BASELINE][seed].faults
     ]

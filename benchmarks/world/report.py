@@ -16,6 +16,7 @@ from benchmarks.world.figures import (
     saving_checks,
     time_checks,
 )
+from slipstream.tables import markdown_table
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
     lines += [f"- **not measured:** {why}" for why in results.missing]
     lines += ["", *check_table(checks(results))]
     if results.runs:
-        lines += ["", "## Times", "", *_run_table(results.runs)]
+        lines += ["", "## Times", "", _run_table(results.runs)]
     different = [f"{r.scenario}: {', '.join(r.different)}" for r in results.repeats if r.different]
     if different:
         lines += ["", "## Not the same bytes", "", *(f"- {line}" for line in different)]
@@ -70,13 +71,16 @@ def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
     (folder / "report.json").write_text(json.dumps(content, indent=1) + "\n")
 
 
-def _run_table(runs: Sequence[TimedRun]) -> list[str]:
-    return [
-        "| world | seed | what | hours | s | processor, s | peak, MB | others at once |",
-        "|---|--:|---|--:|--:|--:|--:|--:|",
-        *(
-            f"| {r.scenario} | {r.seed} | {r.what} | {r.hours:g} | {r.wall_s:.1f} | {r.cpu_s:.1f} "
-            f"| {r.peak_mb:.0f} | {r.beside} |"
-            for r in runs
-        ),
-    ]
+def _run_table(runs: Sequence[TimedRun]) -> str:
+    columns = (
+        *("world", "seed", "what", "hours", "s", "processor, s", "peak, MB"),
+        "others at once",
+    )
+    rows = (
+        (
+            *(r.scenario, r.seed, r.what, f"{r.hours:g}", f"{r.wall_s:.1f}", f"{r.cpu_s:.1f}"),
+            *(f"{r.peak_mb:.0f}", r.beside),
+        )
+        for r in runs
+    )
+    return markdown_table(columns, rows, left=(0, 2))

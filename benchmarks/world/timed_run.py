@@ -14,10 +14,10 @@ from pathlib import Path
 
 from simulation.closed_loop.arm import STEP_S
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation.runs import World, WorldFiles
+from simulation.scenarios.acceptance import AcceptanceLimits
 from simulation.scenarios.day import run_day
-from simulation.scenarios.gates import Gates
-from simulation.scenarios.scenario import load_scenario, order_day, prepare
+from simulation.scenarios.scenario import day_spec, load_scenario, prepare
 
 
 def main() -> None:
@@ -44,15 +44,13 @@ def _background(options: argparse.Namespace) -> dict[str, object]:
     scenario = load_scenario(options.scenario)
     background = prepare(scenario, options.seed, options.folder)
     prepared_s = time.monotonic() - began
-    order = order_day(
-        scenario, background, options.folder, begin_s=options.begin, end_s=options.end
-    )
+    order = day_spec(scenario, background, options.folder, begin_s=options.begin, end_s=options.end)
     day = run_day(order)
     return {
         **_named(options, began),
         "prepared_s": prepared_s,
         "trips": day.statistics.inserted,
-        "faults": Gates().faults(day),
+        "faults": AcceptanceLimits().faults(day),
     }
 
 

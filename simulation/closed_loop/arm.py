@@ -1,4 +1,4 @@
-"""One arm of a day: SUMO, RSUs, dispatcher and fleet together, in a process of its own."""
+"""One arm of a day in a subprocess: SUMO, RSUs, dispatcher and fleet."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from typing import Final
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, Others
-from simulation.closed_loop.vehicle import PREFIX
-from simulation.scenarios.apart import Progress, run_apart
-from simulation.scenarios.day import DayOrder, sumo_options
-from simulation.scenarios.fleet import draw_deliveries
+from simulation.controllers import PREFIX
+from simulation.scenarios.day import DaySpec, sumo_options
+from simulation.scenarios.demand import draw_deliveries
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
+from simulation.scenarios.perception import Rsu
 from simulation.scenarios.record import read_statistics, read_trips
-from simulation.scenarios.rsus import Rsu
 from simulation.scenarios.scenario import load_scenario
-from simulation.sumo.files import check_files
+from simulation.sumo import Progress, check_files, run_in_subprocess
 
 STEP_S: Final = 0.5
 """Energy from steps of this length is right to 0.2 %."""
 
 
 @dataclass(frozen=True)
-class ArmOrder:
+class ArmSpec:
     """What to simulate.
 
     Attributes:
@@ -64,7 +63,7 @@ class ArmOrder:
             raise ValueError("the lever 'routes' needs a history")
 
 
-def run_arm(order: ArmOrder, progress: Progress | None = None) -> ArmResult:
+def run_arm(order: ArmSpec, progress: Progress | None = None) -> ArmResult:
     """Simulate an arm in another process; same order, same result.
 
     Raises:
@@ -74,36 +73,36 @@ def run_arm(order: ArmOrder, progress: Progress | None = None) -> ArmResult:
     net = load_scenario(order.scenario, net=order.net, fleet=order.fleet).net
     check_files(net, (order.background, *order.additional))
     source = f"{net.name}, {order.background.name}"
-    return run_apart(simulate_arm, order, source, order.end_s, progress)
+    return run_in_subprocess(simulate_arm, order, source, order.end_s, progress)
 
 
-def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
+def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmResult:
     """Simulate in this process.
 
     Args:
-        tell: told the simulated time every ten minutes.
+        report_time: called with the simulated time every ten minutes.
 
     Raises:
         InputError: SUMO refuses a file.
     """
-    # Imported here: they need libsumo, or what takes a second to load.
-    from simulation.closed_loop.conducting import FleetConductor
-    from simulation.closed_loop.departing import Departing, seconds_of
+    # Imported here: they need libsumo, or take a second to load.
+    from simulation.closed_loop.departures import LegDepartures, departure_optimizer
     from simulation.closed_loop.dispatching import Dispatching
     from simulation.closed_loop.gates import Roadside
     from simulation.closed_loop.history import History
-    from simulation.closed_loop.rounds import Rounds
+    from simulation.closed_loop.tours import Tours
     from simulation.closed_loop.world import FleetWorld
+    from simulation.controllers.fleet_controller import FleetController
     from simulation.sumo.session import Session
 
     scenario = load_scenario(order.scenario, net=order.net, fleet=order.fleet)
     network, policy = scenario.network, order.policy
     lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
-    rounds = Rounds(draw_deliveries(scenario.fleet, network, order.seed), network)
-    rounds.skip_before(order.begin_s)
+    tours = Tours(draw_deliveries(scenario.fleet, network, order.seed), network)
+    tours.skip_before(order.begin_s)
     history = None if order.history is None else History.load(order.history)
     roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
-    day = DayOrder(
+    day = DaySpec(
         scenario.net,
         order.background,
         tuple(network.segments),
@@ -121,31 +120,35 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         legs = []
         gridlock = GridlockWatch()
         with Session(options, (day.net, day.routes, *day.additional)) as session:
-            conductor = FleetConductor(policy, scenario.net, order.step_s, lengths_m, roadside)
-            dispatching = Dispatching(rounds, policy, order.seed, executor, history)
-            seconds = seconds_of(policy, conductor.signals, dispatching.waiting_worth_kw)
-            departing = Departing(network, dispatching, roadside, rounds, seconds)
-            world = FleetWorld(
-                session, lengths_m, conductor, order.step_s, policy.pace, departing.leave
+            controller = FleetController(
+                policy.levers, scenario.net, order.step_s, lengths_m, roadside
             )
-            cycle_s = rounds.deliveries.settings.cycle_s
+            dispatching = Dispatching(tours, policy, order.seed, executor, history)
+            optimizer = departure_optimizer(
+                policy, controller.signals, dispatching.waiting_worth_kw
+            )
+            leg_departures = LegDepartures(network, dispatching, roadside, tours, optimizer)
+            world = FleetWorld(
+                session, lengths_m, controller, order.step_s, policy.pace, leg_departures.leave
+            )
+            cycle_s = tours.deliveries.settings.cycle_s
             while (now_s := session.time_s) < order.end_s:
                 if now_s % cycle_s == 0:
                     for leg in dispatching.cycle(now_s, roadside):
                         world.send(leg)
                     for name, (leg, state) in world.running().items():
-                        way = departing.other_way(leg, state, now_s)
+                        way = leg_departures.better_route(leg, state, now_s)
                         if way is not None:
                             world.reroute(name, way)
                 if now_s % CHECK_S == 0 and now_s > order.begin_s:
-                    tell(now_s)
-                    if gridlock.look(now_s):
+                    report_time(now_s)
+                    if gridlock.update(now_s):
                         break
                 for driven in world.step():
                     legs.append(driven)
-                    for leg in rounds.arrived(driven):
+                    for leg in tours.arrived(driven):
                         world.send(leg)
-                roadside.look(session.time_s)
+                roadside.sample(session.time_s)
             end_s = session.time_s
         ended = read_trips(trips)
         counts = read_statistics(statistics, ended)
@@ -157,7 +160,7 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
         begin_s=order.begin_s,
         end_s=end_s,
         legs=tuple(legs),
-        services=rounds.services(end_s),
+        services=tours.services(end_s),
         cycles=tuple(dispatching.cycles),
         others=Others(
             arrived=len(others),
@@ -165,7 +168,7 @@ def simulate_arm(order: ArmOrder, tell: Callable[[float], None]) -> ArmResult:
             time_loss_s=_mean([trip.time_loss_s for trip in others]),
             stops=_mean([trip.stops for trip in others]),
         ),
-        disengagements=conductor.disengagements,
+        disengagements=controller.disengagements,
         teleports=counts.teleports,
         collisions=counts.collisions,
         emergency_stops=counts.emergency_stops,

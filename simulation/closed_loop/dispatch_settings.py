@@ -15,8 +15,8 @@ _AMPLE_S: Final = 250.0
 def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> DispatcherSettings:
     """Settings under which iterations end every search, never the clock.
 
-    Times of a fleet count from `settings.deadline_s` after a cycle's start unless `run_cycle` is
-    told otherwise: give it `reference_s=0`, as a simulation stands still while it is planned for.
+    Give `run_cycle` `reference_s=0` with them: a simulation does not advance during a cycle. By
+    default a fleet's times count from `settings.deadline_s` after the cycle's start.
     """
     search = SearchSettings(
         rounds=3,

@@ -1,4 +1,4 @@
-"""Dispatch cycles of a running simulation: from what RSUs report to legs that vehicles drive."""
+"""Dispatch cycles of a running simulation: from RSU reports to legs of vehicles."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.travel import roads_of
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
+from simulation.closed_loop.alternative_routes import AlternativeRoutes
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
 from simulation.closed_loop.gates import WINDOW_S, Roadside
 from simulation.closed_loop.history import History
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import CycleRecord
-from simulation.closed_loop.rerouting import Ways
-from simulation.closed_loop.rounds import Rounds
-from simulation.closed_loop.signals.departure import DepartureSettings
-from simulation.closed_loop.vehicle import LegOrder
-from simulation.scenarios.fleet import fleet_at
+from simulation.closed_loop.tours import Tours
+from simulation.controllers import LegOrder
+from simulation.controllers.signals import DepartureSettings
+from simulation.scenarios.demand import fleet_at
 from slipstream.messages import DrivingAdvice, SegmentState
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0
-"""What an hour is worth to who drives in a city at the limit; see `History.time_worth_kw`."""
+"""Value of driving time in a city at the limit; see `History.time_worth_kw`."""
 
 
 class Dispatching:
     """The real dispatch cycle on the fleet's orders.
 
     Args:
-        rounds: of the day.
+        tours: of the day.
         policy: of the arm.
         seed: of the searches.
         executor: runs the search for base routes.
@@ -46,28 +46,28 @@ class Dispatching:
 
     def __init__(
         self,
-        rounds: Rounds,
+        tours: Tours,
         policy: Policy,
         seed: int,
         executor: Executor,
         history: History | None = None,
     ) -> None:
-        self._rounds, self._policy, self._seed, self._executor = rounds, policy, seed, executor
+        self._tours, self._policy, self._seed, self._executor = tours, policy, seed, executor
         self._history = history if "routes" in policy.levers else None
         self.time_worth_kw = (
-            0.0 if self._history is None else self._history.time_worth_kw(rounds.network)
+            0.0 if self._history is None else self._history.time_worth_kw(tours.network)
         )
-        self._ways: tuple[tuple[SegmentState, ...], Ways] | None = None
+        self._alternatives: tuple[tuple[SegmentState, ...], AlternativeRoutes] | None = None
         self._expected: tuple[int, Expectations] | None = None
         self._settings = settings_of(policy)
         self._solve = evaluation_solve()
         self.cycles: list[CycleRecord] = []
 
     def cycle(self, now_s: float, roadside: Roadside) -> Iterator[LegOrder]:
-        """Plan for the orders that are ready; the first legs of the rounds that begin."""
-        rounds = self._rounds
-        idle = {name: at for name, at in rounds.idle.items() if at <= now_s}
-        fleet = fleet_at(rounds.deliveries, now_s, idle, rounds.taken)
+        """Plan the released orders; the first legs of the tours that begin."""
+        tours = self._tours
+        idle = {name: at for name, at in tours.idle.items() if at <= now_s}
+        fleet = fleet_at(tours.deliveries, now_s, idle, tours.taken)
         if fleet is None:
             return
         number, now_ns = len(self.cycles), round(now_s * 1e9)
@@ -79,7 +79,7 @@ class Dispatching:
             now_ns,
             cycle_seed(self._seed, number),
             reference_delay_s=0.0,
-            on_road=tuple(on_road(rounds.plans(), now_ns, rounds.late_s())),
+            on_road=tuple(on_road(tours.plans(), now_ns, tours.late_s())),
         )
         result = run_cycle(cycle, self._solve, self._executor)
         energy = result.report.energy
@@ -98,12 +98,12 @@ class Dispatching:
             )
         )
         for plan in result.plans:
-            yield from rounds.begin(plan)
+            yield from tours.begin(plan)
 
     def snapshot(self, now_s: float, roadside: Roadside) -> TrafficSnapshot:
         """The traffic as the dispatcher knows it; all gates closed where it may not platoon."""
         snapshot = take_snapshot(
-            self._rounds.network,
+            self._tours.network,
             roadside.states,
             round(now_s * 1e9),
             stale_after_s=1.5 * WINDOW_S,
@@ -114,25 +114,25 @@ class Dispatching:
             snapshot = with_gates(snapshot, roadside.open)
         return replace(snapshot, expected=self._expectations(now_s))
 
-    def ways(self, now_s: float, roadside: Roadside) -> Ways:
-        """The cheapest ways as the traffic is now, by the costs of the arm's routes."""
-        if self._ways is None or self._ways[0] is not roadside.states:
-            # A problem has somebody to serve; costs of roads do not hang on whom.
-            depots = self._rounds.deliveries.settings.depots
+    def alternatives(self, now_s: float, roadside: Roadside) -> AlternativeRoutes:
+        """Alternative paths by the present traffic and the costs of the arm's routes."""
+        if self._alternatives is None or self._alternatives[0] is not roadside.states:
+            # A problem needs a stop; the costs of roads do not depend on it.
+            depots = self._tours.deliveries.settings.depots
             stop = Stop(id="anywhere", node=depots[0].node)
             fleet = Fleet(depots=depots, stops=(stop,), vehicles=(Vehicle(id="anybody"),))
             roads = roads_of(self._problem(fleet), self.snapshot(now_s, roadside))
-            self._ways = roadside.states, Ways(self._rounds.network, roads)
-        return self._ways[1]
+            self._alternatives = roadside.states, AlternativeRoutes(self._tours.network, roads)
+        return self._alternatives[1]
 
     @property
     def waiting_worth_kw(self) -> float:
-        """What an hour at the depot or at the kerb counts for."""
+        """Value of waiting at the depot or at the kerb."""
         return self.time_worth_kw or DEFAULT_TIME_WORTH_KW
 
     def _problem(self, fleet: Fleet) -> RoutingProblem:
         return RoutingProblem(
-            self._rounds.network,
+            self._tours.network,
             fleet,
             search=self._policy.search,
             time_worth_kw=self.time_worth_kw,
@@ -144,7 +144,7 @@ class Dispatching:
             return None
         hour = int(now_s // 3600)
         if self._expected is None or self._expected[0] != hour:
-            self._expected = hour, self._history.expectations(self._rounds.network, hour)
+            self._expected = hour, self._history.expectations(self._tours.network, hour)
         return self._expected[1]
 
 

@@ -1,4 +1,4 @@
-"""What the RSUs report in a running simulation, and where platoons may form."""
+"""RSU reports in a running simulation, and the platooning gates that follow."""
 
 from __future__ import annotations
 
@@ -10,17 +10,15 @@ import numpy as np
 from edge_daemon.settings import StabilitySettings
 from simulation.closed_loop.policy import Gating
 from simulation.ground_truth import TrueWindow
-from simulation.scenarios.observer import Observation, Observer
-from simulation.scenarios.perception import Reporter, measured_errors
-from simulation.scenarios.rsus import Rsu
+from simulation.scenarios.perception import Observation, Observer, Reporter, Rsu, measured_errors
 from slipstream.messages import SegmentState
 
 WINDOW_S: Final = 60.0
-"""Longer than the paper's 10 s, in which less than three vehicles come by most of the day."""
+"""Longer than the paper's 10 s, in which fewer than three vehicles pass during most of the day."""
 
-_LOOK_EVERY_S: Final = 1.0
+_SAMPLE_EVERY_S: Final = 1.0
 _STREAM: Final = 3000
-_FEWEST: Final = StabilitySettings().min_vehicles
+_MIN_VEHICLES: Final = StabilitySettings().min_vehicles
 
 
 class Roadside:
@@ -35,7 +33,7 @@ class Roadside:
 
     def __init__(self, rsus: Sequence[Rsu], seed: int, noise: float, gating: Gating) -> None:
         rule = StabilitySettings().bare()
-        self._observer = Observer(rsus, _LOOK_EVERY_S, rule, WINDOW_S)
+        self._observer = Observer(rsus, _SAMPLE_EVERY_S, rule, WINDOW_S)
         keep_s = {rsu.id: rsu.keep_s for rsu in rsus}
         self._reporter = Reporter(
             measured_errors(), seed, keep_s=keep_s, noise=noise, window_s=WINDOW_S
@@ -52,7 +50,7 @@ class Roadside:
         return segment in self._open
 
     def is_turbulent(self, segment: str) -> bool:
-        """Whether the traffic there was turbulent in the last window in truth."""
+        """Whether the true traffic on it was turbulent in the last window."""
         return segment in self._turbulent
 
     @property
@@ -65,13 +63,13 @@ class Roadside:
         """Watched segments whose y_e is known."""
         return frozenset(state.segment for state in self.states if state.y_e is not None)
 
-    def look(self, now_s: float) -> None:
-        """After each step; a window ends at each full minute."""
-        if now_s % _LOOK_EVERY_S:
+    def sample(self, now_s: float) -> None:
+        """Sample the traffic after each step; a window ends at each full minute."""
+        if now_s % _SAMPLE_EVERY_S:
             return
-        self._observer.look()
+        self._observer.sample()
         self._looked += 1
-        if now_s % WINDOW_S == 0 and self._looked >= WINDOW_S / _LOOK_EVERY_S:
+        if now_s % WINDOW_S == 0 and self._looked >= WINDOW_S / _SAMPLE_EVERY_S:
             self._report(self._observer.observe(now_s))
 
     def _report(self, observations: Sequence[Observation]) -> None:
@@ -88,11 +86,11 @@ def open_gates(
     """The segments whose gates are open.
 
     Args:
-        gating: `random` deals the reported gates out anew, once for all day, so that as many are
-            open, and for as long; by chance a segment may keep its own.
+        gating: `random` permutes the reported gates over the segments once a day, so that as many
+            are open for as long.
         watched: by an RSU.
         reported: stable by the RSUs.
-        seed: of who has whose gate.
+        seed: of the permutation.
     """
     if gating == "open":
         return frozenset(watched)
@@ -106,5 +104,5 @@ def open_gates(
 
 
 def is_turbulent(truth: TrueWindow | None) -> bool:
-    """Whether traffic was turbulent in truth; one or two vehicles that brake are no traffic."""
-    return truth is not None and truth.y_e == 0 and truth.vehicles >= _FEWEST
+    """Whether the true traffic was turbulent; fewer vehicles than the rule needs do not count."""
+    return truth is not None and truth.y_e == 0 and truth.vehicles >= _MIN_VEHICLES

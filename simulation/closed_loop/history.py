@@ -1,7 +1,7 @@
-"""What movements cost on another day: a table, and what it lets the dispatcher expect.
+"""Costs of movements on another day, and the dispatcher's expectations from them.
 
-A movement is a segment and the one that is driven onto behind it: a left turn waits longer than a
-right one. Means of few passages are drawn towards means of many: those of an hour towards those of
+A movement is a segment with its successor: a left turn waits longer than a right one. Means of few
+passages are shrunk towards means of many: those of an hour towards those of
 the day, a movement's towards its segment's, a segment's towards those of all that end at signals,
 or of all others (shrinkage with a fixed number of pseudo-observations).
 """
@@ -31,7 +31,7 @@ _OF_DAY: Final = 8.0
 _OF_HOUR: Final = 16.0
 _NEIGHBOUR: Final = 0.5
 """What passages of the hours before and after count for."""
-_LEAST_SHARE: Final = 0.2
+_MIN_SHARE: Final = 0.2
 """No movement is expected to cost less, of what it costs at the limit without a stop."""
 
 
@@ -60,7 +60,7 @@ class History:
     def expectations(self, network: RoadNetwork, hour: float) -> Expectations:
         """What all movements of a network are expected to cost at an hour of the day.
 
-        Where nobody drove, it is the physics of the limit and what signals, or other junctions,
+        Where no vehicle drove, it is the physics of the limit and what signals, or other junctions,
         cost on average.
         """
         pairs = [(a, b) for a in network.segments for b in network.turns(a)]
@@ -83,8 +83,8 @@ class History:
             mean = (extra + _OF_DAY * mean) / (passed + _OF_DAY)
             return np.asarray((extra_now + _OF_HOUR * mean) / (passed_now + _OF_HOUR))
 
-        loss = np.maximum(steady + beyond(self.loss_kwh, steady), _LEAST_SHARE * steady)
-        seconds = np.maximum(free_s + beyond(self.seconds, free_s), _LEAST_SHARE * free_s)
+        loss = np.maximum(steady + beyond(self.loss_kwh, steady), _MIN_SHARE * steady)
+        seconds = np.maximum(free_s + beyond(self.seconds, free_s), _MIN_SHARE * free_s)
         return Expectations(
             dict(zip(pairs, loss.tolist(), strict=True)),
             dict(zip(pairs, seconds.tolist(), strict=True)),
@@ -94,8 +94,8 @@ class History:
         """What an hour is worth at least to those who drive at the limit, kWh.
 
         With a factor f on all speeds, drag and braking grow with f² and time falls with 1/f, so
-        driving at the limit is best only if time costs 2 (E − E_rolling) / T. A way that takes less
-        time is worth that much: whoever takes it may drive slower for the rest.
+        driving at the limit is best only if time costs 2 (E − E_rolling) / T. A path with less
+        time has that value: its vehicle may drive slower on the rest.
         """
         passed = self.count.sum(axis=1)
         length_m = np.array([network.segments[a].length_m for a, _ in self.movements])
@@ -106,7 +106,7 @@ class History:
 
     @staticmethod
     def _taken(values: Array, at: npt.NDArray[np.int64]) -> Array:
-        """Values at rows, 0 for the row -1, which stands for what nobody drove."""
+        """Values at rows; 0 for the row -1, a movement without observations."""
         return np.append(values, 0.0)[at]
 
     def save(self, path: Path) -> None:

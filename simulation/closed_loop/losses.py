@@ -1,4 +1,4 @@
-"""Where the energy of a drive went: rolling, drag, and what brakes destroyed on which occasion."""
+"""Energy losses of a drive: rolling, drag, and braking by occasion."""
 
 from __future__ import annotations
 
@@ -35,11 +35,6 @@ class Losses(NamedTuple):
     arrival_kwh: float
     stands_kwh: float
     slowing_kwh: float
-
-    @property
-    def braking_kwh(self) -> float:
-        """All that brakes destroyed."""
-        return self.arrival_kwh + self.stands_kwh + self.slowing_kwh
 
 
 def losses(

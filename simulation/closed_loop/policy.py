@@ -1,4 +1,4 @@
-"""What an arm of the evaluation lets its dispatcher and its vehicles do."""
+"""The policy of an arm: levers of its dispatcher and vehicles, gating, noise, pace."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEVERS: Final[tuple[Lever, ...]] = (
     "priority",
 )
 """routes: costs of movements with their stops, instead of the paper's costs of segments;
-departures: the second that a vehicle leaves at; platoons: who drives behind whom, and the gap;
+departures: the second that a vehicle leaves at; platoons: which vehicles follow which, and the gap;
 eco_approach: speed towards signals by their broadcast timing; coasting: rolling out before turns
 and stops, within a time budget; priority: asking signals for green."""
 

@@ -1,4 +1,4 @@
-"""What an arm of the closed loop leaves behind: plain data, the same for the same seed."""
+"""The result of an arm of the closed loop: plain data, the same for the same seed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from slipstream.energy import Energy
 
 @dataclass(frozen=True)
 class DrivenLeg:
-    """One leg of a round as it was driven, from rest at one place to rest at the next.
+    """One driven leg of a tour, from rest at one place to rest at the next.
 
     Attributes:
         vehicle: of the fleet.
-        round: number of its round in the day, from 0.
-        leg: number of the leg in the round, from 0.
+        round: number of the tour in the vehicle's day, from 0.
+        leg: number of the leg in the tour, from 0.
         ready_s: when it could have left: its plan was made, or the delivery before it was done; s
             since midnight.
         due_s: when it should have left by the plan.
@@ -25,12 +25,12 @@ class DrivenLeg:
         distance_m: driven.
         driven: energy with the drag reductions that it had.
         alone: energy of the same speeds without any.
-        led_m: distance at the front of a platoon.
-        followed_m: distance behind somebody in a platoon.
-        stops: times that it came to a stand on the road, its arrival apart.
+        led_m: distance as a platoon's leader.
+        followed_m: distance as a follower.
+        stops: on the road, without the arrival.
         waited_s: time below 0.1 m/s on the road.
-        turbulent_s: time close behind or before another one, parting included, on a segment whose
-            traffic was turbulent in truth.
+        turbulent_s: time in a close gap, leaving included, on a segment whose true traffic was
+            turbulent.
         path: its segments.
         losses: where the energy of `alone` went.
     """
@@ -84,7 +84,7 @@ class CycleRecord:
         open: judged segments whose gate was open.
         judged: watched segments whose y_e was known.
         watched: segments that an RSU watches.
-        open_turbulent: open gates of segments whose traffic was turbulent in truth.
+        open_turbulent: open gates of segments whose true traffic was turbulent.
     """
 
     time_s: float
@@ -100,7 +100,7 @@ class CycleRecord:
 
 @dataclass(frozen=True)
 class Others:
-    """The background's trips that ended: what the fleet's driving did to everybody else.
+    """The background's trips that ended: the fleet's effect on other traffic.
 
     Attributes:
         arrived: trips.
@@ -129,8 +129,7 @@ class ArmResult:
         services: one an order that was released.
         cycles: those that had something to plan.
         others: the background.
-        disengagements: platoons that had to part because the traffic around them was turbulent in
-            truth.
+        disengagements: of platoons, because the true traffic around them was turbulent.
         teleports: SUMO's counts of the whole run, collisions and emergency stops likewise.
         collisions: at least one vehicle ran into another.
         emergency_stops: brakings above the vehicle's emergency deceleration.

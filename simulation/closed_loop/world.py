@@ -1,4 +1,4 @@
-"""The fleet's vehicles in the running simulation: put onto the road, watched, taken off at rest."""
+"""The fleet's vehicles in the running simulation: insertion, measurement, removal at rest."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from simulation.closed_loop.conductor import Conductor, Drafting
 from simulation.closed_loop.losses import losses
 from simulation.closed_loop.record import DrivenLeg
-from simulation.closed_loop.vehicle import SPEED_CHECKS, LegOrder, VehicleState, read_state
+from simulation.controllers import SPEED_CHECKS, LegOrder, VehicleState, read_state
+from simulation.controllers.fleet_controller import Drafting, VehicleController
 from simulation.sumo.session import Session
 from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, PAPER_CAR, VehicleParameters, trace_energy
 
@@ -18,14 +18,14 @@ Leave = Callable[[LegOrder, float], tuple[LegOrder, float]]
 
 _STANDING_MPS: Final = 0.1
 _ROLLING_MPS: Final = 1.0
-# The IDM comes ever nearer to the end of a leg and ever slower: the last metres would take minutes.
-_THERE_M: Final = 5.0
-_THERE_MPS: Final = 1.0
+# The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
+_ARRIVED_M: Final = 5.0
+_ARRIVED_MPS: Final = 1.0
 
 
 @dataclass
 class _OnRoad:
-    """A vehicle on the road, and what it has driven so far."""
+    """A vehicle on the road with its measurements so far."""
 
     order: LegOrder
     departed_s: float
@@ -41,7 +41,7 @@ class _OnRoad:
     behind: int = 0
 
     def take(self, state: VehicleState, drafting: Drafting, step_s: float) -> None:
-        """Take in what a step brought."""
+        """Add the measurements of a step."""
         name, way_m = self.order.id, state.driven_m - self.state.driven_m
         eta = drafting.eta.get(name, ETA_ALONE)
         if eta >= ETA_FOLLOWER:
@@ -66,10 +66,10 @@ class FleetWorld:
     Args:
         session: running.
         lengths_m: of the network's segments.
-        conductor: tells vehicles how to drive.
+        controller: of the vehicles.
         step_s: of the simulation.
         pace: desired speed of the fleet's vehicles over the limit.
-        leave: asked once for each leg, when it is due: how to drive it, and when to leave.
+        leave: called once for each leg when it is due; the leg to drive and its departure time.
         vehicle: whose energy is counted.
     """
 
@@ -77,13 +77,13 @@ class FleetWorld:
         self,
         session: Session,
         lengths_m: dict[str, float],
-        conductor: Conductor,
+        controller: VehicleController,
         step_s: float,
         pace: float = 1.0,
         leave: Leave | None = None,
         vehicle: VehicleParameters = PAPER_CAR,
     ) -> None:
-        self._session, self._lengths_m, self._conductor = session, lengths_m, conductor
+        self._session, self._lengths_m, self._controller = session, lengths_m, controller
         self._step_s, self._pace, self._vehicle = step_s, pace, vehicle
         self._due: list[tuple[float, str, LegOrder]] = []
         self._leave: Leave = leave or (lambda order, now_s: (order, now_s))
@@ -101,11 +101,11 @@ class FleetWorld:
         return {name: (own.order, own.state) for name, own in self._on_road.items()}
 
     def send(self, order: LegOrder) -> None:
-        """Put a vehicle onto the road when it is due; at once if that is past."""
+        """Insert a vehicle when it is due; at once if that time has passed."""
         heapq.heappush(self._due, (order.due_s, order.id, order))
 
     def reroute(self, name: str, path: tuple[str, ...]) -> bool:
-        """Give a vehicle on the road another way to the same place; False in a junction.
+        """Give a vehicle on the road another path to the same place; False in a junction.
 
         Args:
             path: from the leg's begin, the same as before as far as the vehicle has come.
@@ -117,10 +117,10 @@ class FleetWorld:
             return False
         number = own.state.number
         self._session.run(lambda: libsumo.vehicle.setRoute(name, list(path[number:])))
-        # SUMO may keep what lies behind; both ways end at the same place.
+        # SUMO may keep the driven segments; both paths end at the same place.
         own.behind = len(path) - len(libsumo.vehicle.getRoute(name))
         own.order = replace(own.order, path=path)
-        self._conductor.departed(name, own.order)
+        self._controller.departed(name, own.order)
         return True
 
     def step(self) -> list[DrivenLeg]:
@@ -133,7 +133,7 @@ class FleetWorld:
 
         now_s = self._session.time_s
         self._enter(now_s)
-        drafting = self._conductor.control(
+        drafting = self._controller.control(
             now_s, {name: own.state for name, own in self._on_road.items()}
         )
         self._session.advance()
@@ -144,7 +144,7 @@ class FleetWorld:
             own = self._on_road[name]
             if name not in gone:
                 own.take(read_state(name, own.order, own.behind), drafting, self._step_s)
-                if self._is_there(own):
+                if self._has_arrived(own):
                     libsumo.vehicle.remove(name)
                     ended.append(self._end(name, after_s))
             else:
@@ -154,7 +154,7 @@ class FleetWorld:
             if order is None:
                 continue
             self._on_road[name] = _OnRoad(order, after_s, read_state(name, order))
-            self._conductor.departed(name, order)
+            self._controller.departed(name, order)
         return ended
 
     def _enter(self, now_s: float) -> None:
@@ -189,15 +189,15 @@ class FleetWorld:
             self._session.run(add)
             self._entering[name] = order
 
-    def _is_there(self, own: _OnRoad) -> bool:
+    def _has_arrived(self, own: _OnRoad) -> bool:
         state, path = own.state, own.order.path
-        if state.number < len(path) - 1 or state.crossing or state.speed_mps > _THERE_MPS:
+        if state.number < len(path) - 1 or state.crossing or state.speed_mps > _ARRIVED_MPS:
             return False
-        return self._lengths_m[path[-1]] - state.front_m < _THERE_M
+        return self._lengths_m[path[-1]] - state.front_m < _ARRIVED_M
 
     def _end(self, name: str, now_s: float) -> DrivenLeg:
         own = self._on_road.pop(name)
-        self._conductor.ended(name)
+        self._controller.ended(name)
         order = own.order
         # It comes to rest in the step in which it is taken off.
         speeds, eta = [*own.speeds_mps, 0.0], [*own.eta, ETA_ALONE]

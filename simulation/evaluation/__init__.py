@@ -1,1 +1,5 @@
-"""Arms of a day set against each other: savings with their time, their ceilings, and a report."""
+"""The measurement: arms of a day, simulated and stored, compared over seeds, and reported.
+
+`arms` names the arms; `runs` simulates and stores them, `measures` computes figures from them,
+`exogenous` does both on recorded traffic, `report` makes tables, plots and files.
+"""

@@ -18,7 +18,7 @@ PACES: Final = (0.88, 0.94, 1.06)
 NOISES: Final = (0.1, 0.2, 0.3)
 
 EXOGENOUS: Final = "exogenous"
-"""Asks for the paper's kind of evaluation too: `simulation.evaluation.exogenous_study`."""
+"""Asks for the paper's kind of evaluation too: `simulation.evaluation.exogenous`."""
 
 _GATINGS: Final[tuple[Gating, ...]] = ("open", "random")
 

@@ -1,1 +1,1 @@
-"""The paper's own kind of evaluation: a fleet on recorded traffic that it does not change."""
+"""The exogenous evaluation, as in the paper: the fleet drives on recorded traffic."""

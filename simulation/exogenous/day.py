@@ -25,20 +25,20 @@ from simulation.closed_loop.dispatch_settings import evaluation_settings, evalua
 from simulation.closed_loop.dispatching import DEFAULT_TIME_WORTH_KW
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, Others
-from simulation.closed_loop.rounds import Rounds
-from simulation.closed_loop.vehicle import LegOrder
+from simulation.closed_loop.tours import Tours
+from simulation.controllers import LegOrder
 from simulation.exogenous.passages import RecordedLeg, evaluate
-from simulation.exogenous.recorded import Recorded
+from simulation.exogenous.recorded import RecordedTraffic
 from simulation.exogenous.roadside import Roadside
-from simulation.scenarios.apart import Progress
-from simulation.scenarios.fleet import draw_deliveries, fleet_at
+from simulation.scenarios.demand import draw_deliveries, fleet_at
 from simulation.scenarios.scenario import Scenario
+from simulation.sumo import Progress
 from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.energy import Energy, total
 from slipstream.messages import VehiclePlan
 
 _STYLE: Final = DrivingStyle()
-_NOTHING_HAPPENED: Final = Others(0, 0.0, 0.0, 0.0)
+_NO_OTHERS: Final = Others(0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class ExogenousDay:
     Attributes:
         arm: legs, services and cycles like the closed loop's; the background's own figures are
             zero, since nothing happens to it. Disengagements are platoons, one count a segment, on
-            a segment that was turbulent in truth.
+            a segment whose true traffic was turbulent.
         watched_m: driven on segments that are watched.
         open_m: of that, driven where the gate was open on entering, in a platoon or alone.
-        violations: passages in a platoon of segments that were turbulent in truth.
+        violations: passages in a platoon of segments whose true traffic was turbulent.
         violated_m: their length.
     """
 
@@ -68,7 +68,7 @@ class ExogenousDay:
 
     @property
     def travel_s(self) -> float:
-        """Driving, service apart."""
+        """Driving time without service."""
         return sum(leg.travel_s for leg in self.arm.legs)
 
     @property
@@ -89,7 +89,7 @@ class ExogenousDay:
 
 def exogenous_day(
     scenario: Scenario,
-    recorded: Recorded,
+    recorded: RecordedTraffic,
     policy: Policy,
     seed: int,
     *,
@@ -104,7 +104,7 @@ def exogenous_day(
     Args:
         seed: of the deliveries, the perception's errors and the searches.
         settings: of the dispatcher.
-        progress: told the simulated time.
+        progress: called with the simulated time and the end, s.
 
     Raises:
         InputError: the scenario's fleet does not fit its network.
@@ -113,7 +113,7 @@ def exogenous_day(
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, scenario.name)
     keep_s = {rsu.id: rsu.keep_s for rsu in scenario.rsus or ()}
     roadside = Roadside(recorded, scenario.network, policy, seed, keep_s)
-    day = _FleetDay(Rounds(deliveries, scenario.network), roadside, settings, seed)
+    day = _FleetDay(Tours(deliveries, scenario.network), roadside, settings, seed)
     begin_s, end_s = recorded.traffic.begin_s, recorded.end_s
     day.run(begin_s, end_s, progress)
     roadside.until(end_s)
@@ -125,10 +125,10 @@ def exogenous_day(
         begin_s=begin_s,
         end_s=end_s,
         legs=driven.legs,
-        services=day.rounds.services(end_s),
+        services=day.tours.services(end_s),
         cycles=tuple(day.cycles),
-        others=_NOTHING_HAPPENED,
-        disengagements=driven.partings,
+        others=_NO_OTHERS,
+        disengagements=driven.disengagements,
         teleports=0,
         collisions=0,
         emergency_stops=0,
@@ -142,7 +142,7 @@ def exogenous_day(
 class _FleetDay:
     """The fleet's day, cycle by cycle."""
 
-    rounds: Rounds
+    tours: Tours
     roadside: Roadside
     settings: DispatcherSettings
     seed: int
@@ -151,19 +151,19 @@ class _FleetDay:
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
     def run(self, begin_s: float, end_s: float, progress: Progress | None) -> None:
-        """Dispatch until the end; rounds that are under way then are driven home."""
-        rounds, solve = self.rounds, evaluation_solve()
-        rounds.skip_before(begin_s)
-        deliveries, now_s = rounds.deliveries, begin_s
+        """Dispatch until the end; tours under way then are finished."""
+        tours, solve = self.tours, evaluation_solve()
+        tours.skip_before(begin_s)
+        deliveries, now_s = tours.deliveries, begin_s
         while now_s < end_s:
             self._drive_until(now_s)
-            idle = {name: at for name, at in rounds.idle.items() if at <= now_s}
-            fleet = fleet_at(deliveries, now_s, idle, rounds.taken)
+            idle = {name: at for name, at in tours.idle.items() if at <= now_s}
+            fleet = fleet_at(deliveries, now_s, idle, tours.taken)
             if fleet is not None:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
                 cycle = Cycle(
                     RoutingProblem(
-                        rounds.network, fleet, style=_STYLE, waiting_worth_kw=DEFAULT_TIME_WORTH_KW
+                        tours.network, fleet, style=_STYLE, waiting_worth_kw=DEFAULT_TIME_WORTH_KW
                     ),
                     snapshot,
                     self.settings,
@@ -171,11 +171,11 @@ class _FleetDay:
                     snapshot.now_ns,
                     cycle_seed(self.seed, number),
                     reference_delay_s=0.0,
-                    on_road=tuple(on_road(rounds.plans(), snapshot.now_ns, rounds.late_s())),
+                    on_road=tuple(on_road(tours.plans(), snapshot.now_ns, tours.late_s())),
                 )
                 result = run_cycle(cycle, solve)
                 for plan in result.plans:
-                    self._start(rounds.begin(plan))
+                    self._start(tours.begin(plan))
                 self._note(now_s, result.report.status, result.plans)
             now_s += deliveries.settings.cycle_s
             if progress is not None:
@@ -185,12 +185,12 @@ class _FleetDay:
     def _drive_until(self, now_s: float) -> None:
         """End the legs that end by a time, and begin those that follow."""
         while self._under_way and self._under_way[0][0] <= now_s:
-            self._start(self.rounds.arrived(heapq.heappop(self._under_way)[2]))
+            self._start(self.tours.arrived(heapq.heappop(self._under_way)[2]))
 
     def _start(self, orders: Iterable[LegOrder]) -> None:
         """Drive legs at the speeds that they find when they begin."""
         for order in orders:
-            lengths = [self.rounds.network.segments[segment].length_m for segment in order.path]
+            lengths = [self.tours.network.segments[segment].length_m for segment in order.path]
             speeds = [self.roadside.speed_mps(segment, order.due_s) for segment in order.path]
             leg = RecordedLeg(
                 order.vehicle,
@@ -207,7 +207,7 @@ class _FleetDay:
 
     def _note(self, now_s: float, status: str, plans: Sequence[VehiclePlan]) -> None:
         watched, judged, opened, wrong = self.roadside.counts()
-        segments = self.rounds.network.segments
+        segments = self.tours.network.segments
         platooned_m = sum(
             segments[planned.segment].length_m
             for plan in plans

@@ -1,4 +1,4 @@
-"""Legs driven on recorded traffic: who drives behind whom, and what each leg needs."""
+"""Legs driven on recorded traffic: platoons, and the energy of each leg."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class RecordedLeg:
 
     Attributes:
         vehicle: of the fleet.
-        round: number of its round in the day.
-        leg: number of the leg in the round.
+        round: number of the tour in the vehicle's day, from 0.
+        leg: number of the leg in the tour, from 0.
         path: segments.
         ready_s: when it could have left.
         due_s: its departure; times of the drive count from it.
@@ -66,7 +66,7 @@ class Passages:
 
     Attributes:
         legs: in the order of arrival.
-        partings: platoons on a segment that was turbulent in truth.
+        disengagements: platoons on a segment whose true traffic was turbulent.
         violations: their vehicles, one count a segment.
         violated_m: what these drove there.
         watched_m: driven on watched segments.
@@ -74,7 +74,7 @@ class Passages:
     """
 
     legs: tuple[DrivenLeg, ...]
-    partings: int
+    disengagements: int
     violations: int
     violated_m: float
     watched_m: float
@@ -93,7 +93,7 @@ def evaluate(
     entries = _entries(legs)
     eta = [[ETA_ALONE] * len(leg.path) for leg in legs]
     platooned_s = [0.0] * len(legs)
-    partings = violations = 0
+    disengagements = violations = 0
     watched_m = open_m = violated_m = 0.0
     extra = np.zeros(len(legs))
     for segment in sorted(entries):
@@ -110,7 +110,7 @@ def evaluate(
                 continue
             truth = roadside.truth(segment, group[0][0])
             turbulent = is_turbulent(truth)
-            partings += turbulent
+            disengagements += turbulent
             violations += turbulent * len(group)
             violated_m += turbulent * len(group) * length
             for place, (entry, leaving, (_, index, position)) in enumerate(group):
@@ -124,7 +124,7 @@ def evaluate(
         for i, leg in enumerate(legs)
     ]
     made.sort(key=lambda leg: (leg.arrived_s, leg.vehicle))
-    return Passages(tuple(made), partings, violations, violated_m, watched_m, open_m)
+    return Passages(tuple(made), disengagements, violations, violated_m, watched_m, open_m)
 
 
 def turbulence_kwh(

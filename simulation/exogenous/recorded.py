@@ -1,4 +1,4 @@
-"""One background day, simulated once and kept in a file: what an exogenous evaluation stands on."""
+"""A recorded background day in a file: the input of an exogenous evaluation."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from zipfile import BadZipFile
 import numpy as np
 
 from simulation.ground_truth import TrueWindow
-from simulation.scenarios.apart import Progress
-from simulation.scenarios.day import DayOrder, run_day
+from simulation.scenarios.acceptance import AcceptanceLimits
+from simulation.scenarios.day import DaySpec, run_day
 from simulation.scenarios.demand import Array
-from simulation.scenarios.gates import Gates
-from simulation.scenarios.observer import Observation
+from simulation.scenarios.perception import Observation, Rsu, Stretch
 from simulation.scenarios.record import Traffic
-from simulation.scenarios.rsus import Rsu, Stretch
-from simulation.scenarios.scenario import Background, Scenario, SignalControl, order_day
+from simulation.scenarios.scenario import Background, Scenario, SignalControl, day_spec
+from simulation.sumo import Progress
 from slipstream.roads import RoadNetwork
 
 Watched = Literal["rsus", "everywhere"]
@@ -33,7 +32,7 @@ _WINDOW_FIELDS: Final = tuple(field.name for field in fields(TrueWindow))
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedTraffic:
     """A background day that nothing changes any more.
 
     Attributes:
@@ -62,7 +61,7 @@ def record_background(
     begin_s: float = 0.0,
     end_s: float = 86400.0,
     progress: Progress | None = None,
-) -> Recorded:
+) -> RecordedTraffic:
     """Simulate a day's background, or read what an earlier call left in the folder.
 
     Windows are a minute long, so that roads with few vehicles can be judged too. RSUs report each
@@ -73,58 +72,58 @@ def record_background(
         folder: for the record; one of another net, route file or time is replaced.
 
     Raises:
-        InputError: SUMO refuses a file, or the day is not fit (see `simulation.scenarios.gates`).
+        InputError: SUMO refuses a file, or the day is refused (see `scenarios.acceptance`).
     """
     if watched == "everywhere":
         background = replace(background, rsus=rsus_everywhere(scenario.network))
-    order = replace(
-        order_day(scenario, background, folder, signals=signals, begin_s=begin_s, end_s=end_s),
+    spec = replace(
+        day_spec(scenario, background, folder, signals=signals, begin_s=begin_s, end_s=end_s),
         window_every_s=_EVERY_S[watched],
         window_s=WINDOW_S,
     )
     hours = f"{begin_s / 3600:g}-{end_s / 3600:g}"
     path = folder / f"{background.file.name.partition('.')[0]}-{watched}-{signals}-{hours}.npz"
-    key = _fingerprint(order)
+    key = _fingerprint(spec)
     found = _read(path, key)
     if found is None:
-        day = run_day(order, progress)
-        Gates().check(day, background.file.name)
-        found = Recorded(day.traffic, day.observations, order.window_every_s)
+        day = run_day(spec, progress)
+        AcceptanceLimits().check(day, background.file.name)
+        found = RecordedTraffic(day.traffic, day.observations, spec.window_every_s)
         _write(path, key, found)
     return found
 
 
 def rsus_everywhere(
-    network: RoadNetwork, *, least_m: float = 60.0, most_m: float = 300.0, setback_m: float = 60.0
+    network: RoadNetwork, *, min_m: float = 60.0, max_m: float = 300.0, setback_m: float = 60.0
 ) -> tuple[Rsu, ...]:
     """An RSU for every segment that has a stretch worth watching before the queue at its end.
 
     Args:
-        least_m: shortest stretch worth watching.
-        most_m: longest that a unit can watch.
+        min_m: shortest stretch worth watching.
+        max_m: longest that a unit can watch.
         setback_m: between the stretch and the junction, as in `place_rsus`.
     """
     rsus = []
     for name in sorted(network.segments):
         end_m = round(network.segments[name].length_m - setback_m, 1)
-        if end_m >= least_m:
-            stretch = Stretch(segment=name, from_m=max(0.0, round(end_m - most_m, 1)), to_m=end_m)
+        if end_m >= min_m:
+            stretch = Stretch(segment=name, from_m=max(0.0, round(end_m - max_m, 1)), to_m=end_m)
             rsus.append(Rsu(id=f"rsu-{name}", watch=(stretch,)))
     return tuple(rsus)
 
 
-def _fingerprint(order: DayOrder) -> str:
-    """Changes with everything that the record hangs on."""
+def _fingerprint(spec: DaySpec) -> str:
+    """Cache key: changes with everything that the record depends on."""
     said = hashlib.sha256()
-    for path in (order.net, order.routes, *order.additional):
+    for path in (spec.net, spec.routes, *spec.additional):
         said.update(path.read_bytes())
-    rest = (order.segments, order.rsus, order.begin_s, order.end_s, order.step_s, order.rule)
-    times = (order.interval_s, order.window_every_s, order.window_s, order.seed)
+    rest = (spec.segments, spec.rsus, spec.begin_s, spec.end_s, spec.step_s, spec.rule)
+    times = (spec.interval_s, spec.window_every_s, spec.window_s, spec.seed)
     said.update(repr((rest, times)).encode())
     return said.hexdigest()
 
 
-def _write(path: Path, key: str, recorded: Recorded) -> None:
+def _write(path: Path, key: str, recorded: RecordedTraffic) -> None:
     traffic, seen = recorded.traffic, recorded.observations
     tables = (traffic.present_s, traffic.distance_m, traffic.waiting_s, traffic.entered)
     part = path.with_suffix(".part.npz")
@@ -142,7 +141,7 @@ def _write(path: Path, key: str, recorded: Recorded) -> None:
     part.replace(path)
 
 
-def _read(path: Path, key: str) -> Recorded | None:
+def _read(path: Path, key: str) -> RecordedTraffic | None:
     """None where there is no record, a damaged one, or one of something else."""
     try:
         with np.load(path, allow_pickle=False) as file:
@@ -159,7 +158,7 @@ def _read(path: Path, key: str) -> Recorded | None:
             )
     except (OSError, ValueError, KeyError, BadZipFile):
         return None
-    return Recorded(traffic, observations, every_s)
+    return RecordedTraffic(traffic, observations, every_s)
 
 
 def _rows(seen: Sequence[Observation]) -> Array:

@@ -14,7 +14,7 @@ from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot, take_snaps
 from simulation.closed_loop.dispatching import with_gates
 from simulation.closed_loop.gates import is_turbulent, open_gates
 from simulation.closed_loop.policy import Policy
-from simulation.exogenous.recorded import WINDOW_S, Recorded
+from simulation.exogenous.recorded import WINDOW_S, RecordedTraffic
 from simulation.ground_truth import TrueWindow
 from simulation.scenarios.demand import Array
 from simulation.scenarios.perception import Reporter, measured_errors
@@ -36,7 +36,7 @@ class Roadside:
 
     def __init__(
         self,
-        recorded: Recorded,
+        recorded: RecordedTraffic,
         network: RoadNetwork,
         policy: Policy,
         seed: int,
@@ -81,7 +81,7 @@ class Roadside:
 
     def speed_mps(self, segment: str, time_s: float) -> float:
         """Mean speed of the background on a segment in the interval of a time, standing included;
-        the limit where nobody was.
+        the limit where no vehicle was.
         """
         traffic = self._recorded.traffic
         row = int((time_s - traffic.begin_s) // traffic.interval_s)
@@ -94,7 +94,7 @@ class Roadside:
         return row >= 0 and segment in self._open[row]
 
     def truth(self, segment: str, time_s: float) -> TrueWindow | None:
-        """The window of a segment whose middle is nearest to a time; None: nobody was there."""
+        """The window of a segment whose middle is nearest to a time; None: no vehicle was in it."""
         if not self._times:
             return None
         first, every_s = self._times[0] - WINDOW_S / 2, self._recorded.every_s

@@ -1,4 +1,4 @@
-"""An RSU's camera in a process of its own: vehicles in, pictures over HTTP."""
+"""An RSU's camera in a subprocess: vehicles in, pictures over HTTP."""
 
 from __future__ import annotations
 
@@ -11,11 +11,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final
 
-from simulation.live.order import CameraPlace
-from simulation.sumo.lanes import Roads
-from simulation.sumo.pose import Pose
-from simulation.sumo.settings import RsuSettings, SumoClipSettings
-from simulation.sumo.traffic import Vehicle
+from simulation.live.world_spec import CameraEndpoint
+from simulation.sumo_view import Pose, Roads, RsuSettings, SumoClipSettings, Vehicle
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 
@@ -26,7 +23,7 @@ so that the times of arrival, which are all that a receiver has, are as even as 
 
 
 @dataclass(frozen=True)
-class CameraOrder:
+class CameraSpec:
     """A camera to be.
 
     Attributes:
@@ -54,18 +51,18 @@ class Camera:
         skipped: pictures left out, as the one before was still being painted.
     """
 
-    def __init__(self, order: CameraOrder) -> None:
-        self._name = order.site.name
+    def __init__(self, spec: CameraSpec) -> None:
+        self._name = spec.site.name
         self.frames = 0
         self.skipped = 0
         self._busy = False
         context = get_context("spawn")
         self._connection, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other, order), daemon=True)
+        self._process = context.Process(target=_serve, args=(other, spec), daemon=True)
         self._process.start()
         other.close()
 
-    def place(self) -> CameraPlace:
+    def place(self) -> CameraEndpoint:
         """Wait until it serves.
 
         Raises:
@@ -73,7 +70,7 @@ class Camera:
             ChildProcessError: the process died.
         """
         place = self._receive()
-        assert isinstance(place, CameraPlace)
+        assert isinstance(place, CameraEndpoint)
         return place
 
     def show(self, vehicles: list[Vehicle], due_s: float) -> None:
@@ -120,27 +117,27 @@ class Camera:
         return received
 
 
-def _serve(connection: Connection, order: CameraOrder) -> None:
+def _serve(connection: Connection, spec: CameraSpec) -> None:
     """Run in the other process: paint what comes until nothing does."""
-    die_with_parent(order.parent)
+    die_with_parent(spec.parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     import cv2
 
     from simulation.live.stream import LatestPicture, MjpegServer
-    from simulation.sumo.clip import SumoRenderer
+    from simulation.sumo_view import SumoRenderer
 
     cv2.setNumThreads(1)
     try:
-        renderer = SumoRenderer(order.clip, order.site, order.pose, order.roads)
+        renderer = SumoRenderer(spec.clip, spec.site, spec.pose, spec.roads)
     except InputError as error:
         connection.send(error)
         return
-    order.calibration.write_text(renderer.camera_toml)
+    spec.calibration.write_text(renderer.camera_toml)
     latest = LatestPicture()
     server = MjpegServer(latest)
     segments = tuple(stretch.segment_id for stretch in renderer.stretches)
-    connection.send(CameraPlace(order.site.name, segments, server.url, order.calibration))
-    held_s = _HELD / order.clip.fps
+    connection.send(CameraEndpoint(spec.site.name, segments, server.url, spec.calibration))
+    held_s = _HELD / spec.clip.fps
     due_s = 0.0
 
     def scenes() -> Iterator[list[Vehicle]]:

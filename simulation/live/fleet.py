@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from simulation.closed_loop.conductor import Conductor
-from simulation.closed_loop.rounds import Rounds
-from simulation.closed_loop.vehicle import LegOrder
+from simulation.closed_loop.tours import Tours
 from simulation.closed_loop.world import FleetWorld
-from simulation.live.orders import open_since_s
-from simulation.live.plans import Waiting
-from simulation.scenarios.fleet import Deliveries
+from simulation.controllers import LegOrder
+from simulation.controllers.fleet_controller import VehicleController
+from simulation.live.fleet_file import open_since_s
+from simulation.live.plans import PendingPlans
+from simulation.scenarios.demand import Deliveries
 from simulation.sumo.session import Session
 from slipstream.messages import VehiclePlan, VehiclePosition
 from slipstream.roads import RoadNetwork
@@ -20,8 +20,8 @@ class LiveFleet:
     """The vehicles of a fleet in a running simulation, driven by plans as they come.
 
     Attributes:
-        rounds: who is under way and who is not.
-        begun: rounds.
+        tours: of the vehicles.
+        begun: tours.
         finished: of them, back at the depot.
         legs: driven.
         driven_m: of all legs driven.
@@ -33,17 +33,17 @@ class LiveFleet:
         session: Session,
         deliveries: Deliveries,
         network: RoadNetwork,
-        conductor: Conductor,
+        controller: VehicleController,
         step_s: float,
         now_s: float,
     ) -> None:
         self._network = network
         lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
-        self._world = FleetWorld(session, lengths_m, conductor, step_s)
-        self.rounds = Rounds(deliveries, network)
-        self.rounds.skip_before(open_since_s(deliveries, now_s))
-        self.rounds.idle = dict.fromkeys(deliveries.vehicles, now_s)
-        self._waiting = Waiting(deliveries.vehicles, [order.id for order in deliveries.orders])
+        self._world = FleetWorld(session, lengths_m, controller, step_s)
+        self.tours = Tours(deliveries, network)
+        self.tours.skip_before(open_since_s(deliveries, now_s))
+        self.tours.idle = dict.fromkeys(deliveries.vehicles, now_s)
+        self._waiting = PendingPlans(deliveries.vehicles, [order.id for order in deliveries.orders])
         self._cycle: dict[str, int] = {}
         self._sent: dict[str, LegOrder] = {}
         self.begun = self.finished = self.legs = 0
@@ -65,16 +65,16 @@ class LiveFleet:
         Raises:
             InputError: SUMO refuses a vehicle or a route.
         """
-        for plan in self._waiting.take(self.rounds.idle, self.rounds.taken):
+        for plan in self._waiting.take(self.tours.idle, self.tours.taken):
             self._cycle[plan.vehicle] = plan.cycle
             self.begun += 1
-            self._send(self.rounds.begin(plan))
+            self._send(self.tours.begin(plan))
         for leg in self._world.step():
             self.legs += 1
             self.driven_m += leg.distance_m
             self.driven.add(leg.vehicle)
-            self._send(self.rounds.arrived(leg))
-            if leg.vehicle in self.rounds.idle:
+            self._send(self.tours.arrived(leg))
+            if leg.vehicle in self.tours.idle:
                 self.finished += 1
                 del self._cycle[leg.vehicle]
 

@@ -1,4 +1,4 @@
-"""Simulated time against the wall clock: when each step is due, and what happens if it is late."""
+"""Simulated time against the wall clock: due times of steps, and late steps."""
 
 from __future__ import annotations
 

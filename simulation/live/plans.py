@@ -1,4 +1,4 @@
-"""From the dispatcher's plans to rounds of the simulated fleet."""
+"""From the dispatcher's plans to tours of the simulated fleet."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from slipstream.messages import VehiclePlan, decode
 def in_world_time(plan: VehiclePlan, issued_s: float) -> VehiclePlan:
     """The plan with its times in ns of simulated time since midnight.
 
-    A plan's times count from its issue in simulated seconds, however fast the world runs: what it
-    tells of a drive's length is true of the roads.
+    A plan's times count from its issue in simulated seconds, at any speed of the world: its driving
+    times are those of the roads.
 
     Args:
         issued_s: simulated time that it was issued at.
@@ -47,7 +47,7 @@ def in_world_time(plan: VehiclePlan, issued_s: float) -> VehiclePlan:
     )
 
 
-class Mailbox:
+class PlanQueue:
     """Plans from the bus's thread to the simulation's."""
 
     def __init__(self, vehicles: Collection[str]) -> None:
@@ -63,8 +63,8 @@ class Mailbox:
         if plan.vehicle in self._vehicles:
             self._plans.put(plan)
 
-    def news(self) -> Iterator[VehiclePlan]:
-        """What has come since the last call."""
+    def drain(self) -> Iterator[VehiclePlan]:
+        """Plans received since the last call."""
         while True:
             try:
                 yield self._plans.get_nowait()
@@ -72,12 +72,12 @@ class Mailbox:
                 return
 
 
-class Waiting:
+class PendingPlans:
     """Plans that have come, by vehicle, until it is free to follow one.
 
-    A vehicle on its round finishes it first. One at its depot takes the newest plan, unless that
-    plan's departure had passed before the vehicle was back, or somebody else has taken one of its
-    orders: then it waits for the next one.
+    A vehicle on its tour finishes it first. One at its depot takes the newest plan, unless its
+    departure had passed before the vehicle was back, or another vehicle has taken one of its
+    orders: then it waits for the next plan.
     """
 
     def __init__(self, vehicles: Collection[str], orders: Collection[str]) -> None:

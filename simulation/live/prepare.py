@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from simulation.live.order import WorldOrder
-from simulation.live.orders import OrderFile, open_since_s
-from simulation.scenarios.fleet import draw_deliveries
-from simulation.scenarios.rsus import Rsu
-from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
-from simulation.scenarios.vehicle_types import TYPES
+from simulation.live.fleet_file import FleetFile, open_since_s
+from simulation.live.world_spec import WorldSpec
+from simulation.scenarios.demand import draw_deliveries
+from simulation.scenarios.perception import Rsu
+from simulation.scenarios.scenario import day_spec, load_scenario, own_background, prepare
+from simulation.sumo import TYPES
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 
@@ -36,7 +36,7 @@ def prepare_world(
     fps: float,
     priority: bool = False,
     seed: int,
-) -> WorldOrder:
+) -> WorldSpec:
     """Load a scenario and write the files that its world needs into a folder.
 
     Args:
@@ -59,7 +59,7 @@ def prepare_world(
     orders = folder / "fleet.json"
     old = {o.id for o in deliveries.orders if o.release_s < open_since_s(deliveries, begin_s)}
     idle = dict.fromkeys(deliveries.vehicles, begin_s)
-    if not OrderFile(orders, deliveries).write(begin_s, idle, old):
+    if not FleetFile(orders, deliveries).write(begin_s, idle, old):
         raise InputError("--begin", "no order is open at this time of day", "begin in the daytime")
     if scenario.rsus is not None:
         _check_count(name, scenario.rsus, cameras)
@@ -67,12 +67,12 @@ def prepare_world(
         prepare(scenario, seed, folder) if routes is None else own_background(scenario, routes)
     )
     _check_count(name, background.rsus, cameras)
-    day = order_day(scenario, background, folder, begin_s=max(0.0, begin_s - WARM_UP_S))
+    day = day_spec(scenario, background, folder, begin_s=max(0.0, begin_s - WARM_UP_S))
     if routes is not None:
         types = folder / "fleet.add.xml"
         types.write_text(f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n", encoding="utf-8")
         day = replace(day, additional=(*day.additional, types))
-    return WorldOrder(
+    return WorldSpec(
         day,
         begin_s,
         speed,

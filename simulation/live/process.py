@@ -13,8 +13,8 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Final
 
-from simulation.live.order import CameraPlace, WorldCounts, WorldOrder
-from simulation.sumo.files import check_files
+from simulation.live.world_spec import CameraEndpoint, WorldCounts, WorldSpec
+from simulation.sumo import check_files
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 
@@ -43,15 +43,15 @@ class WorldProcess:
         ModuleNotFoundError: libsumo is not installed.
     """
 
-    def __init__(self, order: WorldOrder) -> None:
+    def __init__(self, spec: WorldSpec) -> None:
         check_simulator()
-        check_files(order.day.net, (order.day.routes, *order.day.additional))
-        self._order = order
+        check_files(spec.day.net, (spec.day.routes, *spec.day.additional))
+        self._spec = spec
         self.counts: WorldCounts | None = None
         context = get_context("spawn")
         self._connection, self._other = context.Pipe()
         # Not daemonic: cameras are its children.
-        self._process = context.Process(target=_serve, args=(self._other, order, os.getpid()))
+        self._process = context.Process(target=_serve, args=(self._other, spec, os.getpid()))
 
     def __enter__(self) -> WorldProcess:
         self._process.start()
@@ -75,7 +75,7 @@ class WorldProcess:
 
     def open(
         self, stopping: Callable[[], bool], progress: Callable[[float], None]
-    ) -> tuple[CameraPlace, ...]:
+    ) -> tuple[CameraEndpoint, ...]:
         """Wait until the roads are full and the cameras serve; nothing if it is stopped before.
 
         Raises:
@@ -95,7 +95,7 @@ class WorldProcess:
         return ()
 
     def poll(self) -> None:
-        """Take in what the world tells.
+        """Receive the world's messages.
 
         Raises:
             InputError: SUMO refuses or dies of a vehicle.
@@ -111,7 +111,7 @@ class WorldProcess:
             kind, content = self._connection.recv()
         except (EOFError, OSError):
             self._process.join()
-            day = self._order.day
+            day = self._spec.day
             raise InputError(
                 f"{day.net.name}, {day.routes.name}",
                 f"SUMO crashes on them (exit status {self._process.exitcode})",
@@ -125,7 +125,7 @@ class WorldProcess:
         return kind, content
 
 
-def _serve(connection: Connection, order: WorldOrder, parent: int) -> None:
+def _serve(connection: Connection, spec: WorldSpec, parent: int) -> None:
     """Run in the other process, and send what goes wrong: its terminal is SUMO's."""
     die_with_parent(parent)
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -133,7 +133,7 @@ def _serve(connection: Connection, order: WorldOrder, parent: int) -> None:
     from simulation.live.world import run_world
 
     try:
-        run_world(order, connection)
+        run_world(spec, connection)
     except InputError as error:
         connection.send(("refused", error))
     except (BrokenPipeError, ConnectionResetError):

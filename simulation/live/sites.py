@@ -6,9 +6,16 @@ import math
 
 import numpy as np
 
-from simulation.scenarios.rsus import Rsu
-from simulation.sumo.lines import Floats, at, distances
-from simulation.sumo.settings import MastSettings, RsuSettings, ViewSettings, WatchSettings
+from simulation.scenarios.perception import Rsu
+from simulation.sumo_view import (
+    Floats,
+    MastSettings,
+    RsuSettings,
+    ViewSettings,
+    WatchSettings,
+    at,
+    distances,
+)
 from slipstream.roads import RoadNetwork, Segment
 
 _VIEW_M = 85.0

@@ -13,7 +13,7 @@ _WAIT_S: Final = 1.0
 
 
 class LatestPicture:
-    """The newest JPEG; whoever reads too slowly gets the newest and misses those between."""
+    """The newest JPEG; a slow reader gets the newest and misses those between."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()

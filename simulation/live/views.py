@@ -7,9 +7,7 @@ from typing import Final
 
 import libsumo
 
-from simulation.sumo.pose import Pose
-from simulation.sumo.shapes import Kind, is_known
-from simulation.sumo.traffic import Vehicle
+from simulation.sumo_view import Kind, Pose, Vehicle, is_known
 
 RADIUS_M: Final = 320.0
 _LOOKS: Final = 64
@@ -30,7 +28,7 @@ class Views:
         self._kind_numbers: dict[Kind, int] = {}
         self._seen = 0
 
-    def look(self) -> list[list[Vehicle]]:
+    def vehicles_in_view(self) -> list[list[Vehicle]]:
         """The vehicles around each camera after the last step, in the cameras' order."""
         scenes: list[list[Vehicle]] = [[] for _ in self._poses]
         present = libsumo.vehicle.getIDList()

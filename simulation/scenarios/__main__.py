@@ -11,17 +11,20 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from simulation.scenarios.breakdowns import Standing
-from simulation.scenarios.corridor import CorridorSettings, corridor_plan
+from simulation.scenarios.acceptance import AcceptanceLimits, clock
 from simulation.scenarios.day import run_day
-from simulation.scenarios.fleet import draw_deliveries
-from simulation.scenarios.gates import Gates, clock
-from simulation.scenarios.netconvert import build_net, convert_osm
-from simulation.scenarios.network import scenario_network
+from simulation.scenarios.demand import DrawnBreakdown, draw_deliveries
+from simulation.scenarios.networks import (
+    CorridorSettings,
+    build_net,
+    convert_osm,
+    corridor_plan,
+    scenario_network,
+    troy_plan,
+    write_fixed_time,
+)
 from simulation.scenarios.record import Day
-from simulation.scenarios.scenario import load_scenario, order_day, own_background, prepare
-from simulation.scenarios.signals import write_fixed_time
-from simulation.scenarios.troy import troy_plan
+from simulation.scenarios.scenario import day_spec, load_scenario, own_background, prepare
 from slipstream.config import load
 from slipstream.errors import InputError
 
@@ -81,7 +84,7 @@ def day(options: argparse.Namespace) -> int:
     else:
         background = own_background(scenario, options.routes)
         options.out.mkdir(parents=True, exist_ok=True)
-    order = order_day(
+    order = day_spec(
         scenario,
         background,
         options.out,
@@ -97,7 +100,7 @@ def day(options: argparse.Namespace) -> int:
     simulated = run_day(order, show)
     if sys.stderr.isatty():
         print(file=sys.stderr)
-    faults = Gates().faults(simulated)
+    faults = AcceptanceLimits().faults(simulated)
     _write(options.out, scenario.name, options.seed, simulated, faults, background.breakdowns)
     found = simulated.statistics
     if options.json:
@@ -113,7 +116,7 @@ def day(options: argparse.Namespace) -> int:
             f"{found.inserted} of {found.loaded} trips, {simulated.wall_s:.0f} s; "
             f"{'fit' if not faults else 'refused'}"
         )
-    Gates().check(simulated, f"{scenario.name}, seed {options.seed}")
+    AcceptanceLimits().check(simulated, f"{scenario.name}, seed {options.seed}")
     return 0
 
 
@@ -141,7 +144,7 @@ def _write(
     seed: int,
     day: Day,
     faults: tuple[str, ...],
-    breakdowns: Sequence[Standing],
+    breakdowns: Sequence[DrawnBreakdown],
 ) -> None:
     """Figures as JSON, hours as CSV."""
     figures = {

@@ -1,4 +1,4 @@
-"""Runs the background traffic of a day in a process of its own and brings back its record."""
+"""Runs the background traffic of a day in a subprocess and returns its record."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edge_daemon.settings import StabilitySettings
-from simulation.scenarios.apart import Progress, run_apart
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
+from simulation.scenarios.perception import Rsu
 from simulation.scenarios.record import (
     Day,
     hours_of,
@@ -19,15 +19,14 @@ from simulation.scenarios.record import (
     read_traffic,
     read_trips,
 )
-from simulation.scenarios.rsus import Rsu
-from simulation.sumo.files import check_files
+from simulation.sumo import Progress, check_files, run_in_subprocess
 
 if TYPE_CHECKING:
-    from simulation.scenarios.observer import Observation, Observer
+    from simulation.scenarios.perception import Observation, Observer
 
 
 @dataclass(frozen=True)
-class DayOrder:
+class DaySpec:
     """What to simulate.
 
     Attributes:
@@ -43,7 +42,7 @@ class DayOrder:
         window_every_s: a window of the RSUs ends at each multiple.
         window_s: its length, no more than that.
         seed: of SUMO. With the scenarios' own vehicles nothing is drawn from it.
-        rule: by which windows are stable in truth: the paper's, without hysteresis.
+        rule: of the true stability of windows: the paper's, without hysteresis.
     """
 
     net: Path
@@ -61,36 +60,36 @@ class DayOrder:
     rule: StabilitySettings = field(default_factory=lambda: StabilitySettings().bare())
 
 
-def sumo_options(order: DayOrder, additional: tuple[Path, ...] = ()) -> list[str]:
-    """SUMO's options for a day, the same for every arm: what its vehicles do hangs on them."""
-    files = (*order.additional, *additional)
+def sumo_options(spec: DaySpec, additional: tuple[Path, ...] = ()) -> list[str]:
+    """SUMO's options for a day, the same for every arm."""
+    files = (*spec.additional, *additional)
     return [
-        *("--net-file", str(order.net), "--route-files", str(order.routes)),
+        *("--net-file", str(spec.net), "--route-files", str(spec.routes)),
         *(("--additional-files", ",".join(map(str, files))) if files else ()),
-        *("--begin", f"{order.begin_s:g}", "--end", f"{order.end_s:g}"),
-        *("--step-length", f"{order.step_s:g}", "--seed", str(order.seed)),
+        *("--begin", f"{spec.begin_s:g}", "--end", f"{spec.end_s:g}"),
+        *("--step-length", f"{spec.step_s:g}", "--seed", str(spec.seed)),
         *("--xml-validation", "never", "--no-step-log", "true", "--no-warnings", "true"),
         *("--duration-log.disable", "true"),
     ]
 
 
-def run_day(order: DayOrder, progress: Progress | None = None) -> Day:
+def run_day(spec: DaySpec, progress: Progress | None = None) -> Day:
     """Simulate in another process.
 
     Raises:
         InputError: a file is no SUMO file or none that fits the net, or SUMO dies of it.
         ModuleNotFoundError: libsumo is not installed.
     """
-    check_files(order.net, (order.routes, *order.additional))
-    source = f"{order.net.name}, {order.routes.name}"
-    return run_apart(simulate, order, source, order.end_s, progress)
+    check_files(spec.net, (spec.routes, *spec.additional))
+    source = f"{spec.net.name}, {spec.routes.name}"
+    return run_in_subprocess(simulate, spec, source, spec.end_s, progress)
 
 
-def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
+def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
     """Simulate in this process.
 
     Args:
-        tell: told the simulated time now and then.
+        report_time: called with the simulated time now and then.
 
     Raises:
         InputError: SUMO refuses a file.
@@ -103,25 +102,25 @@ def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
         edges, trips, statistics = (folder / f"{n}.xml" for n in ("edges", "trips", "statistics"))
         tables = folder / "tables.add.xml"
         tables.write_text(
-            f'<additional><edgeData id="traffic" file="{edges}" period="{order.interval_s:g}" '
-            f'begin="{order.begin_s:g}" excludeEmpty="true" '
+            f'<additional><edgeData id="traffic" file="{edges}" period="{spec.interval_s:g}" '
+            f'begin="{spec.begin_s:g}" excludeEmpty="true" '
             'writeAttributes="sampledSeconds speed waitingTime entered departed"/></additional>\n'
         )
         options = [
-            *sumo_options(order, (tables,)),
+            *sumo_options(spec, (tables,)),
             *("--tripinfo-output", str(trips), "--statistic-output", str(statistics)),
         ]
-        watch = _Watch(order, tell)
-        with Session(options, (order.net, order.routes, *order.additional)) as session:
+        watch = _Watch(spec, report_time)
+        with Session(options, (spec.net, spec.routes, *spec.additional)) as session:
             end_s = watch.run(session.advance)
         ended = read_trips(trips)
-        traffic = read_traffic(edges, order.segments, order.begin_s, end_s, order.interval_s)
+        traffic = read_traffic(edges, spec.segments, spec.begin_s, end_s, spec.interval_s)
         return Day(
-            order.begin_s,
+            spec.begin_s,
             end_s,
             read_statistics(statistics, ended),
             traffic,
-            hours_of(traffic, ended, end_s, watch.observations, order.rule.min_vehicles),
+            hours_of(traffic, ended, end_s, watch.observations, spec.rule.min_vehicles),
             tuple(watch.observations),
             watch.gridlock_s,
             time.monotonic() - began,
@@ -129,20 +128,20 @@ def simulate(order: DayOrder, tell: Callable[[float], None]) -> Day:
 
 
 class _Watch:
-    """Drives the simulation from window to window and looks for a gridlock on the way."""
+    """Advances the simulation from window to window, and checks for a gridlock."""
 
-    def __init__(self, order: DayOrder, tell: Callable[[float], None]) -> None:
-        self._order = order
-        self._tell = tell
+    def __init__(self, spec: DaySpec, report_time: Callable[[float], None]) -> None:
+        self._spec = spec
+        self._report_time = report_time
         self._gridlock = GridlockWatch()
         self._observer: Observer | None = None
         self.observations: list[Observation] = []
-        if order.rsus:
+        if spec.rsus:
             # Imported here: the edge's parts cost a second, which a day without RSUs need not pay.
-            from simulation.scenarios.observer import Observer
+            from simulation.scenarios.perception import Observer
 
-            window_s = min(order.window_s, order.window_every_s)
-            self._observer = Observer(order.rsus, order.step_s, order.rule, window_s)
+            window_s = min(spec.window_s, spec.window_every_s)
+            self._observer = Observer(spec.rsus, spec.step_s, spec.rule, window_s)
 
     @property
     def gridlock_s(self) -> float | None:
@@ -151,39 +150,39 @@ class _Watch:
 
     def run(self, advance: Callable[[float], None]) -> float:
         """Go to the end, or to a gridlock; returns the simulated time there, s."""
-        order = self._order
-        window_s = min(order.window_s, order.window_every_s)
-        now, check_s = order.begin_s, order.begin_s + CHECK_S
-        while now < order.end_s:
+        spec = self._spec
+        window_s = min(spec.window_s, spec.window_every_s)
+        now, check_s = spec.begin_s, spec.begin_s + CHECK_S
+        while now < spec.end_s:
             if self._observer is not None:
-                due = (now // order.window_every_s + 1) * order.window_every_s
-                if due <= order.end_s:
+                due = (now // spec.window_every_s + 1) * spec.window_every_s
+                if due <= spec.end_s:
                     self._window(self._observer, advance, due, window_s)
                 else:
-                    due = order.end_s
+                    due = spec.end_s
                     advance(due)
             else:
-                due = min(check_s, order.end_s)
+                due = min(check_s, spec.end_s)
                 advance(due)
             now = due
             if now >= check_s:
                 check_s += CHECK_S
-                self._tell(now)
-                if self._gridlock.look(now):
+                self._report_time(now)
+                if self._gridlock.update(now):
                     break
         return now
 
     def _window(
         self, observer: Observer, advance: Callable[[float], None], due_s: float, window_s: float
     ) -> None:
-        order = self._order
-        steps = round(window_s / order.step_s)
-        if due_s - window_s > order.begin_s:
+        spec = self._spec
+        steps = round(window_s / spec.step_s)
+        if due_s - window_s > spec.begin_s:
             advance(due_s - window_s)
         observer.forget()
         for step in range(steps, 0, -1):
-            at = due_s - (step - 1) * order.step_s
-            if at > order.begin_s:
+            at = due_s - (step - 1) * spec.step_s
+            if at > spec.begin_s:
                 advance(at)
-            observer.look()
+            observer.sample()
         self.observations.extend(observer.observe(due_s))

@@ -1,15 +1,15 @@
-"""Whether a running simulation stands still."""
+"""Detection of gridlock in a running simulation."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Final
 
-from simulation.scenarios.gates import clock
+from simulation.scenarios.acceptance import clock
 from slipstream.errors import InputError
 
 CHECK_S: Final = 600.0
-"""Between two looks."""
+"""Between two checks."""
 
 _STANDING_MPS: Final = 0.1
 _STUCK_SHARE: Final = 0.8
@@ -18,7 +18,7 @@ _STUCK_VEHICLES: Final = 50
 
 
 class GridlockWatch:
-    """Counts the looks, ten minutes apart, at which four fifths of the vehicles stood.
+    """Gridlock: at three checks in a row, ten minutes apart, four fifths of the vehicles stand.
 
     Attributes:
         since_s: simulated time at which it was a gridlock; None: never.
@@ -28,7 +28,7 @@ class GridlockWatch:
         self.since_s: float | None = None
         self._stuck = 0
 
-    def look(self, now_s: float) -> bool:
+    def update(self, now_s: float) -> bool:
         """Take in the running simulation; True if it is in a gridlock."""
         import libsumo
 
@@ -41,12 +41,12 @@ class GridlockWatch:
         return self.since_s is not None
 
     def refuse(self, now_s: float, source: str | Path) -> None:
-        """Look, and end what stands still.
+        """Check, and end a simulation in a gridlock.
 
         Raises:
             InputError: it is in a gridlock.
         """
-        if self.look(now_s):
+        if self.update(now_s):
             raise InputError(
                 source, f"gridlock at {clock(now_s)}", "take fewer trips or another network"
             )

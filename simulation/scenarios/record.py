@@ -13,7 +13,7 @@ import numpy as np
 from simulation.scenarios.demand import Array, Indices
 
 if TYPE_CHECKING:
-    from simulation.scenarios.observer import Observation
+    from simulation.scenarios.perception import Observation
 
 HOUR_S: Final = 3600.0
 
@@ -41,7 +41,7 @@ class Traffic:
     entered: Array
 
     def speed_mps(self) -> Array:
-        """Mean speed over time and vehicles; NaN where nobody was."""
+        """Mean speed over time and vehicles; NaN where no vehicle was."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(
                 np.where(self.present_s > 0, self.distance_m / self.present_s, np.nan)
@@ -50,12 +50,6 @@ class Traffic:
     def vehicles(self) -> Array:
         """Mean number of vehicles on the segment; over its length, the density."""
         return self.present_s / self.interval_s
-
-    def speeds_at(self, time_s: float, limits_mps: Array) -> Array:
-        """Speeds in the interval of a time, the limit where nobody was; shape (segments,)."""
-        row = int(np.clip((time_s - self.begin_s) // self.interval_s, 0, len(self.present_s) - 1))
-        now = self.speed_mps()[row]
-        return np.asarray(np.where(np.isnan(now), limits_mps, np.minimum(now, limits_mps)))
 
 
 @dataclass(frozen=True)
@@ -71,7 +65,7 @@ class Hour:
         stops_per_km: how often they came to a stand.
         time_loss_share: of their time, against driving as fast as they like.
         judged: windows with enough vehicles for a flag.
-        stable: those of them that were stable in truth.
+        stable: those of them whose true traffic was stable.
     """
 
     speed_mps: float
@@ -183,7 +177,7 @@ def read_traffic(
 
 @dataclass(frozen=True)
 class TripInfo:
-    """What SUMO tells of a trip that ended: times in s since midnight."""
+    """SUMO's record of a trip that ended; times in s since midnight."""
 
     id: str
     depart_s: float

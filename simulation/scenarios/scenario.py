@@ -7,15 +7,23 @@ from importlib import resources
 from pathlib import Path
 from typing import Final, Literal
 
-from simulation.scenarios.breakdowns import Standing, draw_breakdowns
-from simulation.scenarios.day import DayOrder
-from simulation.scenarios.demand import DemandSettings, Flow, Trips, Zone, draw_trips, gateways
-from simulation.scenarios.fleet import FleetSettings
-from simulation.scenarios.network import check_routes, scenario_network
-from simulation.scenarios.route_file import write_routes
-from simulation.scenarios.routes import Routes, find_routes
-from simulation.scenarios.rsus import Rsu, load_rsus, place_rsus
-from simulation.scenarios.signals import write_fixed_time
+from simulation.scenarios.day import DaySpec
+from simulation.scenarios.demand import (
+    DemandSettings,
+    DrawnBreakdown,
+    FleetSettings,
+    Flow,
+    Routes,
+    Trips,
+    Zone,
+    draw_breakdowns,
+    draw_trips,
+    find_routes,
+    gateways,
+    write_routes,
+)
+from simulation.scenarios.networks import check_routes, scenario_network, write_fixed_time
+from simulation.scenarios.perception import Rsu, load_rsus, place_rsus
 from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, load_network
@@ -68,7 +76,7 @@ class Background:
     rsus: tuple[Rsu, ...]
     trips: Trips | None = None
     routes: Routes | None = None
-    breakdowns: tuple[Standing, ...] = ()
+    breakdowns: tuple[DrawnBreakdown, ...] = ()
 
 
 def load_scenario(
@@ -102,7 +110,7 @@ def load_scenario(
         name,
         net,
         network,
-        any_demand(network) if demand is None else load(demand, DemandSettings),
+        default_demand(network) if demand is None else load(demand, DemandSettings),
         None if rsus is None else load_rsus(rsus, network),
         FleetSettings() if fleet is None else load(fleet, FleetSettings),
     )
@@ -141,7 +149,7 @@ def own_background(scenario: Scenario, routes: Path) -> Background:
     return Background(routes, scenario.rsus or ())
 
 
-def order_day(
+def day_spec(
     scenario: Scenario,
     background: Background,
     folder: Path,
@@ -149,7 +157,7 @@ def order_day(
     signals: SignalControl = "actuated",
     begin_s: float = 0.0,
     end_s: float = 86400.0,
-) -> DayOrder:
+) -> DaySpec:
     """What `simulation.scenarios.day.run_day` needs for a day of a scenario.
 
     Raises:
@@ -160,7 +168,7 @@ def order_day(
         path = folder / f"{scenario.name}-fixed.add.xml"
         write_fixed_time(scenario.net, path)
         additional = (path,)
-    return DayOrder(
+    return DaySpec(
         scenario.net,
         background.file,
         tuple(scenario.network.segments),
@@ -171,7 +179,7 @@ def order_day(
     )
 
 
-def any_demand(network: RoadNetwork) -> DemandSettings:
+def default_demand(network: RoadNetwork) -> DemandSettings:
     """Light demand for a net of which nothing is known: random pairs of places, a day's curve."""
     km = sum(segment.length_m for segment in network.segments.values()) / 1000
     ends = dict.fromkeys(sorted(gateways(network)), 1.0)

@@ -1,6 +1,6 @@
-"""How large a day's deliveries are: distance and time of rounds of least energy on empty roads.
+"""Size of a day's deliveries: distance and time of least-energy tours on empty roads.
 
-Nothing here platoons; it tells whether a fleet is of the size wanted, before anything is saved.
+Without platooning: it shows whether a fleet has the wanted size before any saving is measured.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.travel import Travel, roads_of
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic import take_snapshot
-from simulation.scenarios.demand import DAY_S
-from simulation.scenarios.fleet import Deliveries, fleet_at
+from simulation.scenarios.demand import DAY_S, Deliveries, fleet_at
 from slipstream.roads import RoadNetwork
 
 
@@ -27,9 +26,9 @@ class FleetSize:
     Attributes:
         orders: all of them.
         served: of the orders.
-        rounds: from a depot and back to it.
-        distance_km: of all rounds.
-        time_h: of all rounds, service included.
+        rounds: tours from a depot and back.
+        distance_km: of all tours.
+        time_h: of all tours, service included.
         departures: vehicles sent by each cycle that sent any.
     """
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulation.streetdrive.camera import Camera
-from simulation.streetdrive.road import Road
+from simulation.streetdrive.rendering import Camera
+from simulation.streetdrive.traffic import Road
 
 Point = tuple[float, float]
 

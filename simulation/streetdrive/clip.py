@@ -9,18 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from simulation.streetdrive.calibration import camera_toml
-from simulation.streetdrive.camera import Camera
-from simulation.streetdrive.ground import Palette
-from simulation.streetdrive.light import draw_light
-from simulation.streetdrive.mesh import Mesh
-from simulation.streetdrive.painter import Image, Placed, Seen
-from simulation.streetdrive.road import Road
-from simulation.streetdrive.scenery import Density
-from simulation.streetdrive.sensor import Sensor, SensorSettings
+from simulation.streetdrive.rendering import (
+    Camera,
+    Density,
+    Image,
+    Mesh,
+    Palette,
+    Placed,
+    Seen,
+    Sensor,
+    SensorSettings,
+    Stage,
+    draw_light,
+)
 from simulation.streetdrive.settings import ClipSettings
-from simulation.streetdrive.stage import Stage
-from simulation.streetdrive.track import Track
-from simulation.streetdrive.traffic import simulate
+from simulation.streetdrive.traffic import Road, Track, simulate
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, build_vehicle
 from simulation.streetdrive.writer import (
     TRUTH_COLUMNS,

@@ -1,4 +1,4 @@
-"""What a clip is told to be, checked."""
+"""Settings of a StreetDrive clip, checked."""
 
 from __future__ import annotations
 

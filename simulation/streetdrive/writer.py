@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from simulation.streetdrive.painter import Image
+from simulation.streetdrive.rendering import Image
 from slipstream.errors import InputError
 
 Progress = Callable[[int, int], None]

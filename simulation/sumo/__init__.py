@@ -1,6 +1,17 @@
-"""SUMO view: roadside camera clips of traffic simulated by SUMO, with SUMO's own ground truth."""
+"""Running SUMO: a session in this process or in a subprocess, its input files, its vehicle types.
 
-from simulation.sumo.clip import render_sumo_clip
-from simulation.sumo.settings import SumoClipSettings
+`session` needs libsumo and is not exported here; who simulates in its own process imports it.
+"""
 
-__all__ = ["SumoClipSettings", "render_sumo_clip"]
+from simulation.sumo.files import check_files, check_vehicle_files, elements
+from simulation.sumo.subprocess import Progress, run_in_subprocess
+from simulation.sumo.vehicle_types import TYPES
+
+__all__ = [
+    "TYPES",
+    "Progress",
+    "check_files",
+    "check_vehicle_files",
+    "elements",
+    "run_in_subprocess",
+]

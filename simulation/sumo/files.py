@@ -1,4 +1,4 @@
-"""A first look at SUMO files: for files of another kind SUMO's own words are no help."""
+"""First checks of SUMO files: SUMO's own messages do not help with files of another kind."""
 
 from __future__ import annotations
 

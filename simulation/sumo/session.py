@@ -27,7 +27,7 @@ class Session:
 
     Args:
         options: of SUMO, the program's name left out.
-        files: that they name, the net first; refusals are told of one of them.
+        files: that they name, the net first; errors name one of them.
 
     Raises:
         InputError: SUMO refuses a file.
@@ -80,7 +80,7 @@ class Session:
             command()
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             reasons = [str(error)]
-        spoken = self._said.news()
+        spoken = self._said.new_lines()
         if reasons or any(line.startswith("Error") for line in spoken):
             raise self._refusal([*spoken, *reasons])
 
@@ -88,8 +88,10 @@ class Session:
         """SUMO's complaint about one of the files; about all but the net if it names none."""
         text = "\n".join(lines)
         parts = [line.removeprefix("Error: ").strip() for line in text.splitlines()]
-        told = list(dict.fromkeys(p for p in parts if p and p not in ("Process Error", _QUIT)))
-        problem = " ".join(told[:3]).rstrip(".") or "it gives no reason"
+        complaints = list(
+            dict.fromkeys(p for p in parts if p and p not in ("Process Error", _QUIT))
+        )
+        problem = " ".join(complaints[:3]).rstrip(".") or "it gives no reason"
         named = next((path for path in self._files if str(path) in text), None)
         source = named or ", ".join(path.name for path in self._files[1:])
         if named is not None:
@@ -104,7 +106,7 @@ def _close() -> None:
 
 
 @contextmanager
-def _messages() -> Iterator[_Said]:
+def _messages() -> Iterator[_CapturedOutput]:
     """Keep what this process writes to the terminal."""
     sys.stdout.flush()
     sys.stderr.flush()
@@ -113,7 +115,7 @@ def _messages() -> Iterator[_Said]:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
         try:
-            yield _Said(file.fileno())
+            yield _CapturedOutput(file.fileno())
         finally:
             os.dup2(saved[0], 1)
             os.dup2(saved[1], 2)
@@ -121,14 +123,14 @@ def _messages() -> Iterator[_Said]:
             os.close(saved[1])
 
 
-class _Said:
+class _CapturedOutput:
     """Reads what went into a file."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._read = 0
 
-    def news(self) -> list[str]:
+    def new_lines(self) -> list[str]:
         """The lines since the last call."""
         new = os.fstat(self._descriptor).st_size - self._read
         text = os.pread(self._descriptor, new, self._read) if new else b""

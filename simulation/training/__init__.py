@@ -1,1 +1,1 @@
-"""Domain-randomised scenes and the training of the detector (the `train` extra)."""
+"""Training of the detector on domain-randomised scenes (the `train` extra)."""

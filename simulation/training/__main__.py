@@ -10,12 +10,12 @@ from pathlib import Path
 
 from simulation.training.card import REACH_HEIGHT_PX, Record, StageRecord, card_text
 from simulation.training.dataset import write_data_yaml, write_dataset
-from simulation.training.judge import figures_on
 from simulation.training.labelled import read_labelled_set
 from simulation.training.ranges import QUEUES, RIDERS, ROADSIDE, WIDE
 from simulation.training.scenes import TRAIN
 from simulation.training.ship import ship
 from simulation.training.train import INPUT_SHAPE, TrainSettings, train, ultralytics_map
+from simulation.training.validation import evaluate_model
 
 _TOOLS = ("torch", "ultralytics-opencv-headless", "openvino", "opencv-python-headless", "numpy")
 
@@ -116,7 +116,7 @@ def main(argv: list[str] | None = None) -> int:
     shipped = ship(last, chosen.weights, chosen.out / "export", roadside / "images" / TRAIN)
     heights = (0.0, REACH_HEIGHT_PX)
     figures = {
-        (folder, xml): figures_on(
+        (folder, xml): evaluate_model(
             xml, read_labelled_set(folder / "data.yaml"), INPUT_SHAPE, heights
         )
         for folder in (roadside, wide)

@@ -1,4 +1,4 @@
-"""Pictures that INT8's ranges are fitted to, laid into the network's input as an RSU would."""
+"""Calibration pictures of INT8, letterboxed into the network's input as on an RSU."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from edge_daemon.detection.placement import Placement, place_dynamic
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image, read_image
 from edge_daemon.settings import DetectorSettings
-from simulation.training.judge import fill
+from simulation.training.validation import fill
 from slipstream.errors import InputError
 
 _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
@@ -27,7 +27,7 @@ def calibration_inputs(
     Args:
         source: a video file, or a folder with pictures (also in folders below).
         shape: (height, width) at which the model was trained: it fixes the scale.
-        count: at most so many, spread evenly over a clip, drawn from a folder.
+        count: largest number, spread evenly over a clip or drawn from a folder.
         camera: the clip's calibration: only the road's part is taken, as the daemon would. Without
             it, a camera.toml beside the clip is used if there is one.
         seed: of the draw.
@@ -53,7 +53,7 @@ def _from_folder(folder: Path, shape: tuple[int, int], count: int, seed: int) ->
         if image is None:
             raise InputError(paths[index], "not a readable picture", "remove it")
         size = image.shape[1], image.shape[0]
-        inputs.append(_laid(image, _placement(size, Region(0, 0, *size), shape)))
+        inputs.append(_letterboxed(image, _placement(size, Region(0, 0, *size), shape)))
     return inputs
 
 
@@ -75,7 +75,7 @@ def _from_clip(clip: Path, shape: tuple[int, int], count: int, camera: Path | No
                 if placement is None:
                     size = image.shape[1], image.shape[0]
                     placement = _placement(size, _road(size, camera, clip), shape)
-                inputs.append(_laid(image, placement))
+                inputs.append(_letterboxed(image, placement))
             number += 1
     finally:
         capture.release()
@@ -103,7 +103,7 @@ def _placement(size: tuple[int, int], wanted: Region, shape: tuple[int, int]) ->
     return place_dynamic(size, wanted, min(shape[1] / size[0], shape[0] / size[1]))
 
 
-def _laid(image: cv2.typing.MatLike, placement: Placement) -> Image:
+def _letterboxed(image: cv2.typing.MatLike, placement: Placement) -> Image:
     canvas = np.full((*placement.shape, 3), _GREY, dtype=np.uint8)
     fill(canvas, np.asarray(image, dtype=np.uint8), placement)
     return canvas

@@ -13,6 +13,7 @@ from simulation.training.metrics import Figures
 from simulation.training.ranges import ROADSIDE, WIDE
 from simulation.training.scenes import MIN_HEIGHT_PX, MIN_VISIBLE_FRACTION, TRAIN
 from simulation.training.train import WEIGHTS_NAME, TrainSettings
+from slipstream.tables import markdown_table
 
 REACH_HEIGHT_PX = 12.0
 """Box height, at 640 px width, of a car at the far end of a clip's monitored segment."""
@@ -58,15 +59,32 @@ class Record:
     remark: str = ""
 
 
-def _stage_rows(record: Record) -> str:
+def _stage_table(record: Record) -> str:
+    columns = ("range", "training pictures", "boxes", "epochs", "seed", "batch", "AdamW rate")
     rows = []
     for stage in record.stages:
         s = stage.settings
-        rows.append(
-            f"| {stage.name} | {stage.train[0]} | {stage.train[1]} | {s.epochs} | {s.seed} | {s.batch} | {s.learning_rate:g}, "
-            f"cosine to {s.final_rate:g} of it |"
+        rate = f"{s.learning_rate:g}, cosine to {s.final_rate:g} of it"
+        rows.append((stage.name, *stage.train, s.epochs, s.seed, s.batch, rate))
+    return markdown_table(columns, rows, left=(0, 6))
+
+
+def _class_table(record: Record) -> str:
+    road, road8 = record.shipped[ROADSIDE.name], record.int8[ROADSIDE.name]
+    reach, reach8 = record.in_reach, record.int8_in_reach
+    columns = (
+        *("class", "roadside held-out boxes", "AP50", "INT8"),
+        *(f"of at least {REACH_HEIGHT_PX:.0f} px", "AP50", "INT8"),
+    )
+    rows = (
+        (name, count, f"{ap:.3f}", f"{ap8:.3f}", near, f"{near_ap:.3f}", f"{near_ap8:.3f}")
+        for name, count, ap, ap8, near, near_ap, near_ap8 in zip(
+            *(CLASSES, road.boxes, road.ap50, road8.ap50),
+            *(reach.boxes, reach.ap50, reach8.ap50),
+            strict=True,
         )
-    return "\n".join(rows)
+    )
+    return markdown_table(columns, rows)
 
 
 def card_text(record: Record) -> str:
@@ -74,19 +92,6 @@ def card_text(record: Record) -> str:
     road, wide = record.shipped[ROADSIDE.name], record.shipped[WIDE.name]
     last, reach = record.stages[-1], record.in_reach
     road8, wide8, reach8 = record.int8[ROADSIDE.name], record.int8[WIDE.name], record.int8_in_reach
-    rows = "\n".join(
-        f"| {name} | {count} | {ap:.3f} | {ap8:.3f} | {near_count} | {near_ap:.3f} | {near_ap8:.3f} |"
-        for name, count, ap, ap8, near_count, near_ap, near_ap8 in zip(
-            CLASSES,
-            road.boxes,
-            road.ap50,
-            road8.ap50,
-            reach.boxes,
-            reach.ap50,
-            reach8.ap50,
-            strict=True,
-        )
-    )
     versions = ", ".join(f"{name} {version}" for name, version in record.versions.items())
     classes = ", ".join(f"{i} {name}" for i, name in enumerate(CLASSES))
     return f"""# {WEIGHTS_NAME}
@@ -113,9 +118,7 @@ Own COCO-style evaluation of the shipped OpenVINO models at 384×640; float, the
 | {record.held_out_pictures} wide pictures | {wide.map50:.3f} | {wide.map50_95:.3f} | {wide8.map50:.3f} | {wide8.map50_95:.3f} |
 | roadside, the `.pt`, Ultralytics' validator (rectangular, padded to 384×672) | {record.validator[0]:.3f} | {record.validator[1]:.3f} | | |
 
-| class | roadside held-out boxes | AP50 | INT8 | of at least {REACH_HEIGHT_PX:.0f} px | AP50 | INT8 |
-|---|---|---|---|---|---|---|
-{rows}
+{_class_table(record)}
 
 INT8 was fitted to {CALIBRATION_PICTURES} roadside training pictures; what turns the heads' answers into boxes stays float.
 
@@ -124,7 +127,7 @@ median, at 640 px picture width, hence the row with a least height, which is no 
 boxes are left out on both sides there, as COCO does with area ranges.
 
 Scores from 0.001 up, NMS per class at IoU 0.7, at most 300 boxes a picture, AP over 101 recall points
-(`simulation/training/metrics.py`, `judge.py`).
+(`simulation/training/metrics.py`, `validation.py`).
 
 ## Data
 Rendered at 1280×720 and reduced to 640×360. Drawn at random: camera height, focal length, pitch, yaw, roll
@@ -143,9 +146,7 @@ and no palette (paints and surfaces come from disjoint lists) with the training 
 by them: the weights are the moving average after the last one.
 
 ## Training
-| range | training pictures | boxes | epochs | seed | batch | AdamW rate |
-|---|---|---|---|---|---|---|
-{_stage_rows(record)}
+{_stage_table(record)}
 
 Each stage starts from the weights of the one before. Rectangular batches of 384×640, no mosaic; flips,
 hue/saturation/value, shift and scale as augmentation. {record.minutes:.0f} minutes on {last.settings.threads} CPU threads that other work shared.

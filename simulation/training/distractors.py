@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulation.streetdrive.mesh import Colour, Corner, Material, Mesh, MeshBuilder
+from simulation.streetdrive.rendering import Colour, Corner, Material, Mesh, MeshBuilder
 
 
 def _tone(rng: np.random.Generator, low: float, high: float) -> Colour:

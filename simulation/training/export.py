@@ -21,9 +21,9 @@ from edge_daemon.detection import VEHICLE_CLASSES
 from edge_daemon.detection.protocol import vehicle_class_of
 from edge_daemon.frame import Image
 from simulation.training.calibration import calibration_inputs
-from simulation.training.judge import figures_on, to_planes
 from simulation.training.labelled import LabelledSet, read_labelled_set
 from simulation.training.metrics import Figures
+from simulation.training.validation import evaluate_model, to_planes
 from slipstream.errors import InputError
 
 CALIBRATION_PICTURES = 200
@@ -97,12 +97,12 @@ def export_model(settings: ExportSettings) -> ExportReport:
     with tempfile.TemporaryDirectory() as folder:
         model, metadata = _convert(yolo, settings, Path(folder))
     model.set_rt_info(" ".join(map(str, settings.shape)), ["model_info", "trained_size"])
-    before = _judged(model, labelled, settings.shape)
+    before = _evaluated(model, labelled, settings.shape)
     after = None
     name = settings.weights.stem
     if inputs is not None:
         model, name = quantised(model, inputs), f"{name}-int8"
-        after = _judged(model, labelled, settings.shape)
+        after = _evaluated(model, labelled, settings.shape)
     path = save(model, metadata, settings.out, name)
     return ExportReport(
         model=path,
@@ -250,5 +250,5 @@ def save(model: Any, metadata: str, out: Path, name: str) -> Path:
     return path
 
 
-def _judged(model: Any, labelled: LabelledSet | None, shape: tuple[int, int]) -> Figures | None:
-    return figures_on(model, labelled, shape)[0] if labelled else None
+def _evaluated(model: Any, labelled: LabelledSet | None, shape: tuple[int, int]) -> Figures | None:
+    return evaluate_model(model, labelled, shape)[0] if labelled else None

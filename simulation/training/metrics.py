@@ -52,18 +52,18 @@ def _heights(corners: Floats) -> Floats:
 
 
 def _judge(
-    found: Floats, true: Floats, threshold: float, least_height_px: float
+    found: Floats, true: Floats, threshold: float, min_height_px: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which found boxes count, and which of them are hits, in one picture and class.
 
     True boxes lower than the bound are neither wanted nor held against an answer that finds them.
     """
-    small = _heights(true) < least_height_px
+    small = _heights(true) < min_height_px
     hit = _matches(found, true[~small], threshold)
     rest = ~hit
     ignored = np.zeros(len(found), dtype=np.bool_)
     ignored[rest] = _matches(found[rest], true[small], threshold)
-    ignored[rest] |= _heights(found[rest]) < least_height_px
+    ignored[rest] |= _heights(found[rest]) < min_height_px
     return ~ignored, hit
 
 
@@ -72,7 +72,7 @@ def average_precision(
     true: Sequence[Boxes],
     number: int,
     threshold: float,
-    least_height_px: float = 0.0,
+    min_height_px: float = 0.0,
 ) -> float:
     """AP of one class over pictures at one IoU threshold; nan where the class never occurs.
 
@@ -83,10 +83,10 @@ def average_precision(
     total = 0
     for f, t in zip(found, true, strict=True):
         wanted = t.corners[t.classes == number]
-        total += int((_heights(wanted) >= least_height_px).sum())
+        total += int((_heights(wanted) >= min_height_px).sum())
         chosen = f.classes == number
         order = np.argsort(-f.scores[chosen], kind="stable")
-        counts, hit = _judge(f.corners[chosen][order], wanted, threshold, least_height_px)
+        counts, hit = _judge(f.corners[chosen][order], wanted, threshold, min_height_px)
         scores.append(f.scores[chosen][order][counts])
         hits.append(hit[counts])
     if total == 0:
@@ -111,17 +111,17 @@ class Figures:
 
 
 def evaluate(
-    found: Sequence[Boxes], true: Sequence[Boxes], classes: int, least_height_px: float = 0.0
+    found: Sequence[Boxes], true: Sequence[Boxes], classes: int, min_height_px: float = 0.0
 ) -> Figures:
     """mAP50 and mAP50-95 over classes that occur, of boxes with at least this height."""
     table = np.array(
         [
-            [average_precision(found, true, c, t, least_height_px) for t in IOU_THRESHOLDS]
+            [average_precision(found, true, c, t, min_height_px) for t in IOU_THRESHOLDS]
             for c in range(classes)
         ]
     )
     counts = tuple(
-        sum(int((_heights(t.corners[t.classes == c]) >= least_height_px).sum()) for t in true)
+        sum(int((_heights(t.corners[t.classes == c]) >= min_height_px).sum()) for t in true)
         for c in range(classes)
     )
     return Figures(

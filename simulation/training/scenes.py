@@ -13,15 +13,21 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from simulation.streetdrive.camera import Camera
-from simulation.streetdrive.ground import Palette
-from simulation.streetdrive.light import draw_light
-from simulation.streetdrive.mesh import Colour
-from simulation.streetdrive.painter import Image, Placed, Seen
-from simulation.streetdrive.road import Road
-from simulation.streetdrive.scenery import Density
-from simulation.streetdrive.sensor import Sensor, SensorSettings
-from simulation.streetdrive.stage import Cover, Stage
+from simulation.streetdrive.rendering import (
+    Camera,
+    Colour,
+    Density,
+    Image,
+    Occluder,
+    Palette,
+    Placed,
+    Seen,
+    Sensor,
+    SensorSettings,
+    Stage,
+    draw_light,
+)
+from simulation.streetdrive.traffic import Road
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
 from simulation.training.distractors import build_distractor
 from simulation.training.ranges import WIDE, SceneRange, Span
@@ -194,7 +200,7 @@ def draw_distractors(rng: np.random.Generator, road: Road, mean: float) -> list[
     return placed
 
 
-def draw_covers(rng: np.random.Generator, share: float) -> list[Cover]:
+def draw_occluders(rng: np.random.Generator, share: float) -> list[Occluder]:
     """Now and then a post or a panel close to the camera that hides part of the road."""
     if rng.random() > share:
         return []
@@ -202,13 +208,13 @@ def draw_covers(rng: np.random.Generator, share: float) -> list[Cover]:
     tone = float(rng.uniform(40, 150))
     lean = rng.uniform(-30, 30)
     post = np.array([[u, 0.0], [u + wide, 0.0], [u + wide + lean, 720.0], [u + lean, 720.0]])
-    covers = [Cover(post, (tone, tone, tone))]
+    occluders = [Occluder(post, (tone, tone, tone))]
     if rng.random() < 0.5:
         w, h, v = rng.uniform(40, 140), rng.uniform(40, 120), rng.uniform(0, 300)
         panel = np.array([[u - w / 2, v], [u + w / 2, v], [u + w / 2, v + h], [u - w / 2, v + h]])
         b, g, r = (float(c) for c in rng.uniform(30, 220, 3))
-        covers.append(Cover(panel, (b, g, r)))
-    return covers
+        occluders.append(Occluder(panel, (b, g, r)))
+    return occluders
 
 
 def _degrade(image: Image, rng: np.random.Generator, limits: SceneRange) -> Image:
@@ -238,7 +244,7 @@ def render_shots(split: str, index: int, seed: int, limits: SceneRange) -> list[
         rng,
         density=Density(rng.uniform(0, 9), rng.uniform(0, 16), rng.uniform(0, 8)),
         tree_shadows=int(rng.integers(0, 7)),
-        covers=draw_covers(rng, limits.cover_share),
+        occluders=draw_occluders(rng, limits.cover_share),
     )
     return [_shoot(stage, split, rng, limits) for _ in range(limits.shots)]
 

@@ -35,7 +35,7 @@ def ship(weights: Path, target: Path, work: Path, calibrate: Path) -> Shipped:
     pt = work / f"{WEIGHTS_NAME}.pt"
     shutil.copyfile(weights, pt)
     strip_optimizer(str(pt))
-    _forget_paths(pt)
+    _remove_paths(pt)
     made = {
         kind: export_model(
             ExportSettings(pt, work / kind, INPUT_SHAPE, calibrate if kind == "int8" else None)
@@ -53,7 +53,7 @@ def ship(weights: Path, target: Path, work: Path, calibrate: Path) -> Shipped:
     return Shipped(target / pt.name, target / made["float"].name, target / made["int8"].name)
 
 
-def _forget_paths(checkpoint: Path) -> None:
+def _remove_paths(checkpoint: Path) -> None:
     """Drop the folders of the training machine from a checkpoint's record of its arguments."""
     import torch
 

@@ -20,7 +20,7 @@ WEIGHTS_NAME = "yolo11n-streetdrive"
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """What a training run is told.
+    """Settings of a training run.
 
     `final_rate` is the share of the rate left at the end. With `hard_swish` the network's SiLU
     gives way to hard-swish (Howard et al., ICCV 2019), which costs an RSU a quarter less in INT8.

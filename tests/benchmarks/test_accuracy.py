@@ -12,7 +12,7 @@ from benchmarks.accuracy.report import Row, features, misses, table
 from research.perception import Scores
 from research.perception.score import FeatureScore
 from simulation.streetdrive.clip import draw_clip_camera
-from simulation.streetdrive.road import Road
+from simulation.streetdrive.traffic.road import Road
 
 GOOD = Scores(
     speed_mae_kmh=0.8,

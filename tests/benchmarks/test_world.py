@@ -20,10 +20,10 @@ from benchmarks.world.figures import (
     time_checks,
 )
 from benchmarks.world.report import Results, checks, markdown
-from simulation.closed_loop.advice.road import Crossing, Roads
+from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.store import Store
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation.runs.store import Store
+from simulation.evaluation.runs.world import World, WorldFiles
 from tests.simulation.evaluation.fakes import make_arm
 
 DAY = TimedRun("background", "troy", 1, 24.0, 100.0, 90.0, 400.0)
@@ -133,7 +133,7 @@ def test_savings_are_read_from_an_evaluations_folder(
     )
     monkeypatch.setattr(bench, "read_roads", lambda net: roads)
     world = World(WorldFiles("troy"), tmp_path, "actuated", (7 * 3600.0, 8 * 3600.0))
-    with Store(tmp_path, world.ground, "code") as store:
+    with Store(tmp_path, world.provenance, "code") as store:
         for name in ("B", "B-0.88", "C", "C+", "C-noise-20"):
             arm = make_arm(POLICIES[name], 1)
             legs = tuple(replace(leg, path=("a", "b")) for leg in arm.legs)

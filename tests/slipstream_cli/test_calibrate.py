@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from edge_daemon.camera import load_camera
-from simulation.streetdrive.camera import Camera
+from simulation.streetdrive.rendering.camera import Camera
 from slipstream_cli.main import main
 
 SEGMENT = """

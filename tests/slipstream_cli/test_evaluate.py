@@ -8,28 +8,30 @@ from typing import Any
 
 import pytest
 
-from simulation.closed_loop.advice import road
-from simulation.closed_loop.arm import ArmOrder
+from simulation.closed_loop.arm import ArmSpec
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation import ceiling_tables, exogenous_study, world, writing
-from simulation.evaluation.exogenous_study import ExogenousOrder
+from simulation.controllers import advice
+from simulation.evaluation import exogenous, report
+from simulation.evaluation.exogenous import ExogenousSpec
+from simulation.evaluation.report import files
+from simulation.evaluation.runs import world
 from simulation.scenarios.scenario import Background, Scenario
 from slipstream_cli.main import main
 from tests.simulation.evaluation.fakes import make_arm
 
 Capture = pytest.CaptureFixture[str]
 
-READ_ROADS, CEILING_TABLES = road.read_roads, ceiling_tables.ceiling_tables
+READ_ROADS, CEILING_TABLES = advice.read_roads, report.ceiling_tables
 
 MORNING = ("--scenario", "corridor", "--begin", "6", "--hours", "3")
 
 
 @pytest.fixture
-def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmOrder]:
+def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmSpec]:
     """Arms are made up instead of simulated; what was ordered."""
-    ordered: list[ArmOrder] = []
+    ordered: list[ArmSpec] = []
 
-    def run_arm(order: ArmOrder, _: object) -> ArmResult:
+    def run_arm(order: ArmSpec, _: object) -> ArmResult:
         ordered.append(order)
         return make_arm(order.policy, order.seed)
 
@@ -39,10 +41,10 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmOrder]:
     monkeypatch.setattr(world, "run_arm", run_arm)
     monkeypatch.setattr(world, "prepare", prepare)
     monkeypatch.setattr(world, "history_of", lambda scenario, seed, folder, **_: folder / "history")
-    monkeypatch.setattr(writing, "draw", lambda evaluation, folder: ())
+    monkeypatch.setattr(files, "draw", lambda evaluation, folder: ())
     # Ceilings take a second, which only their own test need wait for.
-    monkeypatch.setattr(road, "read_roads", lambda net: None)
-    monkeypatch.setattr(ceiling_tables, "ceiling_tables", lambda evaluation, roads: ())
+    monkeypatch.setattr(advice, "read_roads", lambda net: None)
+    monkeypatch.setattr(report, "ceiling_tables", lambda evaluation, roads: ())
     return ordered
 
 
@@ -56,7 +58,7 @@ def evaluate(capsys: Capture, out: Path, *arguments: str) -> dict[str, Any]:
 
 
 def test_arms_are_simulated_once_and_reported_again(
-    capsys: Capture, tmp_path: Path, orders: list[ArmOrder]
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
 ) -> None:
     """Every arm and seed is ordered as asked; a second run takes all of them from the folder and
     prints the same; further arms join them."""
@@ -76,25 +78,25 @@ def test_arms_are_simulated_once_and_reported_again(
     assert list(more["arms"]) == ["A", "B", "C"]
     assert len(orders) == 6
     assert main(["evaluate", *MORNING, "--out", str(tmp_path), "--arms", "C", "--seeds", "1"]) == 0
-    printed = capsys.readouterr().out
-    assert "2 of 2 arms were stored already" in printed
-    assert str(tmp_path / "report.md") in printed
+    terminal_summary = capsys.readouterr().out
+    assert "2 of 2 arms were stored already" in terminal_summary
+    assert str(tmp_path / "report.md") in terminal_summary
 
 
 def test_ceilings_and_the_papers_way_join_the_report(
-    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Asked for once, they are simulated once; stored, they are in every later report."""
-    monkeypatch.setattr(road, "read_roads", READ_ROADS)
-    monkeypatch.setattr(ceiling_tables, "ceiling_tables", CEILING_TABLES)
+    monkeypatch.setattr(advice, "read_roads", READ_ROADS)
+    monkeypatch.setattr(report, "ceiling_tables", CEILING_TABLES)
     driven: list[str] = []
 
-    def run_apart(_: object, order: ExogenousOrder, *__: object) -> ArmResult:
+    def run_in_subprocess(_: object, order: ExogenousSpec, *__: object) -> ArmResult:
         driven.append(order.policy.name)
         return make_arm(order.policy, order.seed)
 
-    monkeypatch.setattr(exogenous_study, "run_apart", run_apart)
-    monkeypatch.setattr(exogenous_study, "_recorded", lambda order: None)
+    monkeypatch.setattr(exogenous, "run_in_subprocess", run_in_subprocess)
+    monkeypatch.setattr(exogenous, "_recorded", lambda order: None)
     first = evaluate(capsys, tmp_path, "--arms", "C,exogenous", "--seeds", "1")
     assert set(driven) >= {"B", "C"}
     assert first["exogenous"]["everywhere"]["arms"]["C"]["against_baseline"]["saving"]["mean"] > 0
@@ -110,7 +112,7 @@ def test_ceilings_and_the_papers_way_join_the_report(
 
 
 def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
-    capsys: Capture, tmp_path: Path, orders: list[ArmOrder]
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
 ) -> None:
     """The signals' program and the fleet's file are in the order."""
     fleet = tmp_path / "fleet.toml"
@@ -128,7 +130,7 @@ def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
 
 
 def test_a_gridlock_is_one_line_after_all_is_written(
-    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The arm, the seed, the time and the mend; the report has what stood."""
     monkeypatch.setattr(
@@ -144,11 +146,11 @@ def test_a_gridlock_is_one_line_after_all_is_written(
 
 
 def test_ctrl_c_says_how_to_go_on(
-    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One line, exit status 130; what was finished is there for the next run."""
 
-    def interrupt(order: ArmOrder, _: object) -> ArmResult:
+    def interrupt(order: ArmSpec, _: object) -> ArmResult:
         if order.policy.name == "B":
             raise KeyboardInterrupt
         return make_arm(order.policy, order.seed)
@@ -169,11 +171,11 @@ def test_ctrl_c_says_how_to_go_on(
 
 
 def test_without_libsumo_the_line_says_what_to_install(
-    capsys: Capture, tmp_path: Path, orders: list[ArmOrder], monkeypatch: pytest.MonkeyPatch
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The extra is named."""
 
-    def missing(order: ArmOrder, _: object) -> ArmResult:
+    def missing(order: ArmSpec, _: object) -> ArmResult:
         raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
 
     monkeypatch.setattr(world, "run_arm", missing)

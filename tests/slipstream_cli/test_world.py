@@ -14,9 +14,9 @@ import pytest
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
-from simulation.live.order import CameraPlace
 from simulation.live.prepare import prepare_world
-from simulation.sumo.builtin import find_routes
+from simulation.live.world_spec import CameraEndpoint
+from simulation.sumo_view.examples import find_routes
 from slipstream.bus import free_port
 from slipstream.config import BusSettings, load
 from slipstream.messages import VehiclePosition
@@ -136,7 +136,7 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
     keeping = tuple(rsu.model_copy(update={"keep_s": 90.0 * n}) for n, rsu in enumerate(order.rsus))
     order = replace(order, rsus=keeping)
     cameras = [
-        CameraPlace(rsu.id, ("s",), f"http://127.0.0.1:{8000 + n}/", tmp_path / f"{rsu.id}.toml")
+        CameraEndpoint(rsu.id, ("s",), f"http://127.0.0.1:{8000 + n}/", tmp_path / f"{rsu.id}.toml")
         for n, rsu in enumerate(order.rsus)
     ]
     files = write_world_settings(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simulation.closed_loop.arm import ArmOrder, run_arm
+from simulation.closed_loop.arm import ArmSpec, run_arm
 from simulation.closed_loop.policy import LEVERS, Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.scenarios.scenario import load_scenario, prepare
@@ -25,8 +25,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[ArmResult, ArmRes
     baseline = Policy("B")
     every = Policy("C+", frozenset(LEVERS) - {"routes"})
 
-    def order(policy: Policy) -> ArmOrder:
-        return ArmOrder(
+    def order(policy: Policy) -> ArmSpec:
+        return ArmSpec(
             "troy", background.file, background.rsus, 1, policy, begin_s=BEGIN_S, end_s=END_S
         )
 
@@ -71,12 +71,12 @@ def test_every_lever_saves_energy(results: tuple[ArmResult, ...]) -> None:
 def test_an_arm_that_cannot_be_is_refused(tmp_path: Path) -> None:
     """Routes by history without a history, hours that are none, a route file of another net."""
     with pytest.raises(ValueError, match="needs a history"):
-        ArmOrder("troy", tmp_path / "r", (), 1, Policy("C", frozenset({"routes"})))
+        ArmSpec("troy", tmp_path / "r", (), 1, Policy("C", frozenset({"routes"})))
     with pytest.raises(ValueError, match="multiple of 300"):
-        ArmOrder("troy", tmp_path / "r", (), 1, Policy("B"), begin_s=100.0)
+        ArmSpec("troy", tmp_path / "r", (), 1, Policy("B"), begin_s=100.0)
     routes = tmp_path / "r.rou.xml"
     routes.write_text(
         '<routes><vehicle id="a" depart="0"><route edges="elsewhere"/></vehicle></routes>'
     )
     with pytest.raises(InputError, match="elsewhere"):
-        run_arm(ArmOrder("troy", routes, (), 1, Policy("B"), end_s=60.0))
+        run_arm(ArmSpec("troy", routes, (), 1, Policy("B"), end_s=60.0))

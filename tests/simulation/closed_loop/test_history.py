@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulation.closed_loop import recording
+from simulation.closed_loop import history_recording as recording
 from simulation.closed_loop.history import HOURS, History
-from simulation.closed_loop.recording import Passages, Trace, history_of, record_history
-from simulation.scenarios.day import DayOrder
+from simulation.closed_loop.history_recording import Passages, Trace, history_of, record_history
+from simulation.scenarios.day import DaySpec
 from simulation.scenarios.scenario import Background, load_scenario
-from simulation.scenarios.vehicle_types import TYPES
+from simulation.sumo.vehicle_types import TYPES
 from slipstream.energy import steady_energy_kwh, stop_energy_kwh, trace_energy
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, load_network
@@ -162,7 +162,7 @@ def test_a_day_is_recorded(tmp_path: Path) -> None:
     routes.write_text(
         f'<routes>{kinds}<route id="way" edges="{" ".join(way)}"/>{vehicles}</routes>'
     )
-    day = DayOrder(net, routes, tuple(network.segments), end_s=900.0)
+    day = DaySpec(net, routes, tuple(network.segments), end_s=900.0)
     history = record_history(day, network)
     assert history.movements == tuple(sorted(pairwise(way[1:])))
     assert history.count[:, 0].tolist() == [2.0, 2.0]
@@ -181,7 +181,7 @@ def test_a_recorded_history_is_not_recorded_again(
     troy = load_scenario("troy")
     recorded: list[object] = []
 
-    def record(order: DayOrder, *_: object) -> History:
+    def record(order: DaySpec, *_: object) -> History:
         recorded.append(order)
         return known(troy.network, [], 0.0)
 

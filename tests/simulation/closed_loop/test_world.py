@@ -13,15 +13,15 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.travel import roads_of
 from dispatcher_daemon.traffic import take_snapshot
 from research.resources.scaling import least_cost_paths
-from simulation.closed_loop.conductor import Drafting, NoConductor
+from simulation.closed_loop.alternative_routes import AlternativeRoutes
 from simulation.closed_loop.record import DrivenLeg
-from simulation.closed_loop.rerouting import Ways
-from simulation.closed_loop.rounds import free_s
-from simulation.closed_loop.vehicle import LegOrder, VehicleState
+from simulation.closed_loop.tours import free_s
 from simulation.closed_loop.world import FleetWorld
+from simulation.controllers.fleet_controller import Drafting
+from simulation.controllers.vehicle import LegOrder, VehicleState
 from simulation.scenarios.scenario import Scenario, load_scenario
-from simulation.scenarios.vehicle_types import TYPES
 from simulation.sumo.session import Session
+from simulation.sumo.vehicle_types import TYPES
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 from slipstream.messages import DrivingAdvice
 
@@ -53,7 +53,7 @@ def shortest(troy: Scenario, start: str, end: str) -> tuple[str, ...]:
     return least_cost_paths(troy.network, cost, [start], [end])[start, end]
 
 
-def blocked(troy: Scenario, segments: tuple[str, ...]) -> Ways:
+def blocked(troy: Scenario, segments: tuple[str, ...]) -> AlternativeRoutes:
     """Ways of least time while some segments crawl."""
     depot, stop = Depot(node="vand_campbell"), Stop(id="a", node="3rd_broadway")
     fleet = Fleet(depots=(depot,), stops=(stop,), vehicles=(Vehicle(id="van"),))
@@ -61,7 +61,7 @@ def blocked(troy: Scenario, segments: tuple[str, ...]) -> Ways:
     slow = {name: replace(free.segments[name], speed_mps=1.0) for name in segments}
     snapshot = replace(free, segments={**free.segments, **slow})
     problem = RoutingProblem(troy.network, fleet, search="time")
-    return Ways(troy.network, roads_of(problem, snapshot))
+    return AlternativeRoutes(troy.network, roads_of(problem, snapshot))
 
 
 def order(troy: Scenario, path: tuple[str, ...]) -> LegOrder:
@@ -74,6 +74,22 @@ def length_m(troy: Scenario, path: tuple[str, ...]) -> float:
     return sum(troy.network.segments[name].length_m for name in path)
 
 
+class NoControl:
+    """Vehicles drive as SUMO's drivers do."""
+
+    disengagements = 0
+
+    def departed(self, name: str, order: LegOrder) -> None:
+        """Nothing to prepare."""
+
+    def ended(self, name: str) -> None:
+        """Nothing to forget."""
+
+    def control(self, now_s: float, states: Mapping[str, VehicleState]) -> Drafting:
+        """No vehicle is controlled."""
+        return Drafting()
+
+
 def drive(world: FleetWorld, steps: int) -> list[DrivenLeg]:
     """The legs that end within some steps."""
     return [leg for _ in range(steps) for leg in world.step()]
@@ -83,7 +99,7 @@ def test_a_leg_goes_from_rest_to_rest(troy: Scenario, session: Session) -> None:
     """It leaves when it is due, drives its way, needs traction for it and is gone at the end."""
     path = shortest(troy, "vand_campbell", "4th_madison")
     lengths = {name: segment.length_m for name, segment in troy.network.segments.items()}
-    world = FleetWorld(session, lengths, NoConductor(), STEP_S)
+    world = FleetWorld(session, lengths, NoControl(), STEP_S)
     world.send(order(troy, path))
     assert not drive(world, 19)
     assert world.unfinished == 0
@@ -106,13 +122,13 @@ def test_what_is_driven_in_platoons_is_counted(
 ) -> None:
     """Distances by the drag reduction that is credited; exposure with and without one."""
 
-    class Told(NoConductor):
+    class Drafts(NoControl):
         def control(self, now_s: float, states: Mapping[str, VehicleState]) -> Drafting:
             return Drafting({n: eta for n in states if eta}, turbulent=frozenset(states))
 
     path = shortest(troy, "vand_campbell", "4th_madison")
     lengths = {name: segment.length_m for name, segment in troy.network.segments.items()}
-    world = FleetWorld(session, lengths, Told(), STEP_S)
+    world = FleetWorld(session, lengths, Drafts(), STEP_S)
     world.send(order(troy, path))
     (leg,) = drive(world, 1219)
     assert leg.turbulent_s == pytest.approx(leg.arrived_s - leg.departed_s, abs=1.0)
@@ -129,7 +145,7 @@ def test_a_leg_is_put_off_and_sent_another_way(troy: Scenario, session: Session)
     def later(leg: LegOrder, now_s: float) -> tuple[LegOrder, float]:
         return replace(leg, free_s=1.0), now_s + 20.0
 
-    world = FleetWorld(session, lengths, NoConductor(), STEP_S, leave=later)
+    world = FleetWorld(session, lengths, NoControl(), STEP_S, leave=later)
     world.send(order(troy, path))
     ended = drive(world, 100)
     taken, turned = path, 0

@@ -10,10 +10,10 @@ import numpy as np
 from simulation.closed_loop.losses import Losses
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, DrivenLeg, Others, Service
-from simulation.evaluation.ground import Ground
+from simulation.evaluation.runs.provenance import Provenance
 from slipstream.energy import Energy
 
-GROUND = Ground(
+GROUND = Provenance(
     "toy", "n" * 64, "d" * 64, "", "f" * 64, "p" * 64, "actuated", 6 * 3600.0, 9 * 3600.0, 0.5
 )
 

@@ -8,23 +8,22 @@ from typing import Final
 import numpy as np
 import pytest
 
-from simulation.closed_loop.advice.road import Crossing, Roads
-from simulation.closed_loop.losses import Losses, drive_losses, losses
+from simulation.closed_loop.losses import drive_losses, losses
 from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
+from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.ceiling_tables import ceiling_tables
-from simulation.evaluation.ceilings import (
-    ceilings,
-    follower_saving,
+from simulation.evaluation.measures.ceilings import (
+    compute_ceilings,
     free_drive,
+    loss_shares,
     share_of_ceiling,
-    where,
 )
-from simulation.evaluation.evaluation import Evaluation, collect
-from simulation.evaluation.store import Store
-from simulation.evaluation.together import together_kwh
+from simulation.evaluation.measures.evaluation import Evaluation, collect
+from simulation.evaluation.report.ceilings import ceiling_tables
+from simulation.evaluation.report.proximity import proximity_kwh
+from simulation.evaluation.runs.store import Store
 from slipstream.drive import DrivingStyle, drive_energies, plan_drive
-from slipstream.energy import ETA_FOLLOWER, stop_energy_kwh, trace_energy
+from slipstream.energy import ETA_FOLLOWER, steady_energy_kwh, stop_energy_kwh, trace_energy
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 STEP_S: Final = 0.5
@@ -111,7 +110,6 @@ def test_braking_belongs_to_the_occasion_it_ends_with() -> None:
     )
     assert rippled.slowing_kwh == 0.0
     assert rippled.stands_kwh > 0.8 * whole
-    assert rippled.braking_kwh == pytest.approx(rippled.stands_kwh + rippled.arrival_kwh)
 
 
 def test_a_planned_drives_losses_are_those_of_its_trace() -> None:
@@ -144,7 +142,7 @@ def test_ceilings_are_bounds_in_their_order() -> None:
         + ramp((0, 14), (20, 14), (30, 0))[1:],
     ]
     arm = an_arm(*traces)
-    found = ceilings(arm, ROADS)
+    found = compute_ceilings(arm, ROADS)
     exact = sum(trace_energy(trace, STEP_S, ETA_FOLLOWER).total_kwh for trace in traces)
     assert found.driven.drafted_kwh <= exact <= 1.002 * found.driven.drafted_kwh
     assert found.driven.alone_kwh == pytest.approx(sum(leg.alone.total_kwh for leg in arm.legs))
@@ -162,14 +160,14 @@ def test_ceilings_are_bounds_in_their_order() -> None:
 def test_an_arm_slower_than_the_empty_road_is_not_hurried() -> None:
     """Where the arm was faster than the empty road at the limit, that is driven at the limit."""
     hurried = an_arm(ramp((0, 0), (4, 25), (55, 25), (60, 0)))
-    found = ceilings(hurried, ROADS)
+    found = compute_ceilings(hurried, ROADS)
     assert found.free_in_time.alone_kwh == pytest.approx(found.free.alone_kwh, rel=1e-4)
 
 
 def test_where_energy_goes_adds_up() -> None:
     """Rolling, drag, deliveries, turns, stands and traffic make the whole, and a stand shows."""
     arm = an_arm(STOPPED)
-    parts = where(arm, ROADS)
+    parts = loss_shares(arm, ROADS)
     assert sum(vars(parts).values()) == pytest.approx(arm.legs[0].alone.total_kwh)
     assert parts.turns == pytest.approx(
         drive_losses(free_drive(("a", "b", "c"), ROADS)).slowing_kwh
@@ -181,16 +179,16 @@ def test_where_energy_goes_adds_up() -> None:
 def test_an_arm_without_legs_has_no_ceilings() -> None:
     """There is nothing to be a share of."""
     with pytest.raises(ValueError, match="without legs"):
-        ceilings(an_arm(), ROADS)
+        compute_ceilings(an_arm(), ROADS)
     assert share_of_ceiling(0.1, 0.0) is None
     assert share_of_ceiling(0.1, 0.2) == 0.5
 
 
 def test_a_motorways_follower_saves_an_eighth() -> None:
     """13 % at 30 m/s, 6 % at 13.9 m/s (FINDINGS, "The paper", 7)."""
-    assert follower_saving(30.0) == pytest.approx(0.13, abs=0.002)
-    assert follower_saving(13.9) == pytest.approx(0.057, abs=0.001)
-    assert Losses(1.0, 1.0, 1.0, 2.0, 3.0).braking_kwh == 6.0
+    for speed_mps, share in ((30.0, 0.13), (13.9, 0.057)):
+        alone, following = (steady_energy_kwh(1.0, speed_mps, eta) for eta in (0.0, ETA_FOLLOWER))
+        assert 1 - following / alone == pytest.approx(share, abs=0.002)
 
 
 @pytest.fixture(scope="module")
@@ -248,7 +246,7 @@ def test_who_is_near_on_a_segment_drafts_there_but_for_one() -> None:
     third = replace(third, departed_s=400.0, arrived_s=552.0)
     drag = first.alone.drag_kwh
     together = [
-        together_kwh((first, second, third), ROADS.length_m, within_s)
+        proximity_kwh((first, second, third), ROADS.length_m, within_s)
         for within_s in (10.0, 60.0, 600.0)
     ]
     # Segment a: 600 of 1500 m, or of 1100 m; b: 500; c: 400, which the second one does not drive.

@@ -8,9 +8,9 @@ import pytest
 
 from simulation.closed_loop.record import ArmResult, Service
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.compare import Spread, compare
-from simulation.evaluation.curves import BIN_S, HOUR_S, course
-from simulation.evaluation.measures import measure
+from simulation.evaluation.measures.compare import Spread, compare
+from simulation.evaluation.measures.curves import BIN_S, HOUR_S, day_course
+from simulation.evaluation.measures.figures import measure
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 
@@ -110,7 +110,7 @@ def test_spread_is_the_samples() -> None:
 def test_the_days_course_adds_up_to_the_day(bin_s: float) -> None:
     """Nothing is lost between bins, and a leg's energy lies where the leg does."""
     result = arm("C")
-    found, whole = course(result, bin_s), measure(result)
+    found, whole = day_course(result, bin_s), measure(result)
     assert found.energy_kwh.sum() == pytest.approx(whole.energy_kwh)
     assert found.platooned_km.sum() == pytest.approx(whole.platooned_km)
     assert found.ends_s[-1] == GROUND.end_s
@@ -122,4 +122,4 @@ def test_the_days_course_adds_up_to_the_day(bin_s: float) -> None:
 def test_a_part_of_an_hour_is_a_bin_of_its_own() -> None:
     """Hours are those of the clock, the last one as long as the simulation was."""
     result = arm("B", begin_s=6.25 * 3600, end_s=8.5 * 3600)
-    assert course(result, HOUR_S).ends_s.tolist() == [7 * 3600, 8 * 3600, 8.5 * 3600]
+    assert day_course(result, HOUR_S).ends_s.tolist() == [7 * 3600, 8 * 3600, 8.5 * 3600]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulation.evaluation.equal_time import TimeCurve
+from simulation.evaluation.measures.equal_time import TimeCurve
 
 
 def test_the_curve_goes_through_what_was_simulated_and_falls_between() -> None:

@@ -14,13 +14,13 @@ import pytest
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation import writing
 from simulation.evaluation.arms import POLICIES, choose
-from simulation.evaluation.evaluation import Evaluation, collect
-from simulation.evaluation.report import printed
-from simulation.evaluation.run import note_wall
-from simulation.evaluation.store import Store
-from simulation.evaluation.writing import write_results
+from simulation.evaluation.measures.evaluation import Evaluation, collect
+from simulation.evaluation.report import files as writing
+from simulation.evaluation.report.files import write_results
+from simulation.evaluation.report.markdown import terminal_summary
+from simulation.evaluation.runs.run import record_wall_time
+from simulation.evaluation.runs.store import Store
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 SEEDS = (1, 2, 3)
@@ -129,7 +129,7 @@ def test_the_figures_data_end_at_the_days_energy(whole: Path) -> None:
 def test_the_same_arms_give_the_same_bytes(whole: Path, tmp_path: Path) -> None:
     """Tables, figures' data and report do not depend on when and where they are made."""
     shutil.copytree(whole / "arms", tmp_path / "arms")
-    note_wall(tmp_path, "B", 1, 12.34)
+    record_wall_time(tmp_path, "B", 1, 12.34)
     write_results(tmp_path, read(tmp_path))
     made = sorted(path.name for path in whole.iterdir() if path.is_file())
     assert made == [
@@ -155,7 +155,7 @@ def test_unlike_deliveries_are_said_and_compared_by_order(tmp_path: Path) -> Non
     write_results(tmp_path, evaluation)
     text = (tmp_path / "report.md").read_text()
     assert "Not as many orders served as by B in every seed: A" in text
-    assert "Not as many orders served as by B: A" in printed(evaluation)
+    assert "Not as many orders served as by B: A" in terminal_summary(evaluation)
 
 
 def test_without_matplotlib_all_the_rest_is_written(
@@ -183,4 +183,4 @@ def test_arms_of_different_code_are_not_mixed_silently(tmp_path: Path) -> None:
     text = (tmp_path / "report.md").read_text()
     assert "different code" in text
     assert "C has no seed 2" in text
-    assert "different code" in printed(evaluation)
+    assert "different code" in terminal_summary(evaluation)

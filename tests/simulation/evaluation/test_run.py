@@ -11,8 +11,9 @@ import pytest
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.run import Done, Simulate, Told, note_wall, run_missing
-from simulation.evaluation.store import Store
+from simulation.evaluation.runs.run import RunSummary, Simulate, record_wall_time, run_missing
+from simulation.evaluation.runs.store import Store
+from simulation.sumo import Progress
 from slipstream.errors import InputError
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
@@ -20,7 +21,7 @@ ARMS = (POLICIES["B"], POLICIES["C"])
 SPAN_S = (GROUND.begin_s, GROUND.end_s)
 
 
-def run(folder: Path, simulate: Simulate, workers: int = 1) -> tuple[Done, list[float]]:
+def run(folder: Path, simulate: Simulate, workers: int = 1) -> tuple[RunSummary, list[float]]:
     """Two arms of two seeds, and the shares that progress was told."""
     shares: list[float] = []
     with Store(folder, GROUND, "code") as store:
@@ -34,9 +35,9 @@ def test_what_is_stored_is_not_simulated_again(tmp_path: Path) -> None:
     """Seed by seed; a second run does nothing and knows what it kept."""
     called: list[tuple[str, int]] = []
 
-    def simulate(policy: Policy, seed: int, told: Told) -> ArmResult:
+    def simulate(policy: Policy, seed: int, progress: Progress) -> ArmResult:
         called.append((policy.name, seed))
-        told(7.5 * 3600, GROUND.end_s)
+        progress(7.5 * 3600, GROUND.end_s)
         return make_arm(policy, seed)
 
     done, shares = run(tmp_path, simulate)
@@ -51,7 +52,7 @@ def test_arms_run_at_once(tmp_path: Path) -> None:
     """With two workers the second one begins before the first one ends."""
     both = threading.Barrier(2, timeout=20)
 
-    def simulate(policy: Policy, seed: int, told: Told) -> ArmResult:
+    def simulate(policy: Policy, seed: int, progress: Progress) -> ArmResult:
         both.wait()
         return make_arm(policy, seed)
 
@@ -66,7 +67,7 @@ def test_a_fault_keeps_what_is_finished_and_ends_what_runs(
     """An arm that runs beside it is told to stop; the next run goes on from what is there."""
     running, stopped = threading.Event(), threading.Event()
 
-    def simulate(policy: Policy, seed: int, told: Told) -> ArmResult:
+    def simulate(policy: Policy, seed: int, progress: Progress) -> ArmResult:
         if (policy.name, seed) == ("B", 1):
             return make_arm(policy, seed)
         if (policy.name, seed) == ("C", 1):
@@ -75,7 +76,7 @@ def test_a_fault_keeps_what_is_finished_and_ends_what_runs(
         running.set()
         try:
             while True:
-                told(GROUND.begin_s, GROUND.end_s)
+                progress(GROUND.begin_s, GROUND.end_s)
         finally:
             stopped.set()
 
@@ -90,10 +91,10 @@ def test_a_fault_keeps_what_is_finished_and_ends_what_runs(
 
 def test_wall_times_are_added_up_over_runs(tmp_path: Path) -> None:
     """A later arm joins the earlier ones; a damaged file is begun anew."""
-    note_wall(tmp_path, "B", 1, 10.04)
-    note_wall(tmp_path, "C", 1, 20.0)
+    record_wall_time(tmp_path, "B", 1, 10.04)
+    record_wall_time(tmp_path, "C", 1, 20.0)
     path = tmp_path / "run.json"
     assert json.loads(path.read_text()) == {"wall_s": {"B-1": 10.0, "C-1": 20.0}}
     path.write_text("{")
-    note_wall(tmp_path, "A", 1, 1.0)
+    record_wall_time(tmp_path, "A", 1, 1.0)
     assert json.loads(path.read_text()) == {"wall_s": {"A-1": 1.0}}

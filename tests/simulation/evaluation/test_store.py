@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.ground import code_stamp
-from simulation.evaluation.store import Store
+from simulation.evaluation.runs.provenance import code_stamp
+from simulation.evaluation.runs.store import Store
 from slipstream.errors import InputError
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 

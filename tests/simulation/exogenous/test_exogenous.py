@@ -14,21 +14,27 @@ from research.cities.streets import street_network
 from simulation.closed_loop.dispatch_settings import evaluation_settings
 from simulation.closed_loop.policy import Gating, Policy
 from simulation.closed_loop.record import ArmResult
-from simulation.evaluation import exogenous_study as study
-from simulation.evaluation.evaluation import Evaluation
-from simulation.evaluation.exogenous_study import ARMS, exogenous_evaluation, exogenous_tables
-from simulation.evaluation.world import World, WorldFiles
+from simulation.evaluation import exogenous as study
+from simulation.evaluation.exogenous import ARMS, exogenous_evaluation
+from simulation.evaluation.measures.evaluation import Evaluation
+from simulation.evaluation.report.exogenous import exogenous_tables
+from simulation.evaluation.runs.world import World, WorldFiles
 from simulation.exogenous import recorded as recording
 from simulation.exogenous.day import exogenous_day
 from simulation.exogenous.passages import RecordedLeg, evaluate, turbulence_kwh
-from simulation.exogenous.recorded import Recorded, Watched, record_background, rsus_everywhere
+from simulation.exogenous.recorded import (
+    RecordedTraffic,
+    Watched,
+    record_background,
+    rsus_everywhere,
+)
 from simulation.exogenous.roadside import Roadside
 from simulation.ground_truth import TrueWindow
-from simulation.scenarios.day import DayOrder
-from simulation.scenarios.fleet import FleetSettings
-from simulation.scenarios.observer import Observation
+from simulation.scenarios.day import DaySpec
+from simulation.scenarios.demand.deliveries import FleetSettings
+from simulation.scenarios.perception.observer import Observation
 from simulation.scenarios.record import Day, Statistics, Traffic
-from simulation.scenarios.scenario import Background, Scenario, any_demand
+from simulation.scenarios.scenario import Background, Scenario, default_demand
 from slipstream.drive import DrivingStyle, drive_energies, plan_drive
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, total
 from slipstream.roads import RoadNetwork
@@ -77,7 +83,7 @@ def scenario(network: RoadNetwork) -> Scenario:
         wave_s=3600.0,
         capacity=3,
     )
-    return Scenario("town", Path("town"), network, any_demand(network), None, fleet)
+    return Scenario("town", Path("town"), network, default_demand(network), None, fleet)
 
 
 def a_day(
@@ -87,7 +93,7 @@ def a_day(
     pace: float = 0.8,
     hours: float = 1.0,
     every_s: float = 60.0,
-) -> Recorded:
+) -> RecordedTraffic:
     """The same traffic from midnight on: speeds at a share of the limits, windows of a minute."""
     names = tuple(network.segments)
     count = round(hours * 12)
@@ -96,7 +102,7 @@ def a_day(
     traffic = Traffic(0.0, 300.0, names, present, present * limits * pace, 0 * present, 0 * present)
     times = np.arange(every_s, hours * 3600 + 1, every_s).tolist()
     seen = [Observation(t, f"rsu-{n}", n, w) for t in times for n, w in windows.items()]
-    return Recorded(traffic, tuple(seen), every_s)
+    return RecordedTraffic(traffic, tuple(seen), every_s)
 
 
 def legs_on(
@@ -135,9 +141,9 @@ def test_a_background_is_simulated_once_and_read_back_as_it_was(
         {names[0]: CALM, names[1]: replace(ROUGH, mean_gap_m=None), names[2]: None},
         hours=0.5,
     )
-    orders: list[DayOrder] = []
+    orders: list[DaySpec] = []
 
-    def simulated(order: DayOrder, progress: object) -> Day:
+    def simulated(order: DaySpec, progress: object) -> Day:
         orders.append(order)
         counts = Statistics(1, 1, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
         return Day(0.0, 1800.0, counts, made.traffic, (), made.observations, None, 1.0)
@@ -241,7 +247,7 @@ def test_vehicles_close_together_draft_on_open_segments_alone(network: RoadNetwo
         assert leg.alone.total_kwh > leg.driven.total_kwh
         assert sum(leg.losses) == pytest.approx(leg.alone.total_kwh, rel=2e-3)
     assert found.watched_m == found.open_m == pytest.approx(3 * together)
-    assert found.partings == found.violations == 0
+    assert found.disengagements == found.violations == 0
 
 
 def test_platoons_in_turbulent_traffic_are_violations(network: RoadNetwork) -> None:
@@ -251,7 +257,7 @@ def test_platoons_in_turbulent_traffic_are_violations(network: RoadNetwork) -> N
     roadside = Roadside(day, network, cooperative("open"), 1)
     roadside.until(3600.0)
     found = evaluate(legs_on(network, 1000.0, 1001.0), roadside, network, 3.0)
-    assert (found.partings, found.violations) == (1, 2)
+    assert (found.disengagements, found.violations) == (1, 2)
     assert found.violated_m == pytest.approx(2 * network.segments[path[1]].length_m)
     assert all(leg.turbulent_s > 0 for leg in found.legs)
     calm = Roadside(a_day(network, dict.fromkeys(path[1:3], CALM)), network, cooperative(), 1)
@@ -266,13 +272,13 @@ def test_platoons_in_turbulent_traffic_are_violations(network: RoadNetwork) -> N
 
 
 @pytest.fixture(scope="module")
-def calm_day(network: RoadNetwork) -> Recorded:
+def calm_day(network: RoadNetwork) -> RecordedTraffic:
     """Four hours in which the whole town is watched and calm."""
     return a_day(network, dict.fromkeys(network.segments, CALM), hours=4.0, every_s=300.0)
 
 
 def test_a_fleets_day_is_the_same_again_and_saves_by_platoons(
-    scenario: Scenario, calm_day: Recorded
+    scenario: Scenario, calm_day: RecordedTraffic
 ) -> None:
     """Same arguments, same day; every order is served; in a calm town platoons form as planned,
     and their drag is all that differs from the same drives alone."""
@@ -296,7 +302,7 @@ def test_a_fleets_day_is_the_same_again_and_saves_by_platoons(
     )
 
 
-def test_slow_traffic_takes_longer(scenario: Scenario, calm_day: Recorded) -> None:
+def test_slow_traffic_takes_longer(scenario: Scenario, calm_day: RecordedTraffic) -> None:
     """Legs are driven at the recorded speeds: at half of them, nearly twice as long."""
     slow = a_day(scenario.network, {}, pace=0.4, hours=4.0)
     fast = exogenous_day(scenario, calm_day, BASELINE, 4, settings=quick())
@@ -315,19 +321,19 @@ def test_an_evaluations_exogenous_arms_are_kept_and_shown(
     seen: list[tuple[str, str]] = []
 
     class Town:
-        ground = GROUND
+        provenance = GROUND
         files = WorldFiles("troy")
 
         def background(self, seed: int) -> Background:
             return background
 
     def apart(
-        simulate: object, order: study.ExogenousOrder, source: str, end_s: float, told: object
+        simulate: object, order: study.ExogenousSpec, source: str, end_s: float, progress: object
     ) -> ArmResult:
         seen.append((order.watched, order.policy.name))
         return make_arm(order.policy, order.seed)
 
-    monkeypatch.setattr(study, "run_apart", apart)
+    monkeypatch.setattr(study, "run_in_subprocess", apart)
     monkeypatch.setattr(study, "_recorded", lambda order: seen.append((order.watched, "")))
 
     def evaluation(watched: Watched) -> Evaluation:

@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.fleet import Depot
+from simulation.live.fleet_file import FleetFile, open_since_s
 from simulation.live.gates import BusGates
-from simulation.live.order import WorldOrder
-from simulation.live.orders import OrderFile, open_since_s
 from simulation.live.pace import SLIP_S, Pace
-from simulation.live.plans import Mailbox, Waiting, in_world_time
+from simulation.live.plans import PendingPlans, PlanQueue, in_world_time
 from simulation.live.sites import camera_site
 from simulation.live.stream import LatestPicture, MjpegServer
-from simulation.scenarios.fleet import Deliveries, FleetSettings, Order
-from simulation.scenarios.rsus import Rsu, Stretch
+from simulation.live.world_spec import WorldSpec
+from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
+from simulation.scenarios.perception.rsus import Rsu, Stretch
 from slipstream.messages import (
     Estimate,
     KinematicFeatures,
@@ -87,7 +87,7 @@ def test_pictures_fall_on_steps(
     speed: float, fps: float, steps: int, step_s: float, deliveries: Deliveries
 ) -> None:
     """Steps are 0.1 s at most, and a whole number of them lies between two pictures."""
-    order = WorldOrder(
+    order = WorldSpec(
         day=None,  # type: ignore[arg-type]
         begin_s=0.0,
         speed=speed,
@@ -205,7 +205,7 @@ def test_a_plans_times_count_from_its_issue_in_the_world() -> None:
 
 def test_a_vehicle_takes_a_plan_only_when_it_is_free() -> None:
     """On its round it takes none; back at the depot it takes the newest that has not left yet."""
-    waiting = Waiting({"van-1", "van-2"}, {"o1", "o2"})
+    waiting = PendingPlans({"van-1", "van-2"}, {"o1", "o2"})
     waiting.add(in_world_time(_plan("van-1", ["o1"]), 0.0))
     assert list(waiting.take({"van-2": 0.0}, set())) == []
     assert list(waiting.take({"van-1": 50.0}, set())) == []
@@ -223,19 +223,19 @@ def test_plans_that_do_not_fit_the_fleet_are_left_out(
     vehicle: str, orders: list[str], taken: list[str]
 ) -> None:
     """Another fleet's vehicle or order, and an order that somebody else has taken."""
-    waiting = Waiting({"van-1"}, {"o1", "o2"})
+    waiting = PendingPlans({"van-1"}, {"o1", "o2"})
     waiting.add(in_world_time(_plan(vehicle, orders), 0.0))
     assert list(waiting.take({"van-1": 0.0, "van-9": 0.0}, taken)) == []
 
 
 def test_only_plans_for_the_fleet_come_out_of_the_mailbox() -> None:
     """Noise on the bus and other fleets' plans are dropped where they arrive."""
-    mailbox = Mailbox(["van-1"])
+    mailbox = PlanQueue(["van-1"])
     mailbox.take("key", b"noise")
     mailbox.take("key", _plan("van-9", ["o1"]).to_bytes())
     mailbox.take("key", _plan("van-1", ["o1"]).to_bytes())
-    assert [plan.vehicle for plan in mailbox.news()] == ["van-1"]
-    assert list(mailbox.news()) == []
+    assert [plan.vehicle for plan in mailbox.drain()] == ["van-1"]
+    assert list(mailbox.drain()) == []
 
 
 @pytest.fixture
@@ -251,7 +251,7 @@ def deliveries() -> Deliveries:
 def test_the_order_file_follows_the_day(tmp_path: Path, deliveries: Deliveries) -> None:
     """Orders appear when they are ready and go when taken; a file without any says so."""
     path = tmp_path / "fleet.json"
-    file = OrderFile(path, deliveries)
+    file = FleetFile(path, deliveries)
     now_s = 7.5 * 3600
     assert open_since_s(deliveries, now_s) == 6.5 * 3600
     assert file.write(now_s, {"van-1": now_s - 60.0}, {"o6"}) == 1

@@ -12,8 +12,8 @@ from simulation.scenarios.record import Day
 from simulation.scenarios.scenario import (
     Background,
     Scenario,
+    day_spec,
     load_scenario,
-    order_day,
     prepare,
 )
 
@@ -47,6 +47,6 @@ def morning(troy: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Morning
     """Troy from 7:30 to 7:40."""
     folder = tmp_path_factory.mktemp("morning")
     background = prepare(troy, 1, folder)
-    order = order_day(troy, background, folder, begin_s=BEGIN_S, end_s=END_S)
+    order = day_spec(troy, background, folder, begin_s=BEGIN_S, end_s=END_S)
     order = replace(order, window_every_s=60.0)
     return Morning(troy, background, folder, run_day(order))

@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from simulation.scenarios.breakdowns import Breakdown, draw_breakdowns
 from simulation.scenarios.day import run_day
-from simulation.scenarios.demand import DemandSettings, Flow, Zone
-from simulation.scenarios.network import check_routes
-from simulation.scenarios.observer import Observation
+from simulation.scenarios.demand.breakdowns import Breakdown, draw_breakdowns
+from simulation.scenarios.demand.trips import DemandSettings, Flow, Zone
+from simulation.scenarios.networks.network import check_routes
+from simulation.scenarios.perception.observer import Observation
+from simulation.scenarios.perception.rsus import Rsu, Stretch
 from simulation.scenarios.record import Day
-from simulation.scenarios.rsus import Rsu, Stretch
-from simulation.scenarios.scenario import Scenario, order_day, prepare
+from simulation.scenarios.scenario import Scenario, day_spec, prepare
 from slipstream.errors import InputError
 
 BEGIN_S, END_S = 21600.0, 22800.0
 STOPS = Breakdown(
-    name="test", segments=("e2_main",), begin_s=(21840.0, 21840.0), lasts_s=(3600.0, 3600.0)
+    name="test", segments=("e2_main",), begin_s=(21840.0, 21840.0), duration_s=(3600.0, 3600.0)
 )
 
 
@@ -39,8 +39,8 @@ def test_breakdowns_hang_on_the_seed_and_stay_within_their_ranges(corridor: Scen
             kind = kinds[standing.name]
             assert standing.segment in kind.segments
             assert kind.begin_s[0] <= standing.begin_s <= kind.begin_s[1]
-            lasts_s = standing.end_s - standing.begin_s
-            assert kind.lasts_s[0] - 0.2 <= lasts_s <= kind.lasts_s[1] + 0.2
+            duration_s = standing.end_s - standing.begin_s
+            assert kind.duration_s[0] - 0.2 <= duration_s <= kind.duration_s[1] + 0.2
             assert 400.0 <= standing.at_m < corridor.network.segments[standing.segment].length_m
     for kind in kinds.values():
         drawn = {s.segment for day in days for s in day if s.name == kind.name}
@@ -81,15 +81,15 @@ def test_two_breakdowns_of_one_name_are_told(corridor: Scenario) -> None:
 
 def test_a_demand_without_breakdowns_is_told_as_before(corridor: Scenario) -> None:
     """Digests of evaluations that are stored do not hang on a setting that says nothing."""
-    assert "breakdowns" in corridor.demand.told()
+    assert "breakdowns" in corridor.demand.digest_text()
     calm = corridor.demand.model_copy(update={"breakdowns": ()})
-    assert "breakdowns" not in calm.told()
+    assert "breakdowns" not in calm.digest_text()
 
 
 def test_a_range_that_runs_backwards_is_told() -> None:
     """Nobody breaks down between nine and eight."""
     with pytest.raises(ValidationError, match="begin_s: 32400 to 28800 runs backwards"):
-        Breakdown(name="x", segments=("s",), begin_s=(32400.0, 28800.0), lasts_s=(60.0, 60.0))
+        Breakdown(name="x", segments=("s",), begin_s=(32400.0, 28800.0), duration_s=(60.0, 60.0))
 
 
 def _day(corridor: Scenario, kinds: tuple[Breakdown, ...], folder: Path) -> Day:
@@ -105,7 +105,7 @@ def _day(corridor: Scenario, kinds: tuple[Breakdown, ...], folder: Path) -> Day:
     rsus = (Rsu(id="behind", watch=(behind,)),)
     scenario = replace(corridor, demand=demand, rsus=rsus)
     background = prepare(scenario, 1, folder)
-    order = order_day(scenario, background, folder, begin_s=BEGIN_S, end_s=END_S)
+    order = day_spec(scenario, background, folder, begin_s=BEGIN_S, end_s=END_S)
     return run_day(replace(order, window_every_s=60.0, window_s=60.0))
 
 

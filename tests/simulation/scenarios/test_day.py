@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from edge_daemon.settings import StabilitySettings
-from simulation.closed_loop.recording import record_history
+from simulation.closed_loop.history_recording import record_history
 from simulation.scenarios.__main__ import main
-from simulation.scenarios.day import DayOrder, run_day
-from simulation.scenarios.gates import Gates
-from simulation.scenarios.observer import Passer, window_of
+from simulation.scenarios.acceptance import AcceptanceLimits
+from simulation.scenarios.day import DaySpec, run_day
+from simulation.scenarios.perception.observer import ObservedVehicle, window_of
+from simulation.scenarios.perception.rsus import Stretch, load_rsus, place_rsus
 from simulation.scenarios.record import TripInfo, hours_of
-from simulation.scenarios.rsus import Stretch, load_rsus, place_rsus
-from simulation.scenarios.scenario import Scenario, load_scenario, order_day, own_background
+from simulation.scenarios.scenario import Scenario, day_spec, load_scenario, own_background
 from slipstream.errors import InputError
 from tests.simulation.scenarios.conftest import BEGIN_S, END_S, Morning
 
@@ -41,20 +41,9 @@ def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     assert np.isnan(speeds[day.traffic.present_s == 0]).all()
 
 
-def test_speeds_at_a_time_fall_back_on_the_limit(morning: Morning) -> None:
-    """Segments on which nobody was are taken as free."""
-    segments = morning.scenario.network.segments.values()
-    limits = np.array([segment.speed_limit_mps for segment in segments])
-    speeds = morning.day.traffic.speeds_at(BEGIN_S + 400.0, limits)
-    empty = morning.day.traffic.present_s[1] == 0
-    assert (speeds[empty] == limits[empty]).all()
-    assert (speeds <= limits).all()
-    assert (speeds < 0.9 * limits).any()
-
-
 def test_same_day_twice_is_the_same(morning: Morning) -> None:
     """Same files, same seed, same record, but for the time it took."""
-    order = order_day(
+    order = day_spec(
         morning.scenario, morning.background, morning.folder, begin_s=BEGIN_S, end_s=END_S
     )
     order = replace(order, window_every_s=60.0)
@@ -80,9 +69,9 @@ def test_a_window_has_the_edges_features() -> None:
     stretch = Stretch(segment="s", from_m=100.0, to_m=200.0)
     seen = [
         [
-            Passer("a", 152.0 + 10 * t, 0, 10.0, 0.0, 4.0),
-            Passer("b", 132.0 + 12 * t, 0, 12.0, 0.0, 4.0),
-            Passer("elsewhere", 50.0, 0, 1.0, 3.0, 4.0),
+            ObservedVehicle("a", 152.0 + 10 * t, 0, 10.0, 0.0, 4.0),
+            ObservedVehicle("b", 132.0 + 12 * t, 0, 12.0, 0.0, 4.0),
+            ObservedVehicle("elsewhere", 50.0, 0, 1.0, 3.0, 4.0),
         ]
         for t in range(3)
     ] + [[]]
@@ -101,8 +90,8 @@ def test_lanes_that_are_not_watched_leave_no_trace() -> None:
     """A vehicle that brakes beside the others is in no feature, and the lanes count from theirs."""
     wide = Stretch(segment="s", from_m=100.0, to_m=200.0)
     through = wide.model_copy(update={"from_lane": 1})
-    passing = [Passer(f"p{i}", 120.0 + 20 * i, 1, 10.0, 0.0, 4.0) for i in range(3)]
-    leaving = Passer("leaving", 150.0, 0, 4.0, -2.0, 4.0)
+    passing = [ObservedVehicle(f"p{i}", 120.0 + 20 * i, 1, 10.0, 0.0, 4.0) for i in range(3)]
+    leaving = ObservedVehicle("leaving", 150.0, 0, 4.0, -2.0, 4.0)
     alone, all_of_them = [passing] * 4, [[*passing, leaving]] * 4
     seen = window_of(through, all_of_them, 1.0, RULE)
     assert seen == window_of(through, alone, 1.0, RULE)
@@ -136,7 +125,7 @@ def test_hours_are_those_of_the_clock(morning: Morning) -> None:
 
 def test_gates_name_every_fault(morning: Morning) -> None:
     """A fit day passes; teleports, late departures, vehicles left and a gridlock do not."""
-    gates = Gates()
+    gates = AcceptanceLimits()
     assert gates.faults(morning.day) == ()
     gates.check(morning.day, "troy")
     bad = replace(morning.day.statistics, teleports=3, mean_depart_delay_s=5.0, running=90)
@@ -160,11 +149,11 @@ def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
     )
     routes = tmp_path / "jam.rou.xml"
     routes.write_text(f"<routes>{kind}{vehicles.replace(kind, '')}{blocked}</routes>")
-    order = DayOrder(corridor.net, routes, tuple(corridor.network.segments), end_s=20_000.0)
+    order = DaySpec(corridor.net, routes, tuple(corridor.network.segments), end_s=20_000.0)
     day = run_day(order)
     assert day.gridlock_s is not None
     assert day.end_s == day.gridlock_s < 10_000.0
-    assert any(fault.startswith("gridlock") for fault in Gates().faults(day))
+    assert any(fault.startswith("gridlock") for fault in AcceptanceLimits().faults(day))
     with pytest.raises(InputError, match=r"jam\.rou\.xml: gridlock at 00:30; take fewer trips"):
         record_history(order, corridor.network)
 
@@ -177,7 +166,7 @@ def test_route_file_of_another_net_is_one_line(troy: Scenario, tmp_path: Path) -
     )
     with pytest.raises(InputError, match="a route over 'nowhere', which the net has not"):
         own_background(troy, routes)
-    order = DayOrder(troy.net, routes, tuple(troy.network.segments), end_s=60.0)
+    order = DaySpec(troy.net, routes, tuple(troy.network.segments), end_s=60.0)
     with pytest.raises(InputError, match=r"other\.rou\.xml: SUMO refuses it: .*'nowhere'"):
         run_day(order)
 

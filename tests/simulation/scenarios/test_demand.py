@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from simulation.scenarios.demand import DemandSettings, Flow, Zone, draw_trips, gateways
-from simulation.scenarios.network import check_routes
-from simulation.scenarios.routes import find_routes
-from simulation.scenarios.scenario import Scenario, any_demand, prepare
-from simulation.scenarios.vehicle_types import TYPES
+from simulation.scenarios.demand.routes import find_routes
+from simulation.scenarios.demand.trips import DemandSettings, Flow, Zone, draw_trips, gateways
+from simulation.scenarios.networks.network import check_routes
+from simulation.scenarios.scenario import Scenario, default_demand, prepare
+from simulation.sumo.vehicle_types import TYPES
 from slipstream.errors import InputError
 
 FLAT = (1.0,) * 24
@@ -61,9 +61,14 @@ def test_departures_follow_the_hours_of_their_purpose(troy: Scenario) -> None:
 def test_reach_makes_trips_short(corridor: Scenario) -> None:
     """A purpose with a short reach drives shorter ways than one that may go anywhere."""
 
-    def mean_m(reach_m: float | None) -> float:
+    def mean_m(decay_length_m: float | None) -> float:
         flow = Flow(
-            name="x", trips=400, origin="all", destination="all", hours=FLAT, reach_m=reach_m
+            name="x",
+            trips=400,
+            origin="all",
+            destination="all",
+            hours=FLAT,
+            decay_length_m=decay_length_m,
         )
         demand = DemandSettings(zones={"all": Zone(base=1.0)}, flows=(flow,), types={"car": 1.0})
         trips = draw_trips(demand, corridor.network, 1)
@@ -142,7 +147,7 @@ def test_unknown_places_and_zones_are_told(troy: Scenario) -> None:
 
 def test_a_net_of_which_nothing_is_known_gets_light_demand(corridor: Scenario) -> None:
     """Random pairs of places, in proportion to the length of the roads."""
-    demand = any_demand(corridor.network)
+    demand = default_demand(corridor.network)
     km = sum(segment.length_m for segment in corridor.network.segments.values()) / 1000
     assert demand.flows[0].trips == round(170 * km)
     assert len(draw_trips(demand, corridor.network, 1)) == demand.flows[0].trips

@@ -7,10 +7,10 @@ import pytest
 
 from dispatcher_daemon.fleet import check_fleet
 from simulation.ground_truth import TrueWindow
-from simulation.scenarios.demand import Zone
-from simulation.scenarios.fleet import draw_deliveries, fleet_at
-from simulation.scenarios.observer import Observation
-from simulation.scenarios.perception import FEATURES, Reporter, fit_errors, measured_errors
+from simulation.scenarios.demand.deliveries import draw_deliveries, fleet_at
+from simulation.scenarios.demand.trips import Zone
+from simulation.scenarios.perception.observer import Observation
+from simulation.scenarios.perception.reporter import FEATURES, Reporter, fit_errors, measured_errors
 from simulation.scenarios.scenario import Scenario
 from simulation.scenarios.sizing import fleet_size
 from slipstream.errors import InputError

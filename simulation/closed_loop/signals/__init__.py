@@ -1,1 +1,0 @@
-"""Signals and the fleet: what RSUs broadcast of them, asking for green, when to leave."""

@@ -1,0 +1,31 @@
+"""Figures of an evaluation: arms against the baseline, at equal time, and their upper bounds."""
+
+from simulation.evaluation.measures.ceilings import (
+    Ceilings,
+    LossShares,
+    compute_ceilings,
+    loss_shares,
+    share_of_ceiling,
+)
+from simulation.evaluation.measures.compare import Compared, Spread
+from simulation.evaluation.measures.curves import BIN_S, HOUR_S, Array, Course, day_course
+from simulation.evaluation.measures.evaluation import Evaluation, collect
+from simulation.evaluation.measures.figures import Measures
+
+__all__ = [
+    "BIN_S",
+    "HOUR_S",
+    "Array",
+    "Ceilings",
+    "Compared",
+    "Course",
+    "Evaluation",
+    "LossShares",
+    "Measures",
+    "Spread",
+    "collect",
+    "compute_ceilings",
+    "day_course",
+    "loss_shares",
+    "share_of_ceiling",
+]

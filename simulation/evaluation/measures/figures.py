@@ -1,0 +1,140 @@
+"""One arm of one seed in figures: sums over its legs, services and cycles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from simulation.closed_loop.losses import Losses
+from simulation.closed_loop.record import ArmResult, Others
+from simulation.scenarios.acceptance import clock
+from slipstream.energy import Energy, total
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What an arm came to; energies in kWh.
+
+    Attributes:
+        driven: energy with the drag reductions that vehicles had.
+        alone: of the same speeds without any.
+        losses: what `alone` went into.
+        legs: driven to their end.
+        distance_km: of all of them.
+        travel_h: from when legs could begin to their arrivals, service left out.
+        led_km: at the front of platoons.
+        followed_km: as a follower.
+        stops: on the road.
+        waited_h: standing on the road.
+        orders: released.
+        served: orders whose service began.
+        late: orders served after their latest time, or not at all though it is over.
+        cycles: dispatch cycles that had something to plan.
+        planned_kwh: what their plans expected to need.
+        watched: segments that RSUs watch, summed over cycles, as the next three.
+        judged: those whose y_e was known.
+        open: judged ones whose gate was open.
+        open_turbulent: open gates on segments whose true traffic was turbulent.
+        disengagements: of platoons, because of truly turbulent traffic.
+        turbulent_s: time in a close gap in such traffic, leaving included.
+        others: the background's trips.
+        unfinished: vehicles on the road at the end.
+        faults: why no figure of this arm counts; nothing if it is sound.
+    """
+
+    driven: Energy
+    alone: Energy
+    losses: Losses
+    legs: int
+    distance_km: float
+    travel_h: float
+    led_km: float
+    followed_km: float
+    stops: int
+    waited_h: float
+    orders: int
+    served: int
+    late: int
+    cycles: int
+    planned_kwh: float
+    watched: int
+    judged: int
+    open: int
+    open_turbulent: int
+    disengagements: int
+    turbulent_s: float
+    others: Others
+    unfinished: int
+    faults: tuple[str, ...]
+
+    @property
+    def energy_kwh(self) -> float:
+        """Electrical energy of the fleet."""
+        return self.driven.total_kwh
+
+    @property
+    def platooned_km(self) -> float:
+        """Driven in platoons, leaders included."""
+        return self.led_km + self.followed_km
+
+    @property
+    def platooned_share(self) -> float:
+        """Of the distance; 0 where nothing was driven."""
+        return self.platooned_km / self.distance_km if self.distance_km else 0.0
+
+    @property
+    def open_share(self) -> float | None:
+        """Open gates of the judged ones."""
+        return self.open / self.judged if self.judged else None
+
+
+def measure(result: ArmResult) -> Measures:
+    """Sum up an arm."""
+    legs, cycles = result.legs, result.cycles
+    return Measures(
+        driven=total(leg.driven for leg in legs),
+        alone=total(leg.alone for leg in legs),
+        losses=Losses(*(sum(parts) for parts in zip(*(leg.losses for leg in legs), strict=True)))
+        if legs
+        else Losses(0.0, 0.0, 0.0, 0.0, 0.0),
+        legs=len(legs),
+        distance_km=sum(leg.distance_m for leg in legs) / 1000,
+        travel_h=sum(leg.travel_s for leg in legs) / 3600,
+        led_km=sum(leg.led_m for leg in legs) / 1000,
+        followed_km=sum(leg.followed_m for leg in legs) / 1000,
+        stops=sum(leg.stops for leg in legs),
+        waited_h=sum(leg.waited_s for leg in legs) / 3600,
+        orders=len(result.services),
+        served=sum(service.begun_s is not None for service in result.services),
+        late=sum(
+            (result.end_s if service.begun_s is None else service.begun_s) > service.latest_s
+            for service in result.services
+        ),
+        cycles=len(cycles),
+        planned_kwh=sum(cycle.planned_kwh for cycle in cycles),
+        watched=sum(cycle.watched for cycle in cycles),
+        judged=sum(cycle.judged for cycle in cycles),
+        open=sum(cycle.open for cycle in cycles),
+        open_turbulent=sum(cycle.open_turbulent for cycle in cycles),
+        disengagements=result.disengagements,
+        turbulent_s=sum(leg.turbulent_s for leg in legs),
+        others=result.others,
+        unfinished=result.unfinished,
+        faults=faults(result),
+    )
+
+
+def faults(result: ArmResult) -> tuple[str, ...]:
+    """Faults that make an arm invalid: gridlock, teleports, collisions, emergency stops."""
+    found = []
+    if result.gridlock_s is not None:
+        found.append(f"gridlock at {clock(result.gridlock_s)}")
+    for count, what in (
+        (result.teleports, "teleport"),
+        (result.collisions, "collision"),
+        (result.emergency_stops, "emergency stop"),
+    ):
+        if count:
+            found.append(f"{count} {what}{'s' if count > 1 else ''}")
+    if not any(service.begun_s is not None for service in result.services) or not result.legs:
+        found.append("no order was served")
+    return tuple(found)

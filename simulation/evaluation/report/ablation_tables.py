@@ -1,0 +1,140 @@
+"""Tables of what was varied: levers, gating, noise."""
+
+from __future__ import annotations
+
+from simulation.closed_loop.policy import LEVERS, Gating
+from simulation.evaluation.arms import (
+    BASELINE,
+    COOPERATIVE,
+    EVERY_LEVER,
+    NOISES,
+    gated,
+    noisy,
+    only,
+    without,
+)
+from simulation.evaluation.measures import Evaluation
+from simulation.evaluation.report.cells import arm_files, equal_time, saving, saving_lost
+from simulation.evaluation.report.formatting import Table, count, number, percent
+from simulation.evaluation.report.paper import PAPER_NOISE
+
+
+def lever_table(evaluation: Evaluation) -> Table | None:
+    """What each lever earns alone, and what is lost without it; None where no such arm is."""
+    rows = []
+    for lever in LEVERS:
+        alone, rest = only(lever), without(lever)
+        if alone not in evaluation and rest not in evaluation:
+            continue
+        rows.append(
+            (
+                lever.replace("_", "-"),
+                saving(evaluation, alone, lambda c: c.saving),
+                equal_time(evaluation, alone),
+                saving_lost(evaluation, rest, lambda c: c.saving),
+                saving_lost(evaluation, rest, lambda c: c.at_equal_time),
+            )
+        )
+    if not rows:
+        return None
+    names = [
+        *(BASELINE, EVERY_LEVER),
+        *(name for lever in LEVERS for name in (only(lever), without(lever))),
+    ]
+    return Table(
+        "Levers",
+        (
+            *("lever", "saving of B with it alone", "at equal travel time"),
+            *("points that C+ loses without it", "at equal travel time"),
+        ),
+        tuple(rows),
+        arm_files(evaluation, names),
+        ("C+ without priority is C. Levers share what can be had: columns do not add up.",),
+    )
+
+
+def gating_table(evaluation: Evaluation) -> Table | None:
+    """The cooperative arm with RSUs' gates, without, and with random ones."""
+    kinds: tuple[tuple[Gating, str], ...] = (
+        ("rsu", "as RSUs report"),
+        ("open", "open wherever watched"),
+        ("random", "random, as often"),
+    )
+    names = [gated(kind) for kind, _ in kinds]
+    if not any(name in evaluation for name in names[1:]):
+        return None
+    rows = tuple(
+        (
+            words,
+            name,
+            number(evaluation.figure(name, lambda m: m.energy_kwh), 1),
+            saving(evaluation, name, lambda c: c.saving),
+            number(evaluation.figure(name, lambda m: m.platooned_km), 1),
+            count(evaluation.figure(name, lambda m: m.disengagements)),
+            number(evaluation.figure(name, lambda m: m.turbulent_s), 0),
+            count(evaluation.figure(name, lambda m: m.open_turbulent)),
+        )
+        for name, (_, words) in zip(names, kinds, strict=True)
+        if name in evaluation
+    )
+    return Table(
+        "Gating",
+        (
+            *("gates", "arm", "kWh", "saving", "platooned km", "disengagements"),
+            *("platooned in turbulence, s", "open gates in turbulence"),
+        ),
+        rows,
+        arm_files(evaluation, names),
+    )
+
+
+def noise_table(evaluation: Evaluation) -> Table | None:
+    """The paper's noise table, its columns beside ours; None without a noisy arm."""
+    levels = [level for level in (0.0, *NOISES) if noisy(level) in evaluation]
+    if not any(levels):
+        return None
+    rows = []
+    for level in levels:
+        name, paper = noisy(level), PAPER_NOISE[level]
+        found = evaluation.against(name, lambda c: c.saving)
+        rows.append(
+            (
+                f"{level:.0%}",
+                percent(paper.stable_share),
+                percent(evaluation.figure(name, lambda m: m.open_share)),
+                f"{paper.platooned_km:.1f}",
+                number(evaluation.figure(name, lambda m: m.platooned_km), 1),
+                f"{paper.energy_kwh:.1f}",
+                number(evaluation.figure(name, lambda m: m.energy_kwh), 1),
+                percent(paper.saving),
+                percent(found, 2),
+                equal_time(evaluation, name),
+                percent(paper.saving / PAPER_NOISE[0.0].saving),
+                percent(_kept(evaluation, name)),
+            )
+        )
+    columns = [
+        f"{what}{whose}"
+        for what in ("stable segments", "platooned km", "kWh", "saving")
+        for whose in (", paper", "")
+    ]
+    return Table(
+        "Noise on the features",
+        ("noise", *columns, "saving at equal travel time", "saving kept, paper", "saving kept"),
+        tuple(rows),
+        f"ours from {arm_files(evaluation, map(noisy, levels))}; the paper's from its "
+        'table "Noise Propagation & System Robustness"',
+        (
+            "Stable segments: ours is the share of judged segments whose gate was open, over all "
+            "dispatch cycles, the error of the perception included; the paper counts against its "
+            "noiseless state.",
+        ),
+    )
+
+
+def _kept(evaluation: Evaluation, name: str) -> float | None:
+    """Share of the cooperative arm's saving that another arm has, on the seeds of both."""
+    mine, exact = evaluation.compared.get(name, {}), evaluation.compared.get(COOPERATIVE, {})
+    both = mine.keys() & exact.keys()
+    whole = sum(exact[seed].saving for seed in both)
+    return sum(mine[seed].saving for seed in both) / whole if whole > 0 else None

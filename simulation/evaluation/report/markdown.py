@@ -1,0 +1,181 @@
+"""The report of an evaluation in Markdown: every number with the files that it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER
+from simulation.evaluation.measures import Evaluation
+from simulation.evaluation.report.ablation_tables import gating_table, lever_table, noise_table
+from simulation.evaluation.report.cells import equal_time
+from simulation.evaluation.report.formatting import Table, join_names, markdown, number, percent
+from simulation.evaluation.report.tables import (
+    curve_table,
+    day_table,
+    driving_table,
+    energy_table,
+    losses_table,
+    parts_table,
+    seed_table,
+)
+from simulation.scenarios.acceptance import clock
+
+
+def report(
+    evaluation: Evaluation, pictures: Sequence[str], missing: str | None, more: Sequence[Table] = ()
+) -> str:
+    """The whole report.
+
+    Args:
+        pictures: files of the figures, beside the report.
+        missing: why there are no pictures.
+        more: further tables, as of ceilings or of an exogenous evaluation.
+    """
+    tables = (
+        day_table(evaluation),
+        energy_table(evaluation),
+        parts_table(evaluation),
+        losses_table(evaluation),
+        driving_table(evaluation),
+        lever_table(evaluation),
+        gating_table(evaluation),
+        noise_table(evaluation),
+        *more,
+        curve_table(evaluation),
+        seed_table(evaluation),
+    )
+    parts = [
+        _head(evaluation),
+        *(markdown(table) for table in tables if table is not None),
+        _figures(pictures, missing),
+        _provenance(evaluation),
+    ]
+    return "\n".join(parts)
+
+
+def headline(evaluation: Evaluation) -> list[str]:
+    """What came out, a sentence an arm."""
+    lines = []
+    for name, words in (
+        (COOPERATIVE, "every lever but signal priority"),
+        (EVERY_LEVER, "every lever"),
+    ):
+        saving = evaluation.against(name, lambda c: c.saving)
+        travel = evaluation.against(name, lambda c: c.travel)
+        equal = evaluation.against(name, lambda c: c.at_equal_time)
+        if saving is None or travel is None:
+            continue
+        said = f"{name}, {words}: saves {percent(saving)} against {BASELINE}"
+        said += f", with {percent(travel, sign=True)} travel time"
+        if equal is not None:
+            said += f"; {equal_time(evaluation, name)} at equal travel time"
+        lines.append(said)
+    return lines
+
+
+def refusals(evaluation: Evaluation) -> list[str]:
+    """Arms whose figures do not count, a line each."""
+    return [
+        f"{name}, seed {seed}, is refused: {join_names(faults)}"
+        for name, seed, faults in evaluation.refused
+    ]
+
+
+def gaps(evaluation: Evaluation) -> list[str]:
+    """What makes the evaluation less than whole: arms without some seed, code that changed."""
+    lines = [
+        f"{name} has no seed {join_names(lacking)}"
+        for name, of_seed in evaluation.arms.items()
+        if (lacking := [seed for seed in evaluation.seeds if seed not in of_seed])
+    ]
+    unlike = [
+        name
+        for name, of_seed in evaluation.compared.items()
+        if any(not found.same_orders for found in of_seed.values())
+    ]
+    if unlike:
+        lines.append(f"Not as many orders served as by {BASELINE}: {join_names(unlike)}")
+    if len(evaluation.codes) > 1:
+        lines.append(
+            "arms were simulated by different code, see `code` in `arms.csv`: "
+            "delete those of the older one to simulate them anew"
+        )
+    return lines
+
+
+def _head(evaluation: Evaluation) -> str:
+    provenance = evaluation.provenance
+    lines = [
+        f"# Evaluation: {provenance.scenario}",
+        "",
+        f"{clock(provenance.begin_s)} to {_end(provenance.end_s)}, {provenance.signals} signals, "
+        f"seeds {join_names(evaluation.seeds)}. Made by `slipstream evaluate` from the files named "
+        "under each table; nothing in it is typed by hand but the paper's figures.",
+    ]
+    headlines = headline(evaluation)
+    if headlines:
+        lines += ["", *(f"- {line}." for line in headlines)]
+    for title, words in (
+        ("Refused: their figures count nowhere", refusals(evaluation)),
+        ("Not whole", gaps(evaluation)),
+    ):
+        if words:
+            lines += ["", f"**{title}.**", "", *(f"- {line}" for line in words)]
+    return "\n".join(lines) + "\n"
+
+
+def _figures(pictures: Sequence[str], missing: str | None) -> str:
+    lines = ["## Figures", ""]
+    titles = {
+        "cumulative.png": ("Energy and platooned distance so far", "cumulative.csv"),
+        "hourly.png": ("Energy of each hour by policy", "hourly.csv"),
+    }
+    for name, (title, data) in titles.items():
+        drawn = f"![{title}]({name})" if name in pictures else f"{title}: not drawn."
+        lines += [drawn, "", f"Source: `{data}`.", ""]
+    if missing is not None:
+        lines += [missing, ""]
+    lines.append("The energy of a leg is spread evenly over its time on the road.")
+    return "\n".join(lines) + "\n"
+
+
+def _provenance(evaluation: Evaluation) -> str:
+    provenance = evaluation.provenance
+    lines = [
+        "## What it stands on",
+        "",
+        f"- scenario {provenance.scenario}; SHA-256 of its net `{provenance.net[:12]}`, background "
+        f"`{provenance.demand[:12]}`, fleet `{provenance.fleet[:12]}`, RSUs "
+        + (f"`{provenance.rsus[:12]}`" if provenance.rsus else "placed by the traffic"),
+        f"- {provenance.begin_s:g} to {provenance.end_s:g} s, steps of {provenance.step_s:g} s, "
+        f"{provenance.signals} signals",
+        *(f"- code: {code}" for code in evaluation.codes),
+        "- `arms.csv`: every figure of every arm and seed in full",
+        "- `run.json`: how long the arms took; no part of the results",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _end(time_s: float) -> str:
+    return "24:00" if time_s == 86400 else clock(time_s)
+
+
+def terminal_summary(evaluation: Evaluation) -> str:
+    """The main figures for a terminal."""
+    lines = [
+        f"{'arm':20} {'seeds':>5} {'kWh':>9} {'km':>9} {'h':>7} {'saving':>15} {'equal time':>17}"
+    ]
+    for name, of_seed in evaluation.runs.items():
+        if name not in evaluation:
+            continue
+        energy = evaluation.figure(name, lambda m: m.energy_kwh)
+        distance = evaluation.figure(name, lambda m: m.distance_km)
+        hours = evaluation.figure(name, lambda m: m.travel_h)
+        saved = "" if name == BASELINE else percent(evaluation.against(name, lambda c: c.saving))
+        lines.append(
+            f"{name:20} {sum(not m.faults for m in of_seed.values()):5} "
+            f"{number(energy and energy.mean, 1):>9} {number(distance and distance.mean, 1):>9} "
+            f"{number(hours and hours.mean, 2):>7} {saved:>15} "
+            f"{'' if name == BASELINE else equal_time(evaluation, name):>17}"
+        )
+    return "\n".join([*lines, *refusals(evaluation), *gaps(evaluation)])

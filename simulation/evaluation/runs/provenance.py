@@ -1,0 +1,116 @@
+"""Provenance of an evaluation: digests of its inputs and of the simulating code."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from simulation.scenarios.perception import Rsu, measured_errors
+from simulation.scenarios.scenario import Scenario, SignalControl
+
+FORMAT: Final = 2
+"""Of stored arms. Raise it when the same order gives another result, or means another thing."""
+
+_PACKAGES: Final = ("slipstream", "edge_daemon", "dispatcher_daemon", "simulation")
+_EXCLUDED: Final = frozenset(
+    f"simulation/{part}" for part in ("evaluation", "training", "streetdrive", "sumo_view", "live")
+)
+"""Packages that only render, display or report."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Inputs that all arms of a folder share; results depend on every one.
+
+    Attributes:
+        scenario: its name.
+        net: SHA-256 of the net's file.
+        demand: of the settings of the background; of its route file where that is the user's.
+        rsus: of the RSUs; empty where they are found by the traffic.
+        fleet: of the delivery business.
+        perception: of the errors that RSUs make.
+        signals: how signals are run.
+        begin_s: simulated, s since midnight.
+        end_s: simulated.
+        step_s: of the simulation.
+        format: of the results.
+    """
+
+    scenario: str
+    net: str
+    demand: str
+    rsus: str
+    fleet: str
+    perception: str
+    signals: SignalControl
+    begin_s: float
+    end_s: float
+    step_s: float
+    format: int = FORMAT
+
+
+def provenance_of(
+    scenario: Scenario,
+    routes: Path | None,
+    signals: SignalControl,
+    span_s: tuple[float, float],
+    step_s: float,
+) -> Provenance:
+    """The provenance of a scenario's arms.
+
+    Args:
+        routes: the user's own background, instead of the demand's.
+        span_s: begin and end of the simulated time.
+    """
+    rsus = scenario.rsus
+    return Provenance(
+        scenario.name,
+        _digest(scenario.net.read_bytes()),
+        _digest(scenario.demand.digest_text().encode() if routes is None else routes.read_bytes()),
+        "" if rsus is None else _digest(json.dumps([_rsu_data(rsu) for rsu in rsus]).encode()),
+        _digest(scenario.fleet.model_dump_json().encode()),
+        _digest(measured_errors().model_dump_json().encode()),
+        signals,
+        *span_s,
+        step_s,
+    )
+
+
+def code_stamp() -> str:
+    """Versions, and a digest of the sources that an arm's result can depend on."""
+    digest = sha256()
+    for package in _PACKAGES:
+        root = Path(str(files(package)))
+        for path in sorted(root.rglob("*.py")):
+            inside = path.relative_to(root)
+            if f"{package}/{inside.parts[0]}" not in _EXCLUDED:
+                digest.update(f"{package}/{inside.as_posix()}\n".encode())
+                digest.update(path.read_bytes())
+    return (
+        f"slipstream {_version('slipstream')}, libsumo {_version('libsumo')}, "
+        f"sources {digest.hexdigest()[:12]}"
+    )
+
+
+def _rsu_data(rsu: Rsu) -> dict[str, object]:
+    """An RSU's settings without defaults, so that a new setting changes no older digest.
+
+    A changed default needs a higher FORMAT.
+    """
+    return rsu.model_dump(mode="json", exclude_defaults=True)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "?"
+
+
+def _digest(data: bytes) -> str:
+    return sha256(data).hexdigest()

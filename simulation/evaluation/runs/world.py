@@ -1,0 +1,193 @@
+"""The world of an evaluation: its files, its days' backgrounds, and arms in it."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from simulation.closed_loop.arm import STEP_S, ArmSpec, run_arm
+from simulation.closed_loop.history_recording import history_file, history_of, record_history
+from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.record import ArmResult
+from simulation.evaluation.runs.provenance import Provenance, provenance_of
+from simulation.scenarios.demand import DAY_S
+from simulation.scenarios.networks import check_routes
+from simulation.scenarios.record import HOUR_S
+from simulation.scenarios.scenario import (
+    Background,
+    Scenario,
+    SignalControl,
+    day_spec,
+    load_scenario,
+    own_background,
+    prepare,
+)
+from simulation.sumo import Progress
+from slipstream.roads import load_network
+
+
+@dataclass(frozen=True)
+class WorldFiles:
+    """A scenario as a user names it.
+
+    Attributes:
+        name: of a built-in one, or any with a net.
+        net: a SUMO net of the user's.
+        demand: settings of the background.
+        routes: a route file instead of any demand, the same in all seeds.
+        rsus: where they stand.
+        fleet: settings of the deliveries.
+    """
+
+    name: str
+    net: Path | None = None
+    demand: Path | None = None
+    routes: Path | None = None
+    rsus: Path | None = None
+    fleet: Path | None = None
+
+    def load(self) -> Scenario:
+        """The scenario.
+
+        Raises:
+            InputError: no such scenario, or a file that is malformed or does not fit the net.
+        """
+        scenario = load_scenario(
+            self.name, net=self.net, demand=self.demand, rsus=self.rsus, fleet=self.fleet
+        )
+        if self.routes is not None:
+            check_routes(self.routes, load_network(scenario.net).segments)
+        return scenario
+
+
+class World:
+    """Simulates arms; several threads may ask at once.
+
+    Args:
+        files: of the scenario.
+        folder: for the route files of the seeds.
+        signals: how signals are run.
+        span_s: begin and end of the simulated time; the begin a multiple of 300.
+
+    Raises:
+        InputError: the scenario's files are missing or faulty.
+    """
+
+    def __init__(
+        self, files: WorldFiles, folder: Path, signals: SignalControl, span_s: tuple[float, float]
+    ) -> None:
+        self._files = files
+        self._folder = folder
+        self._signals = signals
+        self._span_s = span_s
+        self._scenario = files.load()
+        self._lock = threading.Lock()
+        self._recording: dict[int, threading.Lock] = {}
+        self._backgrounds: dict[int, tuple[Background, tuple[Path, ...]]] = {}
+
+    @property
+    def provenance(self) -> Provenance:
+        """What its arms' results depend on."""
+        return provenance_of(
+            self._scenario, self._files.routes, self._signals, self._span_s, STEP_S
+        )
+
+    @property
+    def files(self) -> WorldFiles:
+        """As the user named them."""
+        return self._files
+
+    @property
+    def scenario(self) -> Scenario:
+        """The world itself."""
+        return self._scenario
+
+    def background(self, seed: int) -> Background:
+        """A seed's background, made when it is first needed.
+
+        Raises:
+            InputError: it cannot be made.
+        """
+        return self._background(seed)[0]
+
+    def simulate(self, policy: Policy, seed: int, progress: Progress) -> ArmResult:
+        """Simulate an arm in a subprocess.
+
+        Raises:
+            InputError: the background cannot be made, or SUMO cannot run it.
+            ModuleNotFoundError: libsumo is not installed.
+        """
+        background, additional = self._background(seed)
+        begin_s, end_s = self._span_s
+        order = ArmSpec(
+            scenario=self._files.name,
+            background=background.file,
+            rsus=background.rsus,
+            seed=seed,
+            policy=policy,
+            net=self._files.net,
+            fleet=self._files.fleet,
+            additional=additional,
+            history=self._history(seed, progress) if "routes" in policy.levers else None,
+            begin_s=begin_s,
+            end_s=end_s,
+            step_s=STEP_S,
+        )
+        return run_arm(order, progress)
+
+    def _history(self, seed: int, progress: Progress) -> Path:
+        """What movements cost in these hours of another day, recorded when an arm needs it.
+
+        Of the user's own routes there is no other day: they are what is learned from.
+        """
+        begin_s, end_s = self._span_s
+        hours_s = begin_s // HOUR_S * HOUR_S, min(-(-end_s // HOUR_S) * HOUR_S, DAY_S)
+        own = self._files.routes is not None
+        with self._lock:
+            lock = self._recording.setdefault(0 if own else seed, threading.Lock())
+
+        def at_begin(*_: float) -> None:
+            progress(begin_s, end_s)
+
+        with lock:  # not all of them: other seeds, and arms without a history, go on
+            if not own:
+                return history_of(
+                    self._scenario,
+                    seed,
+                    self._folder,
+                    signals=self._signals,
+                    begin_s=hours_s[0],
+                    end_s=hours_s[1],
+                    progress=at_begin,
+                )
+            background = self._background(seed)[0]
+            depends_on = (self._scenario.net.read_bytes(), background.file.read_bytes())
+            path = history_file(
+                self._folder, f"{self._files.name}-routes", self._signals, hours_s, depends_on
+            )
+            if not path.exists():
+                day = day_spec(
+                    self._scenario,
+                    background,
+                    self._folder,
+                    signals=self._signals,
+                    begin_s=hours_s[0],
+                    end_s=hours_s[1],
+                )
+                record_history(day, self._scenario.network, at_begin).save(path)
+            return path
+
+    def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:
+        """A seed's background and further files, made when the first arm of it needs them."""
+        with self._lock:
+            if seed not in self._backgrounds:
+                self._folder.mkdir(parents=True, exist_ok=True)
+                background = (
+                    prepare(self._scenario, seed, self._folder)
+                    if self._files.routes is None
+                    else own_background(self._scenario, self._files.routes)
+                )
+                day = day_spec(self._scenario, background, self._folder, signals=self._signals)
+                self._backgrounds[seed] = background, day.additional
+            return self._backgrounds[seed]

@@ -1,0 +1,45 @@
+"""Demand of a day from a seed: background trips and routes, breakdowns, and deliveries."""
+
+from simulation.scenarios.demand.breakdowns import DrawnBreakdown, draw_breakdowns
+from simulation.scenarios.demand.deliveries import (
+    Deliveries,
+    FleetSettings,
+    Order,
+    draw_deliveries,
+    fleet_at,
+)
+from simulation.scenarios.demand.route_file import write_routes
+from simulation.scenarios.demand.routes import Routes, find_routes
+from simulation.scenarios.demand.trips import (
+    DAY_S,
+    Array,
+    DemandSettings,
+    Flow,
+    Indices,
+    Trips,
+    Zone,
+    draw_trips,
+    gateways,
+)
+
+__all__ = [
+    "DAY_S",
+    "Array",
+    "Deliveries",
+    "DemandSettings",
+    "DrawnBreakdown",
+    "FleetSettings",
+    "Flow",
+    "Indices",
+    "Order",
+    "Routes",
+    "Trips",
+    "Zone",
+    "draw_breakdowns",
+    "draw_deliveries",
+    "draw_trips",
+    "find_routes",
+    "fleet_at",
+    "gateways",
+    "write_routes",
+]

@@ -1,0 +1,102 @@
+"""SUMO's netconvert: from a plan, or from an OpenStreetMap extract, to a net, byte for byte."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final
+
+from simulation.scenarios.networks.plan import Plan, write_plain
+from slipstream.errors import InputError
+
+_OPTIONS: Final = (
+    *("--tls.default-type", "actuated"),
+    *("--tls.cycle.time", "80"),
+    *("--tls.yellow.min-decel", "2"),
+    *("--no-turnarounds.except-deadend", "true"),
+    *("--output.street-names", "true"),
+    *("--xml-validation", "never"),
+)
+_OSM_OPTIONS: Final = (
+    *("--geometry.remove", "true"),
+    *("--ramps.guess", "true"),
+    *("--junctions.join", "true"),
+    *("--tls.guess-signals", "true"),
+    *("--tls.discard-simple", "true"),
+    *("--tls.join", "true"),
+    *("--keep-edges.by-vclass", "passenger"),
+    *("--keep-edges.components", "1"),
+    *("--remove-edges.isolated", "true"),
+)
+
+
+def find_netconvert() -> Path | None:
+    """Where netconvert is: under SUMO_HOME, beside this Python, or on the path; None if nowhere."""
+    home = os.environ.get("SUMO_HOME")
+    places = [*([Path(home) / "bin"] if home else []), Path(sys.executable).parent]
+    beside = shutil.which("netconvert", path=os.pathsep.join(map(str, places)))
+    found = beside or shutil.which("netconvert")
+    return None if found is None else Path(found)
+
+
+def build_net(plan: Plan, path: Path) -> None:
+    """Build the net of a plan; the same plan and the same netconvert give the same bytes.
+
+    Args:
+        path: of the net; compressed if it ends in ``.gz``.
+
+    Raises:
+        InputError: netconvert is not installed, or refuses the plan.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        options = [*write_plain(plan, folder), *_OPTIONS]
+        if plan.geographic:
+            options += ["--proj.utm", "true"]
+        _convert(options, folder / "built.net.xml", plan.name)
+        _keep(folder / "built.net.xml", path)
+
+
+def convert_osm(extract: Path, path: Path) -> None:
+    """Build a net from an OpenStreetMap extract: roads for cars, ramps and signals guessed.
+
+    Raises:
+        InputError: the extract does not exist, netconvert is not installed or refuses it.
+    """
+    if not extract.is_file():
+        raise InputError(extract, "no such file", "give an OpenStreetMap extract (.osm, .osm.xml)")
+    with tempfile.TemporaryDirectory() as name:
+        built = Path(name) / "built.net.xml"
+        _convert(["--osm-files", str(extract), *_OPTIONS, *_OSM_OPTIONS], built, extract)
+        _keep(built, path)
+
+
+def _convert(options: list[str], built: Path, source: str | Path) -> None:
+    tool = find_netconvert()
+    if tool is None:
+        raise InputError(
+            "netconvert",
+            "not installed",
+            "pip install eclipse-sumo, or set SUMO_HOME; the nets that ship need no building",
+        )
+    done = subprocess.run(
+        [str(tool), *options, "--output-file", str(built)], capture_output=True, text=True
+    )
+    if done.returncode != 0 or not built.is_file():
+        said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
+        reason = said[0].removeprefix("Error: ") if said else f"exit status {done.returncode}"
+        raise InputError(source, f"netconvert refuses it: {reason}", "mend the network")
+
+
+def _keep(built: Path, path: Path) -> None:
+    """Store a net without what changes from run to run: the comment with date and paths."""
+    text = re.sub(r"<!--.*?-->\s*", "", built.read_text(encoding="utf-8"), flags=re.DOTALL)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = text.encode("utf-8")
+    path.write_bytes(gzip.compress(data, 9, mtime=0) if path.suffix == ".gz" else data)

@@ -1,0 +1,23 @@
+"""RSUs in a simulation: where they stand, what they see, and which errors their reports have."""
+
+from simulation.scenarios.perception.observer import Observation, Observer
+from simulation.scenarios.perception.reporter import (
+    Reporter,
+    fit_errors,
+    measured_errors,
+    write_errors,
+)
+from simulation.scenarios.perception.rsus import Rsu, Stretch, load_rsus, place_rsus
+
+__all__ = [
+    "Observation",
+    "Observer",
+    "Reporter",
+    "Rsu",
+    "Stretch",
+    "fit_errors",
+    "load_rsus",
+    "measured_errors",
+    "place_rsus",
+    "write_errors",
+]
