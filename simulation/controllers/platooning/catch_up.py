@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from simulation.controllers.platooning import road
+import simulation.controllers.platooning.road as road
 from simulation.controllers.platooning.gap_control import (
     MIN_SPEED_MPS,
     Idm,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from simulation.controllers.platooning import road
+import simulation.controllers.platooning.road as road
 from simulation.controllers.platooning.catch_up import assign_catch_ups
 from simulation.controllers.platooning.gap_control import MIN_SPEED_MPS, close_gap_m
 from simulation.controllers.platooning.join_leave import decide, disengage

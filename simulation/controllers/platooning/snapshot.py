@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
-from simulation.controllers.platooning import road
+import simulation.controllers.platooning.road as road
 from simulation.controllers.platooning.gap_control import Motion, close_gap_m
 from simulation.controllers.platooning.member import Contact, Member
 from simulation.controllers.platooning.shared_path import PathPosition, SharedPath, find_shared_path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from simulation.controllers.platooning import road
+import simulation.controllers.platooning.road as road
 from simulation.controllers.platooning.gap_control import (
     coasting_mps2,
     following_mps,
