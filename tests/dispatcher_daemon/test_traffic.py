@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import MAX_RSUS_PER_SEGMENT, TrafficBook, Verdict, take_snapshot
-from slipstream.messages import CAMERA_FAULTS, SegmentState
+from slipstream.messages import CAMERA_FAULTS, Gate, SegmentState
 
 State = Callable[..., SegmentState]
 SECOND = 1_000_000_000
@@ -44,6 +44,22 @@ def test_gate_opens_only_for_a_fresh_stable_state(
     assert (traffic.open, traffic.reason) == (is_open, reason)
     (gate,) = snapshot.gates()
     assert (gate.segment, gate.open, gate.reason) == ("avenue_east", is_open, reason)
+
+
+def test_a_gate_tells_what_it_was_judged_by(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """Flag, reason, age and the measured speed, not the one that is planned with."""
+    seen = [
+        state("avenue_east", 1, time_ns=now_ns - 2 * SECOND, speed_mps=30.0),
+        state("avenue_west", 0, time_ns=now_ns - SECOND, speed_mps=7.0),
+    ]
+    assert take_snapshot(demo.network, seen, now_ns, stale_after_s=5.0).gates() == (
+        Gate(segment="avenue_east", y_e=1, reason=None, age_s=2.0, speed_mps=30.0, open=True),
+        Gate(
+            segment="avenue_west", y_e=0, reason="turbulent", age_s=1.0, speed_mps=7.0, open=False
+        ),
+    )
 
 
 @pytest.mark.parametrize("fault", CAMERA_FAULTS)

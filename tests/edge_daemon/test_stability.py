@@ -160,9 +160,41 @@ def test_a_kept_flag_ends_with_what_speaks_against_it() -> None:
     assert judged(keeps, (CALM, 5), (features(mean=0.71 * 30.0), 1)) == [1, 1]
 
 
+def test_bare_is_the_rule_without_hysteresis_doubt_or_memory() -> None:
+    """And with the thresholds as they were."""
+    own = StabilitySettings(max_speed_cv=0.2, keep_s=60.0)
+    bare = StabilitySettings(max_speed_cv=0.2, hysteresis=0.0, sure_sigmas=0.0, keep_s=0.0)
+    assert own.bare() == bare
+
+
+def test_a_judge_remembers_that_a_segment_was_stable() -> None:
+    """Between 0.95 and 1 of a threshold it stays so, and does not become so."""
+    settings = StabilitySettings(sure_sigmas=0.0)
+    between = features(variance=0.49)
+    assert judged(settings, (between, 5), (CALM, 5), (between, 5)) == [0, 1, 1]
+    judge = StabilityJudge(settings)
+    assert judge.judge("s", MINUTE, CALM, 5, 0, 1.0) == Flag(None, "no_frames")
+
+
+def test_what_is_kept_is_kept_to_the_nanosecond_and_at_seven_tenths_of_the_speed() -> None:
+    """From the next nanosecond after the window that was judged until `keep_s` have gone by."""
+    for after_ns, mean, kept in (
+        (0, 30.0, False),
+        (1, 30.0, True),
+        (2 * MINUTE, 30.0, True),
+        (2 * MINUTE + 1, 30.0, False),
+        (MINUTE, 0.7 * 30.0, True),
+    ):
+        judge = StabilityJudge(StabilitySettings(keep_s=120.0))
+        assert judge.judge("s", MINUTE, CALM, 5, 300, 1.0).y_e == 1
+        flag = judge.judge("s", MINUTE + after_ns, features(mean=mean), 1, 300, 1.0)
+        assert flag == (Flag(1, None) if kept else Flag(None, "too_few_vehicles"))
+
+
 def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
     """After either the segment has to be judged anew."""
     judge = StabilityJudge(StabilitySettings(keep_s=600.0))
+    assert judge.distrust("s", "frozen") == Flag(None, "frozen")
 
     def flag(time_ns: int, vehicles: int) -> int | None:
         return judge.judge("s", time_ns, THIN, vehicles, 300, 1.0).y_e

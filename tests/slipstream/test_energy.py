@@ -90,6 +90,13 @@ def test_impossible_vehicles_are_refused(field: str, value: float) -> None:
         VehicleParameters(**{field: value})
 
 
+def test_no_powertrain_gives_more_than_it_takes() -> None:
+    """An efficiency of 1 is the most that there is."""
+    assert VehicleParameters(powertrain_efficiency=1.0).electrical_kwh(3.6e6) == 1.0
+    with pytest.raises(ValueError, match=r"^powertrain_efficiency must be at most 1$"):
+        VehicleParameters(powertrain_efficiency=1.001)
+
+
 @given(
     st.lists(st.lists(st.floats(0.0, 40.0), min_size=1, max_size=12), min_size=1, max_size=6),
     st.floats(0.0, 0.3),
