@@ -148,7 +148,7 @@ def test_waiting_for_a_camera_is_progress(tmp_path: Path, router: Router) -> Non
             assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
 
 
-@pytest.mark.e2e
+@pytest.mark.process
 @pytest.mark.parametrize("daemon", ["dispatcher", "dashboard"])
 def test_the_servers_daemons_tell_their_progress(
     daemon: str, tmp_path: Path, router: Router

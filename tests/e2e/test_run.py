@@ -20,7 +20,7 @@ import pytest
 import storage
 from slipstream.bus import free_port
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(1800)]
 
 
 @dataclass
