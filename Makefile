@@ -30,11 +30,11 @@ check: lint
 
 # Six minutes: the real processes and the browser too.
 test: lint
-	$(BIN)/python $(PYTEST) -m "not slow"
+	$(BIN)/python $(PYTEST) -m "not slow(long=True)"
 
 # What `make test` leaves out.
 test-rest: setup
-	$(BIN)/python $(PYTEST) -m slow
+	$(BIN)/python $(PYTEST) -m "slow(long=True)"
 
 test-all: test
 	$(MAKE) test-rest

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
@@ -22,6 +22,14 @@ settings.register_profile(
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow],
+)
+# For `make mutants`: a change is found by some examples or not, and nobody reads the smallest one.
+settings.register_profile(
+    "mutants",
+    settings.get_profile("slipstream"),
+    max_examples=20,
+    phases=[Phase.explicit, Phase.generate],
+    database=None,
 )
 settings.load_profile("slipstream")
 
@@ -89,6 +97,17 @@ def street_clips(
         )
         folders[scenario] = made_once(scenario, partial(render_clip, settings))
     return folders
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What a test uses marks it: a browser is a process, and rendering clips takes its time."""
+    for item in items:
+        fixtures = getattr(item, "fixturenames", ())
+        if "browser" in fixtures:
+            item.add_marker("process")
+        if "street_clips" in fixtures:
+            item.add_marker("slow")
 
 
 CHROMIUM = "/usr/bin/chromium"

@@ -20,10 +20,11 @@ def features(
     variance: float = 0.1,
     error: float | None = 0.01,
     spread_error: float | None = 0.0,
+    mean_error: float | None = 0.0,
 ) -> KinematicFeatures:
     """Features that matter for the flag."""
     return KinematicFeatures(
-        mean_speed_mps=Estimate(value=mean, standard_error=0.0),
+        mean_speed_mps=Estimate(value=mean, standard_error=mean_error),
         mean_acceleration_mps2=Estimate(value=0.0),
         density_veh_per_m=Estimate(value=0.05),
         speed_std_mps=Estimate(value=spread, standard_error=spread_error),
@@ -40,6 +41,7 @@ def features(
         (features(variance=0.5), 1),
         (features(variance=0.501), 0),
         (features(mean=0.0, spread=0.0), 0),
+        (features(mean=0.5, spread=0.05), 1),
         (features(error=None, spread_error=None), 1),
     ],
 )
@@ -58,6 +60,8 @@ def test_the_papers_rule_bare(seen: KinematicFeatures, expected: int) -> None:
         (features(variance=0.1, error=None), Flag(None, "uncertain")),
         (features(variance=2.0, error=None), Flag(0, None)),
         (features(spread=1.9, spread_error=0.3), Flag(None, "uncertain")),
+        (features(spread_error=None), Flag(None, "uncertain")),
+        (features(mean_error=None), Flag(None, "uncertain")),
         (features(spread=1.9, spread_error=0.3, variance=2.0), Flag(0, None)),
     ],
 )
@@ -66,6 +70,26 @@ def test_a_flag_is_given_only_where_the_errors_allow_it(
 ) -> None:
     """One quantity surely over its threshold decides; otherwise both must be surely under."""
     assert classify(seen, 5, 300, 1.0, StabilitySettings()) == expected
+
+
+@pytest.mark.parametrize(
+    ("spread_error", "mean_error", "sure"),
+    [
+        (0.215, 0.0, True),
+        (0.225, 0.0, False),
+        (0.0, 2.05, True),
+        (0.0, 2.10, False),
+        (0.15, 1.50, True),
+        (0.15, 1.54, False),
+    ],
+)
+def test_the_error_of_the_cv_is_that_of_a_quotient(
+    spread_error: float, mean_error: float, sure: bool
+) -> None:
+    """√(s_σ² + CV² s_v̄²) / v̄: at 1.7 / 16 up to 0.12 there is room for 0.2205 m/s."""
+    seen = features(16.0, 1.7, spread_error=spread_error, mean_error=mean_error)
+    flag = classify(seen, 5, 300, 1.0, StabilitySettings(hysteresis=0.0))
+    assert flag == (Flag(1, None) if sure else Flag(None, "uncertain"))
 
 
 def test_a_segment_becomes_stable_later_than_it_stays_stable() -> None:

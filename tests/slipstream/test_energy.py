@@ -75,6 +75,17 @@ def test_a_steady_drive_costs_the_same_by_trace_and_by_formula(
     )
 
 
+def test_a_steady_drive_in_traffic_that_speeds_up_or_slows_down() -> None:
+    """Mean acceleration costs its work over the distance; none is given back where it brakes."""
+    level, faster = (steady_energy_kwh(1000.0, 10.0, 0.0, a) for a in (0.0, 0.5))
+    assert faster - level == pytest.approx(PAPER_CAR.electrical_kwh(1800.0 * 0.5 * 1000.0))
+    assert steady_energy_kwh(1000.0, 10.0, 0.0, -3.0) == 0.0
+    heavy = VehicleParameters(mass_kg=3600.0)
+    assert steady_energy_kwh(1000.0, 0.0, vehicle=heavy) == pytest.approx(
+        2 * steady_energy_kwh(1000.0, 0.0)
+    )
+
+
 def test_a_follower_saves_5_7_percent_at_city_speed_and_13_on_a_motorway() -> None:
     """The drafting shares that the literature's 20 % of drag comes to."""
     for speed, share in ((13.9, 0.057), (30.0, 0.130)):
