@@ -148,6 +148,7 @@ def test_an_absent_camera_gives_unknown_states(
     assert "no_signal" in {h.status for h in ears.health}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("change", "expected"),
     [

@@ -106,6 +106,7 @@ def the_read_job(database: Database) -> QuantumJob:
     return job
 
 
+@pytest.mark.process
 def test_hung_in_submit_and_found_by_its_tag(
     open_desk: Callable[..., Desk], books: Books, database: Database, demo_arcs: Demo
 ) -> None:
@@ -135,6 +136,7 @@ def test_hung_in_submit_and_found_by_its_tag(
     assert not any(worker.is_running() for worker in workers)
 
 
+@pytest.mark.process
 def test_a_hanging_look_holds_no_cycle_up_and_a_restart_picks_the_job_up(
     open_desk: Callable[..., Desk], books: Books, database: Database, demo_arcs: Demo
 ) -> None:
@@ -244,6 +246,7 @@ def solve_exactly(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
     return [replace(o, solver=job.solver) for job, o in zip(jobs, exact, strict=True)]
 
 
+@pytest.mark.process
 def test_a_problem_that_breaks_the_desk_is_declined(
     open_desk: Callable[..., Desk], demo_arcs: Demo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -279,6 +282,7 @@ def test_both_failing_is_told_of_both(demo_arcs: Demo) -> None:
     assert outcome.reason == "too slow; the device: 429: too many requests"
 
 
+@pytest.mark.process
 def test_closing_frees_a_waiting_cycle(open_desk: Callable[..., Desk], demo_arcs: Demo) -> None:
     """A dispatcher that stops waits neither for the device nor for its worker to start."""
     desk = open_desk()
