@@ -101,12 +101,12 @@ def street_clips(
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What a test uses marks it: a browser is a process, and rendering clips takes its time."""
+    """What a test uses marks it: a browser is a process, clips and traffic take their time."""
     for item in items:
         fixtures = getattr(item, "fixturenames", ())
         if "browser" in fixtures:
             item.add_marker("process")
-        if "street_clips" in fixtures:
+        if {"street_clips", "morning"}.intersection(fixtures):
             item.add_marker("slow")
 
 

@@ -207,10 +207,20 @@ def test_book_tells_duplicates_late_and_wrong_states(
     assert book.accept(newest, now_ns) is Verdict.DUPLICATE
     late = state("avenue_east", 0, time_ns=now_ns - SECOND, sequence=8)
     assert book.accept(late, now_ns) is Verdict.OUT_OF_ORDER
+    same_time = state("avenue_east", 0, sequence=10)
+    assert book.accept(same_time, now_ns) is Verdict.OUT_OF_ORDER
     ahead = state("avenue_east", 0, time_ns=now_ns + 2 * SECOND)
     assert book.accept(ahead, now_ns) is Verdict.FUTURE
     assert book.accept(state("elsewhere", 1), now_ns) is Verdict.UNKNOWN_SEGMENT
     assert book.latest() == (newest,)
+
+
+def test_an_rsu_may_watch_several_segments(demo: RoutingProblem, state: State, now_ns: int) -> None:
+    """Each has its own latest state."""
+    book = TrafficBook(demo.network)
+    both = [state(name, 1, rsu="rsu") for name in ("avenue_east", "avenue_west")]
+    assert [book.accept(seen, now_ns) for seen in both] == [Verdict.ACCEPTED] * 2
+    assert book.latest() == tuple(both)
 
 
 def test_restarted_rsu_is_heard_again(demo: RoutingProblem, state: State, now_ns: int) -> None:
