@@ -1,4 +1,5 @@
 # `make run` shows the whole chain; `make test` proves it. Both set up by themselves.
+# `make check` while working, `make test` before a commit, `make test-all` is all that there is.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +7,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run test lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
+.PHONY: setup run check test test-rest test-all coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
 
 setup: $(VENV)/.ready
 
@@ -19,8 +20,43 @@ $(VENV)/.ready: pyproject.toml
 run: setup
 	$(BIN)/slipstream run --port $(PORT)
 
+# Workers of a test run. Real processes are started and timed: no more than there are cores.
+JOBS ?= 2
+PYTEST := -m pytest -n $(JOBS) --dist worksteal
+
+# Two minutes on two cores: what starts no process and computes for a few seconds at most.
+check: lint
+	$(BIN)/python $(PYTEST) -m "not process and not slow"
+
+# Six minutes: the real processes and the browser too.
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python $(PYTEST) -m "not slow(long=True)"
+
+# What `make test` leaves out.
+test-rest: setup
+	$(BIN)/python $(PYTEST) -m "slow(long=True)"
+
+test-all: test
+	$(MAKE) test-rest
+
+# Lines that all tests run, processes that they start included, in per cent of each package.
+MEASURED := slipstream storage dispatcher_daemon edge_daemon dashboard
+coverage: setup
+	rm -rf build/coverage
+	$(BIN)/coverage run $(PYTEST)
+	$(BIN)/coverage combine --quiet
+	@for package in $(MEASURED); do printf '%-20s' $$package; \
+	  $(BIN)/coverage report --include="$$package/*" --format=total --fail-under=90 || low=1; \
+	done; test -z "$$low"
+
+# Changes the code of pyproject's [tool.mutmut] in small ways, one at a time, and shows which
+# changes no test notices. Takes some ten minutes; goes on where it was interrupted.
+mutants: $(BIN)/mutmut
+	$(BIN)/mutmut run --max-children $(JOBS)
+	$(BIN)/mutmut results
+
+$(BIN)/mutmut: | setup
+	$(BIN)/python -m pip install --quiet 'mutmut>=3.8,<4'
 
 lint: setup
 	$(BIN)/ruff format --check .
@@ -84,4 +120,4 @@ $(TRAIN)/bin/yolo:
 	$(TRAIN)/bin/python -m pip install --quiet -e '.[train,sim]'
 
 clean:
-	rm -rf $(VENV) $(TRAIN) .slipstream .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist *.egg-info
+	rm -rf $(VENV) $(TRAIN) .slipstream mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist *.egg-info

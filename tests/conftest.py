@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
@@ -19,6 +22,14 @@ settings.register_profile(
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow],
+)
+# For `make mutants`: a change is found by some examples or not, and nobody reads the smallest one.
+settings.register_profile(
+    "mutants",
+    settings.get_profile("slipstream"),
+    max_examples=20,
+    phases=[Phase.explicit, Phase.generate],
+    database=None,
 )
 settings.load_profile("slipstream")
 
@@ -47,19 +58,56 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def street_clips(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def made_once(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Makes a folder of a name once for all pytest-xdist workers of a run, and returns it.
+
+    The first caller fills it while the others wait. Tests only read it.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
+    shared.mkdir(exist_ok=True)
+
+    def make(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, complete = shared / name, shared / f"{name}.complete"
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not complete.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                fill(folder)
+                complete.touch()
+        return folder
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def street_clips(
+    made_once: Callable[[str, Callable[[Path], object]], Path],
+) -> dict[str, Path]:
     """Folders of a calm and a stop-and-go clip: 14 s at 15 frames a second, seeds of their own."""
     from simulation.streetdrive.clip import ClipSettings, render_clip
 
     folders = {}
     for scenario, seed in (("stable", 31), ("turbulent", 32)):
-        folder = tmp_path_factory.mktemp(scenario)
         settings = ClipSettings(
             seconds=14, fps=15, scenario=scenario, seed=seed, segment_id=f"{scenario}_road"
         )
-        render_clip(settings, folder)
-        folders[scenario] = folder
+        folders[scenario] = made_once(scenario, partial(render_clip, settings))
     return folders
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What a test uses marks it: a browser is a process, clips and traffic take their time."""
+    for item in items:
+        fixtures = getattr(item, "fixturenames", ())
+        if "browser" in fixtures:
+            item.add_marker("process")
+        if {"street_clips", "morning"}.intersection(fixtures):
+            item.add_marker("slow")
 
 
 CHROMIUM = "/usr/bin/chromium"

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from benchmarks.quantum import hardware
 from benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from benchmarks.quantum.hardware_checks import Run, check_run
@@ -41,6 +43,7 @@ def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
     ]
 
 
+@pytest.mark.process
 def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
     """On time, verified, within the budget, nothing leaked, ledger and records agree; also the
     device must have had its part: jobs were submitted, and the job manager was closed in between.
@@ -54,6 +57,7 @@ def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
     assert max(ran.walls_s) <= ran.limit_s == SHORT.deadline_s
 
 
+@pytest.mark.process
 def test_a_late_cycle_is_a_broken_promise(tmp_path: Path) -> None:
     """Its plan may be good: it has to be stored before the deadline, not some time after it."""
 

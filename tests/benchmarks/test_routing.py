@@ -286,6 +286,7 @@ def test_plots_are_drawn_for_what_was_measured(tmp_path: Path) -> None:
     assert draw(Results(city=(RUN,)), tmp_path) == []
 
 
+@pytest.mark.process
 def test_memory_of_a_tree_of_processes(tmp_path: Path) -> None:
     """A child's 60 MB count although the parent itself has none of them."""
     child = "b = b'1' * 60_000_000; import time; time.sleep(1.5)"
@@ -298,6 +299,7 @@ def test_memory_of_a_tree_of_processes(tmp_path: Path) -> None:
     assert tree_mb(2**22 + 1) == 0.0
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("code", ["raise SystemExit(3)", "pass", "import time; time.sleep(60)"])
 def test_a_run_that_tells_nothing_is_an_error(code: str, tmp_path: Path) -> None:
     """It failed, printed nothing, or did not end."""
@@ -327,6 +329,7 @@ def test_parts_are_measured_in_their_order() -> None:
     assert main(["--only", "all"]) == 2
 
 
+@pytest.mark.process
 def test_a_small_city_is_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
     """All figures of a run come from the cycle itself; saved parts add up to what was saved."""
     size = ["--vehicles", "4", "--stops", "12", "--segments", "60"]

@@ -355,6 +355,7 @@ time.sleep(60)
 """
 
 
+@pytest.mark.process
 def test_a_real_leak_in_a_real_child_is_seen() -> None:
     """Memory and descriptors of a child process grow, the parent's do not."""
     parent = subprocess.Popen([sys.executable, "-c", _PARENT, _LEAKING], stdout=subprocess.PIPE)
@@ -384,6 +385,7 @@ def test_a_real_leak_in_a_real_child_is_seen() -> None:
     assert grown == {"supervisor": (False, False), "leaky": (True, True)}
 
 
+@pytest.mark.process
 def test_a_successor_inherits_the_name() -> None:
     """Numbered processes keep their names; one that replaces another takes its place."""
     spawn = "from multiprocessing import spawn_main; import time; time.sleep(60)"

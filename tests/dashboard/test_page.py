@@ -20,7 +20,7 @@ from dashboard.view import labels
 from slipstream.bus import Bus, Router, free_port
 from slipstream.config import BusSettings
 
-pytestmark = pytest.mark.e2e
+pytestmark = pytest.mark.process
 START = """
 import json, sys
 from dashboard.daemon import run_dashboard

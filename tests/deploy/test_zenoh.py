@@ -67,6 +67,7 @@ def test_every_configuration_is_private(path: Path) -> None:
     assert endpoints.count("tcp/") == 1
 
 
+@pytest.mark.process
 def test_the_service_carries_messages(tmp_path: Path) -> None:
     """router.py carries a state, and ends on SIGTERM with status 0."""
     port = free_port()
@@ -87,6 +88,7 @@ def test_the_service_carries_messages(tmp_path: Path) -> None:
         process.wait()
 
 
+@pytest.mark.process
 def test_a_bad_configuration_is_one_line(tmp_path: Path) -> None:
     """Status 2, which systemd does not repeat, and the file's name."""
     broken = tmp_path / "router.json5"
@@ -155,6 +157,7 @@ def sites(certificates: Path, tmp_path: Path) -> Iterator[dict[str, int]]:
         yield ports
 
 
+@pytest.mark.process
 def test_a_box_publishes_its_own_keys_only(sites: dict[str, int]) -> None:
     """Its states arrive, early and live; another's name, a plan, or an unknown box's do not."""
     with (
@@ -183,6 +186,7 @@ def test_a_box_publishes_its_own_keys_only(sites: dict[str, int]) -> None:
         assert b"plan" not in plans_at_box.payloads
 
 
+@pytest.mark.process
 def test_pictures_are_asked_for_through_the_wall(sites: dict[str, int]) -> None:
     """An RSU behind TLS and access control knows whether somebody looks at its pictures."""
     with open_bus(sites["box-1"]) as box, open_bus(sites["server"]) as server:

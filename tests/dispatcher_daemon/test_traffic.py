@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import MAX_RSUS_PER_SEGMENT, TrafficBook, Verdict, take_snapshot
-from slipstream.messages import CAMERA_FAULTS, SegmentState
+from slipstream.messages import CAMERA_FAULTS, Gate, SegmentState
 
 State = Callable[..., SegmentState]
 SECOND = 1_000_000_000
@@ -46,6 +46,82 @@ def test_gate_opens_only_for_a_fresh_stable_state(
     assert (gate.segment, gate.open, gate.reason) == ("avenue_east", is_open, reason)
 
 
+def test_a_gate_tells_what_it_was_judged_by(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """Flag, reason, age and the measured speed, not the one that is planned with."""
+    seen = [
+        state("avenue_east", 1, time_ns=now_ns - 2 * SECOND, speed_mps=30.0),
+        state("avenue_west", 0, time_ns=now_ns - SECOND, speed_mps=7.0),
+    ]
+    assert take_snapshot(demo.network, seen, now_ns, stale_after_s=5.0).gates() == (
+        Gate(segment="avenue_east", y_e=1, reason=None, age_s=2.0, speed_mps=30.0, open=True),
+        Gate(
+            segment="avenue_west", y_e=0, reason="turbulent", age_s=1.0, speed_mps=7.0, open=False
+        ),
+    )
+
+
+def test_what_traffic_does_is_handed_on_as_it_was_measured(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """Speed below the planning floor, acceleration and its variance; nothing where not measured."""
+    seen = [
+        state(
+            "avenue_east",
+            0,
+            speed_mps=0.4,
+            mean_acceleration_mps2=-0.3,
+            acceleration_variance_m2ps4=0.7,
+        ),
+        state("avenue_west", None, features=False),
+    ]
+    segments = take_snapshot(demo.network, seen, now_ns, stale_after_s=5.0).segments
+    east, west = segments["avenue_east"], segments["avenue_west"]
+    assert (east.y_e, east.speed_mps, east.measured_speed_mps) == (0, 1.0, 0.4)
+    assert (east.mean_acceleration_mps2, east.acceleration_variance_m2ps4) == (-0.3, 0.7)
+    assert (west.y_e, west.measured_speed_mps) == (None, None)
+    assert (west.mean_acceleration_mps2, west.acceleration_variance_m2ps4) == (0.0, 0.0)
+    spread = state("avenue_east", 1, acceleration_variance_m2ps4=-0.1)
+    calm = take_snapshot(demo.network, [spread], now_ns, stale_after_s=5.0)
+    assert calm.segments["avenue_east"].acceleration_variance_m2ps4 == 0.0
+
+
+@pytest.mark.parametrize(("age_s", "told_s"), [(60.0, 60.0), (-3.0, 0.0), (-0.5, 0.0)])
+def test_a_gate_tells_how_old_its_state_is(
+    demo: RoutingProblem, state: State, now_ns: int, age_s: float, told_s: float
+) -> None:
+    """Stale or not; what is dated ahead has no age."""
+    seen = state("avenue_east", 1, time_ns=now_ns - round(age_s * SECOND))
+    (gate,) = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0).gates()
+    assert gate.age_s == told_s
+
+
+def test_a_snapshot_takes_the_receivers_limits(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """Dated 2 s ahead: too far by default, and near enough where 3 s are allowed; 20 s old: fresh
+    where 30 s are. States of roads that are not on the map are left out.
+    """
+    ahead = [
+        state("elsewhere", 1),
+        state("avenue_west", 1, time_ns=now_ns + 2 * SECOND, rsu="b"),
+        state("avenue_east", 1, time_ns=now_ns + 2 * SECOND, rsu="a"),
+    ]
+    network = demo.network
+    strict = take_snapshot(network, ahead, now_ns, stale_after_s=5.0)
+    lax = take_snapshot(network, ahead, now_ns, stale_after_s=5.0, future_tolerance_s=3.0)
+    old = state("avenue_east", 1, time_ns=now_ns - 20 * SECOND)
+    patient = take_snapshot(network, [old], now_ns, stale_after_s=30.0)
+    assert [gate.open for gate in patient.gates()] == [True]
+    assert [gate.open for gate in strict.gates()] == [False, False]
+    assert [gate.open for gate in lax.gates()] == [True, True]
+    assert lax.now_ns == now_ns
+    assert [s.segment for s in lax.states] == ["avenue_east", "avenue_west"]
+    book = TrafficBook(network, future_tolerance_s=3.0)
+    assert book.accept(ahead[2], now_ns) is Verdict.ACCEPTED
+
+
 @pytest.mark.parametrize("fault", CAMERA_FAULTS)
 def test_every_fault_of_a_camera_closes_the_gate(
     demo: RoutingProblem, state: State, now_ns: int, fault: str
@@ -80,7 +156,7 @@ def test_unwatched_segments_are_closed_at_free_flow(demo: RoutingProblem, now_ns
     snapshot = take_snapshot(demo.network, [], now_ns, stale_after_s=5.0)
     assert snapshot.gates() == ()
     for name, traffic in snapshot.segments.items():
-        assert (traffic.open, traffic.reason) == (False, "unwatched")
+        assert (traffic.segment, traffic.open, traffic.reason) == (name, False, "unwatched")
         assert traffic.speed_mps == demo.network.segments[name].speed_limit_mps
 
 
@@ -131,10 +207,20 @@ def test_book_tells_duplicates_late_and_wrong_states(
     assert book.accept(newest, now_ns) is Verdict.DUPLICATE
     late = state("avenue_east", 0, time_ns=now_ns - SECOND, sequence=8)
     assert book.accept(late, now_ns) is Verdict.OUT_OF_ORDER
+    same_time = state("avenue_east", 0, sequence=10)
+    assert book.accept(same_time, now_ns) is Verdict.OUT_OF_ORDER
     ahead = state("avenue_east", 0, time_ns=now_ns + 2 * SECOND)
     assert book.accept(ahead, now_ns) is Verdict.FUTURE
     assert book.accept(state("elsewhere", 1), now_ns) is Verdict.UNKNOWN_SEGMENT
     assert book.latest() == (newest,)
+
+
+def test_an_rsu_may_watch_several_segments(demo: RoutingProblem, state: State, now_ns: int) -> None:
+    """Each has its own latest state."""
+    book = TrafficBook(demo.network)
+    both = [state(name, 1, rsu="rsu") for name in ("avenue_east", "avenue_west")]
+    assert [book.accept(seen, now_ns) for seen in both] == [Verdict.ACCEPTED] * 2
+    assert book.latest() == tuple(both)
 
 
 def test_restarted_rsu_is_heard_again(demo: RoutingProblem, state: State, now_ns: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,8 +20,9 @@ import pytest
 
 import storage
 from slipstream.bus import free_port
+from slipstream_cli.demo import make_clips
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(1800)]
 
 
 @dataclass
@@ -52,10 +54,17 @@ class Run:
         raise AssertionError(f"no process of {name}")
 
 
-@pytest.fixture(scope="module")
-def state(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A state folder that the runs of this module share, so that clips are rendered once."""
-    return tmp_path_factory.mktemp("state")
+@pytest.fixture
+def state(tmp_path: Path) -> Path:
+    """A newcomer's state folder: nothing is in it."""
+    return tmp_path / "state"
+
+
+@pytest.fixture
+def rendered(state: Path, made_once: Callable[..., Path]) -> None:
+    """The state folder has its clips already, from an earlier run as it were."""
+    clips = made_once("demo", lambda folder: make_clips(folder, threading.Event()))
+    shutil.copytree(clips, state / "clips")
 
 
 @pytest.fixture
@@ -113,7 +122,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
 ) -> None:
     """Video becomes flags, flags gate platoons, plans go out, and the page tells all of it."""
     run = start("--interval", "10", "--json")
-    run.says(lambda line: "the dashboard is at" in line, 240)
+    run.says(lambda line: "the dashboard is at" in line, 600)
     began = time.monotonic()
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.goto(f"http://127.0.0.1:{run.port}")
@@ -146,10 +155,12 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     assert left_over(run.state) == []
 
 
+@pytest.mark.slow(long=True)
+@pytest.mark.usefixtures("rendered")
 def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[..., Run]) -> None:
     """SIGKILL of an RSU and of the dispatcher; then Ctrl-C ends all within 10 s."""
     run = start("--interval", "5")
-    run.says(lambda line: "dispatcher" in line and "cycle" in line and " ok" in line, 240)
+    run.says(lambda line: "dispatcher" in line and "cycle" in line and " ok" in line, 600)
     url = f"sqlite:///{run.state / 'slipstream.db'}"
     with storage.open_reader(url) as reader:
         before = reader.latest_cycle()
@@ -157,7 +168,7 @@ def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[...
     run.daemon("rsu-west").kill()
     run.daemon("dispatcher").kill()
     for name in ("rsu-west", "dispatcher"):
-        run.says(lambda line, n=name: n in line and "ended with status -9" in line, 20)
+        run.says(lambda line, n=name: n in line and "ended with status -9" in line, 60)
     with storage.open_reader(url) as reader:
         deadline = time.monotonic() + 90
         while (now := reader.latest_cycle()) is None or now.cycle <= before.cycle:
@@ -175,10 +186,12 @@ def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[...
     assert left_over(run.state) == []
 
 
+@pytest.mark.slow(long=True)
+@pytest.mark.usefixtures("rendered")
 def test_a_killed_supervisor_leaves_nothing_behind(start: Callable[..., Run]) -> None:
     """Not even kill -9 leaves daemons running."""
     run = start()
-    run.says(lambda line: "the dashboard is at" in line, 240)
+    run.says(lambda line: "the dashboard is at" in line, 600)
     run.process.kill()
     run.process.wait()
     deadline = time.monotonic() + 10

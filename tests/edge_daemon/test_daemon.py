@@ -54,12 +54,12 @@ class Ears:
             return self._changed.wait_for(condition, seconds)  # type: ignore[arg-type]
 
 
-def edge_toml(folder: Path, router: Router, source: dict[str, object]) -> Path:
+def edge_toml(folder: Path, camera: Path, router: Router, source: dict[str, object]) -> Path:
     """A settings file for one RSU."""
     path = folder / "edge.toml"
     settings = {
         "rsu": "r1",
-        "camera": str(folder / "camera.toml"),
+        "camera": str(camera),
         "source": source,
         "bus": {"connect": [router.endpoint]},
     }
@@ -83,14 +83,15 @@ def end(process: subprocess.Popen[str]) -> str:
     return log
 
 
-@pytest.mark.e2e
+@pytest.mark.process
 def test_states_health_and_preview_come_and_sigterm_ends_it(
-    street_clips: dict[str, Path], router: Router, bus: Bus
+    tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus
 ) -> None:
     """A looped clip in real time becomes a stable flag, health figures and a JPEG."""
     folder = street_clips["stable"]
     ears = Ears(bus)
-    config = edge_toml(folder, router, {"clip": str(folder / "video.mp4"), "loop": True})
+    source = {"clip": str(folder / "video.mp4"), "loop": True}
+    config = edge_toml(tmp_path, folder / "camera.toml", router, source)
     process = start(config)
     try:
         assert ears.until(lambda: any(s.y_e is not None for s in ears.states), 60)
@@ -111,14 +112,15 @@ def test_states_health_and_preview_come_and_sigterm_ends_it(
     assert picture.shape == (360, 640, 3)
 
 
-@pytest.mark.e2e
+@pytest.mark.process
 def test_a_clip_played_once_and_fast_ends_by_itself(
-    street_clips: dict[str, Path], router: Router, bus: Bus
+    tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus
 ) -> None:
     """Every frame is used, and there is a state for each second of the clip's own time."""
     folder = street_clips["turbulent"]
     ears = Ears(bus)
-    process = start(edge_toml(folder, router, {"clip": str(folder / "video.mp4"), "pace": "fast"}))
+    source = {"clip": str(folder / "video.mp4"), "pace": "fast"}
+    process = start(edge_toml(tmp_path, folder / "camera.toml", router, source))
     _, log = process.communicate(timeout=90)
     assert process.returncode == 0, log
     assert ears.until(lambda: bool(ears.health) and ears.health[-1].status == "ended", 5)
@@ -129,14 +131,14 @@ def test_a_clip_played_once_and_fast_ends_by_itself(
     assert ears.states[-1].y_e == 0
 
 
-@pytest.mark.e2e
+@pytest.mark.process
 def test_an_absent_camera_gives_unknown_states(
     tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus
 ) -> None:
     """The daemon runs on and says that it sees nothing."""
-    (tmp_path / "camera.toml").write_text((street_clips["stable"] / "camera.toml").read_text())
     ears = Ears(bus)
-    process = start(edge_toml(tmp_path, router, {"url": "http://127.0.0.1:9/none"}))
+    camera = street_clips["stable"] / "camera.toml"
+    process = start(edge_toml(tmp_path, camera, router, {"url": "http://127.0.0.1:9/none"}))
     try:
         assert ears.until(lambda: len(ears.states) >= 3, 30)
     finally:
@@ -146,6 +148,7 @@ def test_an_absent_camera_gives_unknown_states(
     assert "no_signal" in {h.status for h in ears.health}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("change", "expected"),
     [

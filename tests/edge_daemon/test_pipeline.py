@@ -74,9 +74,15 @@ def truth(folder: Path, window_s: float = 10.0) -> tuple[float, float, float, fl
     )
 
 
-def test_calm_video_is_stable(street_clips: dict[str, Path]) -> None:
+@pytest.fixture(scope="module")
+def calm(street_clips: dict[str, Path]) -> SegmentState:
+    """The last state of the calm clip."""
+    return watch(street_clips["stable"])
+
+
+def test_calm_video_is_stable(street_clips: dict[str, Path], calm: SegmentState) -> None:
     """y_e = 1, and the features are close to the truth behind the video."""
-    state = watch(street_clips["stable"])
+    state = calm
     mean, spread, variance, density = truth(street_clips["stable"])
     assert (state.y_e, state.reason) == (1, None)
     assert state.segment == "stable_road"
@@ -98,9 +104,11 @@ def test_stop_and_go_video_is_turbulent(street_clips: dict[str, Path]) -> None:
     assert state.features.speed_std_mps.value == pytest.approx(spread, rel=0.35)
 
 
-def test_the_same_video_gives_the_same_state(street_clips: dict[str, Path]) -> None:
+def test_the_same_video_gives_the_same_state(
+    street_clips: dict[str, Path], calm: SegmentState
+) -> None:
     """Same input, same output, to the last digit."""
-    assert watch(street_clips["stable"]) == watch(street_clips["stable"])
+    assert watch(street_clips["stable"]) == calm
 
 
 def test_states_taken_one_by_one_are_of_the_moment_when_they_were_begun(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,16 +37,13 @@ def read_clip(folder: Path) -> Clip:
 
 
 @pytest.fixture(scope="session")
-def mixed_clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
+def mixed_clip(made_once: Callable[..., Path]) -> Clip:
     """Two seconds with calm incoming and stop-and-go outgoing traffic."""
-    folder = tmp_path_factory.mktemp("mixed")
-    render_clip(SETTINGS, folder)
-    return read_clip(folder)
+    return read_clip(made_once("mixed", partial(render_clip, SETTINGS)))
 
 
 @pytest.fixture(scope="session")
-def paper_clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
+def paper_clip(made_once: Callable[..., Path]) -> Clip:
     """One second under the paper's law of motion."""
-    folder = tmp_path_factory.mktemp("paper")
-    render_clip(ClipSettings(seconds=1.0, fps=20.0, scenario="paper", seed=3), folder)
-    return read_clip(folder)
+    settings = ClipSettings(seconds=1.0, fps=20.0, scenario="paper", seed=3)
+    return read_clip(made_once("paper", partial(render_clip, settings)))

@@ -75,6 +75,17 @@ def test_a_steady_drive_costs_the_same_by_trace_and_by_formula(
     )
 
 
+def test_a_steady_drive_in_traffic_that_speeds_up_or_slows_down() -> None:
+    """Mean acceleration costs its work over the distance; none is given back where it brakes."""
+    level, faster = (steady_energy_kwh(1000.0, 10.0, 0.0, a) for a in (0.0, 0.5))
+    assert faster - level == pytest.approx(PAPER_CAR.electrical_kwh(1800.0 * 0.5 * 1000.0))
+    assert steady_energy_kwh(1000.0, 10.0, 0.0, -3.0) == 0.0
+    heavy = VehicleParameters(mass_kg=3600.0)
+    assert steady_energy_kwh(1000.0, 0.0, vehicle=heavy) == pytest.approx(
+        2 * steady_energy_kwh(1000.0, 0.0)
+    )
+
+
 def test_a_follower_saves_5_7_percent_at_city_speed_and_13_on_a_motorway() -> None:
     """The drafting shares that the literature's 20 % of drag comes to."""
     for speed, share in ((13.9, 0.057), (30.0, 0.130)):
@@ -88,6 +99,13 @@ def test_impossible_vehicles_are_refused(field: str, value: float) -> None:
     """Vehicle data must be positive and finite."""
     with pytest.raises(ValueError, match=field):
         VehicleParameters(**{field: value})
+
+
+def test_no_powertrain_gives_more_than_it_takes() -> None:
+    """An efficiency of 1 is the most that there is."""
+    assert VehicleParameters(powertrain_efficiency=1.0).electrical_kwh(3.6e6) == 1.0
+    with pytest.raises(ValueError, match=r"^powertrain_efficiency must be at most 1$"):
+        VehicleParameters(powertrain_efficiency=1.001)
 
 
 @given(
@@ -140,6 +158,28 @@ def test_slow_braking_pulls_only_while_drag_is_large() -> None:
     above = phase_energies(30.0, cancel, (30 - cancel) / 0.2).total_kwh
     assert phase_energies(30.0, 5.0, 25 / 0.2).total_kwh == pytest.approx(above, rel=1e-9)
     assert above > 0
+    little = phase_energies(cancel + 0.3, cancel - 0.2, 0.5 / 0.2).total_kwh
+    assert little == pytest.approx(phase_energies(cancel + 0.3, cancel, 0.3 / 0.2).total_kwh)
+
+
+def test_speeds_may_be_numbers_of_any_kind() -> None:
+    """Differences of small unsigned ones would overflow."""
+    start, end = np.array([20, 5], dtype=np.uint8), np.array([5, 20], dtype=np.uint8)
+    seconds = np.array([200, 20], dtype=np.uint8)
+    found = phase_energies(start, end, seconds)
+    wanted = phase_energies([20.0, 5.0], [5.0, 20.0], [200.0, 20.0])
+    assert [part.tolist() for part in found] == [part.tolist() for part in wanted]
+    trace = np.array([20, 5, 7, 200], dtype=np.uint8)
+    assert trace_energy(trace, 10.0) == trace_energy(trace.astype(float), 10.0)
+    assert wheel_power_w(np.uint8(200), np.uint8(1)) == wheel_power_w(200.0, 1.0)
+
+
+def test_a_stack_is_as_wide_as_its_longest_row() -> None:
+    """NaN behind the others; no trajectories are no rows."""
+    stack = stack_traces([[1, 2, 3], [4]])
+    assert stack.dtype == np.float64
+    assert np.array_equal(stack, [[1, 2, 3], [4, np.nan, np.nan]], equal_nan=True)
+    assert stack_traces([]).shape == (0, 0)
 
 
 def test_a_phase_of_no_duration_needs_nothing() -> None:

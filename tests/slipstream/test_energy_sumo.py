@@ -85,6 +85,7 @@ def ratios(drives: list[np.ndarray], vehicle: VehicleParameters) -> tuple[float,
     return float(ours_kwh.sum() / sumo_kwh.sum()), ours_kwh / sumo_kwh
 
 
+@pytest.mark.process
 def test_sumos_energy_model_agrees_within_half_a_percent(drives: list[np.ndarray]) -> None:
     """The paper's car in stop-and-go traffic, 0.5 s steps (measured: 1.0029)."""
     assert len(drives) > 30

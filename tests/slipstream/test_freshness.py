@@ -63,6 +63,7 @@ def test_limits_belong_to_what_counts(age_ns, expected):
         ([_state("a", None), _state("b", 1, 4.0)], "b", None),
         ([_state("a", 1), _state("b", 0, 6.0)], "a", None),
         ([_state("a", None, 4.0), _state("b", 0, -3.0)], "a", None),
+        ([_state("a", None, 4.0, features=False), _state("b", 0, -3.0)], "a", None),
         ([_state("a", 1, 2.0), _state("b", 1, 1.0)], "b", None),
         ([_state("a", None, 2.0), _state("b", None, 1.0, features=False)], "a", None),
         ([_state("a", 1), _state("b", 1)], "b", None),
@@ -75,6 +76,19 @@ def test_the_decisive_state(states, rsu, reason):
     for order in permutations(states):
         chosen = decisive(order, NOW_NS)
         assert (chosen.state.rsu, chosen.fault) == (rsu, reason)
+
+
+def test_limits_may_be_set():
+    """Age limit and clock tolerance are settings of the receiver."""
+    ahead_ns, old_ns = NOW_NS + 2 * S, NOW_NS - 8 * S
+    assert fault(ahead_ns, NOW_NS, future_tolerance_s=2.0) is None
+    assert fault(old_ns, NOW_NS, stale_after_s=8.0) is None
+    assert fault(NOW_NS - 2 * S, NOW_NS, stale_after_s=1.0) == "stale"
+    near = _state("a", 1, -0.5)
+    chosen = decisive([near], NOW_NS, future_tolerance_s=0.1, stale_after_s=0.1)
+    assert (chosen.fault, chosen.age_s) == ("future", -0.5)
+    chosen = decisive([_state("a", 1, 2.0)], NOW_NS, stale_after_s=1.0)
+    assert (chosen.fault, chosen.age_s) == ("stale", 2.0)
 
 
 def test_no_states():

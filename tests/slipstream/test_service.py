@@ -93,6 +93,7 @@ def test_metrics_are_served_on_loopback() -> None:
         assert b"process_resident_memory_bytes" in answer.read()
 
 
+@pytest.mark.process
 def test_a_supervised_daemon_ends_with_its_supervisor() -> None:
     """Also when the supervisor is killed outright."""
     child = (
@@ -121,6 +122,7 @@ def test_a_supervised_daemon_ends_with_its_supervisor() -> None:
     assert not _runs(orphan)
 
 
+@pytest.mark.process
 def test_a_daemon_whose_supervisor_is_gone_already_does_not_start() -> None:
     """A kill between fork and the kernel's promise leaves no orphan either."""
     result = subprocess.run(

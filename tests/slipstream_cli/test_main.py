@@ -46,6 +46,7 @@ def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]
     assert "usage: slipstream" in capsys.readouterr().out
 
 
+@pytest.mark.process
 def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
     """The three files are there, progress is silent in a pipe, and JSON is one object."""
     result = slipstream(
@@ -59,6 +60,7 @@ def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
     assert 'id = "s1"' in (tmp_path / "c" / "camera.toml").read_text()
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("option", "value", "key"),
     [("--seconds", "-1", "seconds"), ("--fps", "0", "fps"), ("--seed", "-4", "seed")],
@@ -71,6 +73,7 @@ def test_a_clip_that_cannot_be_is_one_line(
     assert key in line
 
 
+@pytest.mark.process
 def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     """One line a file when sound; file, key and mend when not."""
     sound = tmp_path / "dispatcher.toml"
@@ -88,6 +91,7 @@ def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     assert "--as" in one_line(slipstream("check", str(other)))
 
 
+@pytest.mark.process
 def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_path: Path) -> None:
     """A stop with too much demand is no fault of the file's, a node that is not there is one."""
     fleet: dict[str, Any] = {
@@ -115,6 +119,7 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
     assert f"{vans}: stops.s1.node: unknown node 'c9'" in one_line(slipstream("check", str(vans)))
 
 
+@pytest.mark.process
 def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
     """The three actions work on one file and report as JSON."""
     url = f"sqlite:///{tmp_path / 'a.db'}"
@@ -128,6 +133,7 @@ def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
         assert "keep_days" in one_line(slipstream("db", "prune", "--url", url, "--keep-days", days))
 
 
+@pytest.mark.process
 def test_pruning_makes_no_database(tmp_path: Path) -> None:
     """A mistyped path is said, not filled."""
     url = f"sqlite:///{tmp_path / 'mistyped.db'}"
@@ -149,6 +155,7 @@ def test_a_full_disk_is_one_line_and_no_traceback(
     assert error == "slipstream: database or disk is full (background on this error)\n"
 
 
+@pytest.mark.process
 def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) -> None:
     """The user's file is not overwritten."""
     path = tmp_path / "notes.txt"
@@ -159,6 +166,7 @@ def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) ->
     assert path.read_bytes() == before
 
 
+@pytest.mark.process
 def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
     """Before anything is rendered or started."""
     with socket.socket() as taken:
@@ -174,6 +182,7 @@ def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
     assert str(file) in one_line(slipstream("run", "--state", str(file)))
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -189,12 +198,14 @@ def test_run_refuses_numbers_that_make_no_sense(arguments: tuple[str, str]) -> N
     assert arguments[0] in one_line(slipstream("run", *arguments))
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("arguments", [(), ("fly",), ("run", "--sekonds", "3"), ("edge",)])
 def test_a_wrong_command_line_is_one_line(arguments: tuple[str, ...]) -> None:
     """It says what is wrong and where to read on."""
     assert "--help" in one_line(slipstream(*arguments))
 
 
+@pytest.mark.process
 def test_a_missing_extra_is_named() -> None:
     """Without its packages a daemon says what to install."""
     code = (

@@ -15,6 +15,8 @@ import pytest
 from slipstream_cli import supervisor as module
 from slipstream_cli.supervisor import RESTARTS_A_MINUTE, Supervisor
 
+pytestmark = pytest.mark.process
+
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Supervisor, io.StringIO]]:

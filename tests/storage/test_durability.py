@@ -8,6 +8,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 import storage
 
 WRITER = """
@@ -27,6 +29,7 @@ while True:
 """
 
 
+@pytest.mark.process
 def test_killed_writer_loses_nothing(url):
     """Eight writers killed at random moments: every number they printed is stored, intact."""
     moments = random.Random(5)

@@ -118,6 +118,7 @@ def the_read_job(database: Database) -> QuantumJob:
     return job
 
 
+@pytest.mark.process
 def test_hung_in_submit_and_found_by_its_tag(
     open_manager: Callable[..., JobManager],
     records: ServiceRecords,
@@ -150,6 +151,7 @@ def test_hung_in_submit_and_found_by_its_tag(
     assert not any(worker.is_running() for worker in workers)
 
 
+@pytest.mark.process
 def test_a_hanging_poll_holds_no_cycle_up_and_a_restart_picks_the_job_up(
     open_manager: Callable[..., JobManager],
     records: ServiceRecords,
@@ -268,6 +270,7 @@ def solve_exactly(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
     return [replace(o, solver=job.solver) for job, o in zip(jobs, exact, strict=True)]
 
 
+@pytest.mark.process
 def test_a_problem_that_breaks_the_runner_is_declined(
     open_manager: Callable[..., JobManager], demo_arcs: Demo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -305,6 +308,7 @@ def test_both_failing_is_told_of_both(demo_arcs: Demo) -> None:
     assert outcome.reason == "too slow; the device: 429: too many requests"
 
 
+@pytest.mark.process
 def test_closing_frees_a_waiting_cycle(
     open_manager: Callable[..., JobManager], demo_arcs: Demo
 ) -> None:

@@ -109,6 +109,7 @@ def best_by_trying_all(made: tuple[RoutingProblem, TrafficSnapshot]) -> float:
     return least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_tiny_fleet_gets_its_optimum(town: Town, seed: int) -> None:
     """Five parcels, two vans of two depots that cannot take more than three, one window and one

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
 
 import pytest
 
@@ -9,6 +11,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.routes import RoutedArc, candidate_arcs
 from dispatcher_daemon.roads.travel import least_energy_legs
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from slipstream.energy import VehicleParameters
 from slipstream.messages import SegmentState
 
 Traffic = Callable[..., TrafficSnapshot]
@@ -29,6 +32,7 @@ def test_reward_is_a_quarter_of_the_drag_energy(demo: RoutingProblem, traffic: T
     drag_n = 0.5 * 1.225 * 0.30 * 2.4 * 16.67**2
     length_m = demo.network.segments["avenue_east"].length_m
     assert pair.saving_kwh == pytest.approx(0.25 * drag_n * length_m / (3.6e6 * 0.88))
+    assert pair.segment == "avenue_east"
     assert {arcs[pair.first].vehicle, arcs[pair.second].vehicle} == {"van-a", "van-b"}
 
 
@@ -58,6 +62,51 @@ def test_every_zero_has_its_reason(
     line = pair.explain(arcs)
     assert "van-a (depot→c1, enters at 90.0 s)" in line
     assert reason in line
+
+
+def test_a_reward_is_that_of_the_fleets_own_vehicles(
+    demo: RoutingProblem, traffic: Traffic
+) -> None:
+    """Twice the frontal area, twice the drag that is saved."""
+    van = VehicleParameters(frontal_area_m2=4.8)
+    (car,) = rewards(judge(demo, traffic(avenue_east=1))[1])
+    (wide,) = rewards(judge(replace(demo, vehicle=van), traffic(avenue_east=1))[1])
+    assert wide.saving_kwh == pytest.approx(2 * car.saving_kwh)
+
+
+def test_an_explanation_tells_who_where_when_and_what(
+    demo: RoutingProblem, traffic: Traffic
+) -> None:
+    """Both vehicles with their ways and entries; where the entry depends on the route, that it
+    is the earliest one.
+    """
+    arcs, judged = judge(demo, traffic(avenue_east=1))
+    (pair,) = [p for p in judged if p.reason is None]
+    assert pair.explain(arcs) == (
+        "avenue_east: van-a (depot→c1, enters at 90.0 s) and van-b (depot→c3, enters at 92.0 s): "
+        f"saves {pair.saving_kwh:.5f} kWh"
+    )
+    everything = list(judge_pairs(demo, arcs, traffic(), 3.0, watched_only=False))
+    late = next(p for p in everything if not arcs[p.first].exact and not arcs[p.second].exact)
+    assert late.explain(arcs).count(" s at the earliest)") == 2
+
+
+def test_every_pair_of_two_vehicles_is_judged_once(demo: RoutingProblem, traffic: Traffic) -> None:
+    """Whatever order their arcs come in; two arcs of one vehicle are no pair."""
+    arcs, judged = judge(demo, traffic(avenue_east=1, avenue_west=1))
+    expected = {
+        (name, first, second)
+        for name in ("avenue_east", "avenue_west")
+        for first, second in combinations(range(len(arcs)), 2)
+        if name in arcs[first].entries_s()
+        and name in arcs[second].entries_s()
+        and arcs[first].vehicle != arcs[second].vehicle
+    }
+    assert len(expected) > 3
+    assert sorted((p.segment, p.first, p.second) for p in judged) == sorted(expected)
+    for pair in judged:
+        assert pair.first_entry_s == arcs[pair.first].entries_s()[pair.segment]
+        assert pair.second_entry_s == arcs[pair.second].entries_s()[pair.segment]
 
 
 def test_window_includes_its_end(demo: RoutingProblem, traffic: Traffic) -> None:

@@ -65,6 +65,7 @@ def faulty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
     del sys.modules["faulty_solver"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("fault", "status", "reason"),
     [
@@ -91,6 +92,7 @@ def test_a_faulty_solver_costs_only_its_own_answer(
         assert decode(problem, good.selected).routes is not None
 
 
+@pytest.mark.process
 def test_a_hung_worker_is_killed_and_replaced(
     faulty: Callable[[str], Any], demo_arcs: Demo
 ) -> None:
@@ -106,6 +108,7 @@ def test_a_hung_worker_is_killed_and_replaced(
         assert not psutil.pid_exists(int(before.reason or ""))
 
 
+@pytest.mark.process
 def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """A first job that hangs leaves the second one of the same solver its part of the deadline."""
     with SolverPool([faulty("hangs once")]) as pool:
@@ -115,6 +118,7 @@ def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_ar
         assert (hung.status, answered.status) == ("timeout", "feasible")
 
 
+@pytest.mark.process
 def test_workers_of_one_solver_work_side_by_side(
     faulty: Callable[[str], Any], demo_arcs: Demo
 ) -> None:
@@ -127,6 +131,7 @@ def test_workers_of_one_solver_work_side_by_side(
     assert len({o.reason for o in outcomes}) == 2
 
 
+@pytest.mark.process
 def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """Killing the waiting worker (as the kernel does for memory) costs at most one request."""
     problem = demo_arcs()
@@ -138,6 +143,7 @@ def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_
         assert outcomes[-1].status == "feasible"
 
 
+@pytest.mark.process
 def test_warming_up_ends_when_the_daemon_stops(faulty: Callable[[str], Any]) -> None:
     """A daemon that is told to stop while its solvers start does not wait for them."""
     stopping = threading.Event()
@@ -148,12 +154,14 @@ def test_warming_up_ends_when_the_daemon_stops(faulty: Callable[[str], Any]) -> 
     assert time.monotonic() - began < 15
 
 
+@pytest.mark.process
 def test_a_cold_worker_is_reported(faulty: Callable[[str], Any]) -> None:
     """Warming up has its time limit too; who misses it is named."""
     with SolverPool([faulty("cold"), ExactSolver()]) as pool:
         assert "faulty" in pool.warm_up(timeout_s=2.0)
 
 
+@pytest.mark.process
 def test_closing_frees_a_waiting_caller(
     faulty: Callable[[str], Any], demo_arcs: Demo, tmp_path: Path
 ) -> None:
@@ -176,6 +184,7 @@ def test_closing_frees_a_waiting_caller(
     assert [a.status for a in pool([Job("faulty", demo_arcs(), 1)], 5.0)] == ["failed"]
 
 
+@pytest.mark.process
 def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
     """SIGKILL for the dispatcher leaves no worker behind, not even a busy one."""
     (tmp_path / "faulty_solver.py").write_text(FAULTY)

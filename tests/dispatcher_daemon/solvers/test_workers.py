@@ -14,6 +14,8 @@ import pytest
 
 from dispatcher_daemon.solvers.workers import WorkerExecutor
 
+pytestmark = pytest.mark.process
+
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[WorkerExecutor]:

@@ -86,6 +86,7 @@ def matched(found: Detections, rows: list[dict[str, str]]) -> tuple[int, int]:
     return len(boxes), hits
 
 
+@pytest.mark.slow
 def test_the_shipped_model_finds_rendered_vehicles(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -99,6 +100,7 @@ def test_the_shipped_model_finds_rendered_vehicles(
     assert set(found.classes.tolist()) <= set(range(len(VEHICLE_CLASSES)))
 
 
+@pytest.mark.slow
 def test_the_same_picture_gives_the_same_boxes(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -161,6 +163,7 @@ def test_the_built_in_model_suits_the_processor(monkeypatch: pytest.MonkeyPatch)
     assert processor.float_precision() == ov.Type.bf16
 
 
+@pytest.mark.slow
 def test_float_and_int8_weights_agree(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -202,6 +205,7 @@ def test_model_classes_are_mapped_to_vehicle_classes() -> None:
         vehicle_class_of(["cat", "dog"], "m")
 
 
+@pytest.mark.slow
 def test_coco_weights_find_real_cars(shared_data: Path) -> None:
     """Another model with 80 classes and another input size runs behind the same protocol."""
     capture = cv2.VideoCapture(str(shared_data / "real_highway_640x360.mp4"))
@@ -270,6 +274,7 @@ def test_pt_files_need_the_extra_or_run_through_the_same_protocol(
     assert hits >= 0.8 * there
 
 
+@pytest.mark.process
 def test_nothing_is_told_to_anybody(tmp_path: Path) -> None:
     """Opening a model writes no identity into the home folder, as its telemetry would."""
     code = (
@@ -307,6 +312,7 @@ os.kill(os.getpid(), signal.SIGTERM)
 """
 
 
+@pytest.mark.process
 def test_signals_are_heard_after_a_detector_was_dropped_by_another_thread() -> None:
     """OpenVINO unloaded there would take this thread's signal stack with it."""
     done = subprocess.run(

@@ -21,10 +21,11 @@ def features(
     variance: float = 0.1,
     error: float | None = 0.01,
     spread_error: float | None = 0.0,
+    mean_error: float | None = 0.0,
 ) -> KinematicFeatures:
     """Features that matter for the flag."""
     return KinematicFeatures(
-        mean_speed_mps=Estimate(value=mean, standard_error=0.0),
+        mean_speed_mps=Estimate(value=mean, standard_error=mean_error),
         mean_acceleration_mps2=Estimate(value=0.0),
         density_veh_per_m=Estimate(value=0.05),
         speed_std_mps=Estimate(value=spread, standard_error=spread_error),
@@ -41,6 +42,7 @@ def features(
         (features(variance=0.5), 1),
         (features(variance=0.501), 0),
         (features(mean=0.0, spread=0.0), 0),
+        (features(mean=0.5, spread=0.05), 1),
         (features(error=None, spread_error=None), 1),
     ],
 )
@@ -59,6 +61,8 @@ def test_the_papers_rule_bare(seen: KinematicFeatures, expected: int) -> None:
         (features(variance=0.1, error=None), Flag(None, "uncertain")),
         (features(variance=2.0, error=None), Flag(0, None)),
         (features(spread=1.9, spread_error=0.3), Flag(None, "uncertain")),
+        (features(spread_error=None), Flag(None, "uncertain")),
+        (features(mean_error=None), Flag(None, "uncertain")),
         (features(spread=1.9, spread_error=0.3, variance=2.0), Flag(0, None)),
     ],
 )
@@ -67,6 +71,26 @@ def test_a_flag_is_given_only_where_the_errors_allow_it(
 ) -> None:
     """One quantity surely over its threshold decides; otherwise both must be surely under."""
     assert classify(seen, 5, 300, 1.0, StabilitySettings()) == expected
+
+
+@pytest.mark.parametrize(
+    ("spread_error", "mean_error", "sure"),
+    [
+        (0.215, 0.0, True),
+        (0.225, 0.0, False),
+        (0.0, 2.05, True),
+        (0.0, 2.10, False),
+        (0.15, 1.50, True),
+        (0.15, 1.54, False),
+    ],
+)
+def test_the_error_of_the_cv_is_that_of_a_quotient(
+    spread_error: float, mean_error: float, sure: bool
+) -> None:
+    """√(s_σ² + CV² s_v̄²) / v̄: at 1.7 / 16 up to 0.12 there is room for 0.2205 m/s."""
+    seen = features(16.0, 1.7, spread_error=spread_error, mean_error=mean_error)
+    flag = classify(seen, 5, 300, 1.0, StabilitySettings(hysteresis=0.0))
+    assert flag == (Flag(1, None) if sure else Flag(None, "uncertain"))
 
 
 def test_a_segment_becomes_stable_later_than_it_stays_stable() -> None:
@@ -161,9 +185,41 @@ def test_a_kept_flag_ends_with_what_speaks_against_it() -> None:
     assert judged(keeps, (CALM, 5), (features(mean=0.71 * 30.0), 1)) == [1, 1]
 
 
+def test_bare_is_the_rule_without_hysteresis_doubt_or_memory() -> None:
+    """And with the thresholds as they were."""
+    own = StabilitySettings(max_speed_cv=0.2, keep_s=60.0)
+    bare = StabilitySettings(max_speed_cv=0.2, hysteresis=0.0, sure_sigmas=0.0, keep_s=0.0)
+    assert own.bare() == bare
+
+
+def test_a_judge_remembers_that_a_segment_was_stable() -> None:
+    """Between 0.95 and 1 of a threshold it stays so, and does not become so."""
+    settings = StabilitySettings(sure_sigmas=0.0)
+    between = features(variance=0.49)
+    assert judged(settings, (between, 5), (CALM, 5), (between, 5)) == [0, 1, 1]
+    judge = StabilityJudge(settings)
+    assert judge.judge("s", MINUTE, CALM, 5, 0, 1.0) == Flag(None, "no_frames")
+
+
+def test_what_is_kept_is_kept_to_the_nanosecond_and_at_seven_tenths_of_the_speed() -> None:
+    """From the next nanosecond after the window that was judged until `keep_s` have gone by."""
+    for after_ns, mean, kept in (
+        (0, 30.0, False),
+        (1, 30.0, True),
+        (2 * MINUTE, 30.0, True),
+        (2 * MINUTE + 1, 30.0, False),
+        (MINUTE, 0.7 * 30.0, True),
+    ):
+        judge = StabilityJudge(StabilitySettings(keep_s=120.0))
+        assert judge.judge("s", MINUTE, CALM, 5, 300, 1.0).y_e == 1
+        flag = judge.judge("s", MINUTE + after_ns, features(mean=mean), 1, 300, 1.0)
+        assert flag == (Flag(1, None) if kept else Flag(None, "too_few_vehicles"))
+
+
 def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
     """After either the segment has to be judged anew."""
     judge = StabilityJudge(StabilitySettings(keep_s=600.0))
+    assert judge.distrust("s", "frozen") == Flag(None, "frozen")
 
     def flag(time_ns: int, vehicles: int) -> int | None:
         return judge.judge("s", time_ns, THIN, vehicles, 300, 1.0).y_e

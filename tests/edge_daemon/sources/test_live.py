@@ -310,6 +310,7 @@ def test_files_that_lie_are_one_line(clip: Path, tmp_path: Path) -> None:
         assert time.monotonic() - began < 5
 
 
+@pytest.mark.process
 def test_the_decoder_keeps_quiet(clip: Path, tmp_path: Path) -> None:
     """What the user reads is our line, not the decoder's remarks."""
     path = lying(clip, tmp_path)["truncated"]

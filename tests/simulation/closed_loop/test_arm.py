@@ -13,6 +13,8 @@ from simulation.closed_loop.record import ArmResult
 from simulation.scenarios.scenario import load_scenario, prepare
 from slipstream.errors import InputError
 
+pytestmark = pytest.mark.slow(long=True)
+
 BEGIN_S, END_S = 36000.0, 36900.0
 
 

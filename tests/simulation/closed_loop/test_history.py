@@ -146,6 +146,7 @@ def test_a_history_comes_back_from_its_file(tmp_path: Path) -> None:
         History.load(path)
 
 
+@pytest.mark.process
 def test_a_day_is_recorded(tmp_path: Path) -> None:
     """A minute of cars and a truck on the built-in net gives the cars' whole passages."""
     net = Path(str(resources.files("slipstream") / "data" / "demo.net.xml"))

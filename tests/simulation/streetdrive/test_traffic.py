@@ -44,6 +44,7 @@ def windows(tracks: list[Track], direction: int) -> list[tuple[float, float, flo
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(("scenario", "direction"), [("stable", -1), ("stable", 1), ("mixed", -1)])
 def test_stable_traffic_is_stable_in_every_window(scenario, direction, seed):
@@ -56,6 +57,7 @@ def test_stable_traffic_is_stable_in_every_window(scenario, direction, seed):
         assert 6 <= count <= 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     ("scenario", "direction"), [("turbulent", -1), ("turbulent", 1), ("mixed", 1)]

@@ -87,6 +87,7 @@ def plain_sumo(settings: SumoClipSettings) -> Iterator[None]:
         yield
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_bytes(tmp_path, straight):
     """Video, truth and calibration are equal byte for byte when rendered again."""
     render_sumo_clip(straight.settings, tmp_path)

@@ -28,6 +28,7 @@ def flips(n: int, hot: tuple[int, ...]) -> ChainAnsatz:
     return ChainAnsatz(fields, np.zeros((1, n - 1)), np.full((1, n), np.pi / 2))
 
 
+@pytest.mark.process
 def test_importing_back_ends_loads_no_quantum_library() -> None:
     """Their import costs seconds that only who opens one shall pay."""
     code = "import sys, dispatcher_daemon.solvers.quantum.backends; print('qiskit' in sys.modules)"
@@ -84,6 +85,7 @@ def test_dense_circuits_run_as_state_vectors_while_they_fit() -> None:
             open_backend(name).sample(dense_qaoa_circuit(wide, [(0.1, 0.1)]), 10, 1)
 
 
+@pytest.mark.slow
 def test_the_papers_chain_runs_under_bostons_noise() -> None:
     """25 qubits, p = 1: depth 4, 48 CZ, and samples that the noise has changed."""
     backend = open_backend("aer:FakeBoston")

@@ -71,6 +71,7 @@ def fault(do: Any) -> ServiceFault:
     return caught.value
 
 
+@pytest.mark.slow
 def test_a_job_goes_through_the_real_client(stand_in: IbmStandIn, service: IbmService) -> None:
     """Transpiled, twirled, submitted with its tags and limit, found, done: with the right bits."""
     assert service.name == DEVICE
@@ -93,6 +94,7 @@ def test_a_job_goes_through_the_real_client(stand_in: IbmStandIn, service: IbmSe
     assert service.two_qubit(CIRCUIT) == (4, 4)
 
 
+@pytest.mark.slow
 def test_states_of_a_job(stand_in: IbmStandIn, service: IbmService) -> None:
     """Queued, running, cancelled, failed with its reason, and lost."""
     stand_in.runs = False
@@ -199,6 +201,7 @@ def test_faults_at_the_door(stand_in: IbmStandIn, service: IbmService) -> None:
     assert fault(lambda: open_ibm(DEVICE, access=nobody)).kind == "unreachable"
 
 
+@pytest.mark.slow
 def test_a_back_end_waits_and_gives_up(stand_in: IbmStandIn, service: IbmService) -> None:
     """Samples with the job's id; a job that is not done in time is cancelled."""
     done = IbmBackend(service, poll_s=0.01).sample(CIRCUIT, 64, 1)
