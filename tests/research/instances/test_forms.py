@@ -57,7 +57,7 @@ def with_demand(problem: RoutingProblem, demand: int) -> RoutingProblem:
 
 def best_plan(form: Form) -> Candidate:
     """The exact answer as plans."""
-    found = attempt(form, ExactSolver().solve(form.problem, 10.0, 1)).candidate
+    found = attempt(form, ExactSolver().solve(form.problem, 100.0, 1)).candidate
     assert found is not None
     return found
 
