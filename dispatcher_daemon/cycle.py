@@ -8,16 +8,12 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
-from dispatcher_daemon.arc_form.cycle import arc_cycle
-from dispatcher_daemon.arc_form.form import ArcForm, arc_form
+from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
-from dispatcher_daemon.planning.cycle import route_cycle
-from dispatcher_daemon.planning.servability import servable_part
-from dispatcher_daemon.plans.candidates import Candidate, Cycle, Found, Refusal
-from dispatcher_daemon.plans.energy import summarise
-from dispatcher_daemon.platooning.platoons import Passage, Place
-from dispatcher_daemon.platooning.rewards import JudgedPair
-from dispatcher_daemon.roads.routes import RoutedArc
+from dispatcher_daemon.planning import route_cycle, servable_part
+from dispatcher_daemon.plans import Candidate, Cycle, Found, Refusal, summarise
+from dispatcher_daemon.platooning import JudgedPair, Passage, Place
+from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.pool import Solve
 from slipstream.errors import InputError

@@ -17,7 +17,7 @@ from dispatcher_daemon.cycle import form_of, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.hardware import JobManager, open_job_manager
-from dispatcher_daemon.plans.candidates import Cycle
+from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings

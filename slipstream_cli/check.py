@@ -95,7 +95,7 @@ def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
 
 def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
     from dispatcher_daemon.fleet_file import FleetFile
-    from dispatcher_daemon.planning.servability import unservable
+    from dispatcher_daemon.planning import unservable
     from dispatcher_daemon.problem import RoutingProblem
     from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
@@ -110,7 +110,7 @@ def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
 
 
 def _check_instance(path: Path, _: str) -> Mapping[str, str]:
-    from dispatcher_daemon.planning.servability import unservable
+    from dispatcher_daemon.planning import unservable
     from research.instances.instance import load_instance
 
     instance = load_instance(path)

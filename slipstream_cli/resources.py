@@ -93,7 +93,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _benchmark() -> dict[str, QuboSize]:
-    from dispatcher_daemon.arc_form.arcs import arc_problem_of
+    from dispatcher_daemon.arc_form import arc_problem_of
     from dispatcher_daemon.formulations.arc import build_arc_model
     from research.instances import open_instance
     from research.resources.counts import model_size

@@ -25,7 +25,7 @@ from slipstream_cli.solve_report import Report, as_json, as_text, list_as_text
 
 if TYPE_CHECKING:
     from dispatcher_daemon.formulations.qubo import QuboModel
-    from dispatcher_daemon.plans.forms import Form
+    from dispatcher_daemon.plans import Form
     from research.instances.instance import Instance
 
 _ENDINGS = (".lp", ".mps", ".json", ".coo")
@@ -114,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from dispatcher_daemon.formulations.model import build_model
+    from dispatcher_daemon.formulations import build_model
     from research.instances import open_instance
 
     names = options.solver or ([] if options.write else ["exact"])
@@ -167,8 +167,7 @@ def _run_solvers(
     instance: Instance,
     report: Report,
 ) -> None:
-    from dispatcher_daemon.plans.candidates import Candidate
-    from dispatcher_daemon.plans.forms import attempt
+    from dispatcher_daemon.plans import Candidate, attempt
     from dispatcher_daemon.solvers.exact import ExactSolver
     from dispatcher_daemon.solvers.pool import Job, solve_here
 
@@ -202,7 +201,7 @@ def _write(model: QuboModel, path: Path) -> None:
 
 def _published() -> list[dict[str, Any]]:
     """What is worth knowing of the published instances before solving one."""
-    from dispatcher_daemon.formulations.model import build_model
+    from dispatcher_daemon.formulations import build_model
     from research.instances import instance_names, open_instance
     from research.instances.forms import arc_form_of
 

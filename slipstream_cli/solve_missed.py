@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.plans.candidates import Attempt
-    from dispatcher_daemon.plans.forms import Form
-    from dispatcher_daemon.roads.routes import Route, RoutedArc
+    from dispatcher_daemon.plans import Attempt, Form
+    from dispatcher_daemon.roads import Route, RoutedArc
 
 
 @dataclass(frozen=True)

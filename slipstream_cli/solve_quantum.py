@@ -12,8 +12,7 @@ from slipstream.errors import InputError
 
 if TYPE_CHECKING:
     from dispatcher_daemon.formulations.qubo import QuboModel
-    from dispatcher_daemon.plans.candidates import Attempt
-    from dispatcher_daemon.plans.forms import Form
+    from dispatcher_daemon.plans import Attempt, Form
     from dispatcher_daemon.settings import DispatcherSettings
     from dispatcher_daemon.solvers.protocol import Solver
 

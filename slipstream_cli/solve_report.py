@@ -11,10 +11,10 @@ from slipstream_cli.solve_missed import Missed
 from slipstream_cli.solve_quantum import lines_of
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.plans.candidates import Attempt, Candidate
-    from dispatcher_daemon.platooning.rewards import JudgedPair
+    from dispatcher_daemon.plans import Attempt, Candidate
+    from dispatcher_daemon.platooning import JudgedPair
     from dispatcher_daemon.problem import Problem
-    from dispatcher_daemon.roads.routes import Route, RoutedArc
+    from dispatcher_daemon.roads import Route, RoutedArc
     from research.instances.instance import Optimum
     from slipstream.energy import Saving
 

@@ -13,7 +13,7 @@ from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.formulations.qubo import Encoding
+    from dispatcher_daemon.formulations import Encoding
     from dispatcher_daemon.problem import Problem
     from research.proofs.proof import Proof
 
@@ -172,8 +172,8 @@ def _problem(reference: str, options: argparse.Namespace) -> Problem:
 
 def _size(problem: Problem, encoding: Encoding) -> tuple[int, bool]:
     """Number of variables, and whether all their states can be looked at."""
+    from dispatcher_daemon.formulations import build_model
     from dispatcher_daemon.formulations.enumerate import MAX_VARIABLES
-    from dispatcher_daemon.formulations.model import build_model
     from research.proofs.proof import can_prove
 
     if problem.choices > MAX_VARIABLES:

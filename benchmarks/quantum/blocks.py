@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import networkx as nx
 
 from benchmarks.routing.gap_run import block_of, undivided
-from dispatcher_daemon.formulations.decode import violations
+from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.partition import blocks_of
 from dispatcher_daemon.problem import RouteProblem
 from research.cities.generator import generate_city

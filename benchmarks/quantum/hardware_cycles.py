@@ -26,8 +26,7 @@ from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.fleet import load_fleet
 from dispatcher_daemon.hardware import JobManager
 from dispatcher_daemon.hardware.thread import JobThread
-from dispatcher_daemon.plans.candidates import Cycle
-from dispatcher_daemon.plans.verify import verify_plans
+from dispatcher_daemon.plans import Cycle, verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver

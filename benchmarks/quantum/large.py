@@ -20,7 +20,7 @@ from typing import Final
 
 from benchmarks.aims import machine
 from benchmarks.quantum.blocks import CityPart, city_part, ratio, sweep
-from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.formulations import QuboModel, build_model
 from dispatcher_daemon.problem import RouteProblem
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_choices

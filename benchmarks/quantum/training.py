@@ -17,7 +17,7 @@ from typing import Final
 
 from benchmarks.aims import Check, check_table, machine
 from benchmarks.quantum.blocks import city_part
-from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.formulations import QuboModel, build_model
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.lc_qaoa import prepare_model
 from research.quantum.case import named_cases, open_case

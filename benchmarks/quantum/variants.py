@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.quantum.blocks import city_part
+from dispatcher_daemon.formulations import QuboModel, build_model
 from dispatcher_daemon.formulations.decode import valid_selections, violations
-from dispatcher_daemon.formulations.model import QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.distribution import BitDistribution

@@ -13,11 +13,11 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Final
 
-from dispatcher_daemon.planning.fleet_plan import FleetPlan, plan_fleet
-from dispatcher_daemon.plans.energy import RouteEnergy, route_energy, summarise
-from dispatcher_daemon.platooning.platoons import form_platoons
+from dispatcher_daemon.planning import FleetPlan, plan_fleet
+from dispatcher_daemon.plans import RouteEnergy, route_energy, summarise
+from dispatcher_daemon.platooning import form_platoons
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.executor import executor_solve
 from dispatcher_daemon.solvers.pool import Solve

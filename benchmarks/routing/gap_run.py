@@ -16,15 +16,15 @@ from typing import Final
 import networkx as nx
 import numpy as np
 
+from dispatcher_daemon.planning import first_plans
 from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import build_block
-from dispatcher_daemon.planning.fleet_plan import first_plans
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
-from dispatcher_daemon.platooning.meetings import Meetings
+from dispatcher_daemon.platooning import Meetings
 from dispatcher_daemon.problem import RouteOption, RouteProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from research.cities.generator import generate_city

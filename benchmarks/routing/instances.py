@@ -7,9 +7,8 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from benchmarks.routing.figures import Answer, InstanceRow
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.formulations.decode import violations
-from dispatcher_daemon.formulations.model import build_model
+from dispatcher_daemon.arc_form import arc_problem_of
+from dispatcher_daemon.formulations import build_model, violations
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver

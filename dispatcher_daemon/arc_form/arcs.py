@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dispatcher_daemon.fleet import DEPOT
-from dispatcher_daemon.platooning.rewards import JudgedPair, judge_pairs, rewards
+from dispatcher_daemon.platooning import JudgedPair, judge_pairs, rewards
 from dispatcher_daemon.problem import ArcProblem, CandidateArc, RoutingProblem
-from dispatcher_daemon.roads.routes import Leg, RoutedArc, candidate_arcs
-from dispatcher_daemon.roads.travel import least_energy_legs
+from dispatcher_daemon.roads import Leg, RoutedArc, candidate_arcs, least_energy_legs
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dispatcher_daemon.arc_form.form import ArcForm
-from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.plans.candidates import Attempt, Candidate, Found, Refusal
-from dispatcher_daemon.plans.forms import attempt
-from dispatcher_daemon.plans.solver_report import solver_report
+from dispatcher_daemon.formulations import build_model
+from dispatcher_daemon.plans import Attempt, Candidate, Found, Refusal, attempt, solver_report
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.solvers.pool import Job, Solve, solving_s
 from slipstream.messages import SolverReport

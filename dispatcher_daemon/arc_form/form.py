@@ -8,13 +8,12 @@ from typing import Literal
 
 from dispatcher_daemon.arc_form.arcs import ArcParts, arc_parts_of
 from dispatcher_daemon.fleet import arc_form_obstacle
-from dispatcher_daemon.formulations.decode import decode
-from dispatcher_daemon.planning.itineraries import Planner
-from dispatcher_daemon.planning.sweeps import Choice, simple_choices
-from dispatcher_daemon.plans.candidates import Candidate, Cycle, Refusal
-from dispatcher_daemon.platooning.rewards import JudgedPair
+from dispatcher_daemon.formulations import decode
+from dispatcher_daemon.planning import Choice, Planner, simple_choices
+from dispatcher_daemon.plans import Candidate, Cycle, Refusal
+from dispatcher_daemon.platooning import JudgedPair
 from dispatcher_daemon.problem import ArcProblem
-from dispatcher_daemon.roads.routes import Route, RoutedArc, timetable
+from dispatcher_daemon.roads import Route, RoutedArc, timetable
 from dispatcher_daemon.solvers.insertion import cheapest_insertion
 from dispatcher_daemon.solvers.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome

@@ -1,1 +1,17 @@
 """Routing problems as models that solvers take: arc-form QUBO, linearised MILP."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.formulations.decode import decode, violations
+from dispatcher_daemon.formulations.enumerate import energies_of
+from dispatcher_daemon.formulations.model import build_model
+from dispatcher_daemon.formulations.qubo import Encoding, QuboModel
+
+__all__ = [
+    "Encoding",
+    "QuboModel",
+    "build_model",
+    "decode",
+    "energies_of",
+    "violations",
+]

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dispatcher_daemon.formulations.model import QuboModel
+from dispatcher_daemon.formulations import QuboModel
 from dispatcher_daemon.problem import ArcProblem, Problem
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, Place, VariantError, counts_to_bits
 from dispatcher_daemon.solvers.protocol import Outcome

@@ -28,7 +28,7 @@ from pyvrp.stop import (
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.planning.pyvrp_model import MWH_PER_KWH, NEVER_MWH, StopsOf, Visits, VrpModel
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel
+from dispatcher_daemon.roads import Travel
 from dispatcher_daemon.settings import SearchSettings
 
 log = logging.getLogger(__name__)

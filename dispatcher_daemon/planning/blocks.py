@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import accumulate, combinations
 
 from dispatcher_daemon.planning.itineraries import Itinerary
-from dispatcher_daemon.platooning.meetings import Meetings, Passing, clusters, saving_kwh
+from dispatcher_daemon.platooning import Meetings, Passing, clusters, saving_kwh
 from dispatcher_daemon.problem import RouteOption, RouteProblem
 
 _NOTHING_KWH = 1e-12

@@ -6,8 +6,7 @@ from concurrent.futures import Executor
 
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, plan_fleet
 from dispatcher_daemon.planning.sweeps import Choice
-from dispatcher_daemon.plans.candidates import Candidate, Cycle, Found, Refusal
-from dispatcher_daemon.plans.solver_report import solver_report
+from dispatcher_daemon.plans import Candidate, Cycle, Found, Refusal, solver_report
 from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 from slipstream.messages import SolverReport

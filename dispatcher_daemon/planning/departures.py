@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
-from dispatcher_daemon.platooning.meetings import Meetings
+from dispatcher_daemon.platooning import Meetings
 
 TRIED = 6
 """So many moments are evaluated exactly; the others are only counted."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from dispatcher_daemon.planning.departures import best_departure
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
-from dispatcher_daemon.platooning.meetings import Meetings
+from dispatcher_daemon.platooning import Meetings
 
 TRIED = 4
 """So many exchanges are evaluated exactly for each that is asked for."""

@@ -21,9 +21,9 @@ from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.pyvrp_model import StopsOf
 from dispatcher_daemon.planning.servability import unservable, without
 from dispatcher_daemon.planning.sweeps import Choice, Sweep, Sweeping, choice_of, simple_choices
-from dispatcher_daemon.plans.candidates import Cycle
+from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.pool import Solve
 

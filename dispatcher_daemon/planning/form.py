@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from dispatcher_daemon.formulations.decode import violations
+from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import Block, build_block
 from dispatcher_daemon.planning.cycle import BASE
@@ -19,10 +19,10 @@ from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.fleet_plan import NO_ROOM, FirstPlans, first_plans, servable
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.sweeps import choice_of
-from dispatcher_daemon.plans.candidates import Candidate, Cycle, Refusal
-from dispatcher_daemon.platooning.rewards import JudgedPair, judge_pairs
+from dispatcher_daemon.plans import Candidate, Cycle, Refusal
+from dispatcher_daemon.platooning import JudgedPair, judge_pairs
 from dispatcher_daemon.problem import RouteProblem
-from dispatcher_daemon.roads.routes import RoutedArc
+from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.solvers.pool import Solve
 
 

@@ -8,11 +8,17 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
-from dispatcher_daemon.platooning.meetings import Meetings, Passings, Shares, open_shares, passings
-from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, passings_on_road
+from dispatcher_daemon.platooning import (
+    Meetings,
+    Passings,
+    RoadUser,
+    Shares,
+    open_shares,
+    passings,
+    passings_on_road,
+)
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.routes import Leg, Route, lateness_s, timed
-from dispatcher_daemon.roads.travel import Travel
+from dispatcher_daemon.roads import Leg, Route, Travel, lateness_s, timed
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 _S_PER_H: Final = 3600.0

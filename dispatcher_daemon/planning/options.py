@@ -8,7 +8,7 @@ import numpy as np
 
 from dispatcher_daemon.planning.departures import alternatives
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
-from dispatcher_daemon.platooning.meetings import Meetings, Shares
+from dispatcher_daemon.platooning import Meetings, Shares
 
 
 def options_for(

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dispatcher_daemon.planning.itineraries import Itinerary
-from dispatcher_daemon.platooning.meetings import Shares
+from dispatcher_daemon.platooning import Shares
 
 _MOST_PARTNERS = 24
 """Edges kept a vehicle, the heaviest: enough to cut by, and few where a fleet leaves one depot."""

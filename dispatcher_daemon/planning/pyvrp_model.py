@@ -15,7 +15,7 @@ import pyvrp
 
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel
+from dispatcher_daemon.roads import Travel
 
 MWH_PER_KWH = 1e6
 _TENTHS = 10.0

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 _TOLERANCE_S = 2.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import networkx as nx
 import numpy as np
 
-from dispatcher_daemon.formulations.decode import violations
+from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.blocks import Block, build_block
 from dispatcher_daemon.planning.departures import best_departure, schedule_greedily
 from dispatcher_daemon.planning.exchanges import best_exchanges
@@ -18,7 +18,7 @@ from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.planning.pyvrp_model import StopsOf
-from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome

@@ -1,1 +1,24 @@
 """What goes out: candidate plans, their physical energy, their verification and their messages."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, Found, Refusal
+from dispatcher_daemon.plans.energy import RouteEnergy, route_energy, summarise
+from dispatcher_daemon.plans.forms import Form, attempt
+from dispatcher_daemon.plans.solver_report import solver_report
+from dispatcher_daemon.plans.verify import verify_plans
+
+__all__ = [
+    "Attempt",
+    "Candidate",
+    "Cycle",
+    "Form",
+    "Found",
+    "Refusal",
+    "RouteEnergy",
+    "attempt",
+    "route_energy",
+    "solver_report",
+    "summarise",
+    "verify_plans",
+]

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from dispatcher_daemon.plans.energy import RouteEnergy, route_energy
 from dispatcher_daemon.plans.messages import vehicle_plans
 from dispatcher_daemon.plans.verify import verify_plans
-from dispatcher_daemon.platooning.platoons import Passage, Place, form_platoons
-from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, joined_segments
+from dispatcher_daemon.platooning import Passage, Place, RoadUser, form_platoons, joined_segments
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.traffic import TrafficSnapshot

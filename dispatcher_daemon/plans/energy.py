@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.platooning.platoons import Passage, Place, drag_reductions
+from dispatcher_daemon.platooning import Passage, Place, drag_reductions
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.roads import Route
 from slipstream.drive import drive_energies
 from slipstream.energy import ETA_ALONE, Energy, split_saving, total
 from slipstream.messages import EnergySummary

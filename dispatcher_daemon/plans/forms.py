@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol
 
 from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, Refusal
-from dispatcher_daemon.platooning.rewards import JudgedPair
+from dispatcher_daemon.platooning import JudgedPair
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.roads.routes import RoutedArc
+from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 

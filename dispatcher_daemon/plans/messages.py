@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dispatcher_daemon.plans.energy import RouteEnergy
-from dispatcher_daemon.platooning.platoons import Passage, Place
+from dispatcher_daemon.platooning import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.roads import Route
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import DrivingAdvice, PlannedSegment, PlannedStop, VehiclePlan
 

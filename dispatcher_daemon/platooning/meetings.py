@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from dispatcher_daemon.platooning.platoons import Timed, platoons_of
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.roads import Route
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from dispatcher_daemon.roads.routes import Route
+from dispatcher_daemon.roads import Route
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, ETA_LEADER
 

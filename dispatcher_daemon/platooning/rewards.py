@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dispatcher_daemon.problem import ArcReward, RoutingProblem
-from dispatcher_daemon.roads.routes import RoutedArc
+from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, VehicleParameters, drag_saving_kwh
 from slipstream.roads import Segment

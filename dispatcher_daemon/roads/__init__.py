@@ -1,2 +1,31 @@
 """By which ways: what a segment and a turn cost, least-energy ways between the fleet's places, and
 the times of a vehicle that drives them."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.roads.costs import segment_cost_kwh
+from dispatcher_daemon.roads.routes import (
+    Leg,
+    Route,
+    RoutedArc,
+    candidate_arcs,
+    lateness_s,
+    timed,
+    timetable,
+)
+from dispatcher_daemon.roads.travel import Roads, Travel, least_energy_legs, roads_of
+
+__all__ = [
+    "Leg",
+    "Roads",
+    "Route",
+    "RoutedArc",
+    "Travel",
+    "candidate_arcs",
+    "lateness_s",
+    "least_energy_legs",
+    "roads_of",
+    "segment_cost_kwh",
+    "timed",
+    "timetable",
+]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.formulations.model import Encoding, QuboModel
+from dispatcher_daemon.formulations import Encoding, QuboModel
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.sampling import Bits, Drawn, in_order, solve_by_sampling

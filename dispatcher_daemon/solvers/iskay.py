@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
+from dispatcher_daemon.formulations import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.pool import error_line
 from dispatcher_daemon.solvers.protocol import Execution, Outcome, Status

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import psutil
 
-from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
+from dispatcher_daemon.formulations import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.protocol import Execution, Outcome

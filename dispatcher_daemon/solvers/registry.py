@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Final
 
-from dispatcher_daemon.formulations.qubo import Encoding
+from dispatcher_daemon.formulations import Encoding
 from dispatcher_daemon.settings import SOLVER_ENTRY_POINTS, DispatcherSettings
 from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.formulations.decode import violations
-from dispatcher_daemon.formulations.model import Encoding, QuboModel, build_model
+from dispatcher_daemon.formulations import Encoding, QuboModel, build_model, violations
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from dispatcher_daemon.solvers.distribution import BitDistribution

@@ -10,11 +10,10 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
+from dispatcher_daemon.arc_form import arc_problem_of
 from dispatcher_daemon.fleet import DEPOT, Depot, Fleet, Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.routes import candidate_arcs
-from dispatcher_daemon.roads.travel import least_energy_legs
+from dispatcher_daemon.roads import candidate_arcs, least_energy_legs
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from research.instances.landscapes import LANDSCAPES
 from slipstream.roads import RoadNetwork

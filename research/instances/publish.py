@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.formulations.decode import decode
+from dispatcher_daemon.arc_form import arc_problem_of
+from dispatcher_daemon.formulations import decode
 from research.instances.catalogue import CATALOGUE
 from research.instances.generator import GENERATOR_VERSION, SYNC_WINDOW_S, generate
 from research.instances.instance import Instance, Optimum, write_instance

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from dispatcher_daemon.formulations import Encoding
 from dispatcher_daemon.formulations.arc import constraint_rows
-from dispatcher_daemon.formulations.qubo import Encoding
 from dispatcher_daemon.problem import (
     ArcProblem,
     ArcReward,

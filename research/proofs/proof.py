@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from dispatcher_daemon.formulations import build_model
 from dispatcher_daemon.formulations.enumerate import MAX_VARIABLES, Exactness, enumerate_model
 from dispatcher_daemon.formulations.milp import MilpResult, solve_milp
-from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.formulations.qubo import Encoding, QuboModel
 from dispatcher_daemon.problem import Problem
 from research.proofs.eliminate import MAX_CHOICES, eliminate, largest_part

@@ -12,7 +12,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.formulations.model import QuboModel
+from dispatcher_daemon.formulations import QuboModel
 from dispatcher_daemon.problem import RouteProblem
 from dispatcher_daemon.solvers.distribution import (
     BitDistribution,

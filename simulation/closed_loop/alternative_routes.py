@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from dispatcher_daemon.roads.travel import Roads
+from dispatcher_daemon.roads import Roads
 from slipstream.roads import RoadNetwork
 
 Path = tuple[str, ...]

@@ -11,10 +11,10 @@ from typing import Final
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.daemon import cycle_seed
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
-from dispatcher_daemon.plans.candidates import Cycle
-from dispatcher_daemon.platooning.vehicles_on_road import on_road
+from dispatcher_daemon.plans import Cycle
+from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import roads_of
+from dispatcher_daemon.roads import roads_of
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
 from simulation.closed_loop.alternative_routes import AlternativeRoutes

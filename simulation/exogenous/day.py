@@ -17,8 +17,8 @@ from typing import Final
 
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.daemon import cycle_seed
-from dispatcher_daemon.plans.candidates import Cycle
-from dispatcher_daemon.platooning.vehicles_on_road import on_road
+from dispatcher_daemon.plans import Cycle
+from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve

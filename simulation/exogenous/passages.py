@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dispatcher_daemon.platooning.platoons import Timed, platoons_of
-from dispatcher_daemon.roads.costs import segment_cost_kwh
+from dispatcher_daemon.platooning import Timed, platoons_of
+from dispatcher_daemon.roads import segment_cost_kwh
 from dispatcher_daemon.traffic import SegmentTraffic
 from simulation.closed_loop.gates import is_turbulent
 from simulation.closed_loop.losses import drive_losses

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic import take_snapshot
 from simulation.scenarios.demand import DAY_S, Deliveries, fleet_at
