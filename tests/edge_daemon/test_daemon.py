@@ -35,8 +35,8 @@ class Ears:
         self.previews: list[bytes] = []
         self._changed = threading.Condition()
         for key in (ALL_STATES, ALL_RSU_HEALTH):
-            bus.subscribe(key, self._update)
-        bus.subscribe(ALL_PREVIEWS, self._update, history=False)
+            bus.subscribe(key, self._take)
+        bus.subscribe(ALL_PREVIEWS, self._take, history=False)
 
     def _take(self, key: str, payload: bytes) -> None:
         with self._changed:
