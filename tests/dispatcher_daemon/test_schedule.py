@@ -9,7 +9,7 @@ import pytest
 from dispatcher_daemon.schedule import CycleScheduler
 
 
-def wait_for(condition: object, timeout_s: float = 5.0) -> bool:
+def wait_for(condition: object, timeout_s: float = 30.0) -> bool:
     """Poll a callable until it is true."""
     assert callable(condition)
     ends = time.monotonic() + timeout_s

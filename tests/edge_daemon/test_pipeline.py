@@ -104,6 +104,7 @@ def test_stop_and_go_video_is_turbulent(street_clips: dict[str, Path]) -> None:
     assert state.features.speed_std_mps.value == pytest.approx(spread, rel=0.35)
 
 
+@pytest.mark.slow(long=True)
 def test_the_same_video_gives_the_same_state(
     street_clips: dict[str, Path], calm: SegmentState
 ) -> None:
@@ -111,6 +112,7 @@ def test_the_same_video_gives_the_same_state(
     assert watch(street_clips["stable"]) == calm
 
 
+@pytest.mark.slow(long=True)
 def test_states_taken_one_by_one_are_of_the_moment_when_they_were_begun(
     street_clips: dict[str, Path],
 ) -> None:

@@ -300,19 +300,22 @@ def test_a_member_without_a_place_stands_before_all_others(
     assert "platoon c1-p1 on avenue_east: places are not in the order of entry" in found
 
 
+@pytest.mark.parametrize("own", ["van-a", "van-b"])
 def test_each_vehicle_starts_and_ends_at_a_depot_of_its_own(
-    demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
+    demo: RoutingProblem, plans: tuple[VehiclePlan, ...], own: str
 ) -> None:
     """Plans of one depot are refused for a vehicle of another one, and for no other vehicle."""
-    first, *others = demo.fleet.vehicles
     fleet = Fleet(
         depots=(*demo.fleet.depots, Depot(id="yard", node="west")),
         stops=demo.fleet.stops,
-        vehicles=(first.model_copy(update={"depot": "yard"}), *others),
+        vehicles=tuple(
+            v.model_copy(update={"depot": "yard"}) if v.id == own else v
+            for v in demo.fleet.vehicles
+        ),
     )
     assert verify(replace(demo, fleet=fleet), plans) == (
-        "van-a: does not start at its depot",
-        "van-a: does not end at its depot",
+        f"{own}: does not start at its depot",
+        f"{own}: does not end at its depot",
     )
 
 

@@ -54,7 +54,7 @@ def test_blocks_are_solved_in_parallel_processes() -> None:
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
         solve = executor_solve(executor, [ExactSolver()], workers=2)
         jobs = [Job("exact", PROBLEM, 1), Job("exact", PROBLEM.without_platooning(), 2)]
-        outcomes = solve(jobs, 30.0)
+        outcomes = solve(jobs, 300.0)
     assert [o.status for o in outcomes] == ["optimal"] * 2
     assert [o.selected for o in outcomes] == [frozenset({1, 2})] * 2
 

@@ -60,6 +60,7 @@ def test_the_papers_rule_bare(seen: KinematicFeatures, expected: int) -> None:
         (features(variance=2.0, error=0.6), Flag(0, None)),
         (features(variance=0.1, error=None), Flag(None, "uncertain")),
         (features(variance=2.0, error=None), Flag(0, None)),
+        (features(variance=0.6, error=None), Flag(0, None)),
         (features(spread=1.9, spread_error=0.3), Flag(None, "uncertain")),
         (features(spread_error=None), Flag(None, "uncertain")),
         (features(mean_error=None), Flag(None, "uncertain")),
@@ -102,6 +103,23 @@ def test_a_segment_becomes_stable_later_than_it_stays_stable() -> None:
     under, over = features(variance=0.47), features(variance=0.501)
     assert classify(under, 5, 300, 1.0, settings).y_e == 1
     assert classify(over, 5, 300, 1.0, settings, was_stable=True).y_e == 0
+
+
+def test_a_stable_segment_stays_so_up_to_the_thresholds_themselves() -> None:
+    """At the rule's limit, with its doubt up to the hysteresis above it; not beyond the rule."""
+    bare = StabilitySettings(sure_sigmas=0.0)
+    assert classify(features(variance=0.5), 5, 300, 1.0, bare, was_stable=True).y_e == 1
+    wide = StabilitySettings(hysteresis=0.5)
+    doubtful = features(variance=0.5, error=0.25)
+    assert classify(doubtful, 5, 300, 1.0, wide, was_stable=True) == Flag(1, None)
+    above = features(variance=0.51, error=0.012)
+    settings = StabilitySettings()
+    assert classify(above, 5, 300, 1.0, settings, was_stable=True) == Flag(None, "uncertain")
+
+
+def test_a_window_covered_as_far_as_needed_is_judged() -> None:
+    """The least coverage is enough."""
+    assert classify(features(), 5, 300, 0.8, StabilitySettings(min_coverage=0.8)).y_e == 1
 
 
 @given(
