@@ -19,8 +19,8 @@ from dispatcher_daemon.solvers.pool import Solve
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, Unserved, VehiclePlan
 
-MOST_ARC_VEHICLES: Final = 2
-MOST_ARC_STOPS: Final = 8
+MAX_ARC_VEHICLES: Final = 2
+MAX_ARC_STOPS: Final = 8
 """A larger fleet is dispatched in route form, unless the settings say otherwise."""
 
 
@@ -116,7 +116,7 @@ def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route
         )
     if settings.form != "auto":
         return settings.form
-    few = len(fleet.vehicles) <= MOST_ARC_VEHICLES and len(fleet.stops) <= MOST_ARC_STOPS
+    few = len(fleet.vehicles) <= MAX_ARC_VEHICLES and len(fleet.stops) <= MAX_ARC_STOPS
     return "arc" if few and obstacle is None else "route"
 
 

@@ -16,8 +16,8 @@ from slipstream_cli.progress import Progress
 if TYPE_CHECKING:
     from research.resources.counts import QuboSize, ResourceRow
 
-_MOST_CUSTOMERS: Final = 60
-_MOST_VEHICLES: Final = 20
+_MAX_CUSTOMERS: Final = 60
+_MAX_VEHICLES: Final = 20
 _BENCHMARK: Final = "arc25-01-avenue"
 PAPER_BENCHMARK: Final = {
     "arc_variables": 16,
@@ -79,8 +79,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     for key, values, most in (
-        ("--customers", options.customers, _MOST_CUSTOMERS),
-        ("--vehicles", options.vehicles, _MOST_VEHICLES),
+        ("--customers", options.customers, _MAX_CUSTOMERS),
+        ("--vehicles", options.vehicles, _MAX_VEHICLES),
     ):
         if not all(1 <= value <= most for value in values):
             raise InputError("resources", "out of range", f"give 1 to {most}", key=key)

@@ -99,7 +99,7 @@ def check_fit(
             "solve", "this variant needs route options", "add --form route", key="--variant"
         )
     if "qaoa" in names:
-        from dispatcher_daemon.solvers.quantum.statevector.diagonal import MOST_QUBITS
+        from dispatcher_daemon.solvers.quantum.statevector.diagonal import MAX_QUBITS
 
         if options.backend not in (None, "aer"):
             raise InputError(
@@ -108,10 +108,10 @@ def check_fit(
                 "take --solver lc-qaoa, or leave the back end out",
                 key="--backend",
             )
-        if variant != "xy" and len(model.variables) > MOST_QUBITS:
+        if variant != "xy" and len(model.variables) > MAX_QUBITS:
             raise InputError(
                 "solve",
-                f"{len(model.variables)} qubits do not fit a state vector of {MOST_QUBITS}",
+                f"{len(model.variables)} qubits do not fit a state vector of {MAX_QUBITS}",
                 "take --solver lc-qaoa or a smaller instance",
                 key="--solver",
             )

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 _PAPER_GAMMA_KWH = 50.0
 _RANDOM_VARIABLES = 25
-_MOST_RANDOM = 10_000
+_MAX_RANDOM = 10_000
 _OPTIONS = 5
-_MOST_OPTIONS = 30
-_MOST_ARCS = 1_000
+_MAX_OPTIONS = 30
+_MAX_ARCS = 1_000
 """Fleets with more are refused before anything is computed."""
 
 Case = tuple[str, str, "Problem"]
@@ -122,11 +122,11 @@ def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
     from research.instances import instance_names
     from research.proofs.eliminate import MAX_CHOICES
 
-    if not 0 <= options.random <= _MOST_RANDOM or options.seed < 0:
+    if not 0 <= options.random <= _MAX_RANDOM or options.seed < 0:
         key = "--seed" if options.seed < 0 else "--random"
-        raise InputError("verify", "out of range", f"give 0 to {_MOST_RANDOM}", key=key)
-    if not 1 <= options.options <= _MOST_OPTIONS:
-        raise InputError("verify", "out of range", f"give 1 to {_MOST_OPTIONS}", key="--options")
+        raise InputError("verify", "out of range", f"give 0 to {_MAX_RANDOM}", key=key)
+    if not 1 <= options.options <= _MAX_OPTIONS:
+        raise InputError("verify", "out of range", f"give 1 to {_MAX_OPTIONS}", key="--options")
     if not (options.instances or options.all or options.random):
         raise InputError(
             "verify", "nothing to check", "name instances, or give --all or --random N"
@@ -160,7 +160,7 @@ def _problem(reference: str, options: argparse.Namespace) -> Problem:
     instance = open_instance(reference)
     fleet = instance.problem.fleet
     most = len(fleet.vehicles) * (len(fleet.pooled) + 1) ** 2
-    if most > _MOST_ARCS:
+    if most > _MAX_ARCS:
         raise InputError(
             reference, f"up to {most} candidate arcs", "take an instance of a few stops"
         )

@@ -18,11 +18,11 @@ ROAD, WHOLE, LIVE = "slipstream", "slipstream, whole picture", "slipstream, live
 TORCH, SAME_EXPORT = "Ultralytics, PyTorch", "Ultralytics, same export"
 TORCH_ALL = "Ultralytics, PyTorch, told to use all cores"
 
-MOST_MS: Final = 8.0
-MOST_LATENCY_MS: Final = 21.9
-LEAST_OVER_TORCH: Final = 8.0
-LEAST_OVER_EXPORT: Final = 1.5
-MOST_RSS_MB: Final = 450.0
+MAX_MS: Final = 8.0
+MAX_LATENCY_MS: Final = 21.9
+MIN_OVER_TORCH: Final = 8.0
+MIN_OVER_EXPORT: Final = 1.5
+MAX_RSS_MB: Final = 450.0
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def checks(results: Results) -> list[Check]:
     if ours:
         ms = _median([s.ms_per_frame for s in ours])
         found.append(
-            Check("whole pipeline, ms a frame", f"{ms:.2f}", f"≤ {MOST_MS:g}", ms <= MOST_MS)
+            Check("whole pipeline, ms a frame", f"{ms:.2f}", f"≤ {MAX_MS:g}", ms <= MAX_MS)
         )
     latencies = [s.latency_ms_p95 for s in results.of(LIVE) if s.latency_ms_p95 is not None]
     if latencies:
@@ -62,11 +62,11 @@ def checks(results: Results) -> list[Check]:
             Check(
                 "latency p95 of a live camera, ms",
                 f"{p95:.1f}",
-                f"≤ {MOST_LATENCY_MS:g}",
-                p95 <= MOST_LATENCY_MS,
+                f"≤ {MAX_LATENCY_MS:g}",
+                p95 <= MAX_LATENCY_MS,
             )
         )
-    for name, least in ((TORCH, LEAST_OVER_TORCH), (SAME_EXPORT, LEAST_OVER_EXPORT)):
+    for name, least in ((TORCH, MIN_OVER_TORCH), (SAME_EXPORT, MIN_OVER_EXPORT)):
         found.append(_times_faster(results, name, least))
     if results.cameras:
         skipped = sum(c.skipped for c in results.cameras)
@@ -87,8 +87,8 @@ def checks(results: Results) -> list[Check]:
             Check(
                 "resident memory at full speed, MB",
                 f"{memory.largest:.0f}",
-                f"≤ {MOST_RSS_MB:g}",
-                memory.largest <= MOST_RSS_MB,
+                f"≤ {MAX_RSS_MB:g}",
+                memory.largest <= MAX_RSS_MB,
             )
         )
         if (slope := memory.slope) is not None:

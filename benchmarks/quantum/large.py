@@ -42,7 +42,7 @@ _SMALL: Final = 25
 _EXACT_S: Final = 60.0
 _SOLVE_S: Final = 900.0
 _PATIENCE: Final = 1
-_MOST_SWEEPS: Final = 4
+_MAX_SWEEPS: Final = 4
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ def _swept(
         return outcome.selected
 
     began = time.perf_counter()
-    swept = sweep(part, _SMALL, choose, _PATIENCE, _MOST_SWEEPS)
+    swept = sweep(part, _SMALL, choose, _PATIENCE, _MAX_SWEEPS)
     method = "exactly" if variant is None else f"LC-QAOA, {variant}"
     return Found(
         name=f"blocks of {_SMALL}, {swept.sweeps} sweeps, {method}",

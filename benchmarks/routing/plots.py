@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.routing.figures import CityRun, log_slope, medians_by_size, saved_share
-from benchmarks.routing.report import MOST_SLOPE, Results
+from benchmarks.routing.report import MAX_SLOPE, Results
 
 _BLUE: Final = "#0072b2"
 _ORANGE: Final = "#d55e00"
@@ -51,8 +51,8 @@ def scaling(results: Results, path: Path) -> None:
         axes.plot(sizes, seconds, marker + "-", color=colour, linewidth=1.5, label=label)
     first, *_ = times = medians_by_size(results.fixed)
     fleets = [size for size, _ in times]
-    limit = [first[1] * (size / first[0]) ** MOST_SLOPE for size in fleets]
-    axes.plot(fleets, limit, "--", color=_GREY, linewidth=1, label=f"slope {MOST_SLOPE:g}, the aim")
+    limit = [first[1] * (size / first[0]) ** MAX_SLOPE for size in fleets]
+    axes.plot(fleets, limit, "--", color=_GREY, linewidth=1, label=f"slope {MAX_SLOPE:g}, the aim")
     axes.set(
         xscale="log", yscale="log", xlabel="vehicles (five stops each)",
         ylabel="time of a whole cycle, s",

@@ -31,9 +31,9 @@ import numpy.typing as npt
 LIMIT_MB: Final = 5.0
 LIMIT_SHARE: Final = 0.02
 LIMIT_PERIOD_S: Final = 600.0
-LEAST_RISE_MB: Final = 2.0
-_MOST_BINS: Final = 120
-_LEAST_BIN_S: Final = 5.0
+MIN_RISE_MB: Final = 2.0
+_MAX_BINS: Final = 120
+_MIN_BIN_S: Final = 5.0
 _BLOCK_S: Final = 40.0
 _RESAMPLES: Final = 400
 _CONTINUED_SHARE: Final = 0.25
@@ -79,7 +79,7 @@ def memory_trend(times_s: npt.ArrayLike, mb: npt.ArrayLike, seed: int = 1) -> Tr
     period_s = max(LIMIT_PERIOD_S, window_s)
     matters = (
         slope * period_s > max(LIMIT_MB, LIMIT_SHARE * float(np.median(values)))
-        and slope * window_s > LEAST_RISE_MB
+        and slope * window_s > MIN_RISE_MB
     )
     steps = np.diff([float(np.median(third)) for third in np.array_split(y, 3) if len(third)])
     goes_on = len(steps) == 2 and bool((steps > _CONTINUED_SHARE * slope * window_s / 3).all())
@@ -122,7 +122,7 @@ def _trend(
 def _binned(times: Array, values: Array) -> tuple[Array, Array]:
     """Medians over bins of 5 s or more, few enough for all their pairs to be compared."""
     span = float(times[-1] - times[0])
-    width = max(_LEAST_BIN_S, span / _MOST_BINS) if span > 10 * _LEAST_BIN_S else span / 10
+    width = max(_MIN_BIN_S, span / _MAX_BINS) if span > 10 * _MIN_BIN_S else span / 10
     if width <= 0:
         return times[:1], values[:1]
     number = np.floor((times - times[0]) / width).astype(int)

@@ -15,7 +15,7 @@ from benchmarks.soak.processes import Sample
 from benchmarks.soak.trend import Trend, count_trend, memory_trend
 
 LONGEST_SILENCE_S: Final = 5.0
-_LEAST_SAMPLES: Final = 6
+_MIN_SAMPLES: Final = 6
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def _processes(
             restarts=restarts,
         )
         found.append(figures)
-        if len(life) < _LEAST_SAMPLES:
+        if len(life) < _MIN_SAMPLES:
             faults.append(f"{name}: only {len(life)} samples, too few to judge")
         if figures.memory_mb.growing:
             faults.append(f"{name}: memory grows by {figures.memory_mb.slope_per_h:.1f} MB an hour")

@@ -8,12 +8,12 @@ from typing import Final
 
 from benchmarks.aims import Check
 
-MOST_BACKGROUND_S: Final = 120.0
-MOST_ARM_S: Final = 600.0
-LEAST_EVERY: Final = 0.185
-LEAST_WITHOUT_PRIORITY: Final = 0.10
-LEAST_OF_DRAFTING: Final = 0.80
-MOST_LOST: Final = 0.10
+MAX_BACKGROUND_S: Final = 120.0
+MAX_ARM_S: Final = 600.0
+MIN_EVERY: Final = 0.185
+MIN_WITHOUT_PRIORITY: Final = 0.10
+MIN_OF_DRAFTING: Final = 0.80
+MAX_LOST: Final = 0.10
 
 DAY_H: Final = 24.0
 
@@ -112,9 +112,9 @@ def time_checks(runs: Sequence[TimedRun]) -> list[Check]:
     for scenario in dict.fromkeys(run.scenario for run in runs):
         own = [run for run in runs if run.scenario == scenario]
         groups = (
-            ("background", [r for r in own if r.what == "background"], MOST_BACKGROUND_S),
-            ("arm on one core", [r for r in own if _is_arm(r) and not r.beside], MOST_ARM_S),
-            ("two arms side by side", [r for r in own if _is_arm(r) and r.beside], MOST_ARM_S),
+            ("background", [r for r in own if r.what == "background"], MAX_BACKGROUND_S),
+            ("arm on one core", [r for r in own if _is_arm(r) and not r.beside], MAX_ARM_S),
+            ("two arms side by side", [r for r in own if _is_arm(r) and r.beside], MAX_ARM_S),
         )
         for what, group, most in groups:
             if group:
@@ -161,13 +161,13 @@ def saving_checks(saved: Sequence[Saved]) -> list[Check]:
                 (
                     "saved by drafting, of what every kilometre drafted would save",
                     reached,
-                    f"≥ {LEAST_OF_DRAFTING:.0%}",
-                    None if reached is None else reached >= LEAST_OF_DRAFTING,
+                    f"≥ {MIN_OF_DRAFTING:.0%}",
+                    None if reached is None else reached >= MIN_OF_DRAFTING,
                 )
             )
         for words, value, least in (
-            ("every lever, saving at equal travel time", one.every, LEAST_EVERY),
-            ("without priority", one.without_priority, LEAST_WITHOUT_PRIORITY),
+            ("every lever, saving at equal travel time", one.every, MIN_EVERY),
+            ("without priority", one.without_priority, MIN_WITHOUT_PRIORITY),
         ):
             aim = f"≥ {100 * least:g} %" if one.scenario != "corridor" else "–"
             judged = None if value is None or one.scenario == "corridor" else value >= least
@@ -178,8 +178,8 @@ def saving_checks(saved: Sequence[Saved]) -> list[Check]:
                 (
                     "of the saving, what 20 % noise costs",
                     lost,
-                    f"≤ {MOST_LOST:.0%}",
-                    None if lost is None else lost <= MOST_LOST,
+                    f"≤ {MAX_LOST:.0%}",
+                    None if lost is None else lost <= MAX_LOST,
                 )
             )
         for words, value, aim, judged in rows:

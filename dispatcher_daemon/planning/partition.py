@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from dispatcher_daemon.planning.itineraries import Itinerary
 from dispatcher_daemon.platooning import Shares
 
-_MOST_PARTNERS = 24
+_MAX_PARTNERS = 24
 """Edges kept a vehicle, the heaviest: enough to cut by, and few where a fleet leaves one depot."""
 
 
@@ -60,7 +60,7 @@ def opportunity_graph(
     for a in range(len(driving)):
         values = summed.data[summed.indptr[a] : summed.indptr[a + 1]]
         others = summed.indices[summed.indptr[a] : summed.indptr[a + 1]]
-        for i in np.argsort(-values, kind="stable")[:_MOST_PARTNERS]:
+        for i in np.argsort(-values, kind="stable")[:_MAX_PARTNERS]:
             if others[i] != a:
                 weight = float(values[i])
                 graph.add_edge(driving[a].number, driving[others[i]].number, weight=weight)

@@ -12,7 +12,7 @@ from dispatcher_daemon.traffic import Expectations
 from slipstream.drive import DrivingStyle
 from slipstream.energy import VehicleParameters, stop_energy_kwh
 
-_FEWEST_MPS = 1e-9
+_MIN_MPS = 1e-9
 _S_PER_H = 3600.0
 
 
@@ -84,6 +84,6 @@ def _change_s(before_mps: Floats, after_mps: Floats, style: DrivingStyle) -> Flo
     gain = np.maximum(after_mps - before_mps, 0.0)
     loss = np.maximum(before_mps - after_mps, 0.0)
     return np.asarray(
-        gain**2 / (2 * style.acceleration_mps2 * np.maximum(after_mps, _FEWEST_MPS))
-        + loss**2 / (2 * style.braking_mps2 * np.maximum(before_mps, _FEWEST_MPS))
+        gain**2 / (2 * style.acceleration_mps2 * np.maximum(after_mps, _MIN_MPS))
+        + loss**2 / (2 * style.braking_mps2 * np.maximum(before_mps, _MIN_MPS))
     )

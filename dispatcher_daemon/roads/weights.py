@@ -15,7 +15,7 @@ Ints = npt.NDArray[np.int64]
 
 LEAST = 1e-12
 """No part of a way costs less: to the searches, 0 would be no way."""
-_LEAST_SHARE = 0.01
+_MIN_SHARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Weights:
 
 
 def _less(cost: Floats, discount: Floats) -> Floats:
-    return np.asarray(np.maximum(cost - discount, _LEAST_SHARE * cost))
+    return np.asarray(np.maximum(cost - discount, _MIN_SHARE * cost))
 
 
 def cheapest_ways(

@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from dispatcher_daemon.problem import ArcProblem
 
-MOST_STEPS = 500
+MAX_STEPS = 500
 """Arcs tried before a selection is given up; 16 arcs of the 25-variable instances need a few."""
 
 
 def follow_arcs(
-    problem: ArcProblem, selections: npt.NDArray[np.int8], most_steps: int = MOST_STEPS
+    problem: ArcProblem, selections: npt.NDArray[np.int8], max_steps: int = MAX_STEPS
 ) -> npt.NDArray[np.int8]:
     """Each selection's first valid routes in a depth-first search that prefers its arcs.
 
@@ -24,7 +24,7 @@ def follow_arcs(
 
     Args:
         selections: 0 or 1 by arc, shape (selections, arcs).
-        most_steps: of each search.
+        max_steps: of each search.
 
     Returns:
         The same shape; selections that led to no routes within the steps are as they were.
@@ -32,7 +32,7 @@ def follow_arcs(
     patterns, inverse = np.unique(selections, axis=0, return_inverse=True)
     mended = patterns.copy()
     for row, pattern in enumerate(patterns):
-        arcs = _Search(problem, pattern, most_steps).routes()
+        arcs = _Search(problem, pattern, max_steps).routes()
         if arcs is not None:
             mended[row] = 0
             mended[row, arcs] = 1
@@ -40,9 +40,9 @@ def follow_arcs(
 
 
 class _Search:
-    def __init__(self, problem: ArcProblem, pattern: npt.NDArray[np.int8], most_steps: int) -> None:
+    def __init__(self, problem: ArcProblem, pattern: npt.NDArray[np.int8], max_steps: int) -> None:
         self._problem = problem
-        self._steps = most_steps
+        self._steps = max_steps
         arcs = problem.arcs
         self._leaving: dict[tuple[str, str], list[int]] = {}
         for index in sorted(range(len(arcs)), key=lambda i: (-pattern[i], arcs[i].cost_kwh, i)):

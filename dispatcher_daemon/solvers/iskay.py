@@ -27,7 +27,7 @@ from dispatcher_daemon.solvers.sampling import Bits, answer
 log = logging.getLogger(__name__)
 
 FUNCTION = "kipu-quantum/iskay-quantum-optimizer"
-MOST_VARIABLES = 156
+MAX_VARIABLES = 156
 """One qubit a variable, on devices of 156."""
 
 _LOOK_EVERY_S = 5.0
@@ -134,8 +134,8 @@ class IskaySolver:
         began = time.perf_counter()
         model = build_model(problem, self.gamma, encoding=self.encoding)
         n = len(model.variables)
-        if not 0 < n <= MOST_VARIABLES:
-            reason = f"Iskay takes 1 to {MOST_VARIABLES} variables, not {n}"
+        if not 0 < n <= MAX_VARIABLES:
+            reason = f"Iskay takes 1 to {MAX_VARIABLES} variables, not {n}"
             return Outcome(self.name, "failed", None, time.perf_counter() - began, reason=reason)
         run = _Run(self, began + deadline_s)
         status: Status = "failed"

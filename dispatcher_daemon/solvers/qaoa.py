@@ -18,8 +18,8 @@ from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import (
-    MOST_ONE_HOT_STATES,
-    MOST_QUBITS,
+    MAX_ONE_HOT_STATES,
+    MAX_QUBITS,
     cost_diagonal,
     one_hot_diagonal,
     standardised,
@@ -134,13 +134,13 @@ class QaoaSolver:
             count = one_hot_states(_groups(model))
             if count == 0:
                 raise UnfitError("a vehicle has no option")
-            if count > MOST_ONE_HOT_STATES:
+            if count > MAX_ONE_HOT_STATES:
                 raise UnfitError(
-                    f"{count} combinations of options, the most is {MOST_ONE_HOT_STATES}"
+                    f"{count} combinations of options, the most is {MAX_ONE_HOT_STATES}"
                 )
         else:
-            if qubits > MOST_QUBITS:
-                raise UnfitError(f"{qubits} qubits, the most for a state vector is {MOST_QUBITS}")
+            if qubits > MAX_QUBITS:
+                raise UnfitError(f"{qubits} qubits, the most for a state vector is {MAX_QUBITS}")
             count = 1 << qubits
             needed, free = memory_bytes(qubits), psutil.virtual_memory().available
             if needed > free:

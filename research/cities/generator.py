@@ -20,11 +20,11 @@ from research.cities.streets import Cell, StreetGrid, Way, node, street_network
 from research.instances.instance import Instance
 from slipstream.roads import RoadNetwork
 
-LEAST_SEGMENTS: Final = 24
+MIN_SEGMENTS: Final = 24
 CITY_TIME_NS: Final = 1_800_000_000_000_000_000
 """The moment that every generated city is shown at, UTC."""
 
-_MOST_DEMAND: Final = 10
+_MAX_DEMAND: Final = 10
 _STRETCH: Final = 4
 """Watched segments in a row along an arterial, at most."""
 _HOUR_S: Final = 3600.0
@@ -91,10 +91,10 @@ def generate_city(
         shape: what kind of city; the default one if None.
 
     Raises:
-        ValueError: no vehicle, no stop, or fewer than `LEAST_SEGMENTS` segments.
+        ValueError: no vehicle, no stop, or fewer than `MIN_SEGMENTS` segments.
     """
-    if vehicles < 1 or stops < 1 or segments < LEAST_SEGMENTS:
-        raise ValueError(f"a city has vehicles, stops and at least {LEAST_SEGMENTS} segments")
+    if vehicles < 1 or stops < 1 or segments < MIN_SEGMENTS:
+        raise ValueError(f"a city has vehicles, stops and at least {MIN_SEGMENTS} segments")
     shape = shape or CityShape()
     roads, traffic, depot, stop, vehicle = (
         np.random.default_rng([seed, part]) for part in range(5)
@@ -242,7 +242,7 @@ def _stops(
             cell = cells[int(np.square(where - wanted).sum(axis=1).argmin())]
         else:
             cell = cells[rng.integers(len(cells))]
-        service_s, demand = int(rng.integers(30, 181)), int(rng.integers(1, _MOST_DEMAND + 1))
+        service_s, demand = int(rng.integers(30, 181)), int(rng.integers(1, _MAX_DEMAND + 1))
         earliest_s, latest_s = 0.0, None
         if rng.random() < shape.window_share:
             earliest_s = float(rng.integers(0, 2701))
@@ -276,7 +276,7 @@ def _vehicles(
             Vehicle(
                 id=f"van-{number + 1}",
                 depot=depots[number % len(depots)].id,
-                capacity=max(_MOST_DEMAND, round(mean * rng.uniform(0.85, 1.15))),
+                capacity=max(_MAX_DEMAND, round(mean * rng.uniform(0.85, 1.15))),
                 ready_s=ready_s,
                 depart_by_s=ready_s + float(rng.integers(600, 1201)),
             )

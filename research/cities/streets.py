@@ -19,7 +19,7 @@ _STREET_LIMITS_KMH: Final = (30.0, 40.0, 50.0)
 _LENGTHENED: Final = (0.75, 1.25)
 """Distances of neighbouring rows and columns, of the mean."""
 _SHIFT: Final = 0.08
-_MOST_SHIFT: Final = 0.2
+_MAX_SHIFT: Final = 0.2
 """Standard deviation and limit of a junction's displacement along each axis, of the mean block."""
 
 Cell = tuple[int, int]
@@ -109,7 +109,7 @@ def street_network(
     grid = _grid(rng, rows, columns, arterial_every)
     ys = np.cumsum(block_m * rng.uniform(*_LENGTHENED, rows))
     xs = np.cumsum(block_m * rng.uniform(*_LENGTHENED, columns))
-    shift = rng.normal(0.0, _SHIFT, (rows, columns, 2)).clip(-_MOST_SHIFT, _MOST_SHIFT) * block_m
+    shift = rng.normal(0.0, _SHIFT, (rows, columns, 2)).clip(-_MAX_SHIFT, _MAX_SHIFT) * block_m
     places = {
         cell: (float(xs[cell[1]] + shift[cell][0]), float(ys[cell[0]] + shift[cell][1]))
         for cell in grid.cells

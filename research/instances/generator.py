@@ -26,7 +26,7 @@ INSTANCE_TIME_NS: Final = 1_800_000_000_000_000_000
 
 SYNC_WINDOW_S: Final = 3.0
 _DRAWS: Final = 20_000
-_LEAST_LEAD_KWH: Final = 1e-4
+_MIN_LEAD_KWH: Final = 1e-4
 """The best route set is better than the next one by at least this, with and without rewards."""
 
 Stability = Literal["open", "closed", "mixed"]
@@ -104,7 +104,7 @@ def _fits(recipe: Recipe, problem: RoutingProblem, snapshot: TrafficSnapshot) ->
     alone = sorted(sets, key=plain.objective_kwh)[:2]
     unlike = recipe.first_stops.count(False) < 2
     if not best or any(
-        unlike and arcs.objective_kwh(pair[-1]) - arcs.objective_kwh(pair[0]) < _LEAST_LEAD_KWH
+        unlike and arcs.objective_kwh(pair[-1]) - arcs.objective_kwh(pair[0]) < _MIN_LEAD_KWH
         for arcs, pair in ((rewarded, best), (plain, alone))
         if len(pair) == 2
     ):

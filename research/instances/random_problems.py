@@ -24,20 +24,20 @@ _INFEASIBLE_SHARE = 0.15
 
 
 def random_arc_problem(
-    rng: np.random.Generator, most_variables: int, encoding: Encoding = "reduced"
+    rng: np.random.Generator, max_variables: int, encoding: Encoding = "reduced"
 ) -> ArcProblem:
     """An arc problem of 1 to 3 vehicles and 1 to 5 customers.
 
     Args:
-        most_variables: of its QUBO in this encoding, at least 12.
+        max_variables: of its QUBO in this encoding, at least 12.
     """
     while True:
         vehicles = int(rng.integers(1, 4))
         customers = int(rng.integers(vehicles, 6))
         problem = _arc_problem(rng, vehicles, customers, int(rng.integers(8, 19)))
-        if problem.choices <= most_variables:
+        if problem.choices <= max_variables:
             variables, _ = constraint_rows(problem, encoding)
-            if len(variables) <= most_variables:
+            if len(variables) <= max_variables:
                 return problem
 
 
@@ -63,11 +63,11 @@ def _arc_problem(rng: np.random.Generator, vehicles: int, customers: int, arcs: 
     return ArcProblem("d", names, fleet, candidates, rewards)
 
 
-def random_route_problem(rng: np.random.Generator, most_variables: int) -> RouteProblem:
+def random_route_problem(rng: np.random.Generator, max_variables: int) -> RouteProblem:
     """A route problem of 2 to 6 vehicles whose options share out up to 8 stops.
 
     Args:
-        most_variables: options in all, at least 12.
+        max_variables: options in all, at least 12.
     """
     vehicles = int(rng.integers(2, 7))
     fleet = tuple(f"v{k}" for k in range(vehicles))
@@ -75,7 +75,7 @@ def random_route_problem(rng: np.random.Generator, most_variables: int) -> Route
     served = list(stops)
     if stops and rng.random() < _INFEASIBLE_SHARE:
         served.pop(int(rng.integers(len(served))))
-    total = int(rng.integers(2 * vehicles, most_variables + 1))
+    total = int(rng.integers(2 * vehicles, max_variables + 1))
     # Each share-out gives every vehicle one option, so that options of one fit together.
     options: list[RouteOption] = []
     while len(options) < total:

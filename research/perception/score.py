@@ -21,7 +21,7 @@ from slipstream.messages import SegmentState
 
 _MPS_TO_KMH: Final = 3.6
 _SAME_OVERLAP: Final = 0.5
-_LEAST_VISIBLE: Final = 0.4
+_MIN_VISIBLE: Final = 0.4
 _MANY_VEHICLES: Final = 8
 _IDS_A_CLIP: Final = 10_000_000
 _FEATURES: Final = (
@@ -161,7 +161,7 @@ def _match(
     places = np.searchsorted(everything.time_s, [*times, np.inf])
     begins = np.searchsorted(truth.frame, recorder.frame_numbers, "left")
     ends = np.searchsorted(truth.frame, recorder.frame_numbers, "right")
-    wanted_all = _in_segments(truth.centre_m, camera) & (truth.visible >= _LEAST_VISIBLE)
+    wanted_all = _in_segments(truth.centre_m, camera) & (truth.visible >= _MIN_VISIBLE)
     frames, owners = [], {}
     for i in range(len(times)):
         seen = everything.take(slice(places[i], places[i + 1]))

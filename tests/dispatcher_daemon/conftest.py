@@ -111,7 +111,7 @@ def random_arcs() -> Callable[..., ArcProblem]:
 
     from dispatcher_daemon.problem import ArcReward, CandidateArc
 
-    def make(seed: int, customers: int, vehicles: int, most_arcs: int) -> ArcProblem:
+    def make(seed: int, customers: int, vehicles: int, max_arcs: int) -> ArcProblem:
         rng = np.random.default_rng(seed)
         names = [f"c{i}" for i in range(customers)]
         fleet = [f"v{k}" for k in range(vehicles)]
@@ -125,7 +125,7 @@ def random_arcs() -> Callable[..., ArcProblem]:
                 stops = ["d", *map(str, part), "d"]
                 wanted += [(vehicle, i, j) for i, j in pairwise(stops)]
         others = [pairs[n] for n in rng.permutation(len(pairs)) if pairs[n] not in wanted]
-        keep = sorted((wanted + others)[: max(most_arcs, len(wanted))])
+        keep = sorted((wanted + others)[: max(max_arcs, len(wanted))])
         arcs = tuple(CandidateArc(*key, cost_kwh=float(rng.uniform(0.05, 0.4))) for key in keep)
         rewards = tuple(
             ArcReward(a, b, f"e{rng.integers(2)}", float(rng.uniform(0.01, 0.3)))

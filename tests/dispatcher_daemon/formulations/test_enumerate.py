@@ -82,7 +82,7 @@ def check_exact(problem: ArcProblem) -> None:
 @given(seed=st.integers(0, 10**6), shape=st.sampled_from([(2, 1), (3, 1), (2, 2), (3, 2), (4, 2)]))
 def test_any_small_instance_is_exact(random_arcs: Demo, seed: int, shape: tuple[int, int]) -> None:
     """Random sparse instances, infeasible ones and heavy rewards included, are exact as well."""
-    problem = random_arcs(seed, *shape, most_arcs=11)
+    problem = random_arcs(seed, *shape, max_arcs=11)
     if len(build_arc_model(problem).variables) <= 20:
         check_exact(problem)
 

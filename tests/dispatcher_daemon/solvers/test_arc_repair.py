@@ -66,5 +66,5 @@ def test_what_leads_nowhere_is_left_as_it_is(problem: ArcProblem) -> None:
     ones = np.ones((2, homeless.choices), dtype=np.int8)
     assert (follow_arcs(homeless, ones) == ones).all()
     stray = np.zeros((1, problem.choices), dtype=np.int8)
-    assert (follow_arcs(problem, stray, most_steps=2) == stray).all()
+    assert (follow_arcs(problem, stray, max_steps=2) == stray).all()
     assert violations(problem, [])

@@ -15,7 +15,7 @@ LIMIT_S = 60.0
 """Packings take seconds; nobody waits longer."""
 BEAM = 200
 """Orders kept by the beam search."""
-MOST_PATHS = 50_000
+MAX_PATHS = 50_000
 """So many candidate paths at most; devices' graphs have some thousands of short ones."""
 
 Path = tuple[int, ...]
@@ -41,7 +41,7 @@ def _pack(graph: Any, counts: Counter[int]) -> list[Path] | None:
     from scipy.sparse import csr_array, hstack
 
     paths = [path for size in sorted(counts) for path in _paths(graph, size)]
-    if not paths or len(paths) > MOST_PATHS:
+    if not paths or len(paths) > MAX_PATHS:
         return None
     index = {v: i for i, v in enumerate(sorted(graph))}
     edges = sorted(tuple(sorted(e)) for e in graph.edges)
@@ -82,7 +82,7 @@ def _paths(graph: Any, size: int) -> list[Path]:
     found: list[Path] = [(v,) for v in sorted(graph)]
     for _ in range(size - 1):
         found = [(*p, v) for p in found for v in sorted(graph[p[-1]]) if v not in p]
-        if len(found) > 2 * MOST_PATHS:
+        if len(found) > 2 * MAX_PATHS:
             break
     return [path for path in found if path[0] <= path[-1]]
 

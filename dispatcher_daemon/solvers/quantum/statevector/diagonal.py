@@ -14,8 +14,8 @@ from dispatcher_daemon.solvers.quantum.ising import Ising
 Diagonal = npt.NDArray[np.float32]
 """C of each state in single precision, shape (states,)."""
 
-MOST_QUBITS = 27
-MOST_ONE_HOT_STATES = 1 << 20
+MAX_QUBITS = 27
+MAX_ONE_HOT_STATES = 1 << 20
 _CHUNK = 1 << 14
 
 
@@ -25,11 +25,11 @@ def cost_diagonal(ising: Ising) -> Diagonal:
     4 · 2^n bytes: 128 MiB at 25 qubits.
 
     Raises:
-        ValueError: more than `MOST_QUBITS` qubits.
+        ValueError: more than `MAX_QUBITS` qubits.
     """
     n = len(ising.h)
-    if n > MOST_QUBITS:
-        raise ValueError(f"{n} qubits are too many for a state vector, the most is {MOST_QUBITS}")
+    if n > MAX_QUBITS:
+        raise ValueError(f"{n} qubits are too many for a state vector, the most is {MAX_QUBITS}")
     # z = 1 − 2x
     linear = -2 * (ising.h + ising.coupling.sum(axis=1))
     offset = ising.offset + ising.h.sum() + ising.coupling.sum() / 2
@@ -45,11 +45,11 @@ def one_hot_diagonal(ising: Ising, groups: Sequence[Sequence[int]]) -> Diagonal:
     """C of all states with one qubit of each group in |1⟩; numbered as by `one_hot_bits`.
 
     Raises:
-        ValueError: more than `MOST_ONE_HOT_STATES` states.
+        ValueError: more than `MAX_ONE_HOT_STATES` states.
     """
     count = prod(len(group) for group in groups)
-    if count > MOST_ONE_HOT_STATES:
-        raise ValueError(f"{count} one-hot states are too many, the most is {MOST_ONE_HOT_STATES}")
+    if count > MAX_ONE_HOT_STATES:
+        raise ValueError(f"{count} one-hot states are too many, the most is {MAX_ONE_HOT_STATES}")
     diagonal = np.empty(count, dtype=np.float32)
     for first in range(0, count, _CHUNK):
         states = np.arange(first, min(first + _CHUNK, count))
