@@ -174,6 +174,20 @@ def test_speeds_may_be_numbers_of_any_kind() -> None:
     assert wheel_power_w(np.uint8(200), np.uint8(1)) == wheel_power_w(200.0, 1.0)
 
 
+def test_a_trajectory_needs_what_its_own_vehicle_needs() -> None:
+    """In the whole and in its parts, by samples as in closed form; however slowly it creeps."""
+    van = VehicleParameters(mass_kg=3500.0, drag_coefficient=0.4, frontal_area_m2=5.0)
+    sampled = trace_energy(np.linspace(5.0, 15.0, 2001), 0.01, 0.2, van)
+    exact = phase_energies(5.0, 15.0, 20.0, 0.2, van)
+    assert list(sampled) == pytest.approx([float(part) for part in exact], rel=1e-5)
+    kinetic = van.electrical_kwh(0.5 * 3500.0 * (15.0**2 - 5.0**2))
+    assert sampled.acceleration_kwh == pytest.approx(kinetic, rel=1e-9)
+    creeping = trace_energy([0.001, 0.001], 1.0)
+    assert creeping.rolling_kwh == pytest.approx(
+        PAPER_CAR.electrical_kwh(PAPER_CAR.rolling_force_n * 0.001)
+    )
+
+
 def test_a_stack_is_as_wide_as_its_longest_row() -> None:
     """NaN behind the others; no trajectories are no rows."""
     stack = stack_traces([[1, 2, 3], [4]])
