@@ -13,25 +13,26 @@ from slipstream import __version__
 from slipstream.errors import InputError
 from slipstream.service import follow_supervisor
 
-COMMANDS: Final = (
-    "run",
-    "world",
-    "edge",
-    "dispatcher",
-    "dashboard",
-    "check",
-    "calibrate",
-    "track",
-    "clip",
-    "model",
-    "robustness",
-    "solve",
-    "bench",
-    "evaluate",
-    "verify",
-    "resources",
-    "db",
-)
+COMMANDS: Final = {
+    "run": "daemons.run",
+    "world": "daemons.world",
+    "edge": "daemons.edge",
+    "dispatcher": "daemons.dispatcher",
+    "dashboard": "daemons.dashboard",
+    "check": "check",
+    "calibrate": "calibrate",
+    "track": "track",
+    "clip": "laboratory.clip",
+    "model": "laboratory.model",
+    "robustness": "laboratory.robustness",
+    "solve": "laboratory.solve",
+    "bench": "laboratory.bench",
+    "evaluate": "laboratory.evaluate",
+    "verify": "laboratory.verify",
+    "resources": "laboratory.resources",
+    "db": "db",
+}
+"""Module by sub-command, in the order of the help."""
 
 EXIT_BAD_INPUT: Final = 2
 _EXIT_INTERRUPTED: Final = 130
@@ -78,8 +79,8 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"slipstream {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name in COMMANDS:
-        import_module(f"slipstream_cli.{name}").add_to(commands)
+    for module in COMMANDS.values():
+        import_module(f"slipstream_cli.{module}").add_to(commands)
     return top
 
 

@@ -8,9 +8,9 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from multiprocessing import connection
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import pebble
 
@@ -93,3 +93,41 @@ class Processes:
             self._pool.stop()
             self._pool.join()
             self._pool = None
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class WorkerExecutor(Executor):
+    """Spawned processes that die with this one; if one is killed, others take its place.
+
+    The jobs that a broken pool was at raise; the next ones find a new pool.
+
+    Args:
+        workers: number of processes.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self._keeper = ThreadPoolExecutor(1, thread_name_prefix="workers")
+        self._processes = Processes(workers, self._keeper, "workers")
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Run a picklable call in a worker.
+
+        Raises:
+            RuntimeError: it is shut down.
+        """
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("the workers are shut down")
+            return self._processes.schedule(fn, args, kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Stop the workers, whatever they are doing; their jobs are cancelled."""
+        with self._lock:
+            self._closed = True
+            self._processes.stop()
+        self._keeper.shutdown()

@@ -20,7 +20,7 @@ import pytest
 
 import storage
 from slipstream.bus import free_port
-from slipstream_cli.demo import make_clips
+from slipstream_cli.daemons.demo import make_clips
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(1800)]
 

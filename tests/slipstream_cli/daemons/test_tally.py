@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slipstream.messages import RsuHealth, SegmentState, rsu_health_key, state_key
-from slipstream_cli.tally import Tally
+from slipstream_cli.daemons.tally import Tally
 
 
 def health(frames: int, started_ns: int) -> bytes:

@@ -12,10 +12,10 @@ from pathlib import Path
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings, check
 from slipstream.errors import InputError
-from slipstream_cli.demo import make_clips, write_settings
-from slipstream_cli.local import check_port_is_free, locked, watch
-from slipstream_cli.supervisor import Supervisor
-from slipstream_cli.tally import Tally
+from slipstream_cli.daemons.demo import make_clips, write_settings
+from slipstream_cli.daemons.local import check_port_is_free, locked, watch
+from slipstream_cli.daemons.supervisor import Supervisor
+from slipstream_cli.daemons.tally import Tally
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from slipstream_cli import supervisor as module
-from slipstream_cli.supervisor import RESTARTS_A_MINUTE, Supervisor
+from slipstream_cli.daemons.supervisor import RESTARTS_A_MINUTE, Supervisor
 
 pytestmark = pytest.mark.process
 

@@ -20,10 +20,10 @@ from simulation.sumo_view.examples import find_routes
 from slipstream.bus import free_port
 from slipstream.config import BusSettings, load
 from slipstream.messages import VehiclePosition
+from slipstream_cli.daemons.movement import Movement
+from slipstream_cli.daemons.world import time_of_day_s
+from slipstream_cli.daemons.world_daemons import write_world_settings
 from slipstream_cli.main import main
-from slipstream_cli.movement import Movement
-from slipstream_cli.world import time_of_day_s
-from slipstream_cli.world_daemons import write_world_settings
 
 
 @pytest.fixture(autouse=True)

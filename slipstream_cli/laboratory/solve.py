@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
-from slipstream_cli.solve_missed import missed_rewards
-from slipstream_cli.solve_quantum import (
+from slipstream_cli.laboratory.solve_missed import missed_rewards
+from slipstream_cli.laboratory.solve_quantum import (
     QUANTUM_SOLVERS,
     add_options,
     best_known_kwh,
@@ -21,7 +21,7 @@ from slipstream_cli.solve_quantum import (
     records,
     settings_of,
 )
-from slipstream_cli.solve_report import Report, as_json, as_text, list_as_text
+from slipstream_cli.laboratory.solve_report import Report, as_json, as_text, list_as_text
 
 if TYPE_CHECKING:
     from dispatcher_daemon.formulations.qubo import QuboModel

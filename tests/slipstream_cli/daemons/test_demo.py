@@ -8,7 +8,7 @@ import pytest
 
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.config import load
-from slipstream_cli.demo import ROADSIDES, write_settings
+from slipstream_cli.daemons.demo import ROADSIDES, write_settings
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from slipstream.errors import InputError
-from slipstream_cli.supervisor import Supervisor
+from slipstream_cli.daemons.supervisor import Supervisor
 
 _POLL_S = 0.1
 

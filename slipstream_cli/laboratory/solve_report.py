@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slipstream_cli.solve_missed import Missed
-from slipstream_cli.solve_quantum import lines_of
+from slipstream_cli.laboratory.solve_missed import Missed
+from slipstream_cli.laboratory.solve_quantum import lines_of
 
 if TYPE_CHECKING:
     from dispatcher_daemon.plans import Attempt, Candidate

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipstream.config import Settings
-from slipstream_cli.demo import write_daemons
+from slipstream_cli.daemons.demo import write_daemons
 
 if TYPE_CHECKING:
     from simulation.live.world_spec import CameraEndpoint, WorldSpec

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
-from slipstream_cli.local import check_port_is_free, locked, watch
-from slipstream_cli.movement import Movement
+from slipstream_cli.daemons.local import check_port_is_free, locked, watch
+from slipstream_cli.daemons.movement import Movement
+from slipstream_cli.daemons.supervisor import Supervisor
+from slipstream_cli.daemons.tally import Tally
 from slipstream_cli.progress import Progress
-from slipstream_cli.supervisor import Supervisor
-from slipstream_cli.tally import Tally
 
 if TYPE_CHECKING:
     from simulation.live.process import WorldProcess
@@ -104,7 +104,7 @@ def time_of_day_s(text: str) -> float:
 def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event) -> int:
     from simulation.live.prepare import prepare_world
     from simulation.live.process import WorldProcess, check_simulator
-    from slipstream_cli.world_daemons import write_world_settings
+    from slipstream_cli.daemons.world_daemons import write_world_settings
 
     check_simulator()
     supervisor = Supervisor(sys.stderr)

@@ -13,8 +13,8 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Status
 from research.instances import open_instance
 from research.instances.forms import arc_form_of
+from slipstream_cli.laboratory.solve_quantum import best_known_kwh
 from slipstream_cli.main import main
-from slipstream_cli.solve_quantum import best_known_kwh
 
 Capture = pytest.CaptureFixture[str]
 

@@ -18,8 +18,8 @@ from simulation.training.dataset import write_dataset
 from simulation.training.export import ExportReport
 from simulation.training.metrics import Figures
 from simulation.training.ranges import ROADSIDE
+from slipstream_cli.laboratory.model import text
 from slipstream_cli.main import main
-from slipstream_cli.model import text
 
 WITH_TORCH = find_spec("torch") is not None and find_spec("ultralytics") is not None
 

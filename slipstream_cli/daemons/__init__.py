@@ -1,0 +1,1 @@
+"""Commands that run processes: each daemon alone, all on this machine, and the live world."""
