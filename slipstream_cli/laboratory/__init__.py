@@ -1,1 +1,1 @@
-"""Commands of a researcher: instances, solvers, clips, models, simulated days, the paper's tables."""
+"""Commands of a researcher: instances, solvers, clips, models, simulated days, tables."""
