@@ -30,9 +30,10 @@ class SegmentTraffic:
     Attributes:
         speed_mps: planning speed: measured mean where fresh, free flow otherwise, within
             [`MIN_SPEED_MPS`, speed limit].
-        y_e: the flag that the gate was judged by; None: unknown.
+        y_e: the flag that the gate was judged by; None: unknown, or no state counts.
         open: True if close gaps are allowed.
-        reason: why the gate is closed; None if it is open.
+        reason: code of why the gate is closed: the state's own where its flag is unknown, else
+            "turbulent", "stale", "future" or "unwatched"; None if it is open.
         age_s: age of the state it was judged by; None if there is none.
         measured_speed_mps: mean speed in that state, m/s.
         mean_acceleration_mps2: ā of the traffic there, 0 where not measured.
@@ -161,7 +162,7 @@ def _judge(
             segment.id, segment.speed_limit_mps, reason=decisive.fault, age_s=age_s
         )
     state = decisive.state
-    reason = f"unknown: {state.reason}" if state.y_e is None else "turbulent"
+    reason = state.reason if state.y_e is None else "turbulent"
     is_open = state.y_e == 1
     features = state.features
     measured = None if features is None else max(0.0, features.mean_speed_mps.value)

@@ -260,8 +260,11 @@ class Gate(Message):
     """Why platooning was open or closed on one watched segment in one cycle."""
 
     segment: Identifier
-    y_e: Literal[0, 1] | None
-    reason: str | None
+    y_e: Literal[0, 1] | None = Field(description="Flag that it was judged by; None: unknown.")
+    reason: str | None = Field(
+        description="Code of why it is closed. Senders of version 0.1 put 'unknown: ' before the "
+        "code of an unknown flag."
+    )
     age_s: NonNegative | None
     speed_mps: NonNegative | None
     open: bool

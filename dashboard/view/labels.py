@@ -78,7 +78,6 @@ def reason(code: str | None) -> str:
     """Label of a reason code; an unknown code with spaces for its underscores."""
     if not code:
         return ""
-    code = code.removeprefix("unknown: ")
     return _REASONS.get(code, code.replace("_", " "))
 
 
@@ -91,7 +90,9 @@ def gate_reason(flag: Literal[0, 1] | None, code: str | None) -> str:
     """Label of why a gate is closed, from its flag and reason code."""
     if flag == 0:
         return "turbulent traffic"
-    return reason(code) or "no data"
+    # Gates of version 0.1 have "unknown: " before the code; they are in databases, and dispatchers
+    # of that version still send them.
+    return reason((code or "").removeprefix("unknown: ")) or "no data"
 
 
 def duration(seconds: float) -> str:

@@ -23,7 +23,7 @@ SECOND = 1_000_000_000
         (1, 5.1, False, "stale"),
         (0, 1.0, False, "turbulent"),
         (0, 60.0, False, "stale"),
-        (None, 1.0, False, "unknown: uncertain"),
+        (None, 1.0, False, "uncertain"),
         (1, -0.5, True, None),
         (1, -2.0, False, "future"),
     ],
@@ -44,6 +44,7 @@ def test_gate_opens_only_for_a_fresh_stable_state(
     assert (traffic.open, traffic.reason) == (is_open, reason)
     (gate,) = snapshot.gates()
     assert (gate.segment, gate.open, gate.reason) == ("avenue_east", is_open, reason)
+    assert gate.y_e == (None if reason in ("stale", "future") else y_e)
 
 
 def test_a_gate_tells_what_it_was_judged_by(
@@ -130,7 +131,7 @@ def test_every_fault_of_a_camera_closes_the_gate(
     faulty = {"reason": fault, "features": None}
     seen = state("avenue_east", None, time_ns=now_ns).model_copy(update=faulty)
     traffic = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0).segments["avenue_east"]
-    assert (traffic.open, traffic.reason) == (False, f"unknown: {fault}")
+    assert (traffic.open, traffic.reason) == (False, fault)
     assert traffic.speed_mps == demo.network.segments["avenue_east"].speed_limit_mps
 
 

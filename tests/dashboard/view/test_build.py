@@ -134,6 +134,16 @@ def test_gates_of_the_last_cycle(world, now_ns):
     assert (west.gate_cycle, west.gate_open, west.gate_reason) == (3, False, "turbulent traffic")
 
 
+@pytest.mark.parametrize("stored", ["too_few_vehicles", "unknown: too_few_vehicles"])
+def test_an_unknown_flag_shows_the_rsu_s_reason(world, now_ns, stored):
+    """A gate's flag and reason are separate fields; reasons of version 0.1 read the same."""
+    report = world.cycle(3, now_ns)
+    west = report.gates[1].model_copy(update={"y_e": None, "reason": stored})
+    report = report.model_copy(update={"gates": (report.gates[0], west)})
+    _, road = _view(Snapshot(cycles=(report,)), now_ns).roads
+    assert (road.gate_open, road.gate_reason) == (False, "too few vehicles to tell")
+
+
 @pytest.mark.parametrize(
     ("status", "age_s", "shown", "level"),
     [

@@ -40,7 +40,7 @@ def test_reward_is_a_quarter_of_the_drag_energy(demo: RoutingProblem, traffic: T
     ("y_e", "window_s", "reason"),
     [
         (0, 3.0, "gate closed (turbulent)"),
-        (None, 3.0, "gate closed (unknown: uncertain)"),
+        (None, 3.0, "gate closed (uncertain)"),
         (1, 1.9, "entry times 2.0 s apart, more than 1.9 s"),
     ],
 )

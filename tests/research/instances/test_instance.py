@@ -154,7 +154,7 @@ def test_a_flag_gates_and_a_reason_closes() -> None:
     assert gate(y_e=1, reason="stale") == (False, "stale")
     assert gate(y_e=0) == (False, "turbulent")
     assert gate() == (False, "unwatched")
-    assert gate(reason="unknown: uncertain") == (False, "unknown: uncertain")
+    assert gate(reason="uncertain") == (False, "uncertain")
 
 
 def test_roads_may_come_from_a_sumo_net_beside_the_file(tmp_path: Path) -> None:
