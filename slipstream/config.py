@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar, Final, TypeVar, get_args
 
@@ -30,6 +30,7 @@ class Settings(BaseModel):
 
 
 S = TypeVar("S", bound=Settings)
+T = TypeVar("T")
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
 _NAMING: Final = ("id", "segment", "vehicle")
@@ -67,17 +68,7 @@ def read_toml(path: Path) -> dict[str, object]:
     Raises:
         InputError: the file is missing, not readable or not TOML.
     """
-    try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
-    except FileNotFoundError:
-        raise InputError(path, "no such file", "check the path") from None
-    except OSError as error:
-        raise InputError(path, error.strerror or "not readable", "check the path") from None
-    except RecursionError:
-        raise InputError(path, "nested too deeply", "mend the file") from None
-    except ValueError as error:
-        raise InputError(path, f"not TOML: {error}", "mend the file") from None
+    return _read(path, tomllib.loads, "TOML", "utf-8")
 
 
 def read_data(path: Path) -> object:
@@ -88,8 +79,14 @@ def read_data(path: Path) -> object:
     """
     if path.suffix != ".json":
         return read_toml(path)
+    return _read(
+        path, lambda text: json.loads(text, object_pairs_hook=_unique_keys), "JSON", "utf-8-sig"
+    )
+
+
+def _read(path: Path, parse: Callable[[str], T], form: str, encoding: str) -> T:
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_unique_keys)
+        return parse(path.read_text(encoding=encoding))
     except FileNotFoundError:
         raise InputError(path, "no such file", "check the path") from None
     except OSError as error:
@@ -97,7 +94,7 @@ def read_data(path: Path) -> object:
     except RecursionError:
         raise InputError(path, "nested too deeply", "mend the file") from None
     except ValueError as error:
-        raise InputError(path, f"not JSON: {error}", "mend the file") from None
+        raise InputError(path, f"not {form}: {error}", "mend the file") from None
 
 
 def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
