@@ -134,6 +134,6 @@ def _counting_handler(
         except InputError as error:
             bad_messages.inc()
             if limiter.allow(kind):
-                log.warning("%s (%d more like it)", error, limiter.held(kind))
+                log.warning("%s (%d more like it)", error, limiter.suppressed(kind))
 
     return handle

@@ -24,7 +24,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.traffic import TrafficBook, TrafficSnapshot, Verdict, take_snapshot
+from dispatcher_daemon.traffic import LatestStates, TrafficSnapshot, Verdict, take_snapshot
 from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -47,8 +47,8 @@ from storage import open_database
 log = logging.getLogger(__name__)
 
 PRUNE_EVERY_S = 3600.0
-PRUNE_AT_ONCE = 400
-"""Cycles deleted in one go; a backlog goes bit by bit, so that no cycle looks hung over it."""
+PRUNE_BATCH = 400
+"""Maximum number of cycles deleted at once; a backlog is deleted in several cycles."""
 HEALTH_EVERY_S = 1.0
 
 
@@ -62,7 +62,7 @@ class CycleStore(Protocol):
         ...
 
     def next_cycle_number(self) -> int:
-        """Number of the cycle to come."""
+        """Number of the next cycle."""
         ...
 
     def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
@@ -70,35 +70,35 @@ class CycleStore(Protocol):
         ...
 
 
-class Outlet(Protocol):
-    """A declared publisher of the bus."""
+class MessagePublisher(Protocol):
+    """A declared publisher: the part of `slipstream.bus.Publisher` that is used here."""
 
     def put(self, message: Message | bytes) -> None:
         """Publish."""
         ...
 
 
-class Inlet(Protocol):
-    """The part of the bus that the dispatcher publishes through."""
+class MessageBus(Protocol):
+    """The part of `slipstream.bus.Bus` that is used here."""
 
-    def publisher(self, key: str) -> Outlet:
+    def publisher(self, key: str) -> MessagePublisher:
         """Declare a publisher."""
         ...
 
 
 class Dispatcher:
-    """State of the running dispatcher; the bus's thread feeds it, the scheduler's runs cycles.
+    """The running dispatcher. The bus's thread delivers states, the scheduler's runs cycles.
 
     Args:
         settings: checked settings.
         network: roads.
-        fleet: what is dispatched; None: nothing until `fleet_file` has something.
+        fleet: what is dispatched; None: nothing until `fleet_file` has a fleet.
         bus: to publish through.
         store: database.
         solve: solver pool.
         executor: for the search of the route form's base routes; None: the cycle's own thread.
         job_manager: of a quantum device, which then solves in place of the pool.
-        fleet_file: asked for the fleet of each cycle; None: it is `fleet`, always.
+        fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class Dispatcher:
         settings: DispatcherSettings,
         network: RoadNetwork,
         fleet: Fleet | None,
-        bus: Inlet,
+        bus: MessageBus,
         store: CycleStore,
         solve: Solve,
         executor: Executor | None = None,
@@ -123,12 +123,12 @@ class Dispatcher:
         self._bus = bus
         self._store = store
         self._solve = solve if job_manager is None else job_manager
-        self._book = TrafficBook(network, future_tolerance_s=settings.future_tolerance_s)
+        self._latest_states = LatestStates(network, future_tolerance_s=settings.future_tolerance_s)
         self._limiter = LogLimiter()
         vehicles = () if fleet is None else fleet.vehicles
-        self._plan_outlets = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
-        self._cycle_outlet = bus.publisher(CYCLE_KEY)
-        self._health_outlet = bus.publisher(DISPATCHER_HEALTH_KEY)
+        self._plan_publishers = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
+        self._cycle_publisher = bus.publisher(CYCLE_KEY)
+        self._health_publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._cycle = store.next_cycle_number()
         self._pruned_at = -PRUNE_EVERY_S
         self.stopping = threading.Event()
@@ -151,14 +151,14 @@ class Dispatcher:
             self._warn("bad message", str(error))
             return
         self.states_received += 1
-        verdict = self._book.accept(state, time.time_ns())
+        verdict = self._latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
         if verdict not in (Verdict.ACCEPTED, Verdict.DUPLICATE, Verdict.OUT_OF_ORDER):
             what = verdict.value.replace("_", " ")
             self._warn(what, f"{key}: state refused: {what}")
 
     def run_cycle(self) -> None:
-        """One cycle: snapshot, solve, store, publish. A fault makes it a failed cycle, no more."""
+        """One cycle: snapshot, solve, store, publish. Errors end the cycle, not the dispatcher."""
         self.cycle_began = time.monotonic()
         try:
             self._run_cycle()
@@ -179,7 +179,7 @@ class Dispatcher:
         try:
             snapshot = take_snapshot(
                 self._network,
-                self._book.latest(),
+                self._latest_states.latest(),
                 now_ns,
                 stale_after_s=self._settings.stale_after_s,
                 future_tolerance_s=self._settings.future_tolerance_s,
@@ -187,7 +187,7 @@ class Dispatcher:
             )
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
-            problem = self._problem_now()
+            problem = self._current_problem()
             if problem is None:
                 report = idle_report(number, now_ns, time.monotonic() - began, snapshot)
             else:
@@ -209,24 +209,24 @@ class Dispatcher:
             report = failed_report(number, now_ns, time.monotonic() - began, str(error)[:500])
         except Exception as error:
             log.exception("cycle %d failed", number)
-            report = failed_report(number, now_ns, time.monotonic() - began, _named(error))
+            report = failed_report(number, now_ns, time.monotonic() - began, _error_text(error))
         if self.stopping.is_set():
-            log.info("cycle %d given up: stopping", number)
+            log.info("cycle %d abandoned: stopping", number)
             return
         self._cycle += 1
         try:
             self._store.record_cycle(report, plans, states)
         except Exception as error:
-            self._report_unstored(report, error)
+            self._report_storage_fault(report, error)
             return
         for plan in plans:
-            self._outlet_of(plan.vehicle).put(plan)
-        self._cycle_outlet.put(report)
+            self._publisher_of(plan.vehicle).put(plan)
+        self._cycle_publisher.put(report)
         self._count(report)
         self._prune(now_ns)
 
-    def _problem_now(self) -> RoutingProblem | None:
-        """What there is to dispatch by what the fleet's file says now; None: nothing.
+    def _current_problem(self) -> RoutingProblem | None:
+        """The problem of the fleet's file as it is now; None: nothing to dispatch.
 
         Raises:
             InputError: the file is gone or faulty.
@@ -241,18 +241,18 @@ class Dispatcher:
             self._stops = {}
         return self._problem
 
-    def _outlet_of(self, vehicle: str) -> Outlet:
-        if vehicle not in self._plan_outlets:
-            self._plan_outlets[vehicle] = self._bus.publisher(plan_key(vehicle))
-        return self._plan_outlets[vehicle]
+    def _publisher_of(self, vehicle: str) -> MessagePublisher:
+        if vehicle not in self._plan_publishers:
+            self._plan_publishers[vehicle] = self._bus.publisher(plan_key(vehicle))
+        return self._plan_publishers[vehicle]
 
-    def _report_unstored(self, report: CycleReport, error: Exception) -> None:
-        """Say on the bus that a cycle came to nothing: what is not stored is not sent."""
-        reason = f"not stored, so no plan was sent: {_named(error)}"
-        self._warn("unstored", f"cycle {report.cycle} {reason}")
+    def _report_storage_fault(self, report: CycleReport, error: Exception) -> None:
+        """Publish a failed report for a cycle that could not be stored; its plans are not sent."""
+        reason = f"not stored, so no plan was sent: {_error_text(error)}"
+        self._warn("storage", f"cycle {report.cycle} {reason}")
         self.cycles_failed += 1
         metrics.CYCLES.labels("lost").inc()
-        self._cycle_outlet.put(
+        self._cycle_publisher.put(
             failed_report(report.cycle, report.started_ns, report.wall_s, reason)
         )
 
@@ -289,26 +289,24 @@ class Dispatcher:
             return
         pruned = 0
         try:
-            pruned = self._store.prune(self._settings.keep_days, now_ns, limit=PRUNE_AT_ONCE)
+            pruned = self._store.prune(self._settings.keep_days, now_ns, limit=PRUNE_BATCH)
         except Exception as error:
             log.warning("old cycles could not be deleted: %s", error)
         if pruned:
             log.info("%d old cycles deleted", pruned)
-        if pruned < PRUNE_AT_ONCE:
+        if pruned < PRUNE_BATCH:
             self._pruned_at = time.monotonic()
 
     def publish_health(self, next_cycle_ns: int | None) -> None:
-        """Publish a DispatcherHealth; a fault in it is logged, as vehicles need plans all the
-        same.
-        """
+        """Publish a DispatcherHealth; errors are logged and do not stop the dispatcher."""
         try:
             self._publish_health(next_cycle_ns)
         except Exception as error:
             if self._limiter.allow("health"):
-                log.exception("the health could not be told: %s", error)
+                log.exception("the health could not be published: %s", error)
 
     def _publish_health(self, next_cycle_ns: int | None) -> None:
-        self._health_outlet.put(
+        self._health_publisher.put(
             DispatcherHealth(
                 time_ns=time.time_ns(),
                 started_ns=self.started_ns,
@@ -324,8 +322,8 @@ class Dispatcher:
             )
         )
 
-    def moves_on(self, next_cycle_ns: int | None) -> bool:
-        """True unless a cycle hangs or none comes any more: what the watchdog hangs on."""
+    def is_live(self, next_cycle_ns: int | None) -> bool:
+        """False if a cycle hangs or none is scheduled; the condition for feeding the watchdog."""
         began, settings = self.cycle_began, self._settings
         if began is not None:
             return time.monotonic() - began < settings.deadline_s + 60.0
@@ -335,12 +333,13 @@ class Dispatcher:
 
     def _warn(self, kind: str, line: str) -> None:
         if self._limiter.allow(kind):
-            held = self._limiter.held(kind)
-            log.warning("%s%s", line, f" ({held} more of this kind)" if held else "")
+            suppressed = self._limiter.suppressed(kind)
+            more = f" ({suppressed} more of this kind)" if suppressed else ""
+            log.warning("%s%s", line, more)
 
 
 def cycle_seed(seed: int, cycle: int) -> int:
-    """Seed of one cycle: of its own, yet the same whenever the cycle is run again."""
+    """Seed of one cycle, from the dispatcher's seed and the cycle's number."""
     return int(np.random.SeedSequence([seed, cycle]).generate_state(1)[0])
 
 
@@ -354,7 +353,7 @@ def idle_report(
 
 
 def failed_report(cycle: int, started_ns: int, wall_s: float, reason: str) -> CycleReport:
-    """The report of a cycle that came to nothing."""
+    """The report of a failed cycle."""
     return CycleReport(
         cycle=cycle,
         started_ns=started_ns,
@@ -371,16 +370,16 @@ def failed_report(cycle: int, started_ns: int, wall_s: float, reason: str) -> Cy
     )
 
 
-def _named(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:500]
 
 
 def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Service) -> None:
-    """What is done each second: follow the clock, publish the health, feed the watchdog."""
+    """The periodic work: follow the clock, publish the health, feed the watchdog."""
     scheduler.follow_clock()
     next_cycle_ns = scheduler.next_run_ns
     dispatcher.publish_health(next_cycle_ns)
-    if dispatcher.moves_on(next_cycle_ns):
+    if dispatcher.is_live(next_cycle_ns):
         service.progress(f"{dispatcher.cycles} cycles")
 
 
@@ -397,10 +396,10 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     fleet_file = FleetFile(settings.fleet, network)
     fleet = fleet_file.current()
     form = settings.form if fleet is None else form_of(settings, fleet)
-    # Blocks of a city are solved side by side; the arc form gives each solver one problem.
+    # Blocks of a city are solved in parallel; the arc form gives each solver one problem.
     in_routes = form != "arc"
-    side_by_side = settings.city.search.workers if in_routes else 1
-    workers: dict[str, int] = dict.fromkeys(settings.city.solvers, side_by_side)
+    parallel = settings.city.search.workers if in_routes else 1
+    workers: dict[str, int] = dict.fromkeys(settings.city.solvers, parallel)
     executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
@@ -410,10 +409,10 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         executor,
         ExitStack() as stack,
     ):
-        cold = pool.warm_up(stopping=service.stopping)
+        not_ready = pool.warm_up(stopping=service.stopping)
         if service.stopping.is_set():
             return
-        for name, reason in cold.items():
+        for name, reason in not_ready.items():
             log.warning("solver %s is not ready: %s", name, reason)
         job_manager = open_job_manager(settings, pool, database)
         if job_manager is not None:

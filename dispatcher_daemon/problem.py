@@ -1,4 +1,4 @@
-"""What is to be solved: the routing problem, and the arc and route forms that solvers take."""
+"""The routing problem, and its arc and route forms as solvers take them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class RoutingProblem:
     """What does not change from cycle to cycle: roads, fleet, vehicle data, driving style.
 
     Attributes:
-        search: what routes are to be short in. Reports tell energies either way.
-        time_worth_kw: with "energy", what an hour on the road counts for beside it, kWh. With
-            "time" an hour counts for 1 kWh and energy for nothing.
-        waiting_worth_kw: what an hour at the depot counts for that a vehicle waits to meet others,
-            kWh; 0: departure windows alone bound it.
+        search: what routes minimise. Reports contain energies in both cases.
+        value_of_time_kw: with search "energy", cost of travel time, kWh an hour. With "time" an
+            hour costs 1 kWh and energy nothing.
+        value_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
+            the departure windows limit the wait.
     """
 
     network: RoadNetwork
@@ -32,14 +32,14 @@ class RoutingProblem:
     vehicle: VehicleParameters = PAPER_CAR
     style: DrivingStyle = field(default_factory=DrivingStyle)
     search: Literal["energy", "time"] = "energy"
-    time_worth_kw: float = 0.0
-    waiting_worth_kw: float = 0.0
+    value_of_time_kw: float = 0.0
+    value_of_waiting_kw: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("time_worth_kw", "waiting_worth_kw"):
-            worth = getattr(self, name)
-            if not (math.isfinite(worth) and worth >= 0):
-                raise ValueError(f"{name} must be >= 0, got {worth}")
+        for name in ("value_of_time_kw", "value_of_waiting_kw"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} must be >= 0, got {value}")
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ArcReward:
 
 @dataclass(frozen=True)
 class ArcProblem:
-    """The paper's arc form as plain data: small enough to send to a worker process.
+    """The paper's arc form as plain, picklable data.
 
     x_{e,k} x_{e,l} = Σ x_a x_b over the arcs a of k and b of l that run over segment e, so rewards
     are kept for pairs of arcs. Where entry times depend on the arc, so may the reward.
@@ -94,7 +94,7 @@ class ArcProblem:
             if arc.vehicle not in self.vehicles or not {arc.start, arc.end} <= places:
                 raise ValueError(f"arc of an unknown vehicle or place: {arc}")
             if arc.start == arc.end or not math.isfinite(arc.cost_kwh):
-                raise ValueError(f"arc without a finite cost or a way: {arc}")
+                raise ValueError(f"arc without a finite cost, or from a place to itself: {arc}")
         for reward in self.rewards:
             if not 0 <= reward.first < reward.second < len(self.arcs):
                 raise ValueError(f"reward for unknown arcs: {reward}")
@@ -105,7 +105,7 @@ class ArcProblem:
 
     @property
     def choices(self) -> int:
-        """Number of x that a selection is made of."""
+        """Number of binary decision variables x."""
         return len(self.arcs)
 
     @property
@@ -150,7 +150,7 @@ class ArcProblem:
 
 @dataclass(frozen=True)
 class RouteOption:
-    """One x_{k,r}: vehicle k serves these stops in this order, by one way and departure.
+    """One x_{k,r}: vehicle k serves these stops in this order, by one path and departure.
 
     Attributes:
         vehicle: k.
@@ -165,13 +165,13 @@ class RouteOption:
 
 @dataclass(frozen=True)
 class RouteProblem:
-    """The route form as plain data: small enough to send to a worker process.
+    """The route form as plain, picklable data.
 
     A selection is valid if it has exactly one option of each vehicle and serves every stop once.
 
     Attributes:
         vehicles: names, K of them.
-        stops: names of the stops that the options share out.
+        stops: names of the stops that the options serve.
         options: route options; the index is the x.
         savings: kWh by pair (a, b) of options of different vehicles, a < b; less than 0 where the
             options' costs hold more savings than both can have together.
@@ -203,7 +203,7 @@ class RouteProblem:
 
     @property
     def choices(self) -> int:
-        """Number of x that a selection is made of."""
+        """Number of binary decision variables x."""
         return len(self.options)
 
     @property

@@ -1,6 +1,6 @@
-"""The traffic as the dispatcher knows it: latest state a segment, freshness, gates.
+"""Traffic by segment: latest states, freshness, gates.
 
-A gate opens on one thing only: a fresh SegmentState with y_e = 1 and no fresh one with y_e = 0.
+A gate is open only with a fresh SegmentState of y_e = 1 and no fresh one of y_e = 0.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from slipstream.messages import Gate, SegmentState
 from slipstream.roads import RoadNetwork, Segment
 
 MIN_SPEED_MPS = 1.0
-"""Planning speed is no lower: a standing queue still has to give finite travel times."""
+"""Lower bound of the planning speed, so that travel times in a queue are finite."""
 
 MAX_RSUS_PER_SEGMENT = 16
 
@@ -54,19 +54,19 @@ class SegmentTraffic:
 
 
 Movement = tuple[str, str]
-"""A segment and the one that is driven onto behind it."""
+"""A segment and the next segment."""
 
 
 @dataclass(frozen=True)
 class Expectations:
-    """What movements have been seen to cost: from entering a segment to entering the next one.
+    """Observed costs of movements, from entering a segment to entering the next one.
 
     Attributes:
-        loss_kwh: energy that is gone for good, by movement, > 0: rolling, drag and what braking
-            destroys, but not what becomes kinetic energy. So braking for a turn counts where the
-            turn is, and a way from rest to rest needs the sum of its movements' losses and of those
-            of its last segment, the end's braking included.
-        seconds: time, by movement, > 0; gaining speed again counts where it was lost.
+        loss_kwh: dissipated energy by movement, > 0: rolling resistance, drag and braking, but not
+            the change of kinetic energy. So braking for a turn counts at the turn. A path from rest
+            to rest needs the sum of its movements' losses and of those of its last segment, the
+            last braking included.
+        seconds: time by movement, s, > 0; the time to regain speed counts where it was lost.
     """
 
     loss_kwh: Mapping[Movement, float]
@@ -80,9 +80,9 @@ class TrafficSnapshot:
     Attributes:
         now_ns: the moment, UTC.
         segments: traffic of each segment of the network, by id.
-        states: the SegmentStates that it was made from, in (segment, rsu) order.
-        expected: what movements are expected to cost at this hour; None: nothing is known, costs
-            are those of segments.
+        states: the SegmentStates that it is based on, in (segment, rsu) order.
+        expected: expected costs of movements at this hour; None: not known, the costs are those of
+            segments.
     """
 
     now_ns: int
@@ -124,10 +124,10 @@ def take_snapshot(
         states: at most the latest state of each (segment, rsu).
         now_ns: UTC.
         stale_after_s: age limit.
-        future_tolerance_s: a state dated further ahead than this is as good as stale: a clock is
-            wrong somewhere.
-        stops_at_signals: expected full stops of a passage of a segment that ends at traffic lights;
-            known from elsewhere, as no state tells of it.
+        future_tolerance_s: a state dated further ahead than this counts as little as a stale one:
+            one of the clocks is wrong.
+        stops_at_signals: expected full stops of a passage of a segment that ends at traffic lights.
+            States do not contain it.
     """
     known = sorted(
         (s for s in states if s.segment in network.segments), key=lambda s: (s.segment, s.rsu)
@@ -183,7 +183,7 @@ def _judge(
 
 
 class Verdict(StrEnum):
-    """What became of a received state."""
+    """Whether a received state is accepted, or why not."""
 
     ACCEPTED = "accepted"
     DUPLICATE = "duplicate"
@@ -193,7 +193,7 @@ class Verdict(StrEnum):
     TOO_MANY_RSUS = "too_many_rsus"
 
 
-class TrafficBook:
+class LatestStates:
     """Latest state of each (segment, rsu); written by the bus's thread, read by the cycle's.
 
     States are ordered by their time, not by their sequence number, which starts again when an RSU

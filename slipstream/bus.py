@@ -78,8 +78,8 @@ class _Inbox:
                 self._handler(*item)
             except Exception:
                 if self._limiter.allow(""):
-                    held = self._limiter.held("")
-                    log.exception("handler for %s failed (and %d times before)", item[0], held)
+                    before = self._limiter.suppressed("")
+                    log.exception("handler for %s failed (and %d times before)", item[0], before)
 
     def close(self) -> None:
         self._offer(None)

@@ -149,22 +149,22 @@ class Service:
 
 
 class LogLimiter:
-    """Lets one log line a minute through for each key and counts what it held back."""
+    """Lets one log line a minute through for each key and counts the suppressed ones."""
 
     def __init__(self, period_s: float = 60.0) -> None:
         self._period_s = period_s
         self._last: dict[str, float] = {}
-        self._held: dict[str, int] = {}
+        self._suppressed: dict[str, int] = {}
 
     def allow(self, key: str) -> bool:
         """True if a line for this key may be written now."""
         now = time.monotonic()
         if now - self._last.get(key, -1e9) < self._period_s:
-            self._held[key] = self._held.get(key, 0) + 1
+            self._suppressed[key] = self._suppressed.get(key, 0) + 1
             return False
         self._last[key] = now
         return True
 
-    def held(self, key: str) -> int:
-        """How many lines were held back since the last one; resets the count."""
-        return self._held.pop(key, 0)
+    def suppressed(self, key: str) -> int:
+        """Number of lines suppressed since the last call, which resets it."""
+        return self._suppressed.pop(key, 0)

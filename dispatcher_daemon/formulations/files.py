@@ -57,7 +57,7 @@ def write_qubo_json(model: QuboModel, path: Path) -> None:
 
     `dimod.BinaryQuadraticModel.from_serializable` reads it.
     """
-    document = _named(model).to_serializable()
+    document = _with_text_labels(model).to_serializable()
     document["info"] = {"gamma_kwh": model.gamma, "unit": "kWh"}
     path.write_text(json.dumps(document) + "\n", encoding="utf-8")
 
@@ -79,7 +79,7 @@ def write_qubo_coo(model: QuboModel, path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _named(model: QuboModel) -> Any:
+def _with_text_labels(model: QuboModel) -> Any:
     named: Any = dimod.BinaryQuadraticModel(model.total)
     named.relabel_variables({variable: str(variable) for variable in model.variables})
     return named

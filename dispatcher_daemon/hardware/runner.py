@@ -347,6 +347,6 @@ class JobRunner:
         self._breaker.fault(kind, line, retry_s)
         metrics.QUANTUM_FAULTS.labels(kind).inc()
         if self._limiter.allow(kind):
-            held = self._limiter.held(kind)
+            held = self._limiter.suppressed(kind)
             more = f" ({held} more of this kind)" if held else ""
             log.warning("quantum device: %s%s", line, more)

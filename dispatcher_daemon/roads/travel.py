@@ -112,7 +112,7 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
         turn,
         energy,
         time,
-        objective(energy, time, problem.search, problem.time_worth_kw),
+        objective(energy, time, problem.search, problem.value_of_time_kw),
         waiting_s,
         index,
         leaving,

@@ -67,13 +67,13 @@ class Basis:
 
 
 def objective(
-    energy: Weights, time: Weights, search: Literal["energy", "time"], time_worth_kw: float
+    energy: Weights, time: Weights, search: Literal["energy", "time"], value_of_time_kw: float
 ) -> Weights:
     """What a search is to make small, kWh: energy and the worth of time, or time at 1 kW."""
     if search == "time":
         nothing = Weights(0.0 * time.turn, 0.0 * time.begin, 0.0 * time.finish, time.behind)
         return nothing.plus(time, 1.0 / _S_PER_H)
-    return energy if time_worth_kw == 0 else energy.plus(time, time_worth_kw / _S_PER_H)
+    return energy if value_of_time_kw == 0 else energy.plus(time, value_of_time_kw / _S_PER_H)
 
 
 def _change_s(before_mps: Floats, after_mps: Floats, style: DrivingStyle) -> Floats:

@@ -135,8 +135,8 @@ class Dispatching:
             self._tours.network,
             fleet,
             search=self._policy.search,
-            time_worth_kw=self.time_worth_kw,
-            waiting_worth_kw=self.waiting_worth_kw,
+            value_of_time_kw=self.time_worth_kw,
+            value_of_waiting_kw=self.waiting_worth_kw,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:

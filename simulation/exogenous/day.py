@@ -163,7 +163,10 @@ class _FleetDay:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
                 cycle = Cycle(
                     RoutingProblem(
-                        tours.network, fleet, style=_STYLE, waiting_worth_kw=DEFAULT_TIME_WORTH_KW
+                        tours.network,
+                        fleet,
+                        style=_STYLE,
+                        value_of_waiting_kw=DEFAULT_TIME_WORTH_KW,
                     ),
                     snapshot,
                     self.settings,

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.daemon import PRUNE_AT_ONCE, Dispatcher, check_health, cycle_seed
+from dispatcher_daemon.daemon import PRUNE_BATCH, Dispatcher, check_health, cycle_seed
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
@@ -205,12 +205,12 @@ def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: Stat
     assert (health.cycles, health.states_received, health.next_cycle_ns) == (1, 1, soon)
     assert (health.stale_after_s, health.future_tolerance_s) == (5.0, 1.0)
     assert health.rss_mb > 10
-    assert dispatcher.moves_on(soon)
-    assert not dispatcher.moves_on(None)
-    assert not dispatcher.moves_on(time.time_ns() - 120 * 10**9)
-    assert not dispatcher.moves_on(time.time_ns() + 3600 * 10**9)
+    assert dispatcher.is_live(soon)
+    assert not dispatcher.is_live(None)
+    assert not dispatcher.is_live(time.time_ns() - 120 * 10**9)
+    assert not dispatcher.is_live(time.time_ns() + 3600 * 10**9)
     dispatcher.cycle_began = time.monotonic() - 3600
-    assert not dispatcher.moves_on(soon)
+    assert not dispatcher.is_live(soon)
 
 
 class FakeService:
@@ -257,11 +257,11 @@ def wait_for(condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:
 
 def test_a_backlog_of_old_cycles_goes_bit_by_bit(demo: RoutingProblem) -> None:
     """Each cycle deletes a bounded number of old ones until none is left for this hour."""
-    log = Log(old=2 * PRUNE_AT_ONCE + 5)
+    log = Log(old=2 * PRUNE_BATCH + 5)
     dispatcher = make(demo, log)
     for _ in range(5):
         dispatcher.run_cycle()
-    assert log.pruned == [PRUNE_AT_ONCE, PRUNE_AT_ONCE, 5]
+    assert log.pruned == [PRUNE_BATCH, PRUNE_BATCH, 5]
 
 
 def test_each_cycle_has_a_seed_of_its_own() -> None:

@@ -150,5 +150,5 @@ def test_the_limiter_lets_one_line_a_period_through() -> None:
     limiter = LogLimiter(period_s=60)
     assert [limiter.allow("a") for _ in range(3)] == [True, False, False]
     assert limiter.allow("b")
-    assert limiter.held("a") == 2
-    assert limiter.held("a") == 0
+    assert limiter.suppressed("a") == 2
+    assert limiter.suppressed("a") == 0

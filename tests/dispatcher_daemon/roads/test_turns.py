@@ -147,7 +147,7 @@ def test_shortest_times_are_shortest_and_cost_more(known: bool) -> None:
         name: Travel(problem, roads_of(problem, snapshot))
         for name, problem in (
             ("energy", city.problem),
-            ("both", replace(city.problem, time_worth_kw=3.0)),
+            ("both", replace(city.problem, value_of_time_kw=3.0)),
             ("time", replace(city.problem, search="time")),
         )
     }
@@ -164,8 +164,8 @@ def test_shortest_times_are_shortest_and_cost_more(known: bool) -> None:
 
 def test_a_worth_below_zero_is_refused() -> None:
     """Time on the road is never worth having."""
-    with pytest.raises(ValueError, match="time_worth_kw"):
-        replace(small_city(1).problem, time_worth_kw=-1.0)
+    with pytest.raises(ValueError, match="value_of_time_kw"):
+        replace(small_city(1).problem, value_of_time_kw=-1.0)
 
 
 def test_a_cycle_with_expectations_gives_verified_plans() -> None:
@@ -181,7 +181,7 @@ def test_a_cycle_with_expectations_gives_verified_plans() -> None:
             max_sweeps=1,
         ),
     )
-    problem = replace(city.problem, time_worth_kw=5.0)
+    problem = replace(city.problem, value_of_time_kw=5.0)
     solve = solve_here([ExactSolver()])
     this = Cycle(problem, snapshot, settings, 1, 0, 1, reference_delay_s=0.0)
     result = run_cycle(this, solve)
