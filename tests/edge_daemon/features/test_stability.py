@@ -107,7 +107,7 @@ def test_a_segment_becomes_stable_later_than_it_stays_stable() -> None:
 
 def test_a_stable_segment_stays_so_up_to_the_thresholds_themselves() -> None:
     """At the rule's limit, with its doubt up to the hysteresis above it; not beyond the rule."""
-    bare = StabilitySettings(sure_sigmas=0.0)
+    bare = StabilitySettings(confidence_sigmas=0.0)
     assert classify(features(variance=0.5), 5, 300, 1.0, bare, was_stable=True).y_e == 1
     wide = StabilitySettings(hysteresis=0.5)
     doubtful = features(variance=0.5, error=0.25)
@@ -206,13 +206,13 @@ def test_a_kept_flag_ends_with_what_speaks_against_it() -> None:
 def test_bare_is_the_rule_without_hysteresis_doubt_or_memory() -> None:
     """And with the thresholds as they were."""
     own = StabilitySettings(max_speed_cv=0.2, keep_s=60.0)
-    bare = StabilitySettings(max_speed_cv=0.2, hysteresis=0.0, sure_sigmas=0.0, keep_s=0.0)
+    bare = StabilitySettings(max_speed_cv=0.2, hysteresis=0.0, confidence_sigmas=0.0, keep_s=0.0)
     assert own.bare() == bare
 
 
 def test_a_judge_remembers_that_a_segment_was_stable() -> None:
     """Between 0.95 and 1 of a threshold it stays so, and does not become so."""
-    settings = StabilitySettings(sure_sigmas=0.0)
+    settings = StabilitySettings(confidence_sigmas=0.0)
     between = features(variance=0.49)
     assert judged(settings, (between, 5), (CALM, 5), (between, 5)) == [0, 1, 1]
     judge = StabilityJudge(settings)
@@ -237,7 +237,7 @@ def test_what_is_kept_is_kept_to_the_nanosecond_and_at_seven_tenths_of_the_speed
 def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
     """After either the segment has to be judged anew."""
     judge = StabilityJudge(StabilitySettings(keep_s=600.0))
-    assert judge.distrust("s", "frozen") == Flag(None, "frozen")
+    assert judge.invalidate("s", "frozen") == Flag(None, "frozen")
 
     def flag(time_ns: int, vehicles: int) -> int | None:
         return judge.judge("s", time_ns, THIN, vehicles, 300, 1.0).y_e
