@@ -11,7 +11,7 @@ from typing import Final, Literal
 from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
 from dispatcher_daemon.planning import route_cycle, servable_part
-from dispatcher_daemon.plans import Candidate, Cycle, Found, Refusal, summarise
+from dispatcher_daemon.plans import Candidate, Cycle, FormResult, Refusal, summarise
 from dispatcher_daemon.platooning import JudgedPair, Passage, Place
 from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
@@ -26,14 +26,14 @@ MAX_ARC_STOPS: Final = 8
 
 @dataclass(frozen=True)
 class CycleResult:
-    """What one cycle gives.
+    """Result of one cycle.
 
     Attributes:
         report: for the dashboard and the database.
         plans: verified plans, one for each vehicle that drives; none if the cycle failed.
         arcs: the candidate arcs of the arc form.
         judged: every pair of arcs that share a watched segment, and why it platoons or not.
-        stops: by vehicle, of the route form's plan, for the next cycle to start from.
+        stops: by vehicle, of the route form's plan; the next cycle's search starts from them.
         joined: places of vehicles on the road in platoons with vehicles of these plans.
     """
 
@@ -78,9 +78,9 @@ def run_cycle(
         found = route_cycle(cycle, solve, executor)
     chosen, status, reason = _choose(found)
     energy = None
-    if chosen is not None and isinstance(found.alone, Candidate):
-        name = f"{found.baseline}, without platooning"
-        energy = summarise(name, found.alone.energies, chosen.energies)
+    if chosen is not None and isinstance(found.baseline, Candidate):
+        name = f"{found.baseline_solver}, without platooning"
+        energy = summarise(name, found.baseline.energies, chosen.energies)
     report = CycleReport.model_validate(
         {
             "cycle": cycle.number,
@@ -130,18 +130,22 @@ def _in_arcs(cycle: Cycle) -> ArcForm | None:
     return arc_form(replace(cycle, problem=smaller), missing)
 
 
-def _choose(found: Found) -> tuple[Candidate | None, str, str | None]:
+def _choose(found: FormResult) -> tuple[Candidate | None, str, str | None]:
     """(the best plan, status, reason)."""
     chosen = min(found.candidates, key=lambda c: c.objective_kwh, default=None)
     fallback = found.fallback if isinstance(found.fallback, Candidate) else None
     if chosen is not None and fallback is not None:
-        # In the arc form, platoons that a solver counts on may not come about.
+        # In the arc form, platoons that a solver assumes may not form.
         if fallback.objective_kwh < chosen.objective_kwh - 1e-9:
-            return fallback, "baseline", f"no solver's plan is better than {found.baseline}'s"
+            return (
+                fallback,
+                "baseline",
+                f"no solver's plan is better than {found.baseline_solver}'s",
+            )
         return chosen, "ok", None
     if chosen is not None:
         return chosen, "ok", None
-    said = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
+    answers = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
     if isinstance(found.fallback, Refusal):
-        return None, "failed", f"no valid plan ({said}; baseline: {found.fallback.reason})"
-    return found.fallback, "baseline", f"no solver gave a valid plan ({said})"
+        return None, "failed", f"no valid plan ({answers}; baseline: {found.fallback.reason})"
+    return found.fallback, "baseline", f"no solver gave a valid plan ({answers})"

@@ -264,7 +264,7 @@ class HardwareSettings(Settings):
 
 
 class SearchSettings(Settings):
-    """How long base routes are searched: by iterations, so that a result can be repeated."""
+    """Length of the search for base routes, in iterations, so that a result can be repeated."""
 
     renamed: ClassVar[Mapping[str, str]] = {"most_penalty_kwh": "max_penalty_kwh"}
 
@@ -288,15 +288,15 @@ class SearchSettings(Settings):
         gt=0,
         le=1000,
         allow_inf_nan=False,
-        description="Maximum penalty of one unit of excess load, or of 0.1 s of lateness, on the "
-        "way to feasible routes, kWh. Where vehicles carry few units, it has to reach the energy "
-        "of some detours.",
+        description="Maximum penalty of one unit of excess load, or of 0.1 s of lateness, "
+        "before the routes are feasible, kWh. Where vehicles carry few units, it has to reach the "
+        "energy of some detours.",
     )
     part_stops: int = Field(
         default=250, ge=10, description="Maximum mean number of stops of a round's parts."
     )
     workers: int = Field(
-        default=2, ge=1, le=256, description="Number of parts searched side by side."
+        default=2, ge=1, le=256, description="Number of parts searched in parallel."
     )
     time_limit_s: float = Field(
         default=20.0,
@@ -333,34 +333,37 @@ class CitySettings(Settings):
         default=3,
         ge=1,
         le=20,
-        description="Number of cheapest ways of each leg that the options contain.",
+        description="Number of cheapest paths of each leg that the options contain.",
     )
     ways_legs: int = Field(
         default=100,
         ge=0,
-        description="Maximum number of legs of a fleet whose options contain several ways of a "
+        description="Maximum number of legs of a fleet whose options contain several paths of a "
         "leg; finding them takes time.",
     )
-    wave: int = Field(default=8, ge=1, description="Number of blocks that are solved side by side.")
+    wave: int = Field(default=8, ge=1, description="Number of blocks that are solved in parallel.")
     max_sweeps: int = Field(default=20, ge=0, description="Maximum number of sweeps.")
     patience: int = Field(
         default=3,
         ge=1,
-        description="Number of sweeps in a row without improvement after which sweeping ends; "
-        "each cuts other blocks.",
+        description="Number of sweeps in a row without improvement after which the search ends; "
+        "each has other blocks.",
     )
     block_deadline_s: float = Field(
-        default=5.0, gt=0, allow_inf_nan=False, description="Deadline of the solvers of a wave, s."
+        default=5.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Deadline of the solvers of one batch of parallel blocks, s.",
     )
     solvers: tuple[SolverName, ...] = Field(
         default=("exact",),
         min_length=1,
-        description="Solvers that are asked for each block; the best answer is taken.",
+        description="Solvers of each block; the best answer is taken.",
     )
 
 
 class DispatcherSettings(Settings):
-    """Everything that the dispatcher can be told; the defaults run the built-in demo."""
+    """All settings of the dispatcher; the defaults run the built-in demo."""
 
     bus: BusSettings = Field(default=BusSettings(), description="The zenoh bus.")
     service: ServiceSettings = Field(
@@ -424,7 +427,7 @@ class DispatcherSettings(Settings):
     )
     advice: DrivingAdvice = Field(
         default=DrivingAdvice(),
-        description="What plans tell vehicles to do at signals, turns and stops.",
+        description="Advice in plans for signals, turns and stops.",
     )
     form: Literal["auto", "arc", "route"] = Field(
         default="auto",
@@ -434,8 +437,8 @@ class DispatcherSettings(Settings):
     solvers: tuple[SolverName, ...] = Field(
         default=("exact", "lc-qaoa"),
         min_length=1,
-        description="Solvers that are asked side by side; the best answer is taken. Fleets of "
-        "many blocks ask city.solvers instead.",
+        description="Solvers that run in parallel; the best answer is taken. Fleets of "
+        "many blocks use city.solvers instead.",
     )
     city: CitySettings = Field(default=CitySettings(), description="The route form.")
     gamma: float | None = Field(

@@ -101,7 +101,7 @@ class Energies(NamedTuple):
 
 
 class Saving(NamedTuple):
-    """What one set of drives needs less than another, kWh; the parts add up."""
+    """Saving of one set of drives against another, kWh; the parts add up."""
 
     total_kwh: float
     distance_kwh: float
@@ -115,7 +115,7 @@ def total(energies: Iterable[Energy]) -> Energy:
     return Energies(*parts.T).sum()
 
 
-def split_saving(baseline: Energy, alone: Energy, driven: Energy) -> Saving:
+def split_saving(baseline: Energy, undrafted: Energy, driven: Energy) -> Saving:
     """Split a saving by its causes (paper section II-C has only the total).
 
     - drag: what drafting saves, the same drive with and without it;
@@ -124,14 +124,14 @@ def split_saving(baseline: Energy, alone: Energy, driven: Energy) -> Saving:
 
     Args:
         baseline: the drives compared with, every vehicle alone.
-        alone: our drives as if every vehicle were alone.
+        undrafted: our drives without drag reductions.
         driven: our drives with their drag reductions.
     """
     return Saving(
         baseline.total_kwh - driven.total_kwh,
-        baseline.rolling_kwh + baseline.drag_kwh - alone.rolling_kwh - alone.drag_kwh,
-        alone.total_kwh - driven.total_kwh,
-        baseline.acceleration_kwh - alone.acceleration_kwh,
+        baseline.rolling_kwh + baseline.drag_kwh - undrafted.rolling_kwh - undrafted.drag_kwh,
+        undrafted.total_kwh - driven.total_kwh,
+        baseline.acceleration_kwh - undrafted.acceleration_kwh,
     )
 
 
@@ -277,7 +277,7 @@ def steady_energy_kwh(
 
 
 def stop_energy_kwh(speed_mps: float, vehicle: VehicleParameters = PAPER_CAR) -> float:
-    """What one full stop costs beside driving on at a speed, kWh: the lost ½mv² over η_elec."""
+    """Energy of one full stop, kWh: the lost kinetic energy ½mv² over η_elec."""
     return vehicle.electrical_kwh(0.5 * vehicle.mass_kg * speed_mps**2)
 
 

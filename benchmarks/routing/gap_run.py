@@ -16,7 +16,7 @@ from typing import Final
 import networkx as nx
 import numpy as np
 
-from dispatcher_daemon.planning import first_plans
+from dispatcher_daemon.planning import initial_plans
 from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import build_block
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
@@ -60,7 +60,7 @@ def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:
     with ThreadPoolExecutor(1) as executor:
         stops = [stop.id for stop in fleet.stops]
         routes = base_routes(problem, travel, stops, SearchSettings(rounds=1), executor, seed)
-    first = first_plans(instance_cycle(city, seed), travel, routes.stops, {})
+    first = initial_plans(instance_cycle(city, seed), travel, routes.stops, {})
     return _whole(first.planner, first.base.itineraries, seed)
 
 
@@ -69,7 +69,7 @@ def _whole(
 ) -> tuple[RouteProblem, nx.Graph]:
     meetings = Meetings(planner.shares, planner.sync_window_s)
     for itinerary in itineraries:
-        meetings.add(itinerary.way)
+        meetings.add(itinerary.traversals)
     rng, most = np.random.default_rng(seed), CitySettings().options
     options = {
         i.number: options_for(planner, i, itineraries, meetings, most, rng) for i in itineraries

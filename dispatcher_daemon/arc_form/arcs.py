@@ -35,10 +35,10 @@ def arc_problem(
 
 @dataclass(frozen=True)
 class ArcParts:
-    """The arc form of a routing problem under given traffic, and what it was made of.
+    """The arc form of a routing problem under given traffic, with its legs, arcs and rewards.
 
     Attributes:
-        legs: least-energy ways by (from, to).
+        legs: least-energy paths by (from, to).
         arcs: the candidate arcs.
         judged: every pair of arcs that share a watched segment, and why it platoons or not.
         problem: what solvers get.

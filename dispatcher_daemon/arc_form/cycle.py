@@ -6,30 +6,30 @@ from collections.abc import Sequence
 
 from dispatcher_daemon.arc_form.form import ArcForm
 from dispatcher_daemon.formulations import build_model
-from dispatcher_daemon.plans import Attempt, Candidate, Found, Refusal, attempt, solver_report
+from dispatcher_daemon.plans import Attempt, Candidate, FormResult, Refusal, attempt, solver_report
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.solvers.pool import Job, Solve, solving_s
 from slipstream.messages import SolverReport
 
 
-def arc_cycle(form: ArcForm, solve: Solve) -> Found:
-    """Ask all solvers, and one for the plan without platooning."""
+def arc_cycle(form: ArcForm, solve: Solve) -> FormResult:
+    """Run all solvers, and the baseline's for the plan without platooning."""
     problem, settings, seed = form.problem, form.cycle.settings, form.cycle.seed
-    jobs = [form.alone_job, *(Job(name, problem, seed) for name in settings.solvers)]
-    alone_outcome, *outcomes = solve(jobs, solving_s(settings.deadline_s))
-    baseline, selected = form.alone_answer(alone_outcome)
-    alone: Candidate | Refusal = Refusal(("no plan found",))
-    fallback = alone
+    jobs = [form.baseline_job, *(Job(name, problem, seed) for name in settings.solvers)]
+    baseline_outcome, *outcomes = solve(jobs, solving_s(settings.deadline_s))
+    name, selected = form.baseline_answer(baseline_outcome)
+    baseline: Candidate | Refusal = Refusal(("no plan found",))
+    fallback = baseline
     if selected is not None:
-        alone = form.candidate(baseline, selected, platooning=False)
-        fallback = form.candidate(baseline, selected)
+        baseline = form.candidate(name, selected, platooning=False)
+        fallback = form.candidate(name, selected)
     attempts = [attempt(form, outcome) for outcome in outcomes]
     optimum = _proven_optimum(problem, attempts)
-    return Found(
+    return FormResult(
         candidates=tuple(a.candidate for a in attempts if a.candidate is not None),
         reports=tuple(_report(a, optimum) for a in attempts),
+        baseline_solver=name,
         baseline=baseline,
-        alone=alone,
         fallback=fallback,
         variables=len(build_model(problem).variables),
         unserved=form.unserved,

@@ -9,7 +9,7 @@ from typing import Literal
 from dispatcher_daemon.arc_form.arcs import ArcParts, arc_parts_of
 from dispatcher_daemon.fleet import arc_form_obstacle
 from dispatcher_daemon.formulations import decode
-from dispatcher_daemon.planning import Choice, Planner, simple_choices
+from dispatcher_daemon.planning import Choice, Planner, initial_choices
 from dispatcher_daemon.plans import Candidate, Cycle, Refusal
 from dispatcher_daemon.platooning import JudgedPair
 from dispatcher_daemon.problem import ArcProblem
@@ -77,8 +77,8 @@ class ArcForm:
         return cycle.candidate(solver, choice.routes, choice.objective_kwh)
 
     def _scheduled(self, routes: Sequence[Route]) -> Choice | None:
-        """The better of departures as early as can be and departures that meet; None where a
-        vehicle is too late for a window in any case.
+        """The better of earliest departures and departures at which platoons meet; None where a
+        vehicle misses a window in any case.
         """
         cycle = self.cycle
         window_s = cycle.settings.sync_window_s
@@ -90,30 +90,30 @@ class ArcForm:
         itineraries = [itinerary for itinerary in present if itinerary is not None]
         if len(itineraries) < len(routes):
             return None
-        return min(simple_choices(planner, itineraries), key=lambda c: c.objective_kwh)
+        return min(initial_choices(planner, itineraries), key=lambda c: c.objective_kwh)
 
-    def rivals_kwh(self) -> dict[str, float]:
+    def references_kwh(self) -> dict[str, float]:
         """Cheapest insertion."""
         selected = cheapest_insertion(self.problem)
         plan = None if selected is None else self.candidate("insertion", selected)
         return {"insertion": plan.objective_kwh} if isinstance(plan, Candidate) else {}
 
-    def alone(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
         """The plan without platooning: the exact one, or the best found in time."""
-        (outcome,) = solve([self.alone_job], deadline_s)
-        name, selected = self.alone_answer(outcome)
+        (outcome,) = solve([self.baseline_job], deadline_s)
+        name, selected = self.baseline_answer(outcome)
         if selected is None:
             return name, Refusal(("no plan found",))
         return name, self.candidate(name, selected, platooning=False)
 
     @property
-    def alone_job(self) -> Job:
-        """Asks for the plan without platooning."""
+    def baseline_job(self) -> Job:
+        """The job for the plan without platooning."""
         return Job(BASELINE_SOLVER, self.problem.without_platooning(), self.cycle.seed)
 
-    def alone_answer(self, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
-        """What made the plan without platooning, and its arcs; the insertion plan if the solver is
-        out.
+    def baseline_answer(self, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
+        """Solver of the plan without platooning, and its arcs; the insertion plan if the solver has
+        no answer.
         """
         if outcome.selected is not None:
             return outcome.solver, outcome.selected

@@ -1,25 +1,25 @@
-"""Which routes and departures: base routes without platooning (PyVRP), options of each vehicle,
-blocks of vehicles for the solvers, and sweeps over the blocks until nothing improves."""
+"""Routes and departures: base routes without platooning (PyVRP), options of each vehicle, blocks of
+vehicles for the solvers, and sweeps over the blocks (block-coordinate descent)."""
 
 from __future__ import annotations
 
 from dispatcher_daemon.planning.cycle import route_cycle
-from dispatcher_daemon.planning.fleet_plan import FleetPlan, first_plans, plan_fleet
+from dispatcher_daemon.planning.fleet_plan import FleetPlan, initial_plans, plan_fleet
 from dispatcher_daemon.planning.form import RouteForm, route_form
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.servability import servable_part, unservable
-from dispatcher_daemon.planning.sweeps import Choice, simple_choices
+from dispatcher_daemon.planning.sweeps import Choice, initial_choices
 
 __all__ = [
     "Choice",
     "FleetPlan",
     "Planner",
     "RouteForm",
-    "first_plans",
+    "initial_choices",
+    "initial_plans",
     "plan_fleet",
     "route_cycle",
     "route_form",
     "servable_part",
-    "simple_choices",
     "unservable",
 ]

@@ -26,7 +26,13 @@ from pyvrp.stop import (
 )
 
 from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.planning.pyvrp_model import MWH_PER_KWH, NEVER_MWH, StopsOf, Visits, VrpModel
+from dispatcher_daemon.planning.pyvrp_model import (
+    MWH_PER_KWH,
+    NO_PATH_MWH,
+    StopsByVehicle,
+    Visits,
+    VrpModel,
+)
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel
 from dispatcher_daemon.settings import SearchSettings
@@ -34,12 +40,12 @@ from dispatcher_daemon.settings import SearchSettings
 log = logging.getLogger(__name__)
 
 
-_STRICT: Final = pyvrp.PenaltyParams(max_penalty=1e9)
-"""Half of this is where it starts: more than leaving a stop out costs, for one unit too many."""
+_HIGH_PENALTIES: Final = pyvrp.PenaltyParams(max_penalty=1e9)
+"""The penalty starts at half of this: one excess unit costs more than an unserved stop."""
 
 
-def _loose(settings: SearchSettings) -> pyvrp.PenaltyParams:
-    """Passing through routes that are too full or late, the search gets further."""
+def _low_penalties(settings: SearchSettings) -> pyvrp.PenaltyParams:
+    """Low penalties: the search may pass through infeasible routes, and gets further."""
     return pyvrp.PenaltyParams(max_penalty=settings.max_penalty_kwh * MWH_PER_KWH)
 
 
@@ -49,13 +55,13 @@ class BaseRoutes:
 
     Attributes:
         stops: by vehicle, those it serves in order; none for a vehicle that stays idle.
-        left: stops that found no place.
-        timed_out: True if the time limit cut the search short, so that it may end elsewhere when
-            repeated.
+        unassigned: stops that are on no route.
+        timed_out: True if the time limit ended the search, so that a repetition may
+            give other routes.
     """
 
-    stops: StopsOf
-    left: tuple[str, ...]
+    stops: StopsByVehicle
+    unassigned: tuple[str, ...]
     timed_out: bool
 
 
@@ -68,11 +74,11 @@ def base_routes(
     seed: int,
     start: Mapping[str, Sequence[str]] | None = None,
 ) -> BaseRoutes:
-    """Routes of least cost over the given stops, by `Travel.searched_kwh`.
+    """Routes of least cost over the given stops, by `Travel.search_cost_kwh`.
 
-    A first search over the whole city is short. After it, rounds cut the routes into parts by where
-    they go, in another direction each time, and search the parts side by side. That is where most
-    of the gain comes from: an iteration's time grows with the number of stops in it. If not all
+    A first search over the whole city is short. After it, each round cuts the routes into parts by
+    location, in another direction each time, and searches the parts in parallel. Most of the gain
+    comes from there: an iteration's time grows with the number of stops in it. If not all
     stops fit, as many as possible are served.
 
     Args:
@@ -87,10 +93,10 @@ def base_routes(
     ends = time.monotonic() + settings.time_limit_s
     whole = VrpModel(problem, travel, problem.fleet.vehicles, stops)
     required = not whole.demand_exceeds_capacity()
-    routes, timed_out = _first_routes(whole, required, settings, seed, start)
+    routes, timed_out = _initial_routes(whole, required, settings, seed, start)
     if routes is None and required:
         required = False
-        routes, timed_out = _first_routes(whole, required, settings, seed, start)
+        routes, timed_out = _initial_routes(whole, required, settings, seed, start)
     if routes is None:
         return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), timed_out)
     for number in range(settings.rounds):
@@ -98,7 +104,7 @@ def base_routes(
         if left_s <= 0:
             timed_out = True
             break
-        parts = _parts(problem, routes, _left(stops, routes), settings.part_stops, number)
+        parts = _parts(problem, routes, _unassigned(stops, routes), settings.part_stops, number)
         models = [VrpModel(problem, travel, vehicles, own) for vehicles, own in parts]
         limit_s = left_s / math.ceil(len(parts) / settings.workers)
         jobs = [
@@ -109,7 +115,7 @@ def base_routes(
                 settings.iterations_per_stop * max(1, len(own)),
                 limit_s,
                 seed + number,
-                _loose(settings) if required else _STRICT,
+                _low_penalties(settings) if required else _HIGH_PENALTIES,
             )
             for model, (_, own) in zip(models, parts, strict=True)
         ]
@@ -123,10 +129,10 @@ def base_routes(
             timed_out |= cut
             if found is not None:
                 routes |= model.read(found)
-    return BaseRoutes(routes, _left(stops, routes), timed_out)
+    return BaseRoutes(routes, _unassigned(stops, routes), timed_out)
 
 
-def _left(stops: Sequence[str], routes: StopsOf) -> tuple[str, ...]:
+def _unassigned(stops: Sequence[str], routes: StopsByVehicle) -> tuple[str, ...]:
     """Stops that are on no route."""
     served = {stop for of_one in routes.values() for stop in of_one}
     return tuple(stop for stop in stops if stop not in served)
@@ -144,19 +150,19 @@ def _submit(
         return refused
 
 
-def _first_routes(
+def _initial_routes(
     model: VrpModel,
     required: bool,
     settings: SearchSettings,
     seed: int,
     start: Mapping[str, Sequence[str]] | None,
-) -> tuple[StopsOf | None, bool]:
+) -> tuple[StopsByVehicle | None, bool]:
     data = model.data(required)
     begin = None if start is None else model.visits(start)
-    # From where loose penalties lead first, rounds get further.
-    for penalty in (_loose(settings), _STRICT) if required else (_STRICT,):
-        most, limit_s = settings.iterations_to_feasible, settings.time_limit_s / 8
-        found, cut = _search(data, begin, most, limit_s, seed, penalty, first=True)
+    # Rounds improve more from routes that low penalties found.
+    for penalty in (_low_penalties(settings), _HIGH_PENALTIES) if required else (_HIGH_PENALTIES,):
+        iterations, limit_s = settings.iterations_to_feasible, settings.time_limit_s / 8
+        found, cut = _search(data, begin, iterations, limit_s, seed, penalty, first=True)
         if found is not None:
             break
     return (None if found is None else model.read(found)), cut
@@ -183,7 +189,7 @@ def _search(
         begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
     stop: list[StoppingCriterion] = [MaxIterations(iterations), MaxRuntime(limit_s)]
     if first:
-        stop.append(lambda best_cost: best_cost < NEVER_MWH)
+        stop.append(lambda best_cost: best_cost < NO_PATH_MWH)
     with warnings.catch_warnings():
         # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.
         warnings.simplefilter("ignore", PenaltyBoundWarning)
@@ -197,7 +203,7 @@ def _search(
             initial_solution=begin,
         )
     cut = result.runtime >= limit_s
-    if not result.best.is_feasible() or result.best.distance() >= NEVER_MWH:
+    if not result.best.is_feasible() or result.best.distance() >= NO_PATH_MWH:
         return None, cut
     return [
         (route.vehicle_type(), [a.idx for a in route if a.is_client()])
@@ -217,15 +223,15 @@ def _parameters(penalty: pyvrp.PenaltyParams) -> pyvrp.SolveParams:
 
 def _parts(
     problem: RoutingProblem,
-    routes: StopsOf,
-    left_out: Sequence[str],
+    routes: StopsByVehicle,
+    unassigned: Sequence[str],
     part_stops: int,
     number: int,
 ) -> list[tuple[list[Vehicle], list[str]]]:
     """(vehicles, stops) of each part: routes cut at the median of where their stops lie, again
     and again, across a direction that turns from cut to cut and from round to round.
 
-    Idle vehicles and stops without a route are dealt out.
+    Idle vehicles and unassigned stops are distributed over the parts.
     """
     fleet, junctions = problem.fleet, problem.network.junctions
     driving = [v for v in fleet.vehicles if routes[v.id]]
@@ -249,7 +255,7 @@ def _parts(
     return [
         (
             [*group, *idle[i :: len(groups)]],
-            [*(s for v in group for s in routes[v.id]), *left_out[i :: len(groups)]],
+            [*(s for v in group for s in routes[v.id]), *unassigned[i :: len(groups)]],
         )
         for i, group in enumerate(groups)
     ]

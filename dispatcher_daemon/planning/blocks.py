@@ -1,4 +1,4 @@
-"""The route-form problem of a few vehicles, all others as they are."""
+"""The route-form problem of a few vehicles, all others unchanged."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dataclasses import dataclass
 from itertools import accumulate, combinations
 
 from dispatcher_daemon.planning.itineraries import Itinerary
-from dispatcher_daemon.platooning import Meetings, Passing, clusters, saving_kwh
+from dispatcher_daemon.platooning import Meetings, Traversal, clusters, saving_kwh
 from dispatcher_daemon.problem import RouteOption, RouteProblem
 
 _NOTHING_KWH = 1e-12
 
-State = tuple[Passing, ...]
-"""What one option does on one segment."""
+State = tuple[Traversal, ...]
+"""Passages of one option on one segment."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Some vehicles and what each might do.
+    """Some vehicles and the options of each.
 
     Attributes:
-        options: by vehicle number; the first of each is what it does at present.
+        options: by vehicle number; the first of each is the present one.
         problem: the same as a `RouteProblem`, options in the same order.
     """
 
@@ -54,10 +54,10 @@ def build_block(
     start = dict(zip(options, accumulate([0, *lengths]), strict=False))
     linear: dict[int, float] = defaultdict(float)
     pairs: dict[tuple[int, int], float] = defaultdict(float)
-    for segment in sorted({s for of_one in options.values() for o in of_one for s in o.way}):
+    for segment in sorted({s for of_one in options.values() for o in of_one for s in o.traversals}):
         for outside, states in _encounters(segment, options, meetings):
             _expand(segment, outside, states, start, meetings, linear, pairs)
-    shared = _stops_in_question(options)
+    shared = _reassignable_stops(options)
     every = [
         RouteOption(
             names[number],
@@ -76,7 +76,7 @@ def build_block(
     return Block(options, RouteProblem(vehicles, tuple(sorted(shared)), tuple(every), savings))
 
 
-def _stops_in_question(options: Mapping[int, Sequence[Itinerary]]) -> set[str]:
+def _reassignable_stops(options: Mapping[int, Sequence[Itinerary]]) -> set[str]:
     """Stops that some, but not all options of a vehicle serve."""
     found: set[str] = set()
     for of_one in options.values():
@@ -87,13 +87,13 @@ def _stops_in_question(options: Mapping[int, Sequence[Itinerary]]) -> set[str]:
 
 def _encounters(
     segment: str, options: Mapping[int, Sequence[Itinerary]], meetings: Meetings
-) -> Iterator[tuple[list[Passing], dict[int, list[State]]]]:
+) -> Iterator[tuple[list[Traversal], dict[int, list[State]]]]:
     """Groups of passages on a segment that can meet: those that stay as they are, and by vehicle
     the states of its options. Only groups in which somebody can change something for two.
     """
     moving: dict[int, list[State]] = {}
     for number, of_one in options.items():
-        states = [tuple(option.way.get(segment, ())) for option in of_one]
+        states = [tuple(option.traversals.get(segment, ())) for option in of_one]
         if any(state != states[0] for state in states):
             moving[number] = states
     if not moving:
@@ -116,7 +116,7 @@ def _encounters(
 
 def _expand(
     segment: str,
-    outside: Sequence[Passing],
+    outside: Sequence[Traversal],
     states: Mapping[int, Sequence[State]],
     start: Mapping[int, int],
     meetings: Meetings,
@@ -125,7 +125,7 @@ def _expand(
 ) -> None:
     """Add one group's first and second differences to the options' and pairs' savings."""
     present = {number: of_one[0] for number, of_one in states.items()}
-    known: dict[tuple[Passing, ...], float] = {}
+    known: dict[tuple[Traversal, ...], float] = {}
 
     def saved(change: Mapping[int, State]) -> float:
         now = {**present, **change}
@@ -135,17 +135,17 @@ def _expand(
         return known[passages]
 
     base = saved({})
-    alone = {
+    single = {
         (number, state): saved({number: state}) - base
         for number, of_one in states.items()
         for state in dict.fromkeys(of_one)
     }
     for number, of_one in states.items():
         for r, state in enumerate(of_one):
-            linear[start[number] + r] += alone[number, state]
+            linear[start[number] + r] += single[number, state]
     for (k, of_k), (m, of_m) in combinations(states.items(), 2):
         together = {
-            (a, b): saved({k: a, m: b}) - base - alone[k, a] - alone[m, b]
+            (a, b): saved({k: a, m: b}) - base - single[k, a] - single[m, b]
             for a in dict.fromkeys(of_k)
             for b in dict.fromkeys(of_m)
             if a != present[k] and b != present[m]

@@ -6,18 +6,18 @@ from concurrent.futures import Executor
 
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, plan_fleet
 from dispatcher_daemon.planning.sweeps import Choice
-from dispatcher_daemon.plans import Candidate, Cycle, Found, Refusal, solver_report
+from dispatcher_daemon.plans import Candidate, Cycle, FormResult, Refusal, solver_report
 from dispatcher_daemon.solvers.pool import Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 from slipstream.messages import SolverReport
 
 BASE = "pyvrp"
-"""Name of what makes the base routes, in reports."""
+"""Name of the solver of base routes, in reports."""
 GREEDY = "greedy"
 
 
-def route_cycle(cycle: Cycle, solve: Solve, executor: Executor) -> Found:
-    """Plan the fleet and verify what comes out.
+def route_cycle(cycle: Cycle, solve: Solve, executor: Executor) -> FormResult:
+    """Plan the fleet and verify the plans.
 
     Args:
         executor: for the search of base routes.
@@ -25,11 +25,11 @@ def route_cycle(cycle: Cycle, solve: Solve, executor: Executor) -> Found:
     plan = plan_fleet(cycle, executor, solve)
     best = _candidate(cycle, _made_by(plan), plan.choice, plan)
     vehicles = cycle.problem.fleet.vehicles
-    return Found(
+    return FormResult(
         candidates=(best,) if isinstance(best, Candidate) else (),
         reports=_reports(plan, best),
-        baseline=BASE,
-        alone=_candidate(cycle, BASE, plan.base, plan, platooning=False),
+        baseline_solver=BASE,
+        baseline=_candidate(cycle, BASE, plan.base, plan, platooning=False),
         fallback=_candidate(cycle, BASE, plan.base, plan),
         variables=max((sweep.largest for sweep in plan.sweeps), default=0),
         unserved=plan.unserved,
@@ -50,7 +50,7 @@ def _made_by(plan: FleetPlan) -> str:
     """The solver whose answers were taken most often; what the sweeps began with, if none was."""
     wins: dict[str, int] = {}
     for sweep in plan.sweeps:
-        for name, number in sweep.taken.items():
+        for name, number in sweep.accepted.items():
             wins[name] = wins.get(name, 0) + number
     if wins:
         return max(wins, key=lambda name: wins[name])

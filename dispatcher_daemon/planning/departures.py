@@ -1,4 +1,4 @@
-"""When to leave so that platoons meet: the paper's schedule manager."""
+"""Departure times at which platoons meet: the paper's schedule manager."""
 
 from __future__ import annotations
 
@@ -9,35 +9,36 @@ import numpy as np
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.platooning import Meetings
 
-TRIED = 6
-"""So many moments are evaluated exactly; the others are only counted."""
+MAX_DEPARTURES = 6
+"""Maximum number of departures that are evaluated exactly."""
 
 
 def meeting_departures(
-    planner: Planner, itinerary: Itinerary, meetings: Meetings, most: int = TRIED
+    planner: Planner, itinerary: Itinerary, meetings: Meetings, max_departures: int = MAX_DEPARTURES
 ) -> list[float]:
     """Departures at which a vehicle would meet many others, the most promising first, s.
 
     Leaving Δ later shifts each entry by Δ, but for waits at stops, which the exact timetable knows.
     Each passage of another vehicle over a shared segment names the Δ at which both enter it at
-    once; where many Δ lie within the window of synchronisation, a departure is worth trying.
+    once. A departure's score is the sum of follower savings over the Δ within the synchronisation
+    window around it.
     """
     first, last = planner.window_s(itinerary.number)
     leaves = itinerary.depart_s
     shifts: list[float] = []
     weights: list[float] = []
-    for segment, passages in itinerary.way.items():
-        worth = meetings.shares[segment].follower_kwh
-        for entry, _, who in passages:
+    for segment, passages in itinerary.traversals.items():
+        saving = meetings.shares[segment].follower_kwh
+        for entry, _, key in passages:
             for other_entry, _, other in meetings.on(segment):
-                if other != who and first <= leaves + other_entry - entry <= last:
+                if other != key and first <= leaves + other_entry - entry <= last:
                     shifts.append(other_entry - entry)
-                    weights.append(worth)
+                    weights.append(saving)
     if not shifts:
         return []
     order = np.argsort(shifts, kind="stable")
-    at, worth_at = np.array(shifts)[order], np.array(weights)[order]
-    total = np.concatenate([[0.0], np.cumsum(worth_at)])
+    at, weight_at = np.array(shifts)[order], np.array(weights)[order]
+    total = np.concatenate([[0.0], np.cumsum(weight_at)])
     window = meetings.sync_window_s
     low = np.searchsorted(at, at - window, "left")
     high = np.searchsorted(at, at + window, "right")
@@ -47,35 +48,35 @@ def meeting_departures(
         shift = float(at[i])
         if all(abs(shift - taken) > window for taken in chosen):
             chosen.append(shift)
-        if len(chosen) == most:
+        if len(chosen) == max_departures:
             break
     return [leaves + shift for shift in chosen]
 
 
 def alternatives(
-    planner: Planner, itinerary: Itinerary, meetings: Meetings, most: int = TRIED
+    planner: Planner, itinerary: Itinerary, meetings: Meetings, max_departures: int = MAX_DEPARTURES
 ) -> Iterable[Itinerary]:
     """The same route at other departures that keep its windows."""
     if itinerary.route is None:
         return
-    for depart_s in meeting_departures(planner, itinerary, meetings, most):
+    for depart_s in meeting_departures(planner, itinerary, meetings, max_departures):
         moved = planner.itinerary(itinerary.number, itinerary.stops, itinerary.route.legs, depart_s)
         if moved is not None:
             yield moved
 
 
 def best_departure(
-    planner: Planner, itinerary: Itinerary, meetings: Meetings, most: int = TRIED
+    planner: Planner, itinerary: Itinerary, meetings: Meetings, max_departures: int = MAX_DEPARTURES
 ) -> Itinerary:
-    """The same route when it saves most with those on the road: as it is or otherwise timed."""
-    candidates = [itinerary, *alternatives(planner, itinerary, meetings, most)]
-    return max(candidates, key=lambda c: meetings.gain_kwh(c.way) - c.cost_kwh)
+    """The same route at the departure that saves most with the others, its present one included."""
+    candidates = [itinerary, *alternatives(planner, itinerary, meetings, max_departures)]
+    return max(candidates, key=lambda c: meetings.gain_kwh(c.traversals) - c.cost_kwh)
 
 
 def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> list[Itinerary]:
     """Route, then schedule: each vehicle in turn leaves when it saves most with those before it.
 
-    Routes stay as they are. It is the simple rival of the joint choice.
+    Routes stay as they are. It is the reference heuristic for the joint choice.
 
     Args:
         itineraries: one a vehicle, in the order in which they choose.
@@ -84,6 +85,6 @@ def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> lis
     chosen = []
     for itinerary in itineraries:
         best = best_departure(planner, itinerary, meetings)
-        meetings.add(best.way)
+        meetings.add(best.traversals)
         chosen.append(best)
     return chosen

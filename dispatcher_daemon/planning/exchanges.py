@@ -1,4 +1,4 @@
-"""Stops moved or swapped between two vehicles of a block: options that coverage ties together."""
+"""Relocate and swap moves of stops between two vehicles of a block, as options."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from dispatcher_daemon.planning.departures import best_departure
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.platooning import Meetings
 
-TRIED = 4
-"""So many exchanges are evaluated exactly for each that is asked for."""
-DEPARTURES = 2
-"""Departures that are tried besides leaving at once."""
+EVALUATIONS_PER_EXCHANGE = 4
+"""Exchanges that are evaluated exactly for each one that is returned."""
+MAX_DEPARTURES = 2
+"""Departures that are evaluated besides leaving when ready."""
 
 Pair = tuple[tuple[int, tuple[str, ...]], tuple[int, tuple[str, ...]]]
 
@@ -23,21 +23,21 @@ def best_exchanges(
     planner: Planner,
     itineraries: Sequence[Itinerary],
     meetings: Meetings,
-    most: int,
+    max_exchanges: int,
     rng: np.random.Generator,
 ) -> list[tuple[Itinerary, Itinerary]]:
-    """The exchanges between two vehicles that do best with all others as they are; they may cost
-    more than they save, as others of the block may change as well.
+    """The best exchanges between two vehicles with all others unchanged. They may cost more than
+    they save, as other vehicles of the block may change too.
 
     Args:
         itineraries: of the block's vehicles, on ``meetings`` as they are.
-        most: exchanges to return.
+        max_exchanges: exchanges to return.
         rng: draws which of the cheap exchanges are tried.
 
     Returns:
         Both vehicles' itineraries of each exchange, the best first.
     """
-    tried = most * TRIED
+    tried = max_exchanges * EVALUATIONS_PER_EXCHANGE
     moves = sorted(_moves(planner, itineraries), key=lambda move: move[0])[: 3 * tried]
     if not moves:
         return []
@@ -48,21 +48,21 @@ def best_exchanges(
     for number in drawn:
         _, (one, other) = moves[number]
         old = present[one[0]], present[other[0]]
-        change = -sum(meetings.remove(i.way) + i.cost_kwh for i in old)
+        change = -sum(meetings.remove(i.traversals) + i.cost_kwh for i in old)
         new: list[Itinerary] = []
         for vehicle, stops in (one, other):
             itinerary = _timed(planner, vehicle, stops, meetings)
             if itinerary is None:
                 break
-            change += itinerary.cost_kwh - meetings.add(itinerary.way)
+            change += itinerary.cost_kwh - meetings.add(itinerary.traversals)
             new.append(itinerary)
         for itinerary in new:
-            meetings.remove(itinerary.way)
+            meetings.remove(itinerary.traversals)
         for itinerary in old:
-            meetings.add(itinerary.way)
+            meetings.add(itinerary.traversals)
         if len(new) == 2:
             found.append((change, (new[0], new[1])))
-    return [pair for _, pair in sorted(found, key=lambda entry: entry[0])[:most]]
+    return [pair for _, pair in sorted(found, key=lambda entry: entry[0])[:max_exchanges]]
 
 
 def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple[float, Pair]]:
@@ -101,7 +101,7 @@ def _cost(planner: Planner, number: int, stops: tuple[str, ...]) -> float:
     travel, fleet = planner.travels[0], planner.problem.fleet
     depot = fleet.depot_of(fleet.vehicles[number]).id
     rows = [travel.row[place] for place in (depot, *stops, depot)]
-    return float(sum(travel.searched_kwh[a, b] for a, b in pairwise(rows)))
+    return float(sum(travel.search_cost_kwh[a, b] for a, b in pairwise(rows)))
 
 
 def _fits(planner: Planner, number: int, stops: tuple[str, ...]) -> bool:
@@ -119,5 +119,9 @@ def _timed(
     planner: Planner, number: int, stops: tuple[str, ...], meetings: Meetings
 ) -> Itinerary | None:
     """The itinerary at the departure that saves most with those on the road."""
-    at_once = planner.itinerary(number, stops, planner.legs(number, stops))
-    return None if at_once is None else best_departure(planner, at_once, meetings, DEPARTURES)
+    departing_when_ready = planner.itinerary(number, stops, planner.legs(number, stops))
+    return (
+        None
+        if departing_when_ready is None
+        else best_departure(planner, departing_when_ready, meetings, MAX_DEPARTURES)
+    )

@@ -1,8 +1,8 @@
 """Routes, departures and platoons of a whole fleet: the route form at the scale of a city.
 
 Base routes come from a search without platooning. Vehicles then choose among options of route and
-departure, in blocks small enough for any solver, around everybody else's present choice, sweep
-after sweep until nothing improves. A change is taken only if it improves the exact objective, so
+departure, in blocks small enough for any solver, with the other vehicles' choices fixed, sweep
+after sweep until nothing improves. A change is accepted only if it improves the exact objective, so
 the plan is never worse than the base routes.
 """
 
@@ -18,9 +18,15 @@ import numpy as np
 
 from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
-from dispatcher_daemon.planning.pyvrp_model import StopsOf
+from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.servability import unservable, without
-from dispatcher_daemon.planning.sweeps import Choice, Sweep, Sweeping, choice_of, simple_choices
+from dispatcher_daemon.planning.sweeps import (
+    BlockDescent,
+    Choice,
+    Sweep,
+    choice_of,
+    initial_choices,
+)
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel, roads_of
@@ -29,7 +35,7 @@ from dispatcher_daemon.solvers.pool import Solve
 
 NO_ROOM: Final = "no vehicle has room and time for it"
 _RESERVE: Final = 0.05
-"""Share of a deadline that is kept for what is under way when it is noticed."""
+"""Share of a deadline that is kept for work that is in progress when it expires."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,7 @@ class FleetPlan:
 
     Attributes:
         choice: the plan.
-        base: the same fleet routed without platooning, everybody leaving when ready.
+        base: the same fleet routed without platooning, all vehicles leaving when ready.
         greedy: base routes, departures chosen one vehicle after the other.
         unserved: reason by stop that no vehicle serves.
         sweeps: in order.
@@ -85,11 +91,11 @@ def plan_fleet(
     stage("roads")
     search = limited(settings.search, settings.base_share)
     routes = base_routes(cycle.problem, travel, stops, search, executor, seed, cycle.start)
-    missing |= dict.fromkeys(routes.left, NO_ROOM)
+    missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     stage("base")
-    first = first_plans(cycle, travel, routes.stops, missing)
+    first = initial_plans(cycle, travel, routes.stops, missing)
     stage("greedy")
-    sweeping = Sweeping(first.planner, settings, solve, first.begin.itineraries)
+    descent = BlockDescent(first.planner, settings, solve, first.best.itineraries)
     timed_out = routes.timed_out
     if settings.second_rounds:
         rounds = {"rounds": settings.second_rounds}
@@ -104,13 +110,13 @@ def plan_fleet(
             routes.stops,
         )
         timed_out |= second.timed_out
-        if not second.left:
-            sweeping.cross(second.stops, seed, ends, clock)
+        if not second.unassigned:
+            descent.adopt(second.stops, seed, ends, clock)
     stage("second")
-    sweeps, late = sweeping.run(seed, ends, clock)
+    sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
     return FleetPlan(
-        choice_of(first.planner, sweeping.present),
+        choice_of(first.planner, descent.present),
         first.base,
         first.greedy,
         missing,
@@ -129,7 +135,7 @@ def city_settings(cycle: Cycle) -> CitySettings:
 
 
 def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
-    """(the cycle, ways between its places, reason by stop that nobody can serve).
+    """(the cycle, paths between its places, reason by stop that nobody can serve).
 
     Where a vehicle's first stop is among these, the cycle has none of them.
     """
@@ -148,12 +154,12 @@ def _without(cycle: Cycle, missing: Collection[str]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class FirstPlans:
+class InitialPlans:
     """Plans before any block is solved.
 
     Attributes:
-        planner: that made them; its second ways like segments on which one could follow.
-        base: everybody leaves when ready.
+        planner: that made them; its second paths have discounts on open segments.
+        base: all vehicles leave when ready.
         greedy: departures chosen one vehicle after the other.
     """
 
@@ -162,14 +168,14 @@ class FirstPlans:
     greedy: Choice
 
     @property
-    def begin(self) -> Choice:
+    def best(self) -> Choice:
         """The better of the two."""
         return min((self.base, self.greedy), key=lambda choice: choice.objective_kwh)
 
 
-def first_plans(
-    cycle: Cycle, travel: Travel, routes: StopsOf, missing: dict[str, str]
-) -> FirstPlans:
+def initial_plans(
+    cycle: Cycle, travel: Travel, routes: StopsByVehicle, missing: dict[str, str]
+) -> InitialPlans:
     """Plans of given routes; stops that miss a window are added to ``missing``."""
     problem, city = cycle.problem, cycle.settings.city
     planner = Planner(
@@ -180,35 +186,37 @@ def first_plans(
         cycle.reference_s,
         on_road=cycle.on_road,
     )
-    alone = at_once(planner, routes, missing)
-    planner.travels += (attracted(problem, travel, planner),)
-    if sum(len(i.route.legs) for i in alone if i.route is not None) <= city.ways_legs:
-        planner.ways_per_leg = city.ways
-    return FirstPlans(planner, *simple_choices(planner, alone))
+    base = departing_when_ready(planner, routes, missing)
+    planner.travels += (discounted_travel(problem, travel, planner),)
+    if sum(len(i.route.legs) for i in base if i.route is not None) <= city.ways_legs:
+        planner.paths_per_leg = city.ways
+    return InitialPlans(planner, *initial_choices(planner, base))
 
 
-def at_once(planner: Planner, stops: StopsOf, missing: dict[str, str]) -> list[Itinerary]:
-    """Everybody leaves when ready; stops that then miss a window are not served, and added to
-    ``missing`` with the reason.
+def departing_when_ready(
+    planner: Planner, stops: StopsByVehicle, missing: dict[str, str]
+) -> list[Itinerary]:
+    """All vehicles leave when ready. Stops whose windows are then missed are not served; they are
+    added to ``missing`` with the reason.
     """
     itineraries = []
     for number, vehicle in enumerate(planner.problem.fleet.vehicles):
         visits = stops[vehicle.id]
         itinerary = planner.itinerary(number, visits, planner.legs(number, visits))
         if itinerary is None:
-            itinerary, dropped = _what_can_be_kept(planner, number, visits)
+            itinerary, dropped = _feasible_part(planner, number, visits)
             missing |= dict.fromkeys(dropped, f"{vehicle.id} would be too late for it")
         itineraries.append(itinerary)
     return itineraries
 
 
-def _what_can_be_kept(
+def _feasible_part(
     planner: Planner, number: int, visits: Sequence[str]
 ) -> tuple[Itinerary, list[str]]:
     """The route without the stops that miss their windows, and these; without its first stop a
     vehicle stays idle.
 
-    The search knows durations to about a second, so this is for what it cannot foresee.
+    It is needed because the search knows durations to about a second only.
     """
     kept, dropped = planner.idle(number), []
     for stop in visits:
@@ -223,8 +231,8 @@ def _what_can_be_kept(
     return kept, dropped
 
 
-def attracted(problem: RoutingProblem, travel: Travel, planner: Planner) -> Travel:
-    """Ways that like open segments: worth a follower's share, as if there were one to follow."""
-    worth = {name: shares.follower_kwh for name, shares in planner.shares.items()}
-    discount = np.array([worth.get(name, 0.0) for name in travel.roads.ids])
+def discounted_travel(problem: RoutingProblem, travel: Travel, planner: Planner) -> Travel:
+    """Paths with each open segment cheaper by a follower's saving."""
+    saving = {name: shares.follower_kwh for name, shares in planner.shares.items()}
+    discount = np.array([saving.get(name, 0.0) for name in travel.roads.ids])
     return Travel(problem, travel.roads, discount)

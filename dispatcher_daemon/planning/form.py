@@ -16,7 +16,7 @@ from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import Block, build_block
 from dispatcher_daemon.planning.cycle import BASE
 from dispatcher_daemon.planning.exchanges import best_exchanges
-from dispatcher_daemon.planning.fleet_plan import NO_ROOM, FirstPlans, first_plans, servable
+from dispatcher_daemon.planning.fleet_plan import NO_ROOM, InitialPlans, initial_plans, servable
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.plans import Candidate, Cycle, Refusal
@@ -37,7 +37,7 @@ class RouteForm:
 
     cycle: Cycle
     unserved: Mapping[str, str]
-    first: FirstPlans
+    first: InitialPlans
     block: Block
     name: Literal["route"] = "route"
 
@@ -79,14 +79,14 @@ class RouteForm:
             solver, choice.routes, choice.objective_kwh, unserved=self.unserved
         )
 
-    def rivals_kwh(self) -> dict[str, float]:
+    def references_kwh(self) -> dict[str, float]:
         """Routes without platooning, and departures chosen for them afterwards."""
         return {
             "without platooning": self.first.base.objective_kwh,
             "route, then schedule": self.first.greedy.objective_kwh,
         }
 
-    def alone(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
         """Base routes, everybody leaving when ready."""
         base = self.first.base
         return BASE, self.cycle.candidate(
@@ -107,13 +107,13 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
     part, travel, missing = servable(cycle)
     stops = [stop.id for stop in part.problem.fleet.stops if stop.id not in missing]
     routes = base_routes(part.problem, travel, stops, settings.search, executor, cycle.seed)
-    missing |= dict.fromkeys(routes.left, NO_ROOM)
-    first = first_plans(part, travel, routes.stops, missing)
+    missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
+    first = initial_plans(part, travel, routes.stops, missing)
     planner = first.planner
     meetings = planner.meetings()
-    for itinerary in first.begin.itineraries:
-        meetings.add(itinerary.way)
-    driving = [i for i in first.begin.itineraries if i.route is not None]
+    for itinerary in first.best.itineraries:
+        meetings.add(itinerary.traversals)
+    driving = [i for i in first.best.itineraries if i.route is not None]
     rng = np.random.default_rng(cycle.seed)
     options = {
         i.number: options_for(planner, i, driving, meetings, settings.options, rng) for i in driving

@@ -10,12 +10,12 @@ from typing import Final
 
 from dispatcher_daemon.platooning import (
     Meetings,
-    Passings,
     RoadUser,
     Shares,
+    Traversals,
     open_shares,
-    passings,
-    passings_on_road,
+    traversals,
+    traversals_on_road,
 )
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Leg, Route, Travel, lateness_s, timed
@@ -26,21 +26,21 @@ _S_PER_H: Final = 3600.0
 
 @dataclass(frozen=True)
 class Itinerary:
-    """What one vehicle does: exact route, its cost alone, and where it can meet others.
+    """One vehicle's exact route, its cost without platooning, and its passages of open segments.
 
     Attributes:
         number: of the vehicle in the fleet.
         stops: served in order; none: the vehicle stays idle.
         route: with its timetable; None for an idle vehicle.
-        cost_kwh: Σ segment costs, platooning apart, and what waiting at the depot counts for.
-        way: passages of open segments.
+        cost_kwh: Σ segment costs without platooning, and the cost of waiting at the depot.
+        traversals: passages of open segments.
     """
 
     number: int
     stops: tuple[str, ...]
     route: Route | None
     cost_kwh: float
-    way: Passings
+    traversals: Traversals
 
     @cached_property
     def key(self) -> tuple[object, ...]:
@@ -58,11 +58,11 @@ class Planner:
     """Makes itineraries of one fleet under one traffic snapshot.
 
     Attributes:
-        travels: ways between places; the first are those of least energy, others alternatives.
-        shares: what platooning saves on each open segment.
+        travels: paths between places; the first are those of least energy, others alternatives.
+        shares: saving of a leader and of a follower on each open segment.
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
-        ways_per_leg: how many of the cheapest ways of each leg are worth looking at.
+        paths_per_leg: number of cheapest paths of each leg that options may contain.
         on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
             are.
     """
@@ -74,24 +74,22 @@ class Planner:
         travels: Sequence[Travel],
         sync_window_s: float,
         reference_s: float = 0.0,
-        ways_per_leg: int = 1,
+        paths_per_leg: int = 1,
         on_road: Sequence[RoadUser] = (),
     ) -> None:
-        self.ways_per_leg = ways_per_leg
+        self.paths_per_leg = paths_per_leg
         self.problem, self.snapshot = problem, snapshot
         self.sync_window_s = sync_window_s
         self.travels = tuple(travels)
         self.shares: Mapping[str, Shares] = open_shares(problem, snapshot)
         self.reference_s = reference_s
-        self.on_road = passings_on_road(on_road, self.shares)
+        self.on_road = traversals_on_road(on_road, self.shares)
 
     def meetings(self) -> Meetings:
-        """The roads with nobody but those on them already, what these save among themselves being
-        no part of any change.
-        """
+        """Passages of the vehicles on the road only; their savings are part of no change."""
         meetings = Meetings(self.shares, self.sync_window_s)
-        for way in self.on_road:
-            meetings.add(way)
+        for vehicle in self.on_road:
+            meetings.add(vehicle)
         return meetings
 
     def window_s(self, number: int) -> tuple[float, float]:
@@ -101,7 +99,7 @@ class Planner:
         return self.reference_s + vehicle.ready_s, self.reference_s + latest
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
-        """Legs of a route; None if one of them has no way."""
+        """Legs of a route; None if one of them has no path."""
         fleet = self.problem.fleet
         depot = fleet.depot_of(fleet.vehicles[number]).id
         legs = []
@@ -123,7 +121,7 @@ class Planner:
         legs: Sequence[Leg] | None,
         depart_s: float | None = None,
     ) -> Itinerary | None:
-        """A vehicle's itinerary over given legs; None if a window is missed or a way missing.
+        """A vehicle's itinerary over given legs; None if a window is missed or a path missing.
 
         Args:
             depart_s: None: as soon as it is ready.
@@ -140,4 +138,4 @@ class Planner:
         waits_s = route.visits[0].departure_s - self.window_s(number)[0]
         cost = sum(leg.cost_kwh for leg in legs)
         cost += self.problem.value_of_waiting_kw * max(0.0, waits_s) / _S_PER_H
-        return Itinerary(number, stops, route, cost, passings(number, route, self.shares))
+        return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))

@@ -1,4 +1,4 @@
-"""What a vehicle might do instead: the options of the route form."""
+"""Options of a vehicle in the route form."""
 
 from __future__ import annotations
 
@@ -16,46 +16,46 @@ def options_for(
     itinerary: Itinerary,
     partners: Sequence[Itinerary],
     meetings: Meetings,
-    most: int,
+    max_options: int,
     rng: np.random.Generator,
 ) -> list[Itinerary]:
-    """The present itinerary, the best other and some good ones, all others being as they are.
+    """The present itinerary, the best other and some good ones, all other vehicles unchanged.
 
-    Tried are other ways between stops, the stops backwards, each at the departures at which
-    the vehicle would meet most others; other ways of single legs; and a departure at which it could
-    meet a partner that moves as well.
+    Candidates are other paths between stops and the reversed order of stops, each at the departures
+    at which the vehicle would meet most others; other paths of single legs; and a departure at
+    which it could meet a partner that changes its own departure.
 
     Args:
         partners: vehicles that may change at the same time.
         meetings: everybody as they are, this vehicle included.
-        most: options to return, ≥ 1.
-        rng: draws the good ones, so that another sweep tries others.
+        max_options: options to return, ≥ 1.
+        rng: draws the good ones, so that each sweep has others.
     """
-    if itinerary.route is None or most < 2:
+    if itinerary.route is None or max_options < 2:
         return [itinerary]
-    meetings.remove(itinerary.way)
+    meetings.remove(itinerary.traversals)
     tried = [
         candidate
         for variant in _variants(planner, itinerary)
         for candidate in (variant, *alternatives(planner, variant, meetings))
     ]
     tried += _detours(planner, itinerary)
-    worth = [meetings.gain_kwh(candidate.way) - candidate.cost_kwh for candidate in tried]
-    meetings.add(itinerary.way)
-    ranked = [tried[i] for i in sorted(range(len(tried)), key=lambda i: -worth[i])]
+    gains = [meetings.gain_kwh(candidate.traversals) - candidate.cost_kwh for candidate in tried]
+    meetings.add(itinerary.traversals)
+    ranked = [tried[i] for i in sorted(range(len(tried)), key=lambda i: -gains[i])]
     joint = list(_joint(planner, itinerary, partners, meetings.shares))
     # `itinerary` is among the tried, so the best other one is among the first two.
-    good = ranked[2 : 2 + 2 * most]
+    good = ranked[2 : 2 + 2 * max_options]
     drawn = [good[i] for i in rng.permutation(len(good))]
     wanted = [itinerary, *ranked[:2], *joint, *drawn]
     distinct: dict[tuple[object, ...], Itinerary] = {}
     for candidate in wanted:
         distinct.setdefault(candidate.key, candidate)
-    return list(distinct.values())[:most]
+    return list(distinct.values())[:max_options]
 
 
 def _variants(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
-    """The same stops at the same departure, by other ways or backwards."""
+    """The same stops at the same departure, by other paths or in reversed order."""
     number, stops, depart_s = itinerary.number, itinerary.stops, itinerary.depart_s
     yield itinerary
     vehicle = planner.problem.fleet.vehicles[number]
@@ -72,16 +72,16 @@ def _variants(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
 
 
 def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
-    """The same with another of the cheapest ways of one leg."""
-    if itinerary.route is None or planner.ways_per_leg < 2:
+    """The same with another of the cheapest paths of one leg."""
+    if itinerary.route is None or planner.paths_per_leg < 2:
         return
     legs = list(itinerary.route.legs)
     for at, leg in enumerate(legs):
-        for way in planner.travels[0].ways(leg.start, leg.end, planner.ways_per_leg):
-            if way.path != leg.path:
-                other = [*legs[:at], way, *legs[at + 1 :]]
+        for other in planner.travels[0].paths(leg.start, leg.end, planner.paths_per_leg):
+            if other.path != leg.path:
+                changed = [*legs[:at], other, *legs[at + 1 :]]
                 detour = planner.itinerary(
-                    itinerary.number, itinerary.stops, other, itinerary.depart_s
+                    itinerary.number, itinerary.stops, changed, itinerary.depart_s
                 )
                 if detour is not None:
                     yield detour
@@ -96,15 +96,15 @@ def _joint(
     """The departure for the earliest moment at which vehicle and closest partner can meet."""
     strongest, shared = 0.0, None
     for partner in partners:
-        common = [s for s in itinerary.way if s in partner.way]
+        common = [s for s in itinerary.traversals if s in partner.traversals]
         weight = sum(shares[s].follower_kwh for s in common)
         if partner.number != itinerary.number and weight > strongest:
             strongest, shared = weight, (partner, common)
     if shared is None or itinerary.route is None:
         return
     partner, common = shared
-    first = min(common, key=lambda s: itinerary.way[s][0][0])
-    own, other = itinerary.way[first][0][0], partner.way[first][0][0]
+    first = min(common, key=lambda s: itinerary.traversals[s][0][0])
+    own, other = itinerary.traversals[first][0][0], partner.traversals[first][0][0]
     low, high = planner.window_s(itinerary.number)
     partner_low, partner_high = planner.window_s(partner.number)
     begins = max(own + low - itinerary.depart_s, other + partner_low - partner.depart_s)

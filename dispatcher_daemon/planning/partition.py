@@ -12,7 +12,7 @@ from dispatcher_daemon.planning.itineraries import Itinerary
 from dispatcher_daemon.platooning import Shares
 
 _MAX_PARTNERS = 24
-"""Edges kept a vehicle, the heaviest: enough to cut by, and few where a fleet leaves one depot."""
+"""Maximum number of edges of a vehicle; the heaviest are kept."""
 
 
 def opportunity_graph(
@@ -21,7 +21,7 @@ def opportunity_graph(
     shares: Mapping[str, Shares],
     sync_window_s: float,
 ) -> nx.Graph:
-    """Which vehicles could platoon, and how much they could save, kWh.
+    """Graph of the vehicles that could platoon, weighted by their saving, kWh.
 
     An edge's weight is what a pair would save on all open segments that both pass and on which
     departures within their windows can bring them together.
@@ -30,16 +30,16 @@ def opportunity_graph(
         windows_s: first and last departure by vehicle number.
     """
     graph = nx.Graph()
-    driving = [i for i in itineraries if i.way]
+    driving = [i for i in itineraries if i.traversals]
     graph.add_nodes_from(i.number for i in itineraries if i.route is not None)
     if not driving:
         return graph
-    column = {name: n for n, name in enumerate(sorted({s for i in driving for s in i.way}))}
-    row_of = np.array([r for r, i in enumerate(driving) for _ in i.way])
-    column_of = np.array([column[s] for i in driving for s in i.way])
-    worth = np.array([shares[s].leader_kwh + shares[s].follower_kwh for s in column])
+    column = {name: n for n, name in enumerate(sorted({s for i in driving for s in i.traversals}))}
+    row_of = np.array([r for r, i in enumerate(driving) for _ in i.traversals])
+    column_of = np.array([column[s] for i in driving for s in i.traversals])
+    saving_kwh = np.array([shares[s].leader_kwh + shares[s].follower_kwh for s in column])
     # Earliest and latest entry of each vehicle into each segment, as departures can shift it.
-    entry = np.array([p[0][0] - i.depart_s for i in driving for p in i.way.values()])
+    entry = np.array([p[0][0] - i.depart_s for i in driving for p in i.traversals.values()])
     window = np.array([windows_s[i.number] for i in driving])
     early, late = entry + window[row_of, 0], entry + window[row_of, 1]
     order = np.lexsort((early, column_of))
@@ -55,7 +55,7 @@ def opportunity_graph(
     first = np.repeat(np.arange(len(order)), count)
     second = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + begin[first]
     shape = (len(driving), len(driving))
-    summed = csr_array((worth[column_of[first]], (row_of[first], row_of[second])), shape=shape)
+    summed = csr_array((saving_kwh[column_of[first]], (row_of[first], row_of[second])), shape=shape)
     summed = (summed + summed.T).tocsr()
     for a in range(len(driving)):
         values = summed.data[summed.indptr[a] : summed.indptr[a + 1]]
@@ -67,21 +67,21 @@ def opportunity_graph(
     return graph
 
 
-def blocks_of(graph: nx.Graph, most: int, seed: int) -> list[list[int]]:
-    """Blocks of at most ``most`` vehicles that have much to do with each other.
+def blocks_of(graph: nx.Graph, max_vehicles: int, seed: int) -> list[list[int]]:
+    """Blocks of at most ``max_vehicles`` vehicles with large savings between them.
 
     Louvain communities (Blondel et al., 2008) on the graph; those that are too large are cut
-    greedily, each block growing by the vehicle that is tied to it most. Vehicles without a partner
-    are left out: nothing can be gained with them.
+    greedily: each block grows by the vehicle with the largest weight to it. Vehicles without a
+    partner are left out.
     """
-    tied = graph.subgraph(n for n, degree in graph.degree() if degree)
+    connected = graph.subgraph(n for n, degree in graph.degree() if degree)
     blocks: list[list[int]] = []
-    for community in nx.community.louvain_communities(tied, weight="weight", seed=seed):
-        blocks += _cut(tied.subgraph(community), most, seed)
+    for community in nx.community.louvain_communities(connected, weight="weight", seed=seed):
+        blocks += _cut(connected.subgraph(community), max_vehicles, seed)
     return sorted(blocks)
 
 
-def _cut(community: nx.Graph, most: int, seed: int) -> list[list[int]]:
+def _cut(community: nx.Graph, max_vehicles: int, seed: int) -> list[list[int]]:
     rng = np.random.default_rng(seed)
     left = sorted(community)
     rank = dict(zip(left, rng.permutation(len(left)), strict=True))
@@ -90,7 +90,7 @@ def _cut(community: nx.Graph, most: int, seed: int) -> list[list[int]]:
         block = [min(waiting, key=rank.__getitem__)]
         waiting.discard(block[0])
         tie: dict[int, float] = {}
-        while len(block) < most and waiting:
+        while len(block) < max_vehicles and waiting:
             for neighbour, data in community[block[-1]].items():
                 if neighbour in waiting:
                     tie[neighbour] = tie.get(neighbour, 0.0) + data["weight"]

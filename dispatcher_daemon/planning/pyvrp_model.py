@@ -1,7 +1,7 @@
-"""A vehicle routing problem in PyVRP's terms, and its answers in ours.
+"""Translation of a vehicle routing problem to PyVRP's data, and of its solutions back.
 
-PyVRP counts in integers: energies in mWh, times in tenths of a second, rounded so that a plan that
-fits there fits here.
+PyVRP's data are integers: energies in mWh, times in tenths of a second, rounded so that a plan that
+is feasible there is feasible here.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from dispatcher_daemon.roads import Travel
 
 MWH_PER_KWH = 1e6
 _TENTHS = 10.0
-NEVER_MWH = 10**12
-"""Stands for a way that does not exist: 1 GWh. Whole plans cost less."""
+NO_PATH_MWH = 10**12
+"""Cost of a path that does not exist: 1 GWh, more than any whole plan."""
 _PRIZE_MWH = 10**8
-"""What leaving a stop out costs where not all can be served: 100 kWh, more than any detour."""
-_NEVER_TENTHS = 10**9
+"""Cost of an unserved stop where not all can be served: 100 kWh, more than any detour."""
+_NO_LIMIT_TENTHS = 10**9
 
-StopsOf = dict[str, tuple[str, ...]]
+StopsByVehicle = dict[str, tuple[str, ...]]
 """Stops in order by vehicle."""
 Visits = list[tuple[int, list[int]]]
 """(vehicle type, clients in order) of each route in PyVRP's numbers."""
@@ -70,8 +70,8 @@ class VrpModel:
         if kind.first_stop is None:
             return depot, kind.ready_s, 0
         stop = self._fleet.stop_by_id[kind.first_stop]
-        way = self._travel.duration_s[self._travel.row[depot], self._travel.row[stop.id]]
-        begins = max(kind.ready_s + way, stop.earliest_s)
+        driven_s = self._travel.duration_s[self._travel.row[depot], self._travel.row[stop.id]]
+        begins = max(kind.ready_s + driven_s, stop.earliest_s)
         return stop.id, begins + stop.service_s, stop.demand
 
     def demand_exceeds_capacity(self) -> bool:
@@ -94,14 +94,16 @@ class VrpModel:
         starts = len(places)
         places += [self._begin(kind)[0] for kind in self._starts]
         rows = np.array([self._travel.row[place] for place in places])
-        energy = self._travel.searched_kwh[np.ix_(rows, rows)]
+        energy = self._travel.search_cost_kwh[np.ix_(rows, rows)]
         seconds = self._travel.duration_s[np.ix_(rows, rows)]
-        ways = np.isfinite(energy)
+        connected = np.isfinite(energy)
         # PyVRP's type hints know no array of two dimensions.
-        distance: Any = np.where(ways, np.rint(np.where(ways, energy, 0) * MWH_PER_KWH), NEVER_MWH)
-        tenths: Any = np.where(ways, np.ceil(np.where(ways, seconds, 0) * _TENTHS), 0)
+        distance: Any = np.where(
+            connected, np.rint(np.where(connected, energy, 0) * MWH_PER_KWH), NO_PATH_MWH
+        )
+        tenths: Any = np.where(connected, np.ceil(np.where(connected, seconds, 0) * _TENTHS), 0)
         for number, kind in enumerate(self._starts, starts):
-            distance[:, number] = NEVER_MWH
+            distance[:, number] = NO_PATH_MWH
             distance[at[self._begin(kind)[0]], number] = 0
         np.fill_diagonal(distance, 0)
         np.fill_diagonal(tenths, 0)
@@ -134,7 +136,7 @@ class VrpModel:
             delivery=[stop.demand],
             service_duration=_up(stop.service_s),
             tw_early=_up(stop.earliest_s),
-            tw_late=_NEVER_TENTHS if stop.latest_s is None else _down(stop.latest_s),
+            tw_late=_NO_LIMIT_TENTHS if stop.latest_s is None else _down(stop.latest_s),
             required=required,
             prize=0 if required else _PRIZE_MWH,
         )
@@ -145,7 +147,7 @@ class VrpModel:
         if kind.depart_by_s is not None:
             latest_s += kind.depart_by_s - kind.ready_s
         early, late = _up(begins_s), max(_up(begins_s), _down(latest_s))
-        back = _NEVER_TENTHS if kind.return_by_s is None else _down(kind.return_by_s)
+        back = _NO_LIMIT_TENTHS if kind.return_by_s is None else _down(kind.return_by_s)
         unlimited = sum(stop.demand for stop in self._fleet.stops)
         return pyvrp.VehicleType(
             num_available=number,
@@ -170,13 +172,13 @@ class VrpModel:
                     found.append((number, clients))
         return found
 
-    def read(self, routes: Visits) -> StopsOf:
-        """Routes by vehicle; those of one kind of vehicle are dealt out in order."""
+    def read(self, routes: Visits) -> StopsByVehicle:
+        """Routes by vehicle; those of one kind of vehicle are assigned in order."""
         waiting: dict[int, list[tuple[str, ...]]] = defaultdict(list)
         for kind, clients in routes:
             pooled = [i - len(self._starts) for i in clients if i >= len(self._starts)]
             waiting[kind].append(tuple(self._pooled[i] for i in pooled))
-        stops: StopsOf = {vehicle.id: () for vehicle in self._vehicles}
+        stops: StopsByVehicle = {vehicle.id: () for vehicle in self._vehicles}
         for number, (_, vehicles) in enumerate(self._kinds):
             own = sorted(waiting[number])
             for position, vehicle in enumerate(vehicles):

@@ -1,4 +1,4 @@
-"""Which stops nobody can serve, and why: they are listed, and the rest of the fleet is routed."""
+"""Stops that no vehicle can serve, with the reasons; the rest of the fleet is routed."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 _TOLERANCE_S = 2.0
-"""Durations of ways are known to about a second; a doubtful stop is left to the planner."""
+"""Durations of paths are known to about a second; a doubtful stop is left to the planner."""
 
 
 @dataclass(frozen=True, order=True)
 class _Refusal:
-    """Why one vehicle cannot serve a stop; the greater, the nearer it came to doing so."""
+    """Why one vehicle cannot serve a stop; ordered by how near it is to serving it."""
 
-    hurdle: int
+    stage: int
     closeness: float
     reason: str
 
@@ -60,12 +60,12 @@ def unservable(
 ) -> dict[str, str]:
     """Stops that no vehicle could serve even if it served nothing else, with the reason.
 
-    A vehicle drives the ways of least energy, from its depot over its first stop (unless nobody can
+    A vehicle drives the least-energy paths from its depot over its first stop (unless nobody can
     serve that one either) to the stop and back. A stop that is loaded on a vehicle is that
     vehicle's alone.
 
     Args:
-        travel: those ways, where they are known already.
+        travel: those paths, where they are known already.
 
     Returns:
         Reason by stop, in the fleet's order: it cannot be reached or left again, its demand is
@@ -88,8 +88,8 @@ def unservable(
         nearest: _Refusal | None = None
         for vehicle in kinds:
             first = vehicle.first_stop
-            way = [] if first is None or first in lost else [fleet.stop_by_id[first]]
-            refusal = _refusal(problem, travel, vehicle, [*way, stop])
+            before = [] if first is None or first in lost else [fleet.stop_by_id[first]]
+            refusal = _refusal(problem, travel, vehicle, [*before, stop])
             if refusal is None:
                 nearest = None
                 break

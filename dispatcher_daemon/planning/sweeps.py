@@ -1,4 +1,4 @@
-"""Vehicles choose anew, block by block, until nothing improves."""
+"""Block-coordinate descent: each block is solved with the others fixed, until nothing improves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
-from dispatcher_daemon.planning.pyvrp_model import StopsOf
+from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.pool import Job, Solve
@@ -28,11 +28,11 @@ _BETTER_KWH = 1e-9
 
 @dataclass(frozen=True)
 class Choice:
-    """What every vehicle does, and what it costs.
+    """The itineraries of all vehicles with their cost and saving.
 
     Attributes:
         itineraries: by vehicle number.
-        cost_kwh: H_cost, each vehicle alone, and what waiting at depots counts for.
+        cost_kwh: H_cost, and the cost of waiting at depots.
         saving_kwh: H_platoon, platoons counted once.
     """
 
@@ -59,8 +59,8 @@ class Sweep:
         blocks: number of blocks.
         variables: of all blocks.
         largest: variables of the largest one.
-        taken: how many of its answers improved the plan, by solver.
-        outcomes: all that the solvers answered.
+        accepted: number of answers that improved the plan, by solver.
+        outcomes: of all solvers.
         objective_kwh: after it.
         wall_s: its time.
     """
@@ -68,30 +68,30 @@ class Sweep:
     blocks: int
     variables: int
     largest: int
-    taken: Mapping[str, int]
+    accepted: Mapping[str, int]
     outcomes: tuple[Outcome, ...]
     objective_kwh: float
     wall_s: float
 
 
 def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
-    """What itineraries cost and save together, evaluated from nothing."""
+    """Cost and saving of itineraries, evaluated exactly."""
     meetings = planner.meetings()
-    saving = math.fsum(meetings.add(itinerary.way) for itinerary in itineraries)
+    saving = math.fsum(meetings.add(itinerary.traversals) for itinerary in itineraries)
     cost = math.fsum(itinerary.cost_kwh for itinerary in itineraries)
     return Choice(tuple(itineraries), cost, saving)
 
 
-def simple_choices(planner: Planner, itineraries: Sequence[Itinerary]) -> tuple[Choice, Choice]:
+def initial_choices(planner: Planner, itineraries: Sequence[Itinerary]) -> tuple[Choice, Choice]:
     """(the itineraries as they are, the same scheduled greedily); by vehicle number both."""
-    # Those ready last choose first: the others can wait for them, not the other way round.
+    # Vehicles that are ready last choose first: the others can wait for them, not vice versa.
     latest_first = sorted(itineraries, key=lambda i: (-i.depart_s, i.number))
     scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
     return choice_of(planner, itineraries), choice_of(planner, scheduled)
 
 
-class Sweeping:
-    """The present choice of all vehicles, and how it gets better.
+class BlockDescent:
+    """The present choice of all vehicles, improved block by block.
 
     Attributes:
         present: itineraries by vehicle number.
@@ -104,12 +104,12 @@ class Sweeping:
         solve: Solve,
         itineraries: Sequence[Itinerary],
     ) -> None:
-        """Begin with what the vehicles do now."""
+        """Start from the given itineraries."""
         self.planner, self.settings = planner, settings
         self.present = list(itineraries)
         self._solve = solve
         self._meetings = planner.meetings()
-        saving = math.fsum(self._meetings.add(i.way) for i in itineraries)
+        saving = math.fsum(self._meetings.add(i.traversals) for i in itineraries)
         self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
         self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}
 
@@ -119,7 +119,7 @@ class Sweeping:
         """Sweep until nothing improves, or for `settings.max_sweeps`.
 
         Returns:
-            (the sweeps, whether the time was up before).
+            (the sweeps, whether the deadline ended them).
         """
         sweeps: list[Sweep] = []
         idle = 0
@@ -128,77 +128,80 @@ class Sweeping:
             if sweep is None:
                 return tuple(sweeps), True
             sweeps.append(sweep)
-            idle = 0 if sweep.taken else idle + 1
+            idle = 0 if sweep.accepted else idle + 1
         return tuple(sweeps), False
 
     def _sweep(self, seed: int, ends: float, clock: Callable[[], float]) -> Sweep | None:
         began = clock()
-        planner, most = self.planner, self.settings.block_variables
+        planner, max_variables = self.planner, self.settings.block_variables
         windows = [planner.window_s(i.number) for i in self.present]
         graph = opportunity_graph(self.present, windows, planner.shares, planner.sync_window_s)
-        size = max(2, most // self.settings.options)
+        size = max(2, max_variables // self.settings.options)
         # A small fleet is one block: exchanges can tie vehicles that have no road in common yet.
         small = 0 < len(graph) <= size
         groups = [sorted(graph)] if small else blocks_of(graph, size, seed)
         solved: list[tuple[Block, list[Outcome]]] = []
         rng = np.random.default_rng(seed)
-        taken: Counter[str] = Counter()
-        # Wave by wave: later ones see what earlier ones changed.
-        for wave in _waves([groups[i] for i in rng.permutation(len(groups))], self.settings.wave):
+        accepted: Counter[str] = Counter()
+        # In batches, solved in parallel: later ones start from what earlier ones changed.
+        shuffled = [groups[i] for i in rng.permutation(len(groups))]
+        for batch in _batches(shuffled, self.settings.wave):
             left_s = ends - clock()
             if left_s < 0.05:
                 return None
-            blocks = [self._block(group, most, rng) for group in wave]
-            answers = self._ask(blocks, min(left_s, self.settings.block_deadline_s), seed)
+            blocks = [self._block(group, max_variables, rng) for group in batch]
+            answers = self._solve_blocks(blocks, min(left_s, self.settings.block_deadline_s), seed)
             for block, outcomes in zip(blocks, answers, strict=True):
-                taken.update(self._take(block, outcomes))
+                accepted.update(self._accept_best(block, outcomes))
                 solved.append((block, outcomes))
         return Sweep(
             len(solved),
             sum(block.problem.choices for block, _ in solved),
             max((block.problem.choices for block, _ in solved), default=0),
-            taken,
+            accepted,
             tuple(outcome for _, outcomes in solved for outcome in outcomes),
             self._objective_kwh,
             clock() - began,
         )
 
-    def cross(self, stops: StopsOf, seed: int, ends: float, clock: Callable[[], float]) -> int:
-        """Take over from other routes what improves the plan, exchange by exchange.
+    def adopt(
+        self, stops: StopsByVehicle, seed: int, ends: float, clock: Callable[[], float]
+    ) -> int:
+        """Adopt from other routes what improves the plan, exchange by exchange.
 
         Returns:
-            how many exchanges were taken.
+            number of exchanges adopted.
         """
-        taken = 0
+        adopted = 0
         for group in self._exchanges(stops):
             if clock() > ends:
                 break
             for number in group:
-                self._meetings.remove(self.present[number].way)
-            others = [self._other(number, stops) for number in group]
+                self._meetings.remove(self.present[number].traversals)
+            others = [self._itinerary_by(number, stops) for number in group]
             for number, other in zip(group, others, strict=True):
                 if other is not None:
-                    self._meetings.remove(other.way)
-                self._meetings.add(self.present[number].way)
+                    self._meetings.remove(other.traversals)
+                self._meetings.add(self.present[number].traversals)
             found = [other for other in others if other is not None]
             if len(found) < len(group):
                 continue
             options = {o.number: [self.present[o.number], o] for o in found}
             if 2 * len(group) > self.settings.block_variables:
-                change = self._move(found)
+                change = self._apply(found)
                 if change < -_BETTER_KWH:
                     self._objective_kwh += change
-                    taken += 1
+                    adopted += 1
                 else:
-                    self._move([of_one[0] for of_one in options.values()])
+                    self._apply([of_one[0] for of_one in options.values()])
                 continue
             block = build_block(self._names, options, self._meetings)
             left_s = max(0.05, ends - clock())
-            answers = self._ask([block], min(left_s, self.settings.block_deadline_s), seed)
-            taken += len(self._take(block, answers[0]))
-        return taken
+            answers = self._solve_blocks([block], min(left_s, self.settings.block_deadline_s), seed)
+            adopted += len(self._accept_best(block, answers[0]))
+        return adopted
 
-    def _exchanges(self, stops: StopsOf) -> list[list[int]]:
+    def _exchanges(self, stops: StopsByVehicle) -> list[list[int]]:
         """Smallest groups of vehicles among which other routes serve the same stops differently."""
         owner = {stop: i.number for i in self.present for stop in i.stops}
         graph = nx.Graph()
@@ -208,9 +211,9 @@ class Sweeping:
                 graph.add_edges_from((number, owner[stop]) for stop in stops[name])
         return sorted(sorted(group) for group in nx.connected_components(graph))
 
-    def _other(self, number: int, stops: StopsOf) -> Itinerary | None:
-        """A vehicle's itinerary by other routes, by the ways and at the time that save most with
-        those on the road; it is put there.
+    def _itinerary_by(self, number: int, stops: StopsByVehicle) -> Itinerary | None:
+        """A vehicle's itinerary by other routes, with the paths and the departure that save most
+        with the others; its passages are added to the meetings.
         """
         visits = stops[self._names[number]]
         candidates = []
@@ -221,17 +224,17 @@ class Sweeping:
                 candidates.append(best_departure(self.planner, candidate, self._meetings))
         if not candidates:
             return None
-        best = max(candidates, key=lambda c: self._meetings.gain_kwh(c.way) - c.cost_kwh)
-        self._meetings.add(best.way)
+        best = max(candidates, key=lambda c: self._meetings.gain_kwh(c.traversals) - c.cost_kwh)
+        self._meetings.add(best.traversals)
         return best
 
-    def _block(self, group: Sequence[int], most: int, rng: np.random.Generator) -> Block:
+    def _block(self, group: Sequence[int], max_variables: int, rng: np.random.Generator) -> Block:
         members = [self.present[n] for n in group]
         exchanges = best_exchanges(self.planner, members, self._meetings, 1, rng)
         exchange = [itinerary for pair in exchanges for itinerary in pair]
-        if 2 * len(group) + len(exchange) > most:
+        if 2 * len(group) + len(exchange) > max_variables:
             exchange = []
-        each = (most - len(exchange)) // len(group)
+        each = (max_variables - len(exchange)) // len(group)
         options = {
             n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
             for n in group
@@ -240,14 +243,16 @@ class Sweeping:
             options[itinerary.number].append(itinerary)
         return build_block(self._names, options, self._meetings)
 
-    def _ask(self, blocks: Sequence[Block], deadline_s: float, seed: int) -> list[list[Outcome]]:
+    def _solve_blocks(
+        self, blocks: Sequence[Block], deadline_s: float, seed: int
+    ) -> list[list[Outcome]]:
         names = self.settings.solvers
         jobs = [Job(name, block.problem, seed) for block in blocks for name in names]
         outcomes = self._solve(jobs, deadline_s)
         return [outcomes[i : i + len(names)] for i in range(0, len(outcomes), len(names))]
 
-    def _take(self, block: Block, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-        """Take the answer that improves the exact objective most; its solver, or nothing."""
+    def _accept_best(self, block: Block, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+        """Accept the answer that improves the exact objective most; its solver, or nothing."""
         best_change, best, solver = -_BETTER_KWH, None, ""
         seen = set()
         for outcome in outcomes:
@@ -256,16 +261,16 @@ class Sweeping:
                 continue
             seen.add(selected)
             chosen = block.chosen(selected)
-            change = self._move(chosen)
+            change = self._apply(chosen)
             if change < best_change:
                 best_change, best, solver = change, chosen, outcome.solver
-            self._move([block.options[i.number][0] for i in chosen])
+            self._apply([block.options[i.number][0] for i in chosen])
         if best is None:
             return ()
-        self._objective_kwh += self._move(best)
+        self._objective_kwh += self._apply(best)
         return (solver,)
 
-    def _move(self, itineraries: Sequence[Itinerary]) -> float:
+    def _apply(self, itineraries: Sequence[Itinerary]) -> float:
         """Change some vehicles' itineraries; the change of the objective, kWh."""
         change = 0.0
         for itinerary in itineraries:
@@ -273,8 +278,8 @@ class Sweeping:
             if old is itinerary:
                 continue
             change += itinerary.cost_kwh - old.cost_kwh
-            change -= self._meetings.remove(old.way)
-            change -= self._meetings.add(itinerary.way)
+            change -= self._meetings.remove(old.traversals)
+            change -= self._meetings.add(itinerary.traversals)
             self.present[itinerary.number] = itinerary
         return change
 
@@ -284,5 +289,5 @@ def _is_valid(block: Block, selected: frozenset[int]) -> bool:
     return known and not violations(block.problem, selected)
 
 
-def _waves(groups: Sequence[list[int]], size: int) -> list[Sequence[list[int]]]:
+def _batches(groups: Sequence[list[int]], size: int) -> list[Sequence[list[int]]]:
     return [groups[i : i + size] for i in range(0, len(groups), size)]

@@ -1,8 +1,8 @@
-"""What goes out: candidate plans, their physical energy, their verification and their messages."""
+"""Candidate plans: physical energy, verification and messages."""
 
 from __future__ import annotations
 
-from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, Found, Refusal
+from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, FormResult, Refusal
 from dispatcher_daemon.plans.energy import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.plans.forms import Form, attempt
 from dispatcher_daemon.plans.solver_report import solver_report
@@ -13,7 +13,7 @@ __all__ = [
     "Candidate",
     "Cycle",
     "Form",
-    "Found",
+    "FormResult",
     "Refusal",
     "RouteEnergy",
     "attempt",

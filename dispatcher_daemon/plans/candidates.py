@@ -23,7 +23,7 @@ class Candidate:
     """A verified plan set.
 
     Attributes:
-        solver: what made it.
+        solver: its name.
         objective_kwh: H_cost − H_platoon, re-evaluated.
         routes: timetables of the vehicles that drive.
         plans: of these routes, in their order.
@@ -44,9 +44,9 @@ class Candidate:
         return total(e.driven for e in self.energies)
 
     @property
-    def alone(self) -> Energy:
-        """E_physical of all routes if every vehicle drove alone."""
-        return total(e.alone for e in self.energies)
+    def undrafted(self) -> Energy:
+        """E_physical of all routes without drafting."""
+        return total(e.undrafted for e in self.energies)
 
     @property
     def platooned_m(self) -> float:
@@ -72,7 +72,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One solver's outcome and what it led to."""
+    """One solver's outcome, and its verified plans or why there are none."""
 
     outcome: Outcome
     result: Candidate | Refusal
@@ -172,24 +172,24 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class Found:
-    """What the solvers of one form came to in one cycle.
+class FormResult:
+    """Result of one form's solvers in one cycle.
 
     Attributes:
-        candidates: verified plan sets, the baseline's apart.
+        candidates: verified plan sets, without the baseline's.
         reports: of the solvers.
-        baseline: name of what made the plan without platooning.
-        alone: that plan, every vehicle alone, or what is wrong with it.
-        fallback: the same routes with the platoons that come about by chance.
+        baseline_solver: name of the solver of the plan without platooning.
+        baseline: that plan, or what is wrong with it.
+        fallback: the same routes with the platoons that form by chance.
         variables: of the largest QUBO.
         unserved: reason by stop that nobody serves.
-        stops: by vehicle, of the best routes; for the next cycle to start from.
+        stops: by vehicle, of the best routes; the next cycle's search starts from them.
     """
 
     candidates: tuple[Candidate, ...]
     reports: tuple[SolverReport, ...]
-    baseline: str
-    alone: Candidate | Refusal
+    baseline_solver: str
+    baseline: Candidate | Refusal
     fallback: Candidate | Refusal
     variables: int
     unserved: Mapping[str, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""E_physical of plans and the honest split of what was saved (paper section II-C)."""
+"""E_physical of plans, and savings split by cause (paper section II-C)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class RouteEnergy:
 
     Attributes:
         driven: with the drag reductions of its platoons.
-        alone: the same drive without any.
+        undrafted: the same drive without any.
         platooned_m: distance driven in a platoon, as leader or follower.
     """
 
     driven: Energy
-    alone: Energy
+    undrafted: Energy
     platooned_m: float
 
 
@@ -33,30 +33,30 @@ def route_energy(
 ) -> RouteEnergy:
     """Energy of a route from its speed profile; standing at stops needs none.
 
-    What is expected of a leg beyond its profile goes into changes of speed: traffic and signals
-    cost them.
+    Expected energy of a leg beyond that of its profile counts as acceleration: traffic and signals
+    cause it.
     """
     reductions = drag_reductions(route, places)
     none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
     drives = [leg.drive for leg in route.legs]
     driven = drive_energies(drives, reductions, problem.vehicle).sum()
     by_leg = drive_energies(drives, none, problem.vehicle)
-    alone = by_leg.sum()
+    undrafted = by_leg.sum()
     beyond = sum(
         leg.expected_kwh - float(profile_kwh)
         for leg, profile_kwh in zip(route.legs, by_leg.total_kwh, strict=True)
         if leg.expected_kwh is not None
     )
-    driven, alone = (
+    driven, undrafted = (
         e._replace(total_kwh=e.total_kwh + beyond, acceleration_kwh=e.acceleration_kwh + beyond)
-        for e in (driven, alone)
+        for e in (driven, undrafted)
     )
     platooned_m = sum(
         problem.network.segments[segment].length_m
         for number, position, segment, _, _ in route.entries_s()
         if (route.vehicle, number, position) in places
     )
-    return RouteEnergy(driven, alone, platooned_m)
+    return RouteEnergy(driven, undrafted, platooned_m)
 
 
 def summarise(
@@ -66,7 +66,7 @@ def summarise(
 
     The saving is split as in `slipstream.energy.split_saving`; its parts add up.
     """
-    base, ours = total(e.alone for e in baseline), total(e.alone for e in cooperative)
+    base, ours = total(e.undrafted for e in baseline), total(e.undrafted for e in cooperative)
     driven = total(e.driven for e in cooperative)
     saving = split_saving(base, ours, driven)
     return EnergySummary(

@@ -16,7 +16,7 @@ FormName = Literal["arc", "route"]
 
 
 class Form(Protocol):
-    """What solvers get, and what their selections mean on roads."""
+    """The problem that solvers get, and the plans of their selections."""
 
     @property
     def name(self) -> FormName:
@@ -52,17 +52,17 @@ class Form(Protocol):
         """The verified plans of a selection, or the rules that it breaks."""
         ...
 
-    def rivals_kwh(self) -> dict[str, float]:
-        """Objectives of plans by simpler means, by what made them."""
+    def references_kwh(self) -> dict[str, float]:
+        """Objectives of reference heuristics, by name, kWh."""
         ...
 
-    def alone(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
-        """What made the plan without platooning, and that plan."""
+    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+        """Solver of the plan without platooning, and that plan."""
         ...
 
 
 def attempt(form: Form, outcome: Outcome) -> Attempt:
-    """What an outcome leads to: each answer becomes plans, and plans are verified."""
+    """The verified plans of an outcome, or why there are none."""
     if outcome.selected is None:
         return Attempt(outcome, Refusal((outcome.reason or outcome.status,)))
     return Attempt(outcome, form.candidate(outcome.solver, outcome.selected))

@@ -1,4 +1,4 @@
-"""From timetables and platoons to the messages that vehicles get."""
+"""Timetables and platoons as messages to vehicles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the report of a cycle says of one solver."""
+"""One solver's part of a cycle's report."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def solver_report(
     """
     last = outcomes[-1]
     answered = [o for o in outcomes if o.selected is not None]
-    silent = [o.reason for o in outcomes if o.selected is None]
+    unanswered = [o.reason for o in outcomes if o.selected is None]
     samples = [o.samples for o in outcomes if o.samples is not None]
     ran = [o.execution for o in outcomes if o.execution is not None]
     best = max(ran, key=lambda e: (e.fallback is None, e.kind == "hardware"), default=None)
@@ -42,7 +42,9 @@ def solver_report(
     if blocks:
         status = "feasible" if answered else last.status
         of = f"of {len(outcomes)} blocks"
-        reason = f"{len(silent)} {of} without an answer: {silent[-1]}" if silent else None
+        reason = (
+            f"{len(unanswered)} {of} without an answer: {unanswered[-1]}" if unanswered else None
+        )
         fallback = f"{len(elsewhere)} {of}: {fallback}" if elsewhere else None
     elif answered and objective_kwh is None:
         status = "failed"

@@ -1,6 +1,6 @@
-"""Is a set of plans sound? Checked on the messages themselves, right before they leave.
+"""Verification of plans on the messages themselves, before they are published.
 
-It trusts nothing that made the plans: it knows the roads, the fleet, the open gates, the rules.
+It depends only on roads, fleet, open gates and rules, not on the code that made the plans.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ def verify_plans(
     Args:
         open_segments: segments whose gate was open in the cycle.
         sync_window_s: largest difference of entry times within a platoon.
-        unserved: stops that are said to be left out.
+        unserved: stops that are reported as unserved.
         reference_s: from the issue of the plans to the moment that the fleet's times count from.
         joined: segments that vehicles on the road pass in platoons with those of the plans.
 
     Returns:
-        What is wrong, one line each; empty if the plans may leave.
+        Faults, one line each; empty if the plans may be published.
     """
     return (
         *_fleet_faults(plans, fleet, unserved),
@@ -59,8 +59,8 @@ def _fleet_faults(
     for vehicle in fleet.vehicles:
         if count.pop(vehicle.id, 0) > 1:
             yield f"{vehicle.id}: has more than one plan"
-    for stranger in count:
-        yield f"{stranger}: not in the fleet"
+    for unknown in count:
+        yield f"{unknown}: not in the fleet"
     served = Counter(stop.stop for plan in plans for stop in plan.stops[1:-1])
     for stop in fleet.stops:
         if served[stop.id] != (0 if stop.id in unserved else 1):

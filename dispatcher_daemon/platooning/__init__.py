@@ -1,22 +1,22 @@
-"""Who drives with whom: rewards of shared segments, what a meeting saves, the platoons that exact
-times give, and vehicles of earlier cycles that are still on the road."""
+"""Platooning: rewards of shared segments, savings of meetings, platoons by exact times, and
+vehicles of earlier cycles that are still on the road."""
 
 from __future__ import annotations
 
 from dispatcher_daemon.platooning.meetings import (
     Meetings,
-    Passing,
-    Passings,
     Shares,
+    Traversal,
+    Traversals,
     clusters,
     open_shares,
-    passings,
     saving_kwh,
+    traversals,
 )
 from dispatcher_daemon.platooning.platoons import (
     Passage,
     Place,
-    Timed,
+    TimedPassage,
     drag_reductions,
     form_platoons,
     platoons_of,
@@ -26,19 +26,19 @@ from dispatcher_daemon.platooning.vehicles_on_road import (
     RoadUser,
     joined_segments,
     on_road,
-    passings_on_road,
+    traversals_on_road,
 )
 
 __all__ = [
     "JudgedPair",
     "Meetings",
     "Passage",
-    "Passing",
-    "Passings",
     "Place",
     "RoadUser",
     "Shares",
-    "Timed",
+    "TimedPassage",
+    "Traversal",
+    "Traversals",
     "clusters",
     "drag_reductions",
     "form_platoons",
@@ -46,9 +46,9 @@ __all__ = [
     "judge_pairs",
     "on_road",
     "open_shares",
-    "passings",
-    "passings_on_road",
     "platoons_of",
     "rewards",
     "saving_kwh",
+    "traversals",
+    "traversals_on_road",
 ]

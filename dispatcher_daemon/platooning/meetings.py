@@ -1,4 +1,4 @@
-"""What vehicles save together on open segments, evaluated where something changes.
+"""Savings of platoons on open segments, with incremental evaluation of changes.
 
 On a segment, a platoon of m ≥ 2 has one leader and m − 1 followers, so it saves L + (m − 1) F: the
 pairwise sum of the paper would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8).
@@ -10,16 +10,16 @@ from bisect import bisect_left, insort
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.platooning.platoons import Timed, platoons_of
+from dispatcher_daemon.platooning.platoons import TimedPassage, platoons_of
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 
-Who = tuple[int]
+VehicleNumber = tuple[int]
 """A vehicle's number in the fleet."""
-Passing = Timed[Who]
-Passings = Mapping[str, Sequence[Passing]]
+Traversal = TimedPassage[VehicleNumber]
+Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of open segments, by segment."""
 
 
@@ -45,9 +45,11 @@ def open_shares(problem: RoutingProblem, snapshot: TrafficSnapshot) -> dict[str,
     }
 
 
-def passings(number: int, route: Route, shares: Mapping[str, Shares]) -> dict[str, list[Passing]]:
+def traversals(
+    number: int, route: Route, shares: Mapping[str, Shares]
+) -> dict[str, list[Traversal]]:
     """A route's passages of open segments."""
-    found: dict[str, list[Passing]] = {}
+    found: dict[str, list[Traversal]] = {}
     for leg, visit in zip(route.legs, route.visits, strict=False):
         times = (*leg.drive.entry_s, leg.drive.duration_s)
         for position, segment in enumerate(leg.path):
@@ -59,8 +61,8 @@ def passings(number: int, route: Route, shares: Mapping[str, Shares]) -> dict[st
     return found
 
 
-def saving_kwh(passages: Sequence[Passing], shares: Shares, sync_window_s: float) -> float:
-    """What all platoons on one segment save; passages in the order of entry."""
+def saving_kwh(passages: Sequence[Traversal], shares: Shares, sync_window_s: float) -> float:
+    """Saving of all platoons on one segment, kWh; passages in the order of entry."""
     total = 0.0
     for group in platoons_of(passages, sync_window_s):
         if len(group) > 1:
@@ -69,35 +71,35 @@ def saving_kwh(passages: Sequence[Passing], shares: Shares, sync_window_s: float
 
 
 class Meetings:
-    """Who passes which open segment when; keeps the sum of all savings up to date."""
+    """Passages of open segments by all vehicles, with the sum of their platoons' savings."""
 
     def __init__(self, shares: Mapping[str, Shares], sync_window_s: float) -> None:
         """Start with empty roads."""
         self.shares, self.sync_window_s = shares, sync_window_s
-        self._on: dict[str, list[Passing]] = {}
+        self._on: dict[str, list[Traversal]] = {}
 
-    def add(self, way: Passings) -> float:
+    def add(self, traversals: Traversals) -> float:
         """Put a vehicle on the roads; the change in total savings, kWh."""
-        return self._change({}, way)
+        return self._change({}, traversals)
 
-    def remove(self, way: Passings) -> float:
+    def remove(self, traversals: Traversals) -> float:
         """Take a vehicle off; the change in total savings, kWh."""
-        return self._change(way, {})
+        return self._change(traversals, {})
 
-    def gain_kwh(self, way: Passings) -> float:
+    def gain_kwh(self, traversals: Traversals) -> float:
         """The change that `add` would make."""
         total = 0.0
-        for segment, passages in way.items():
+        for segment, passages in traversals.items():
             for near in self._near(segment, passages):
                 before = [p for p in near if p not in passages]
                 total += self._saving(segment, near) - self._saving(segment, before)
         return total
 
-    def on(self, segment: str) -> Sequence[Passing]:
+    def on(self, segment: str) -> Sequence[Traversal]:
         """Passages of a segment in the order of entry."""
         return self._on.get(segment, ())
 
-    def _change(self, off: Passings, on: Passings) -> float:
+    def _change(self, off: Traversals, on: Traversals) -> float:
         total = 0.0
         for segment in {**off, **on}:
             old, new = off.get(segment, ()), on.get(segment, ())
@@ -111,15 +113,15 @@ class Meetings:
             total += sum(self._saving(segment, near) for near in self._near(segment, around, ()))
         return total
 
-    def _saving(self, segment: str, passages: Sequence[Passing]) -> float:
+    def _saving(self, segment: str, passages: Sequence[Traversal]) -> float:
         return saving_kwh(passages, self.shares[segment], self.sync_window_s)
 
     def _near(
         self,
         segment: str,
-        around: Sequence[Passing],
-        added: Sequence[Passing] | None = None,
-    ) -> Iterator[list[Passing]]:
+        around: Sequence[Traversal],
+        added: Sequence[Traversal] | None = None,
+    ) -> Iterator[list[Traversal]]:
         """Clusters of passages that some of ``around`` fall into, ``added`` (or all of them)
         among them: what lies further apart than the window does not meet.
         """
@@ -132,7 +134,7 @@ class Meetings:
         merged = sorted([*(there[i] for i in chosen), *extra])
         yield from clusters(merged, self.sync_window_s)
 
-    def _reach(self, there: list[Passing], at: int, entry_s: float) -> Iterable[int]:
+    def _reach(self, there: list[Traversal], at: int, entry_s: float) -> Iterable[int]:
         low, edge = at, entry_s
         while low > 0 and edge - there[low - 1][0] <= self.sync_window_s:
             low -= 1
@@ -144,9 +146,9 @@ class Meetings:
         return range(low, high)
 
 
-def clusters(passages: Sequence[Passing], sync_window_s: float) -> Iterator[list[Passing]]:
+def clusters(passages: Sequence[Traversal], sync_window_s: float) -> Iterator[list[Traversal]]:
     """Split at gaps longer than the window; passages in the order of entry."""
-    cluster: list[Passing] = []
+    cluster: list[Traversal] = []
     for passage in passages:
         if cluster and passage[0] - cluster[-1][0] > sync_window_s:
             yield cluster

@@ -1,4 +1,4 @@
-"""Who drives behind whom: platoons on segments, from exact times."""
+"""Platoons on segments, from exact times."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, ETA_LEADER
 
 Passage = tuple[str, int, int]
-"""One vehicle on one segment: (vehicle, leg, position in the leg)."""
+"""A vehicle's passage of one segment: (vehicle, leg, position in the leg)."""
 
 
-Who = TypeVar("Who", bound=tuple[Any, ...])
-Timed = tuple[float, float, Who]
+Key = TypeVar("Key", bound=tuple[Any, ...])
+TimedPassage = tuple[float, float, Key]
 """(entry, leaving, passage) on one segment, s; a passage begins with its vehicle."""
 
 
@@ -32,13 +32,13 @@ def form_platoons(
     snapshot: TrafficSnapshot,
     sync_window_s: float,
     cycle: int,
-    on_road: Iterable[tuple[str, Timed[Passage]]] = (),
+    on_road: Iterable[tuple[str, TimedPassage[Passage]]] = (),
 ) -> dict[Passage, Place]:
     """Platoons of finished routes.
 
     On a segment whose gate is open, vehicles that enter within the window after the first of them
     drive as its platoon, in the order of their entries. They must also be due to leave it within
-    the window and in that order: one that starts from a stop at its beginning does not keep up.
+    the window and in that order: a vehicle that starts from a stop at its beginning falls behind.
 
     Args:
         on_road: passages of vehicles on the road, each with its segment. Platoons of theirs alone
@@ -71,7 +71,9 @@ def form_platoons(
     return places
 
 
-def platoons_of(passages: Sequence[Timed[Who]], sync_window_s: float) -> Iterator[list[Timed[Who]]]:
+def platoons_of(
+    passages: Sequence[TimedPassage[Key]], sync_window_s: float
+) -> Iterator[list[TimedPassage[Key]]]:
     """Split the passages of one segment into platoons; those of one vehicle drive alone.
 
     Args:

@@ -14,7 +14,7 @@ from slipstream.roads import Segment
 
 @dataclass(frozen=True)
 class JudgedPair:
-    """Why two arcs of two vehicles earn what they earn on one segment.
+    """The reward of two arcs of two vehicles on one segment, and the reason where it is 0.
 
     Attributes:
         segment: e.
@@ -35,7 +35,7 @@ class JudgedPair:
     reason: str | None
 
     def explain(self, arcs: Sequence[RoutedArc]) -> str:
-        """One line for people."""
+        """One line of text."""
         a, b = arcs[self.first], arcs[self.second]
         who = " and ".join(
             f"{arc.vehicle} ({arc.leg.start}→{arc.leg.end}, enters at {entry:.1f} s"
@@ -47,7 +47,7 @@ class JudgedPair:
 
 
 def pair_saving_kwh(segment: Segment, traffic: SegmentTraffic, vehicle: VehicleParameters) -> float:
-    """What a leader and a follower save on a segment together, gate and timing aside, kWh."""
+    """Saving of a leader and a follower on a segment, whatever gate and timing, kWh."""
     return sum(
         drag_saving_kwh(segment.length_m, traffic.speed_mps, eta, vehicle)
         for eta in (ETA_LEADER, ETA_FOLLOWER)
@@ -66,7 +66,7 @@ def judge_pairs(
 
     Args:
         sync_window_s: Δt_sync; the largest difference of entry times that still counts.
-        watched_only: leave out segments that no RSU has reported on, where nothing can be earned.
+        watched_only: leave out segments that no RSU has reported on, where every reward is 0.
     """
     users: dict[str, list[tuple[int, float]]] = {}
     for index, arc in enumerate(arcs):
@@ -79,12 +79,14 @@ def judge_pairs(
             for second, second_entry in users[name][position + 1 :]:
                 if arcs[first].vehicle == arcs[second].vehicle:
                     continue
-                apart = abs(first_entry - second_entry)
+                difference_s = abs(first_entry - second_entry)
                 reason = None
                 if not traffic.open:
                     reason = f"gate closed ({traffic.reason})"
-                elif apart > sync_window_s:
-                    reason = f"entry times {apart:.1f} s apart, more than {sync_window_s:g} s"
+                elif difference_s > sync_window_s:
+                    reason = (
+                        f"entry times {difference_s:.1f} s apart, more than {sync_window_s:g} s"
+                    )
                 saving = 0.0
                 if reason is None:
                     saving = pair_saving_kwh(segment, traffic, problem.vehicle)

@@ -1,4 +1,4 @@
-"""Vehicles that earlier cycles sent and that are still on their way: others can meet them."""
+"""Vehicles that follow plans of earlier cycles, as possible platoon partners."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.platooning.meetings import Passing, Passings, Shares
-from dispatcher_daemon.platooning.platoons import Passage, Place, Timed
+from dispatcher_daemon.platooning.meetings import Shares, Traversal, Traversals
+from dispatcher_daemon.platooning.platoons import Passage, Place, TimedPassage
 from slipstream.messages import PlannedSegment, VehiclePlan
 
 
@@ -16,16 +16,16 @@ class RoadUser:
     """A vehicle that drives by an earlier plan.
 
     Attributes:
-        vehicle: of the fleet, none that the cycle may send.
+        vehicle: of the fleet; the cycle does not plan it.
         now_ns: the cycle's start, UTC.
-        ahead: what it has before it, in order: passage of its plan and segment, with times in UTC.
+        ahead: remaining segments in order: passage of its plan and segment, with times in UTC.
     """
 
     vehicle: str
     now_ns: int
     ahead: tuple[tuple[Passage, PlannedSegment], ...]
 
-    def passages(self) -> Iterator[tuple[str, Timed[Passage]]]:
+    def passages(self) -> Iterator[tuple[str, TimedPassage[Passage]]]:
         """Each segment with its passage, times in s after the cycle's start."""
         for passage, planned in self.ahead:
             entry, leaving = planned.entry_ns - self.now_ns, planned.exit_ns - self.now_ns
@@ -62,15 +62,15 @@ def on_road(
     return tuple(users)
 
 
-def passings_on_road(users: Sequence[RoadUser], shares: Mapping[str, Shares]) -> list[Passings]:
-    """Their passages of open segments; numbers below 0 stand for them, as the fleet's are above."""
-    found: list[Passings] = []
+def traversals_on_road(users: Sequence[RoadUser], shares: Mapping[str, Shares]) -> list[Traversals]:
+    """Their passages of open segments, under negative vehicle numbers; the fleet's are ≥ 0."""
+    found: list[Traversals] = []
     for number, user in enumerate(users, 1):
-        way: dict[str, list[Passing]] = {}
+        traversals: dict[str, list[Traversal]] = {}
         for segment, (entry, leaving, _) in user.passages():
             if segment in shares:
-                way.setdefault(segment, []).append((entry, leaving, (-number,)))
-        found.append(way)
+                traversals.setdefault(segment, []).append((entry, leaving, (-number,)))
+        found.append(traversals)
     return found
 
 

@@ -1,5 +1,4 @@
-"""By which ways: what a segment and a turn cost, least-energy ways between the fleet's places, and
-the times of a vehicle that drives them."""
+"""Costs of segments and turns, least-energy paths between the fleet's places, and timetables."""
 
 from __future__ import annotations
 

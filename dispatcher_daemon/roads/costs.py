@@ -1,4 +1,4 @@
-"""Travel costs c_ij over segments (paper section III-C), with an answer for turbulent traffic."""
+"""Travel costs c_ij over segments (paper section III-C), turbulent traffic included."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slipstream.roads import Segment
 def expected_traction_n(mean_n: float, std_n: float) -> float:
     """E[max(0, X)] for X ~ N(mean, std²): μΦ(μ/σ) + σφ(μ/σ).
 
-    Braking gives nothing back, so the mean of the positive part counts, not the part of the mean.
+    Braking recovers no energy, so the mean of the positive part counts, not the part of the mean.
     """
     if std_n <= 0:
         return max(0.0, mean_n)
@@ -28,14 +28,14 @@ def segment_cost_kwh(
     """Energy that a vehicle alone is expected to need for a segment, kWh, > 0.
 
     Where traffic is not known to be turbulent, the vehicle holds the planning speed: the paper's
-    c_ij with a = 0. A mean acceleration seen in a camera's short view is not one that a whole
-    segment can have, and its noise of some cm/s² would outweigh drag.
+    c_ij with a = 0. A mean acceleration in a camera's short view does not hold for a whole segment,
+    and its noise of some cm/s² would exceed drag.
 
-    In turbulent traffic the vehicle is carried along, with a ~ N(ā, σ²_a), and the expected
-    tractive force is paid. There |ā| is limited to v²_limit/2d, the most that speeds between
-    standstill and the limit allow over the segment's length d.
+    In turbulent traffic the vehicle follows the traffic, with a ~ N(ā, σ²_a), and the cost is that
+    of the expected tractive force. There |ā| is limited to v²_limit/2d, the maximum for
+    speeds between standstill and the limit over the segment's length d.
 
-    Expected stops come on top of either, each with the kinetic energy of the planning speed.
+    Expected stops are added to either, each with the kinetic energy of the planning speed.
     """
     speed = traffic.speed_mps
     stops_kwh = traffic.stops * stop_energy_kwh(speed, vehicle)

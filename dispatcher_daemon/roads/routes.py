@@ -14,13 +14,13 @@ from slipstream.drive import Drive
 
 @dataclass(frozen=True)
 class Leg:
-    """The way between two places (stops or the depot).
+    """The path between two places (stops or the depot).
 
     Attributes:
         path: segments.
-        cost_kwh: what the search counts for it: expected energy, and time by what it is worth.
+        cost_kwh: its cost in the search: expected energy, and travel time by its value.
         drive: speed profile and times.
-        expected_kwh: expected energy where more is known than the drive shows; None: nothing is.
+        expected_kwh: expected energy from observed movements; None: that of the drive.
     """
 
     start: str
@@ -33,11 +33,11 @@ class Leg:
 
 @dataclass(frozen=True)
 class RoutedArc:
-    """A candidate arc with its way and its predicted times.
+    """A candidate arc with its path and its predicted times.
 
     Attributes:
         vehicle: k.
-        leg: the way from i to j.
+        leg: the path from i to j.
         depart_s: predicted departure from i, s after the cycle's reference time.
         exact: True if no choice of route can change that departure.
     """
@@ -98,7 +98,7 @@ def candidate_arcs(
 
     The departure from a stop depends on the stops before it, which are not chosen yet (FINDINGS,
     "The paper", 2). The earliest one is predicted; it is exact for arcs from the depot and wherever
-    a stop has only one possible predecessor all the way.
+    every stop before it has only one possible predecessor.
 
     Args:
         reference_s: when a vehicle that is ready at once leaves the depot.
@@ -151,8 +151,8 @@ def _earliest_departures(
     return {place: (time, is_exact(place)) for place, time in earliest.items()}
 
 
-def still_leg(start: str, end: str) -> Leg:
-    """The way between two places at one junction."""
+def empty_leg(start: str, end: str) -> Leg:
+    """The leg between two places at one junction: no segment, no time."""
     return Leg(start, end, (), 0.0, Drive((0.0,), (0.0,), (), 0.0))
 
 

@@ -1,8 +1,7 @@
-"""Ways between all places of a fleet: energy and time of each, and the leg itself when asked for.
+"""Least-cost paths between all places of a fleet.
 
-A city has a million pairs of places and drives a thousand of them. So energies and times of all
-pairs come from one search over the segments, in arrays; a leg with its path and its drive is made
-when somebody wants it.
+Energies and times of all pairs come from one search over the segments, in arrays. A city has a
+million pairs and drives a thousand of them, so a leg with its path and drive is computed on demand.
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.costs import segment_cost_kwh
-from dispatcher_daemon.roads.routes import Leg, still_leg
+from dispatcher_daemon.roads.routes import Leg, empty_leg
 from dispatcher_daemon.roads.turns import Basis, objective
-from dispatcher_daemon.roads.weights import Floats, Ints, Weights, cheapest_ways
+from dispatcher_daemon.roads.weights import Floats, Ints, Weights, k_shortest_paths
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.drive import DrivingStyle, plan_drive
 
@@ -36,10 +35,10 @@ class Roads:
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
         turn: pairs of segments (from, onto), shape (2, t).
-        energy: expected energy of ways, kWh.
+        energy: expected energy of paths, kWh.
         time: their durations, to about a second, s.
-        objective: what ways are searched by, as the problem wants it, kWh or what counts as one.
-        waiting_s: how long vehicles are held up before each turn, shape (t,); None: not known.
+        objective: cost that the search minimises, by the problem's `search`, kWh.
+        waiting_s: expected delay before each turn, s, shape (t,); None: not known.
         index: position by id.
         leaving: positions of the segments that leave a junction, by junction; so `entering`.
     """
@@ -58,13 +57,13 @@ class Roads:
     entering: Mapping[str, list[int]] = field(repr=False)
 
     @cached_property
-    def number(self) -> dict[tuple[int, int], int]:
+    def turn_number(self) -> dict[tuple[int, int], int]:
         """Numbers of the turns, by (from, onto)."""
         return {(a, b): i for i, (a, b) in enumerate(self.turn.T.tolist())}
 
     @cached_property
-    def before(self) -> list[tuple[Ints, Ints]]:
-        """For the first turn onto each segment, the second one ...: where they come from and their
+    def predecessors(self) -> list[tuple[Ints, Ints]]:
+        """For the first turn onto each segment, the second one ...: origin segments and turn
         numbers, shape (m,) each; -1 and 0 where a segment has no more.
         """
         m, count = len(self.ids), self.turn.shape[1]
@@ -80,9 +79,9 @@ class Roads:
             found.append((origin, number))
         return found
 
-    def parts(self, weights: Weights, way: Sequence[int]) -> float:
-        """Cost of a way over these segments."""
-        return weights.along(way, [self.number[pair] for pair in pairwise(way)])
+    def cost(self, weights: Weights, path: Sequence[int]) -> float:
+        """Cost of a path over these segments."""
+        return weights.along(path, [self.turn_number[pair] for pair in pairwise(path)])
 
 
 def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
@@ -121,13 +120,13 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
 
 
 class Travel:
-    """Least-cost ways between the places of a fleet.
+    """Least-cost paths between the places of a fleet.
 
     Attributes:
         places: depots and stops.
         row: place → row and column in the matrices.
-        energy_kwh: of the way from place i to place j, inf where there is none, shape (n, n).
-        searched_kwh: the same with the discounts that the search was given, shape (n, n).
+        energy_kwh: of the path from place i to place j, inf where there is none, shape (n, n).
+        search_cost_kwh: the same with the discounts that the search was given, shape (n, n).
         duration_s: of its drive, to about a second, shape (n, n).
     """
 
@@ -138,7 +137,7 @@ class Travel:
 
         Args:
             discount_kwh: taken off each segment's cost in the search, shape (m,); energies stay
-                those of the way that is found. At least 1 % of a cost is left.
+                those of the path that is found. At least 1 % of a cost is left.
         """
         self._problem, self.roads = problem, roads
         fleet = problem.fleet
@@ -152,14 +151,14 @@ class Travel:
             searched = searched.discounted(discount_kwh, roads.turn)
         self._before, self._last = self._search(searched)
         pairs = np.ix_(self._node_of, self._node_of)
-        self.searched_kwh, self.energy_kwh, self.duration_s = (
-            values[pairs] for values in self._along_ways(searched)
+        self.search_cost_kwh, self.energy_kwh, self.duration_s = (
+            values[pairs] for values in self._along_paths(searched)
         )
         self._legs: dict[tuple[int, int], Leg | None] = {}
-        self._ways: dict[tuple[int, int, int], list[list[int]]] = {}
+        self._paths: dict[tuple[int, int, int], list[list[int]]] = {}
 
     def _search(self, cost: Weights) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        """(predecessors, shape (nodes, m); last segment of each way, shape (nodes, nodes))."""
+        """(predecessors, shape (nodes, m); last segment of each path, shape (nodes, nodes))."""
         roads = self.roads
         m, n = len(roads.ids), len(self._nodes)
         out = [roads.leaving[node] for node in self._nodes]
@@ -184,43 +183,43 @@ class Travel:
         np.fill_diagonal(last, -1)
         return before[:, :m], last
 
-    def _along_ways(self, searched: Weights) -> tuple[Floats, ...]:
-        """Searched cost, energy and duration between nodes, summed along the ways found, shape
+    def _along_paths(self, searched: Weights) -> tuple[Floats, ...]:
+        """Searched cost, energy and duration between nodes, summed along the paths found, shape
         (n, n) each.
         """
         roads = self.roads
         m, n = len(roads.ids), len(self._nodes)
-        # One more segment, m, stands for the start: it costs nothing and comes before itself.
+        # One more segment, m, stands for the start: it costs nothing and precedes itself.
         before = np.where((self._before < 0) | (self._before >= m), m, self._before)
         before = np.hstack([before, np.full((n, 1), m)]).astype(np.int64)
         turn = np.zeros((n, m), dtype=np.int64)
-        for origin, number in roads.before:
+        for origin, number in roads.predecessors:
             turn = np.where(before[:, :m] == origin, number, turn)
         kinds = (searched, roads.energy, roads.time)
         sums = [
             np.hstack(
-                [np.where(before[:, :m] == m, w.begin, _taken(w.turn, turn)), np.zeros((n, 1))]
+                [np.where(before[:, :m] == m, w.begin, _values_at(w.turn, turn)), np.zeros((n, 1))]
             )
             for w in kinds
         ]
-        # Each round doubles how much of a way its last segment stands for.
+        # Each round doubles how much of a path its last segment stands for.
         while (before != m).any():
             for values in sums:
                 values += np.take_along_axis(values, before, axis=1)
             before = np.take_along_axis(before, before, axis=1)
         rows = np.arange(n)[:, None]
-        ways = self._last >= 0
-        last = np.where(ways, self._last, m)
+        paths = self._last >= 0
+        last = np.where(paths, self._last, m)
         found = []
         for values, w in zip(sums, kinds, strict=True):
             total = values[rows, last] + np.append(w.finish, 0.0)[last]
-            total[~ways] = np.inf
+            total[~paths] = np.inf
             np.fill_diagonal(total, 0.0)
             found.append(total)
         return tuple(found)
 
     def leg(self, start: str, end: str) -> Leg | None:
-        """The way between two places; None if there is none."""
+        """The path between two places; None if there is none."""
         pair = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
         if pair not in self._legs:
             self._legs[pair] = self._make(*pair, start, end)
@@ -229,63 +228,63 @@ class Travel:
             return known
         return replace(known, start=start, end=end)
 
-    def ways(self, start: str, end: str, most: int) -> list[Leg]:
-        """The cheapest ways between two places without a loop, at most so many (Yen, 1971).
+    def paths(self, start: str, end: str, max_paths: int) -> list[Leg]:
+        """The k cheapest loopless paths between two places, k = ``max_paths`` (Yen, 1971).
 
         Each takes tens of milliseconds on a city's network.
         """
         i, j = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
-        key = i, j, most
-        if key not in self._ways:
+        key = i, j, max_paths
+        if key not in self._paths:
             roads, nodes = self.roads, self._nodes
             ends = roads.leaving[nodes[i]], roads.entering[nodes[j]]
             reached = self._last[i, j] >= 0
-            self._ways[key] = (
-                cheapest_ways(roads.turn, roads.objective, *ends, most) if reached else []
+            self._paths[key] = (
+                k_shortest_paths(roads.turn, roads.objective, *ends, max_paths) if reached else []
             )
         style = self._problem.style
-        return [leg_along(self.roads, way, start, end, style) for way in self._ways[key]]
+        return [leg_along(self.roads, path, start, end, style) for path in self._paths[key]]
 
     def _make(self, i: int, j: int, start: str, end: str) -> Leg | None:
         if i == j:
-            return still_leg(start, end)
+            return empty_leg(start, end)
         if self._last[i, j] < 0:
             return None
-        way = [int(self._last[i, j])]
-        while self._before[i, way[-1]] < len(self.roads.ids):
-            way.append(int(self._before[i, way[-1]]))
-        return leg_along(self.roads, way[::-1], start, end, self._problem.style)
+        path = [int(self._last[i, j])]
+        while self._before[i, path[-1]] < len(self.roads.ids):
+            path.append(int(self._before[i, path[-1]]))
+        return leg_along(self.roads, path[::-1], start, end, self._problem.style)
 
 
 def least_energy_legs(
     problem: RoutingProblem, snapshot: TrafficSnapshot
 ) -> dict[tuple[str, str], Leg]:
-    """Least-energy way of every candidate arc, by (from, to); pairs without a way are left out."""
+    """Least-energy path of every candidate arc, by (from, to), except pairs without a path."""
     travel, fleet = Travel(problem, roads_of(problem, snapshot)), problem.fleet
     wanted = sorted({pair for vehicle in fleet.vehicles for pair in fleet.legs(vehicle)})
     legs = {pair: travel.leg(*pair) for pair in wanted}
     return {pair: leg for pair, leg in legs.items() if leg is not None}
 
 
-def leg_along(roads: Roads, way: Sequence[int], start: str, end: str, style: DrivingStyle) -> Leg:
+def leg_along(roads: Roads, path: Sequence[int], start: str, end: str, style: DrivingStyle) -> Leg:
     """The leg along given segments (indices into ``roads.ids``)."""
-    rows = np.array(way)
+    rows = np.array(path)
     drive = plan_drive(roads.length_m[rows].tolist(), roads.speed_mps[rows].tolist(), style)
     expected_kwh = None
     if roads.waiting_s is not None:
-        expected_kwh = roads.parts(roads.energy, way)
-        turns_taken = [roads.number[pair] for pair in pairwise(way)]
+        expected_kwh = roads.cost(roads.energy, path)
+        turns_taken = [roads.turn_number[pair] for pair in pairwise(path)]
         drive = drive.delayed([*roads.waiting_s[turns_taken].tolist(), 0.0])
     return Leg(
         start,
         end,
-        tuple(roads.ids[i] for i in way),
-        roads.parts(roads.objective, way),
+        tuple(roads.ids[i] for i in path),
+        roads.cost(roads.objective, path),
         drive,
         expected_kwh,
     )
 
 
-def _taken(values: Floats, at: Ints) -> Floats:
-    """Values at places; where there are none, zeros: nobody turns in a network without turns."""
+def _values_at(values: Floats, at: Ints) -> Floats:
+    """Values at indices; zeros where there are no values, as in a network without turns."""
     return values[at] if len(values) else np.zeros(at.shape)

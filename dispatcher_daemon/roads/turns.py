@@ -1,4 +1,4 @@
-"""Energy and time of turns: of the segments they join, or as history has seen them."""
+"""Energy and time of turns, from the segments they join or from observed movements."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dispatcher_daemon.roads.weights import LEAST, Floats, Ints, Weights
+from dispatcher_daemon.roads.weights import MIN_COST, Floats, Ints, Weights
 from dispatcher_daemon.traffic import Expectations
 from slipstream.drive import DrivingStyle
 from slipstream.energy import VehicleParameters, stop_energy_kwh
@@ -50,17 +50,17 @@ class Basis:
         loss = np.array([expected.loss_kwh.get(pair, np.nan) for pair in pairs])
         loss = np.where(np.isnan(loss), self.cost_kwh[origin], loss)
         seconds = np.array([expected.seconds.get(pair, 0.0) for pair in pairs])
-        # Nobody is faster than the planning speeds allow.
+        # No movement is faster than the planning speeds allow.
         unhindered_s = free_s[origin] + change_s
         waiting_s = np.maximum(seconds - unhindered_s, 0.0)
         stop_kwh = np.array([stop_energy_kwh(v, vehicle) for v in speed])
         return (
-            Weights(loss, np.full(len(speed), LEAST), self.cost_kwh + stop_kwh, behind=True),
+            Weights(loss, np.full(len(speed), MIN_COST), self.cost_kwh + stop_kwh, on_exit=True),
             Weights(
                 unhindered_s + waiting_s,
-                np.maximum(begin_s, LEAST),
+                np.maximum(begin_s, MIN_COST),
                 free_s + finish_s,
-                behind=True,
+                on_exit=True,
             ),
             waiting_s,
         )
@@ -69,9 +69,9 @@ class Basis:
 def objective(
     energy: Weights, time: Weights, search: Literal["energy", "time"], value_of_time_kw: float
 ) -> Weights:
-    """What a search is to make small, kWh: energy and the worth of time, or time at 1 kW."""
+    """The cost that a search minimises, kWh: energy and the value of time, or time at 1 kW."""
     if search == "time":
-        nothing = Weights(0.0 * time.turn, 0.0 * time.begin, 0.0 * time.finish, time.behind)
+        nothing = Weights(0.0 * time.turn, 0.0 * time.begin, 0.0 * time.finish, time.on_exit)
         return nothing.plus(time, 1.0 / _S_PER_H)
     return energy if value_of_time_kw == 0 else energy.plus(time, value_of_time_kw / _S_PER_H)
 

@@ -1,4 +1,4 @@
-"""What ways over segments cost, put together from their turns."""
+"""Costs of paths over segments, as sums over their turns."""
 
 from __future__ import annotations
 
@@ -13,35 +13,36 @@ from scipy.sparse.csgraph import yen
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-LEAST = 1e-12
-"""No part of a way costs less: to the searches, 0 would be no way."""
+MIN_COST = 1e-12
+"""Lower bound of each part of a path; sparse graphs have no edges of cost 0."""
 _MIN_SHARE = 0.01
 
 
 @dataclass(frozen=True)
 class Weights:
-    """A way over segments a, b, c costs begin[a] + turn[a → b] + turn[b → c] + finish[c].
+    """A path over segments a, b, c costs begin[a] + turn[a → b] + turn[b → c] + finish[c].
 
     Attributes:
         turn: of each turn, > 0, shape (t,).
-        begin: of each segment as the first one of a way, > 0, shape (m,).
+        begin: of each segment as the first one of a path, > 0, shape (m,).
         finish: of each segment as the last one, ≥ 0, shape (m,).
-        behind: whether a turn pays for the segment that is left by it, and the finish for the last
-            one; if not, it pays for the one that is driven onto, and the begin for the first one.
+        on_exit: True if a segment's cost is part of the turn that leaves it, and of the finish for
+            the last one; False if it is part of the turn that enters it, and of the begin for the
+            first one.
     """
 
     turn: Floats
     begin: Floats
     finish: Floats
-    behind: bool = False
+    on_exit: bool = False
 
     def plus(self, other: Weights, times: float) -> Weights:
-        """The sum of this and so many times another one of the same kind."""
+        """The sum of this and ``times`` another one with the same `on_exit`."""
         return Weights(
             self.turn + times * other.turn,
             self.begin + times * other.begin,
             self.finish + times * other.finish,
-            self.behind,
+            self.on_exit,
         )
 
     def discounted(self, discount: Floats, pairs: Ints) -> Weights:
@@ -50,51 +51,52 @@ class Weights:
         Args:
             pairs: segments of each turn (from, onto), shape (2, t).
         """
-        if self.behind:
-            turn = _less(self.turn, discount[pairs[0]])
-            return Weights(turn, self.begin, _less(self.finish, discount), True)
-        turn = _less(self.turn, discount[pairs[1]])
-        return Weights(turn, _less(self.begin, discount), self.finish)
+        if self.on_exit:
+            turn = _discounted(self.turn, discount[pairs[0]])
+            return Weights(turn, self.begin, _discounted(self.finish, discount), True)
+        turn = _discounted(self.turn, discount[pairs[1]])
+        return Weights(turn, _discounted(self.begin, discount), self.finish)
 
-    def along(self, way: Sequence[int], turns: Sequence[int]) -> float:
-        """Cost of one way.
+    def along(self, path: Sequence[int], turns: Sequence[int]) -> float:
+        """Cost of one path.
 
         Args:
-            way: its segments, at least one.
+            path: its segments, at least one.
             turns: numbers of the turns between them.
         """
-        parts = np.concatenate([self.begin[[way[0]]], self.turn[list(turns)]])
-        return float(parts.sum() + self.finish[way[-1]])
+        parts = np.concatenate([self.begin[[path[0]]], self.turn[list(turns)]])
+        return float(parts.sum() + self.finish[path[-1]])
 
 
-def _less(cost: Floats, discount: Floats) -> Floats:
+def _discounted(cost: Floats, discount: Floats) -> Floats:
     return np.asarray(np.maximum(cost - discount, _MIN_SHARE * cost))
 
 
-def cheapest_ways(
-    pairs: Ints, weights: Weights, first: Sequence[int], last: Sequence[int], most: int
+def k_shortest_paths(
+    pairs: Ints, weights: Weights, first: Sequence[int], last: Sequence[int], max_paths: int
 ) -> list[list[int]]:
-    """The cheapest ways without a loop from some segments to others, at most so many (Yen, 1971).
+    """The k cheapest loopless paths between two sets of segments, k = ``max_paths`` (Yen, 1971).
 
     Args:
         pairs: segments of each turn (from, onto), shape (2, t).
-        first: segments that a way may begin with.
+        first: segments that a path may begin with.
         last: segments that it may end with.
+        max_paths: k.
     """
     m = len(weights.begin)
     # Segments, then the start and the end, which may cost nothing: 0 would be no edge.
     rows = np.concatenate([pairs[0], np.full(len(first), m), last])
     columns = np.concatenate([pairs[1], first, np.full(len(last), m + 1)])
-    ends = np.maximum(weights.finish[last], LEAST)
+    ends = np.maximum(weights.finish[last], MIN_COST)
     cost = np.concatenate([weights.turn, weights.begin[first], ends])
     graph = csr_array((cost, (rows, columns)), shape=(m + 2, m + 2))
-    # It takes 32-bit indices only.
+    # scipy's yen takes 32-bit indices only.
     graph.indices, graph.indptr = graph.indices.astype(np.int32), graph.indptr.astype(np.int32)
-    _, before = yen(graph, m, m + 1, most, return_predecessors=True)
+    _, before = yen(graph, m, m + 1, max_paths, return_predecessors=True)
     found = []
     for row in before:
-        way = [int(row[m + 1])]
-        while row[way[-1]] != m:
-            way.append(int(row[way[-1]]))
-        found.append(way[::-1])
+        path = [int(row[m + 1])]
+        while row[path[-1]] != m:
+            path.append(int(row[path[-1]]))
+        found.append(path[::-1])
     return found

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dispatcher_daemon.platooning import Timed, platoons_of
+from dispatcher_daemon.platooning import TimedPassage, platoons_of
 from dispatcher_daemon.roads import segment_cost_kwh
 from dispatcher_daemon.traffic import SegmentTraffic
 from simulation.closed_loop.gates import is_turbulent
@@ -152,9 +152,9 @@ def turbulence_kwh(
     return segment_cost_kwh(road, traffic) - steady_energy_kwh(road.length_m, speed)
 
 
-def _entries(legs: Sequence[RecordedLeg]) -> dict[str, list[Timed[Passage]]]:
+def _entries(legs: Sequence[RecordedLeg]) -> dict[str, list[TimedPassage[Passage]]]:
     """Passages of each segment in the order of entry."""
-    entries: dict[str, list[Timed[Passage]]] = {}
+    entries: dict[str, list[TimedPassage[Passage]]] = {}
     for index, leg in enumerate(legs):
         times = (leg.due_s + s for s in (*leg.drive.entry_s, leg.drive.duration_s))
         for position, (segment, (entry, leaving)) in enumerate(

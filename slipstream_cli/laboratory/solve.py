@@ -141,7 +141,7 @@ def _solve(options: argparse.Namespace) -> int:
         written=options.write,
         rewards=[(pair, form.arcs) for pair in form.judged] if options.explain else None,
         known=known,
-        rivals_kwh=form.rivals_kwh(),
+        references_kwh=form.references_kwh(),
         problem=form.problem,
     )
     if names:
@@ -174,9 +174,9 @@ def _run_solvers(
     solvers = make_solvers(names, options)
     for solver in solvers:
         solver.warm_up()  # says what is not installed before anything takes time
-    name, alone = form.alone(solve_here([ExactSolver()]), options.deadline)
-    if isinstance(alone, Candidate):
-        report.baseline, report.alone = f"{name}, without platooning", alone
+    name, baseline = form.baseline(solve_here([ExactSolver()]), options.deadline)
+    if isinstance(baseline, Candidate):
+        report.baseline_name, report.baseline = f"{name}, without platooning", baseline
     solve = solve_here(solvers)
     for solver in solvers:
         (outcome,) = solve([Job(solver.name, form.problem, options.seed)], options.deadline)

@@ -31,10 +31,10 @@ class Report:
         written: model file.
         rewards: judged pairs and the arcs that they point to; None if not asked for.
         known: the published optimum of the same problem.
-        rivals_kwh: objectives of simpler plans, by what made them.
+        references_kwh: objectives of reference heuristics, by name.
         problem: what solvers minimised.
-        baseline: what made the plan without platooning; None if there is none.
-        alone: that plan.
+        baseline_name: of the plan without platooning; None if there is none.
+        baseline: that plan.
         attempts: outcomes and plans, by solver.
         quantum: by solver, of those that ran a circuit; see `quantum_record`.
         missed: by solver, rewards counted for platoons that do not come about; None: there are
@@ -53,19 +53,19 @@ class Report:
     written: Path | None
     rewards: Sequence[tuple[JudgedPair, Sequence[RoutedArc]]] | None
     known: Optimum | None
-    rivals_kwh: Mapping[str, float]
+    references_kwh: Mapping[str, float]
     problem: Problem
-    baseline: str | None = None
-    alone: Candidate | None = None
+    baseline_name: str | None = None
+    baseline: Candidate | None = None
     attempts: list[Attempt] = field(default_factory=list)
 
     def saving(self, plan: Candidate) -> Saving | None:
-        """What a plan saves against the plan without platooning, every vehicle alone."""
+        """Saving of a plan against the baseline, the plan without platooning."""
         from slipstream.energy import split_saving
 
-        if self.alone is None:
+        if self.baseline is None:
             return None
-        return split_saving(self.alone.alone, plan.alone, plan.driven)
+        return split_saving(self.baseline.undrafted, plan.undrafted, plan.driven)
 
     def model_kwh(self, tried: Attempt) -> float | None:
         """What the solver minimised, of an answer that became plans.
@@ -98,8 +98,8 @@ def as_json(report: Report) -> dict[str, Any]:
         "written": None if report.written is None else str(report.written),
         "known_optimum_kwh": None if known is None else known.objective_kwh,
         "known_optimum_proven": known is not None and known.proven,
-        "rivals_kwh": dict(report.rivals_kwh),
-        "baseline": report.baseline,
+        "rivals_kwh": dict(report.references_kwh),
+        "baseline": report.baseline_name,
         "solvers": [
             _attempt_as_json(report, tried) | report.quantum.get(tried.outcome.solver, {})
             for tried in report.attempts
@@ -193,7 +193,7 @@ def _lines(report: Report) -> Iterator[str]:
     if report.known is not None:
         proven = "proven" if report.known.proven else "not proven"
         yield f"known optimum: {report.known.objective_kwh:.6f} kWh ({proven})"
-    for name, value in report.rivals_kwh.items():
+    for name, value in report.references_kwh.items():
         yield f"{name}: {value:.6f} kWh"
     for stop, reason in report.unserved.items():
         yield f"not served: {stop}: {reason}"
@@ -253,7 +253,7 @@ def _attempt_lines(report: Report, tried: Attempt) -> Iterator[str]:
         base = e.total_kwh + s.total_kwh
         share = 100 * s.total_kwh / base if base > 0 else 0.0
         yield (
-            f"  saving {s.total_kwh:.5f} kWh ({share:.2f} %) against {report.baseline}: "
+            f"  saving {s.total_kwh:.5f} kWh ({share:.2f} %) against {report.baseline_name}: "
             f"distance {s.distance_kwh:.5f}, drag {s.drag_kwh:.5f}, "
             f"acceleration {s.acceleration_kwh:.5f}; {plan.platooned_m:.0f} m in platoons"
         )

@@ -23,12 +23,12 @@ SHORT = SearchSettings(rounds=2, iterations_per_stop=20, workers=1, time_limit_s
 class Broken(Executor):
     """Fails all jobs, either at once or when they are asked for."""
 
-    def __init__(self, *, at_once: bool) -> None:
-        self._at_once = at_once
+    def __init__(self, *, on_submit: bool) -> None:
+        self._on_submit = on_submit
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         """No job is done."""
-        if self._at_once:
+        if self._on_submit:
             raise RuntimeError("no workers")
         future: Future[Any] = Future()
         future.set_exception(OSError("killed"))
@@ -123,7 +123,7 @@ def test_a_tiny_fleet_gets_its_optimum(town: Town, seed: int) -> None:
     ]
     made = town(stops, vans, ("00", "30"), seed=seed)
     found = routed(made)
-    assert found.left == ()
+    assert found.unassigned == ()
     assert served(found) == sorted(stop["id"] for stop in stops)
     assert cost_kwh(made, found.stops) == pytest.approx(best_by_trying_all(made), abs=1e-5)
 
@@ -142,7 +142,7 @@ def test_every_load_and_window_of_a_city_is_kept() -> None:
     made = city.problem, city.snapshot
     short = SHORT.model_copy(update={"part_stops": 10})
     found = routed(made, short)
-    assert found.left == ()
+    assert found.unassigned == ()
     assert not found.timed_out
     assert served(found) == sorted(stop.id for stop in city.problem.fleet.stops)
     first = routed(made, short.model_copy(update={"rounds": 0}))
@@ -154,7 +154,7 @@ def test_tight_capacities_are_met_by_one_more_van(town: Town) -> None:
     """Four parcels at one corner, vans that take three: one van would be cheaper, but too full."""
     made = town([parcel(f"p{i}", "33") for i in range(4)], [{"capacity": 3}] * 2)
     found = routed(made)
-    assert found.left == ()
+    assert found.unassigned == ()
     assert cost_kwh(made, found.stops) < float("inf")
     assert sorted(map(len, found.stops.values())) in ([1, 3], [2, 2])
 
@@ -166,8 +166,8 @@ def test_what_is_too_much_stays_behind_and_nothing_else(town: Town) -> None:
         [{"capacity": 3}],
     )
     found = routed(made)
-    assert len(found.left) == 2
-    assert sorted([*served(found), *found.left]) == ["p0", "p1", "p2", "p3", "p4"]
+    assert len(found.unassigned) == 2
+    assert sorted([*served(found), *found.unassigned]) == ["p0", "p1", "p2", "p3", "p4"]
     assert cost_kwh(made, found.stops) < float("inf")
 
 
@@ -175,11 +175,11 @@ def test_windows_that_clash_leave_one_stop_out(town: Town) -> None:
     """Three far corners that close before one van can be at two of them: one is served."""
     stops = [parcel(f"p{i}", node, latest_s=130.0) for i, node in enumerate(("33", "30", "03"))]
     made = town([*stops, parcel("any", "11")], [{}])
-    alone = [routed(town([stop], [{}])).left for stop in stops]
+    alone = [routed(town([stop], [{}])).unassigned for stop in stops]
     found = routed(made)
     assert () in alone
     assert "any" in served(found)
-    assert len(found.left) == 2
+    assert len(found.unassigned) == 2
     assert cost_kwh(made, found.stops) < float("inf")
 
 
@@ -191,7 +191,7 @@ def test_pieces_of_a_network_are_served_from_their_own_depot(town: Town) -> None
     vans = [{"depot": "depot-0", "capacity": 9}, {"depot": "depot-1", "capacity": 9}]
     made = town(stops, vans, ("00", "q"))
     found = routed(made)
-    assert found.left == ()
+    assert found.unassigned == ()
     assert found.stops["van-0"] == ("a",)
     assert sorted(found.stops["van-1"]) == ["b", "c"]
     heavy = [parcel("a", "33"), *({**stop, "demand": 5} for stop in stops[1:])]
@@ -199,7 +199,7 @@ def test_pieces_of_a_network_are_served_from_their_own_depot(town: Town) -> None
     found = routed(small)
     assert cost_kwh(small, found.stops) < float("inf")
     assert found.stops["van-0"] == ("a",)
-    assert len(found.left) == 1
+    assert len(found.unassigned) == 1
 
 
 def test_a_vehicle_whose_first_stop_is_not_asked_for_stays_idle(town: Town) -> None:
@@ -211,23 +211,23 @@ def test_a_vehicle_whose_first_stop_is_not_asked_for_stays_idle(town: Town) -> N
         assert found.stops == {"van-0": (), "van-1": ("near",)}
         alone = town(stops, [{"first_stop": "far"}])
         found = base_routes(alone[0], travel_of(alone), ["near"], SHORT, thread, 1)
-        assert (found.stops, found.left) == ({"van-0": ()}, ("near",))
+        assert (found.stops, found.unassigned) == ({"van-0": ()}, ("near",))
         found = base_routes(made[0], travel_of(made), [], SHORT, thread, 1)
-        assert (found.stops, found.left) == ({"van-0": (), "van-1": ()}, ())
+        assert (found.stops, found.unassigned) == ({"van-0": (), "van-1": ()}, ())
 
 
-@pytest.mark.parametrize("at_once", [True, False])
+@pytest.mark.parametrize("on_submit", [True, False])
 def test_workers_that_die_cost_rounds_and_no_more(
-    town: Town, at_once: bool, caplog: pytest.LogCaptureFixture
+    town: Town, on_submit: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     """With every part failing, the first routes stand, and the log says why."""
     made = town(
         [parcel(f"p{i}", n) for i, n in enumerate(("33", "03", "30", "22"))], [{"capacity": 2}] * 2
     )
-    found = routed(made, executor=Broken(at_once=at_once))
+    found = routed(made, executor=Broken(on_submit=on_submit))
     first = routed(made, SHORT.model_copy(update={"rounds": 0}))
     assert found.stops == first.stops
-    assert found.left == ()
+    assert found.unassigned == ()
     assert found.timed_out
     assert "part of the search failed" in caplog.text
 
@@ -255,5 +255,5 @@ def test_few_large_parcels_need_a_penalty_above_a_detour() -> None:
     low, high = (
         routed(made, SHORT.model_copy(update={"max_penalty_kwh": kwh})) for kwh in (1e-3, 10.0)
     )
-    assert not high.left
+    assert not high.unassigned
     assert cost_kwh(made, high.stops) < 0.99 * cost_kwh(made, low.stops)

@@ -50,7 +50,7 @@ def block_of(
     """A block around the present plan."""
     meetings = Meetings(planner.shares, planner.sync_window_s)
     for itinerary in present:
-        meetings.add(itinerary.way)
+        meetings.add(itinerary.traversals)
     return build_block({n: f"van-{n}" for n in range(len(present))}, options, meetings)
 
 

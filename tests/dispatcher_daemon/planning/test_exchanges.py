@@ -32,7 +32,7 @@ def plan(
     for n, route in enumerate(routes):
         itinerary = planner.itinerary(n, tuple(route), planner.legs(n, route))
         assert itinerary is not None
-        meetings.add(itinerary.way)
+        meetings.add(itinerary.traversals)
         present.append(itinerary)
     return planner, present, meetings
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.planning.fleet_plan import FleetPlan, at_once, plan_fleet
+from dispatcher_daemon.planning.fleet_plan import FleetPlan, departing_when_ready, plan_fleet
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.plans.candidates import Cycle
@@ -170,7 +170,7 @@ def test_only_the_stop_that_is_late_is_given_up(town: Town) -> None:
     problem, snapshot = town(stops, [{}, {"first_stop": "d"}])
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0)
     missing: dict[str, str] = {}
-    kept = at_once(planner, {"van-0": ("a", "b", "c"), "van-1": ("d", "e")}, missing)
+    kept = departing_when_ready(planner, {"van-0": ("a", "b", "c"), "van-1": ("d", "e")}, missing)
     assert [i.stops for i in kept] == [("a", "c"), ()]
     assert set(missing) == {"b", "d", "e"}
     assert "van-0" in missing["b"]

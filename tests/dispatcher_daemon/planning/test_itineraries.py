@@ -42,7 +42,7 @@ def test_an_itinerary_costs_its_legs_and_passes_what_it_drives(town: Town) -> No
     assert itinerary.cost_kwh == pytest.approx(
         sum(planner.travels[0].energy_kwh[i, j] for i, j in ((0, 1), (1, 2), (2, 0)))
     )
-    passed = sorted((s, *times) for s, ps in itinerary.way.items() for *times, _ in ps)
+    passed = sorted((s, *times) for s, ps in itinerary.traversals.items() for *times, _ in ps)
     driven = [(s, a, b) for _, _, s, a, b in itinerary.route.entries_s()]
     assert passed == sorted(x for x in driven if snapshot.segments[x[0]].open)
     assert 0 < len(passed) < len(driven)
@@ -85,7 +85,7 @@ def test_an_idle_vehicle_costs_nothing_and_meets_nobody(town: Town) -> None:
     planner = planner_of(town(["33"], [{}]))
     idle = planner.itinerary(0, (), planner.legs(0, ()))
     assert idle == planner.idle(0)
-    assert (idle.route, idle.cost_kwh, idle.way, idle.stops) == (None, 0.0, {}, ())
+    assert (idle.route, idle.cost_kwh, idle.traversals, idle.stops) == (None, 0.0, {}, ())
 
 
 def test_keys_tell_departures_apart_to_a_tenth_of_a_second(town: Town) -> None:

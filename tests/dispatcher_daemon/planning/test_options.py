@@ -33,7 +33,7 @@ def present_plan(town: Town, **first: object) -> tuple[Planner, list[Itinerary],
         stops = (f"s{2 * n}", f"s{2 * n + 1}")
         itinerary = planner.itinerary(n, stops, planner.legs(n, stops))
         assert itinerary is not None
-        meetings.add(itinerary.way)
+        meetings.add(itinerary.traversals)
         present.append(itinerary)
     return planner, present, meetings
 
@@ -97,7 +97,7 @@ def test_vehicles_that_can_only_meet_if_both_move_get_the_departure_for_it(town:
     for n, depart_s in enumerate((0.0, 150.0)):
         itinerary = planner.itinerary(n, (f"s{n}",), planner.legs(n, (f"s{n}",)), depart_s)
         assert itinerary is not None
-        meetings.add(itinerary.way)
+        meetings.add(itinerary.traversals)
         present.append(itinerary)
     rng = np.random.default_rng(1)
     own, other = (options_for(planner, p, present, meetings, 5, rng) for p in present)

@@ -35,9 +35,9 @@ def test_an_edge_weighs_what_two_vans_could_save(town: Town) -> None:
     """Same way, windows that overlap: a leader's and a follower's share on every segment."""
     windows = [{"depart_by_s": 60.0}, {"ready_s": 62.0, "depart_by_s": 90.0}]
     graph, planner, (first, second) = graph_of(town, ["33", "33"], windows)
-    shared = set(first.way) & set(second.way)
+    shared = set(first.traversals) & set(second.traversals)
     shares = [planner.shares[s] for s in shared]
-    assert len(shared) == len(first.way)
+    assert len(shared) == len(first.traversals)
     assert graph.edges[0, 1]["weight"] == pytest.approx(
         sum(s.leader_kwh + s.follower_kwh for s in shares)
     )
@@ -47,7 +47,7 @@ def test_vans_that_cannot_be_there_together_have_no_edge(town: Town) -> None:
     """Windows further apart than the window of synchronisation, ways apart, or staying idle."""
     windows = [{"depart_by_s": 60.0}, {"ready_s": 63.1}, {}, {}]
     graph, _, present = graph_of(town, ["33", "33", "01", ""], windows)
-    assert not set(present[0].way) & set(present[2].way)
+    assert not set(present[0].traversals) & set(present[2].traversals)
     assert set(graph) == {0, 1, 2}
     assert list(graph.edges) == []
 

@@ -10,9 +10,9 @@ from itertools import pairwise
 import pytest
 
 from dispatcher_daemon.planning.base_routes import base_routes
-from dispatcher_daemon.planning.fleet_plan import first_plans
+from dispatcher_daemon.planning.fleet_plan import initial_plans
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
-from dispatcher_daemon.planning.sweeps import Sweeping, choice_of
+from dispatcher_daemon.planning.sweeps import BlockDescent, choice_of
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import Problem, RouteProblem, RoutingProblem
 from dispatcher_daemon.roads.routes import lateness_s
@@ -60,23 +60,23 @@ def start() -> tuple[Planner, list[Itinerary]]:
     missing: dict[str, str] = {}
     settings = DispatcherSettings(city=SETTINGS)
     cycle = Cycle(city.problem, city.snapshot, settings, 1, 0, 1, reference_delay_s=10.0)
-    first = first_plans(cycle, travel, routes.stops, missing)
+    first = initial_plans(cycle, travel, routes.stops, missing)
     assert not missing
     return first.planner, list(first.base.itineraries)
 
 
 def sweep(
     start: tuple[Planner, list[Itinerary]], solvers: Sequence[Solver], seed: int = 1
-) -> tuple[Sweeping, list[float]]:
+) -> tuple[BlockDescent, list[float]]:
     """Sweeps to their end: (what it came to, objective at the start and after each)."""
     planner, itineraries = start
     names = tuple(solver.name for solver in solvers)
     settings = SETTINGS.model_copy(update={"solvers": names})
-    sweeping = Sweeping(planner, settings, solve_here(solvers), itineraries)
-    sweeps, late = sweeping.run(seed, math.inf, time.monotonic)
+    descent = BlockDescent(planner, settings, solve_here(solvers), itineraries)
+    sweeps, late = descent.run(seed, math.inf, time.monotonic)
     assert not late
     before = choice_of(planner, itineraries).objective_kwh
-    return sweeping, [before, *(s.objective_kwh for s in sweeps)]
+    return descent, [before, *(s.objective_kwh for s in sweeps)]
 
 
 def test_sweeps_improve_and_count_right(start: tuple[Planner, list[Itinerary]]) -> None:
@@ -84,21 +84,21 @@ def test_sweeps_improve_and_count_right(start: tuple[Planner, list[Itinerary]]) 
     changes is that of the plan evaluated from nothing.
     """
     planner, itineraries = start
-    sweeping, objectives = sweep(start, [ExactSolver()])
+    descent, objectives = sweep(start, [ExactSolver()])
     assert objectives[1] < objectives[0] - 1e-4
     assert all(b <= a + 1e-12 for a, b in pairwise(objectives))
-    assert choice_of(planner, sweeping.present).objective_kwh == pytest.approx(
+    assert choice_of(planner, descent.present).objective_kwh == pytest.approx(
         objectives[-1], abs=1e-9
     )
-    assert [i.number for i in sweeping.present] == list(range(len(itineraries)))
+    assert [i.number for i in descent.present] == list(range(len(itineraries)))
 
 
 def test_sweeps_keep_windows_and_stops(start: tuple[Planner, list[Itinerary]]) -> None:
     """Every vehicle serves what it served, leaves within its window and is late nowhere."""
     planner, itineraries = start
-    sweeping, _ = sweep(start, [ExactSolver()])
+    descent, _ = sweep(start, [ExactSolver()])
     moved = 0
-    for before, after in zip(itineraries, sweeping.present, strict=True):
+    for before, after in zip(itineraries, descent.present, strict=True):
         assert sorted(after.stops) == sorted(before.stops)
         moved += after.key != before.key
         if after.route is not None:
@@ -114,8 +114,8 @@ def test_blocks_are_no_larger_than_allowed(
     """No solver is given more variables than the settings say."""
     planner, itineraries = start
     settings = SETTINGS.model_copy(update={"block_variables": variables, "options": options})
-    sweeping = Sweeping(planner, settings, solve_here([ExactSolver()]), itineraries)
-    sweeps, _ = sweeping.run(1, math.inf, time.monotonic)
+    descent = BlockDescent(planner, settings, solve_here([ExactSolver()]), itineraries)
+    sweeps, _ = descent.run(1, math.inf, time.monotonic)
     assert 0 < max(s.largest for s in sweeps) <= variables
     assert all(s.variables <= s.blocks * variables for s in sweeps)
     assert all(len(s.outcomes) == s.blocks for s in sweeps)
@@ -143,8 +143,8 @@ def test_a_solver_that_fails_costs_nothing_but_improvement(
 ) -> None:
     """No answer, an absurd one, an error: alone the plan stays; beside it the other's counts."""
     planner, itineraries = start
-    sweeping, objectives = sweep(start, [absurd])
-    assert sweeping.present == itineraries
+    descent, objectives = sweep(start, [absurd])
+    assert descent.present == itineraries
     assert len(set(objectives)) == 1
     assert len(objectives) == 1 + SETTINGS.patience
     beside = Absurd(absurd.selected, "tabu", absurd.raises)
@@ -172,21 +172,21 @@ def test_answers_that_look_better_in_the_block_only_are_not_taken(
             return Outcome(self.name, "feasible", last, 0.0)
 
     planner, _ = start
-    sweeping, objectives = sweep(start, [Contrary()])
+    descent, objectives = sweep(start, [Contrary()])
     assert all(b <= a + 1e-12 for a, b in pairwise(objectives))
-    assert choice_of(planner, sweeping.present).objective_kwh == pytest.approx(objectives[-1])
+    assert choice_of(planner, descent.present).objective_kwh == pytest.approx(objectives[-1])
 
 
 def test_a_time_that_is_up_ends_the_sweeps(start: tuple[Planner, list[Itinerary]]) -> None:
     """Not a block is asked for after the end, and that time ran out is said."""
     planner, itineraries = start
-    sweeping = Sweeping(planner, SETTINGS, solve_here([Absurd(None, raises=True)]), itineraries)
-    sweeps, late = sweeping.run(1, 10.0, lambda: 10.0)
+    descent = BlockDescent(planner, SETTINGS, solve_here([Absurd(None, raises=True)]), itineraries)
+    sweeps, late = descent.run(1, 10.0, lambda: 10.0)
     assert (sweeps, late) == ((), True)
-    assert sweeping.present == itineraries
+    assert descent.present == itineraries
 
 
-def criss_cross(town: Town, *, badly: bool) -> tuple[Sweeping, dict[str, tuple[str, ...]]]:
+def criss_cross(town: Town, *, badly: bool) -> tuple[BlockDescent, dict[str, tuple[str, ...]]]:
     """Two vans that each serve both corners, and routes with one for each; or the reverse."""
     problem, snapshot = town(["30", "03", "30", "03", "33"], [{}, {"ready_s": 600.0}, {}])
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0)
@@ -198,35 +198,35 @@ def criss_cross(town: Town, *, badly: bool) -> tuple[Sweeping, dict[str, tuple[s
         itinerary = planner.itinerary(number, stops, planner.legs(number, stops))
         assert itinerary is not None
         itineraries.append(itinerary)
-    return Sweeping(planner, SETTINGS, solve_here([ExactSolver()]), itineraries), other
+    return BlockDescent(planner, SETTINGS, solve_here([ExactSolver()]), itineraries), other
 
 
 @pytest.mark.parametrize("variables", [3, 25])
 def test_exchanges_are_taken_if_they_are_better(town: Town, variables: int) -> None:
     """Stops change hands all at once, whether the exchange fits a block or not."""
-    sweeping, other = criss_cross(town, badly=True)
-    sweeping.settings = SETTINGS.model_copy(update={"block_variables": variables})
-    before = choice_of(sweeping.planner, sweeping.present).objective_kwh
-    assert sweeping.cross(other, 1, math.inf, time.monotonic) == 1
-    assert {f"van-{i.number}": i.stops for i in sweeping.present} == other
-    after = choice_of(sweeping.planner, sweeping.present).objective_kwh
+    descent, other = criss_cross(town, badly=True)
+    descent.settings = SETTINGS.model_copy(update={"block_variables": variables})
+    before = choice_of(descent.planner, descent.present).objective_kwh
+    assert descent.adopt(other, 1, math.inf, time.monotonic) == 1
+    assert {f"van-{i.number}": i.stops for i in descent.present} == other
+    after = choice_of(descent.planner, descent.present).objective_kwh
     assert after < before
-    sweeps, _ = sweeping.run(1, math.inf, time.monotonic)
-    swept = choice_of(sweeping.planner, sweeping.present).objective_kwh
+    sweeps, _ = descent.run(1, math.inf, time.monotonic)
+    swept = choice_of(descent.planner, descent.present).objective_kwh
     assert sweeps[-1].objective_kwh == pytest.approx(swept)
 
 
 def test_worse_exchanges_are_not_taken(town: Town) -> None:
     """The same the other way round: nothing changes, on the road either; nor after the end."""
-    sweeping, other = criss_cross(town, badly=False)
-    before = list(sweeping.present)
-    assert sweeping.cross(other, 1, math.inf, time.monotonic) == 0
-    assert sweeping.present == before
-    sweeping.settings = SETTINGS.model_copy(update={"block_variables": 3})
-    assert sweeping.cross(other, 1, math.inf, time.monotonic) == 0
-    assert sweeping.present == before
+    descent, other = criss_cross(town, badly=False)
+    before = list(descent.present)
+    assert descent.adopt(other, 1, math.inf, time.monotonic) == 0
+    assert descent.present == before
+    descent.settings = SETTINGS.model_copy(update={"block_variables": 3})
+    assert descent.adopt(other, 1, math.inf, time.monotonic) == 0
+    assert descent.present == before
     better, other = criss_cross(town, badly=True)
-    assert better.cross(other, 1, 5.0, lambda: 6.0) == 0
+    assert better.adopt(other, 1, 5.0, lambda: 6.0) == 0
 
 
 def test_an_exchange_that_misses_a_window_is_left_alone(town: Town) -> None:
@@ -239,11 +239,11 @@ def test_an_exchange_that_misses_a_window_is_left_alone(town: Town) -> None:
         itinerary = planner.itinerary(number, stops, planner.legs(number, stops))
         assert itinerary is not None
         itineraries.append(itinerary)
-    sweeping = Sweeping(planner, SETTINGS, solve_here([ExactSolver()]), itineraries)
+    descent = BlockDescent(planner, SETTINGS, solve_here([ExactSolver()]), itineraries)
     other: dict[str, tuple[str, ...]] = {"van-0": ("s1",), "van-1": ("early",)}
-    assert sweeping.cross(other, 1, math.inf, time.monotonic) == 0
-    assert sweeping.present == itineraries
-    sweeps, _ = sweeping.run(1, math.inf, time.monotonic)
+    assert descent.adopt(other, 1, math.inf, time.monotonic) == 0
+    assert descent.present == itineraries
+    sweeps, _ = descent.run(1, math.inf, time.monotonic)
     assert sweeps[-1].objective_kwh == pytest.approx(
-        choice_of(planner, sweeping.present).objective_kwh
+        choice_of(planner, descent.present).objective_kwh
     )

@@ -455,12 +455,12 @@ def test_times_count_from_the_issue_of_the_plans_unless_told_otherwise(
 ) -> None:
     """A vehicle that is ready at once may leave at once, at the moment of issue itself."""
 
-    def at_once(p: Plain) -> None:
+    def departing_when_ready(p: Plain) -> None:
         now_ns = p[0]["issued_ns"]
         p[0]["depart_ns"] = now_ns
         p[0]["stops"][0].update(arrival_ns=now_ns, departure_ns=now_ns)
 
-    rebuilt = [VehiclePlan.model_validate(plan) for plan in spoilt(plans, at_once)]
+    rebuilt = [VehiclePlan.model_validate(plan) for plan in spoilt(plans, departing_when_ready)]
     found = verify_plans(rebuilt, demo.network, demo.fleet, OPEN, 3.0)
     assert not [fault for fault in found if fault.startswith("van-a: leaves")]
 

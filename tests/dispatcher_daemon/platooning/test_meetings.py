@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.platooning.meetings import (
     Meetings,
-    Passing,
     Shares,
+    Traversal,
     clusters,
     open_shares,
     saving_kwh,
@@ -21,17 +21,17 @@ from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 
 SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0)}
 WINDOW_S = 3.0
-Way = dict[str, list[Passing]]
+VehicleTraversals = dict[str, list[Traversal]]
 
 
 @st.composite
-def ways(draw: st.DrawFn) -> list[Way]:
+def traversals_of_vehicles(draw: st.DrawFn) -> list[VehicleTraversals]:
     """Up to eight vehicles close in time on two segments, at times twice on one."""
     count = draw(st.integers(1, 8))
     half_seconds = st.integers(0, 24)
     found = []
     for number in range(count):
-        way: Way = {}
+        way: VehicleTraversals = {}
         for segment in SHARES:
             entries = sorted(draw(st.lists(half_seconds, max_size=2, unique=True)))
             if entries:
@@ -43,7 +43,7 @@ def ways(draw: st.DrawFn) -> list[Way]:
     return found
 
 
-def from_scratch(present: Sequence[Mapping[str, Sequence[Passing]]]) -> float:
+def from_scratch(present: Sequence[Mapping[str, Sequence[Traversal]]]) -> float:
     """Savings of vehicles on the road, without any bookkeeping."""
     return sum(
         saving_kwh(sorted(p for way in present for p in way.get(s, ())), SHARES[s], WINDOW_S)
@@ -51,14 +51,14 @@ def from_scratch(present: Sequence[Mapping[str, Sequence[Passing]]]) -> float:
     )
 
 
-@given(ways(), st.randoms(use_true_random=False))
-def test_changes_add_up_to_the_whole(every: list[Way], random: object) -> None:
+@given(traversals_of_vehicles(), st.randoms(use_true_random=False))
+def test_changes_add_up_to_the_whole(every: list[VehicleTraversals], random: object) -> None:
     """Vehicles come and go in any order: each change is the difference of evaluations from
     nothing, and a gain that is asked for is the change that then happens.
     """
     assert hasattr(random, "choice")
     meetings, before = Meetings(SHARES, WINDOW_S), 0.0
-    present: list[Way] = []
+    present: list[VehicleTraversals] = []
     for way in [*every, *every, *every]:
         if way in present:
             present.remove(way)

@@ -62,8 +62,8 @@ def test_drafting_is_credited_to_leader_and_follower_and_the_parts_add_up(
     routes = [pass_over("a", 0.0), pass_over("b", 1.0)]
     found = form_platoons(routes, traffic(avenue_east=1), 3.0, 1)
     leader, follower = (route_energy(demo, route, found) for route in routes)
-    saved_leader = leader.alone.total_kwh - leader.driven.total_kwh
-    saved_follower = follower.alone.total_kwh - follower.driven.total_kwh
+    saved_leader = leader.undrafted.total_kwh - leader.driven.total_kwh
+    saved_follower = follower.undrafted.total_kwh - follower.driven.total_kwh
     assert saved_follower == pytest.approx(4 * saved_leader, rel=0.01)
     assert leader.platooned_m == pytest.approx(1995.8, abs=1.0)
 

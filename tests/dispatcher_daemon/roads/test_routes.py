@@ -63,7 +63,7 @@ def test_timetable_serves_stops_and_joins_up(demo: RoutingProblem, traffic: Traf
 def test_turbulence_sends_the_least_energy_path_another_way(
     demo: RoutingProblem, traffic: Traffic
 ) -> None:
-    """Measured stop-and-go on the avenue makes the north road the cheaper way back."""
+    """Measured stop-and-go on the avenue makes the north road the cheaper path back."""
     calm = least_energy_legs(demo, traffic(avenue_west=1))
     turbulent = least_energy_legs(demo, traffic(avenue_west=0))
     assert "avenue_west" in calm["c1", "depot"].path

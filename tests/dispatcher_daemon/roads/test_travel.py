@@ -57,7 +57,7 @@ def test_energies_are_those_of_the_cheapest_legal_paths(town: Town, seed: int) -
 
 
 def test_the_cheapest_ways_are_those_of_networkx(town: Town) -> None:
-    """The k cheapest loopless ways, in order, the first being the leg; none where there is none."""
+    """The k cheapest loopless paths in order, the first being the leg; none without a path."""
     problem, roads, travel = made(town, 2)
     network = problem.network
     cost = dict(zip(roads.ids, roads.cost_kwh, strict=True))
@@ -69,19 +69,19 @@ def test_the_cheapest_ways_are_those_of_networkx(town: Town) -> None:
         (s, "in", {"kwh": 0.0}) for s in roads.ids if network.segments[s].end == "33"
     )
     expected = list(islice(nx.shortest_simple_paths(graph, "out", "in", "kwh"), 5))
-    found = travel.ways("depot-0", "s1", 5)
+    found = travel.paths("depot-0", "s1", 5)
     assert [leg.path for leg in found] == [tuple(path[1:-1]) for path in expected]
     assert found[0] == travel.leg("depot-0", "s1")
     for leg in found:
         assert leg.cost_kwh == pytest.approx(sum(cost[s] for s in leg.path))
-    assert travel.ways("depot-0", "s5", 5) == travel.ways("s1", "s3", 5) == []
+    assert travel.paths("depot-0", "s5", 5) == travel.paths("s1", "s3", 5) == []
 
 
 def test_what_cannot_be_reached_is_infinitely_far(town: Town) -> None:
-    """Between the town and the road apart there is no way: inf in all matrices, no leg."""
+    """Between the town and the road apart there is no path: inf in all matrices, no leg."""
     _, _, travel = made(town, 1)
     apart = travel.row["s5"]
-    for matrix in (travel.energy_kwh, travel.searched_kwh, travel.duration_s):
+    for matrix in (travel.energy_kwh, travel.search_cost_kwh, travel.duration_s):
         assert np.isinf(np.delete(matrix[apart], apart)).all()
         assert np.isinf(np.delete(matrix[:, apart], apart)).all()
         assert np.isfinite(np.delete(np.delete(matrix, apart, 0), apart, 1)).all()
@@ -90,7 +90,7 @@ def test_what_cannot_be_reached_is_infinitely_far(town: Town) -> None:
 
 
 def test_places_at_one_junction_have_no_way_between_them(town: Town) -> None:
-    """Two stops at one junction: nothing to drive, and the same ways to all others."""
+    """Two stops at one junction: nothing to drive, and the same paths to all others."""
     _, _, travel = made(town, 1)
     one, other = travel.row["s1"], travel.row["s3"]
     assert travel.energy_kwh[one, other] == travel.duration_s[one, other] == 0.0
@@ -105,7 +105,7 @@ def test_places_at_one_junction_have_no_way_between_them(town: Town) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_durations_are_safe_and_close_in_a_city(seed: int) -> None:
-    """No way takes longer than the matrix says, and none is overestimated by a second."""
+    """No path takes longer than the matrix says, and none is overestimated by a second."""
     city = small_city(seed)
     travel = Travel(city.problem, roads_of(city.problem, city.snapshot))
     excess = []
@@ -119,7 +119,7 @@ def test_durations_are_safe_and_close_in_a_city(seed: int) -> None:
 
 
 def test_discounts_change_ways_and_keep_their_energies_honest(town: Town) -> None:
-    """Cheap roads attract: other ways, whose energies are their own, never below the least."""
+    """Cheap roads attract: other paths, whose energies are their own, never below the least."""
     problem, roads, plain = made(town, 2)
     on = np.array([name.split("-")[0][0] == name.split("-")[1][0] == "1" for name in roads.ids])
     lured = Travel(problem, roads, np.where(on, 0.6 * roads.cost_kwh, 0.0))
@@ -135,8 +135,8 @@ def test_discounts_change_ways_and_keep_their_energies_honest(town: Town) -> Non
         assert lured.energy_kwh[pair] >= plain.energy_kwh[pair] - 1e-12
         rows = [roads.index[s] for s in after.path]
         searched = roads.cost_kwh[rows] * np.where(on[rows], 0.4, 1.0)
-        assert lured.searched_kwh[pair] == pytest.approx(searched.sum())
-        assert lured.searched_kwh[pair] <= plain.searched_kwh[pair] + 1e-12
+        assert lured.search_cost_kwh[pair] == pytest.approx(searched.sum())
+        assert lured.search_cost_kwh[pair] <= plain.search_cost_kwh[pair] + 1e-12
     assert changed > 0
 
 
@@ -144,11 +144,11 @@ def test_a_discount_above_the_cost_leaves_a_hundredth(town: Town) -> None:
     """No road is free or earns energy, however large its discount: searches stay finite."""
     problem, roads, plain = made(town, 1)
     lured = Travel(problem, roads, np.full(len(roads.ids), 1e3))
-    np.testing.assert_allclose(lured.searched_kwh, 0.01 * plain.energy_kwh)
+    np.testing.assert_allclose(lured.search_cost_kwh, 0.01 * plain.energy_kwh)
 
 
 def test_a_leg_can_be_laid_along_given_segments(town: Town) -> None:
-    """The leg along a way's segments is the leg that the search makes of it."""
+    """The leg along a path's segments is the leg that the search makes of it."""
     problem, roads, travel = made(town, 3)
     leg = travel.leg("s0", "s1")
     assert leg is not None

@@ -40,7 +40,7 @@ def expected_of(problem: RoutingProblem, seed: int, share: float = 1.0) -> Expec
 
 
 def legs_of(travel: Travel) -> list[tuple[tuple[int, int], Leg]]:
-    """Every way between two places with its pair in the matrices."""
+    """Every path between two places with its pair in the matrices."""
     found = []
     for start, end in product(travel.places, repeat=2):
         leg = travel.leg(start, end)
@@ -88,8 +88,8 @@ def test_waiting_at_signals_is_in_the_timetable(town: Town) -> None:
     travel = Travel(problem, roads)
     later = 0
     for (i, j), leg in legs_of(travel):
-        way = [roads.index[name] for name in leg.path]
-        free = leg_along(plain.roads, way, leg.start, leg.end, problem.style)
+        path = [roads.index[name] for name in leg.path]
+        free = leg_along(plain.roads, path, leg.start, leg.end, problem.style)
         times = [*leg.drive.entry_s, leg.drive.duration_s]
         assert times[0] == 0.0
         spent = np.diff(times)
@@ -129,7 +129,7 @@ def test_reported_energy_is_what_is_expected(town: Town) -> None:
     assert out is not None
     assert back is not None
     route = timed(problem, [out, back], problem.fleet.vehicles[0])
-    energy = route_energy(problem, route, {}).alone
+    energy = route_energy(problem, route, {}).undrafted
     assert energy.total_kwh == pytest.approx((out.expected_kwh or 0) + (back.expected_kwh or 0))
     assert energy.total_kwh == pytest.approx(sum(energy[1:]))
 
@@ -156,9 +156,9 @@ def test_shortest_times_are_shortest_and_cost_more(known: bool) -> None:
         assert (by[one].duration_s >= by[other].duration_s - 1e-6).all()
         assert by[one].energy_kwh.sum() < by[other].energy_kwh.sum()
         assert by[one].duration_s.sum() > by[other].duration_s.sum()
-    np.testing.assert_allclose(by["time"].searched_kwh, by["time"].duration_s / 3600)
+    np.testing.assert_allclose(by["time"].search_cost_kwh, by["time"].duration_s / 3600)
     np.testing.assert_allclose(
-        by["both"].searched_kwh, by["both"].energy_kwh + 3.0 / 3600 * by["both"].duration_s
+        by["both"].search_cost_kwh, by["both"].energy_kwh + 3.0 / 3600 * by["both"].duration_s
     )
 
 

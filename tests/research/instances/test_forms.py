@@ -62,11 +62,11 @@ def best_plan(form: Form) -> Candidate:
     return found
 
 
-def plan_alone(form: Form) -> tuple[str, Candidate]:
+def plan_without_platooning(form: Form) -> tuple[str, Candidate]:
     """The plan without platooning."""
-    name, alone = form.alone(solve_here([ExactSolver()]), 10.0)
-    assert isinstance(alone, Candidate)
-    return name, alone
+    name, baseline = form.baseline(solve_here([ExactSolver()]), 10.0)
+    assert isinstance(baseline, Candidate)
+    return name, baseline
 
 
 def test_arc_form_has_the_published_optimum() -> None:
@@ -85,10 +85,10 @@ def test_arc_form_has_the_published_optimum() -> None:
 def test_a_plan_splits_what_drafting_saves() -> None:
     """Where the optimum platoons, drag is saved against the plan without; the parts add up."""
     _, form = arcs()
-    name, alone = plan_alone(form)
+    name, baseline = plan_without_platooning(form)
     assert name == "exact"
     plan = best_plan(form)
-    saving = split_saving(alone.alone, plan.alone, plan.driven)
+    saving = split_saving(baseline.undrafted, plan.undrafted, plan.driven)
     assert plan.platooned_m > 0
     assert saving.drag_kwh > 0
     parts = saving.distance_kwh + saving.drag_kwh + saving.acceleration_kwh
@@ -130,7 +130,7 @@ def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
     first = frozenset(group[0] for group in form.problem.options_of.values() if group)
     plan = form.candidate("greedy", first)
     assert isinstance(plan, Candidate)
-    assert plan.objective_kwh == pytest.approx(min(form.rivals_kwh().values()), abs=1e-9)
+    assert plan.objective_kwh == pytest.approx(min(form.references_kwh().values()), abs=1e-9)
 
 
 def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
@@ -139,13 +139,13 @@ def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     """
     city, form = options()
     best = ExactSolver().solve(form.problem, 10.0, 1)
-    name, _ = plan_alone(form)
+    name, _ = plan_without_platooning(form)
     plan = best_plan(form)
     assert name == "pyvrp"
     first = [options[0] for options in form.problem.options_of.values()]
     assert best.selected is not None
     assert form.problem.objective_kwh(best.selected) <= form.problem.objective_kwh(first) + 1e-9
-    assert plan.objective_kwh <= 1.001 * min(form.rivals_kwh().values())
+    assert plan.objective_kwh <= 1.001 * min(form.references_kwh().values())
     served = [visit.place for route in plan.routes for visit in route.visits[1:-1]]
     assert sorted(served) == sorted(
         stop.id for stop in city.problem.fleet.stops if stop.id not in form.unserved

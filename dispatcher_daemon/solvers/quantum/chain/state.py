@@ -191,13 +191,13 @@ class ChainState:
 
     def _shares(self, site: int) -> Real:
         """P(x) of one site's states, shape (d,)."""
-        left, tensor = self._left[site], self._tensors[site]
+        left, tensor = self._unassigned[site], self._tensors[site]
         half = np.tensordot(left, tensor.conj(), axes=([1], [0]))  # a, x, b'
         whole = np.einsum("axc,axb->xbc", half, tensor)
         return np.asarray(np.einsum("xbc,bc->x", whole, self._right[site + 1]).real)
 
     @cached_property
-    def _left(self) -> list[Complex]:
+    def _unassigned(self) -> list[Complex]:
         bond = 1 << self.prepared.layers
         here = np.zeros((1, 1, bond, bond), dtype=complex)
         here[..., 0, 0] = 1.0
@@ -222,7 +222,7 @@ class ChainState:
             result[:first, first:end] = between.real
             result[first:end, :first] = between.real.T
             result[first:end, first:end] = (spins * self._shares(site)) @ spins.T
-            new = np.repeat(self._left[site][None, None], len(spins), axis=1)
+            new = np.repeat(self._unassigned[site][None, None], len(spins), axis=1)
             added = _forward(new, tensor[None], spins)
             rows = np.concatenate([_forward(rows, tensor[None]), added], axis=1)
             first = end
