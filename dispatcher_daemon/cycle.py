@@ -15,7 +15,7 @@ from dispatcher_daemon.plans import Candidate, Cycle, FormResult, Refusal, summa
 from dispatcher_daemon.platooning import JudgedPair, Passage, Place
 from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.execution.pool import Solve
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, Unserved, VehiclePlan
 

@@ -21,8 +21,8 @@ from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.pool import Solve, SolverPool
-from dispatcher_daemon.solvers.processes import WorkerExecutor
+from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
+from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import LatestStates, TrafficSnapshot, Verdict, take_snapshot
 from slipstream.bus import Bus

@@ -51,7 +51,11 @@ def _kind_of(path: Path) -> str:
     for kind, key in (("edge", "rsu"), ("dispatcher", "fleet"), ("dashboard", "port")):
         if key in keys:
             return kind
-    raise InputError(path, "cannot tell what it is", "say so with --as")
+    raise InputError(
+        path,
+        "cannot tell what it is",
+        f"say so with --as, or put {', '.join(_CHECKS)} into its name",
+    )
 
 
 def _check_edge(path: Path, _: str) -> Mapping[str, str]:

@@ -29,8 +29,8 @@ from dispatcher_daemon.hardware.thread import JobThread
 from dispatcher_daemon.plans import Cycle, verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
+from dispatcher_daemon.solvers.execution.pool import RESERVE, Job, Solve, SolverPool
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.pool import RESERVE, Job, Solve, SolverPool
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot

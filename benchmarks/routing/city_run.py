@@ -19,8 +19,8 @@ from dispatcher_daemon.platooning import form_platoons
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
-from dispatcher_daemon.solvers.executor import executor_solve
-from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.execution.executor import executor_solve
+from dispatcher_daemon.solvers.execution.pool import Solve
 from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.registry import make_solver
 from dispatcher_daemon.traffic import TrafficSnapshot

@@ -8,7 +8,7 @@ from dispatcher_daemon.arc_form.form import ArcForm
 from dispatcher_daemon.formulations import build_model
 from dispatcher_daemon.plans import Attempt, Candidate, FormResult, Refusal, attempt, solver_report
 from dispatcher_daemon.problem import ArcProblem
-from dispatcher_daemon.solvers.pool import Job, Solve, solving_s
+from dispatcher_daemon.solvers.execution.pool import Job, Solve, solving_s
 from slipstream.messages import SolverReport
 
 

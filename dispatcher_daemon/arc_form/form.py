@@ -14,8 +14,8 @@ from dispatcher_daemon.plans import Candidate, Cycle, Refusal
 from dispatcher_daemon.platooning import JudgedPair
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.roads import Route, RoutedArc, timetable
+from dispatcher_daemon.solvers.execution.pool import Job, Solve
 from dispatcher_daemon.solvers.insertion import cheapest_insertion
-from dispatcher_daemon.solvers.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
 

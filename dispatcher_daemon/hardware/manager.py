@@ -19,8 +19,8 @@ from dispatcher_daemon.hardware.ledger import DeviceKind, JobStore
 from dispatcher_daemon.hardware.request import JobRequest
 from dispatcher_daemon.hardware.thread import JobThread
 from dispatcher_daemon.settings import HARDWARE_SOLVER, DispatcherSettings
+from dispatcher_daemon.solvers.execution.pool import RESERVE, Job, Solve
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.pool import RESERVE, Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobService
 from dispatcher_daemon.solvers.registry import make_solver

@@ -29,7 +29,7 @@ from dispatcher_daemon.hardware.tracking import (
     one_line,
 )
 from dispatcher_daemon.settings import HardwareSettings
-from dispatcher_daemon.solvers.pool import error_line
+from dispatcher_daemon.solvers.execution.pool import error_line
 from dispatcher_daemon.solvers.quantum.backends.jobs import FaultKind, ServiceFault
 from slipstream.service import LogLimiter
 from storage import QuantumJob, StorageError

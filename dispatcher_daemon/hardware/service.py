@@ -19,8 +19,8 @@ import pebble
 
 from dispatcher_daemon.hardware.circuits import BuiltCircuit, CircuitBuilder, Unsuitable
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.pool import error_line
-from dispatcher_daemon.solvers.processes import Processes
+from dispatcher_daemon.solvers.execution.pool import error_line
+from dispatcher_daemon.solvers.execution.processes import Processes
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobService, JobView, ServiceFault
 from dispatcher_daemon.solvers.quantum.chain.layout import Placement

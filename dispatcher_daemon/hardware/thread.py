@@ -28,7 +28,7 @@ from dispatcher_daemon.hardware.request import JobRequest
 from dispatcher_daemon.hardware.runner import JobRunner
 from dispatcher_daemon.hardware.service import ServiceFactory, ServiceWorker, WorkerClosed
 from dispatcher_daemon.settings import HardwareSettings
-from dispatcher_daemon.solvers.pool import error_line
+from dispatcher_daemon.solvers.execution.pool import error_line
 from slipstream.messages import HardwareHealth
 from slipstream.service import LogLimiter
 from storage import LedgerState

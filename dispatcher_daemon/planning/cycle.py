@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, plan_fleet
 from dispatcher_daemon.planning.sweeps import Choice
 from dispatcher_daemon.plans import Candidate, Cycle, FormResult, Refusal, solver_report
-from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.execution.pool import Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 from slipstream.messages import SolverReport
 

@@ -31,7 +31,7 @@ from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, SearchSettings
-from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.execution.pool import Solve
 
 NO_ROOM: Final = "no vehicle has room and time for it"
 _RESERVE: Final = 0.05

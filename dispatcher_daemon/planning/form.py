@@ -23,7 +23,7 @@ from dispatcher_daemon.plans import Candidate, Cycle, Refusal
 from dispatcher_daemon.platooning import JudgedPair, judge_pairs
 from dispatcher_daemon.problem import RouteProblem
 from dispatcher_daemon.roads import RoutedArc
-from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.execution.pool import Solve
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import CitySettings
-from dispatcher_daemon.solvers.pool import Job, Solve
+from dispatcher_daemon.solvers.execution.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 
 _BETTER_KWH = 1e-9

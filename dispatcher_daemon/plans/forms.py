@@ -9,7 +9,7 @@ from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, Refusa
 from dispatcher_daemon.platooning import JudgedPair
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.roads import RoutedArc
-from dispatcher_daemon.solvers.pool import Solve
+from dispatcher_daemon.solvers.execution.pool import Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 
 FormName = Literal["arc", "route"]

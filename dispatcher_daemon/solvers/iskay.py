@@ -19,7 +19,7 @@ import numpy as np
 
 from dispatcher_daemon.formulations import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.pool import error_line
+from dispatcher_daemon.solvers.execution.pool import error_line
 from dispatcher_daemon.solvers.protocol import Execution, Outcome, Status
 from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access
 from dispatcher_daemon.solvers.sampling import Bits, answer

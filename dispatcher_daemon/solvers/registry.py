@@ -78,7 +78,10 @@ def _factory(name: str) -> Factory:
             problem = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
             raise InputError(f"solver {name}", problem, "mend or remove its package") from None
         return factory
-    raise InputError(f"solver {name}", "there is no such solver", "see slipstream solve --help")
+    known = ", ".join(
+        (*_FACTORIES, *sorted(p.name for p in entry_points(group=SOLVER_ENTRY_POINTS)))
+    )
+    raise InputError(f"solver {name}", "there is no such solver", f"take one of {known}")
 
 
 def configured_solvers(settings: DispatcherSettings) -> list[Solver]:

@@ -6,7 +6,7 @@ from typing import Final
 
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import Solve, solve_here
+from dispatcher_daemon.solvers.execution.pool import Solve, solve_here
 
 _AMPLE_S: Final = 250.0
 """No cycle of a delivery fleet takes so long, however busy the machine is."""

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from slipstream.errors import InputError
 from slipstream_cli.laboratory.solve_missed import missed_rewards
 from slipstream_cli.laboratory.solve_quantum import (
-    QUANTUM_SOLVERS,
     add_options,
     best_known_kwh,
     check_fit,
@@ -45,8 +44,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--solver",
         nargs="+",
         metavar="NAME",
-        help="one or several of exact, cplex, tabu, annealing, insertion, "
-        f"{', '.join(QUANTUM_SOLVERS)} and what installed packages add (default: exact)",
+        help="one or several, each in turn; an unknown name is answered with all names "
+        "(default: exact)",
     )
     command.add_argument(
         "--form",
@@ -169,7 +168,7 @@ def _run_solvers(
 ) -> None:
     from dispatcher_daemon.plans import Candidate, attempt
     from dispatcher_daemon.solvers.exact import ExactSolver
-    from dispatcher_daemon.solvers.pool import Job, solve_here
+    from dispatcher_daemon.solvers.execution.pool import Job, solve_here
 
     solvers = make_solvers(names, options)
     for solver in solvers:

@@ -14,7 +14,7 @@ from benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecor
 from benchmarks.quantum.hardware_checks import Run, check_run
 from benchmarks.quantum.hardware_cycles import SETTINGS, run
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import Job, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, solve_here
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from storage import open_database
 

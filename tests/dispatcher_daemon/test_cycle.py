@@ -11,7 +11,7 @@ from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import ArcProblem, RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, LcQaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import Job, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, solve_here
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import TrafficSnapshot

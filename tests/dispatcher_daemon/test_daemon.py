@@ -20,7 +20,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import Job, Solve, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_here
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import (

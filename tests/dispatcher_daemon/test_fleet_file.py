@@ -13,7 +13,7 @@ from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_here
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, VehiclePlan
 from tests.dispatcher_daemon.test_daemon import Log

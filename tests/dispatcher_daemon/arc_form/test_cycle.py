@@ -9,7 +9,7 @@ from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_here
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]

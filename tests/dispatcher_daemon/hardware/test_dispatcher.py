@@ -14,7 +14,7 @@ from dispatcher_daemon.plans.solver_report import solver_report
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import Job, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, solve_here
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth
 

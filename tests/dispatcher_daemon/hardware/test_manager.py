@@ -28,7 +28,7 @@ from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import ArcProblem, RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import Job, Solve, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_here
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.errors import InputError

@@ -19,7 +19,7 @@ from dispatcher_daemon.roads.routes import lateness_s
 from dispatcher_daemon.roads.travel import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_here
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import CityShape, generate_city

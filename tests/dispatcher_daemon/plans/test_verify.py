@@ -13,7 +13,7 @@ from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_here
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import VehiclePlan
 

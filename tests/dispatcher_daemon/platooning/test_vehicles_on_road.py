@@ -11,7 +11,7 @@ from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, on_road
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_here
 from research.cities.generator import CityShape, generate_city
 from research.instances.instance import Instance
 from slipstream.messages import VehiclePlan

@@ -17,7 +17,7 @@ from dispatcher_daemon.roads.routes import Leg, timed
 from dispatcher_daemon.roads.travel import Travel, leg_along, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_here
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from research.cities.generator import small_city
 from slipstream.drive import drive_energies

@@ -62,6 +62,7 @@ def _load(point: EntryPoint) -> object:
 
 def test_every_built_in_name_makes_a_solver_of_that_name() -> None:
     """Settings and registry know the same solvers."""
+    assert set(registry._FACTORIES) == set(BUILT_IN_SOLVERS)
     for name in BUILT_IN_SOLVERS:
         assert make_solver(name, DispatcherSettings()).name == name
 

@@ -12,7 +12,7 @@ from dispatcher_daemon.plans.candidates import Candidate, Refusal
 from dispatcher_daemon.plans.forms import Form, attempt
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_here
 from dispatcher_daemon.solvers.protocol import Outcome
 from research.cities.generator import small_city
 from research.instances import open_instance

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, Self
 
 from dispatcher_daemon.problem import Problem
-from dispatcher_daemon.solvers.processes import Processes
+from dispatcher_daemon.solvers.execution.processes import Processes
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 
 log = logging.getLogger(__name__)

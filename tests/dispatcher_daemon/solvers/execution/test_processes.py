@@ -12,7 +12,7 @@ from typing import Any
 import psutil
 import pytest
 
-from dispatcher_daemon.solvers.processes import WorkerExecutor
+from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 
 pytestmark = pytest.mark.process
 

@@ -10,8 +10,8 @@ import pytest
 
 from dispatcher_daemon.problem import Problem, RouteOption, RouteProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.executor import executor_solve
-from dispatcher_daemon.solvers.pool import GRACE_S, Job, SolverPool
+from dispatcher_daemon.solvers.execution.executor import executor_solve
+from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, SolverPool
 from dispatcher_daemon.solvers.protocol import Outcome
 
 ENOUGH = threading.Event()

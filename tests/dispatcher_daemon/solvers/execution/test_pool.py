@@ -17,7 +17,7 @@ import pytest
 from dispatcher_daemon.formulations.decode import decode
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.pool import GRACE_S, Job, SolverPool, solve_here
+from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, SolverPool, solve_here
 
 Demo = Callable[..., ArcProblem]
 
@@ -193,7 +193,7 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
         textwrap.dedent(
             """
             from dispatcher_daemon.problem import ArcProblem
-            from dispatcher_daemon.solvers.pool import Job, SolverPool
+            from dispatcher_daemon.solvers.execution.pool import Job, SolverPool
             from faulty_solver import Faulty
 
             if __name__ == "__main__":
@@ -204,7 +204,7 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
             """
         )
     )
-    root = Path(__file__).parents[3]
+    root = Path(__file__).parents[4]
     environment = {**os.environ, "PYTHONPATH": f"{root}:{tmp_path}"}
     with subprocess.Popen(
         [sys.executable, str(script)], stdout=subprocess.PIPE, env=environment

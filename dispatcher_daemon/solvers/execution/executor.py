@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import CancelledError, Executor, Future, TimeoutError
 
-from dispatcher_daemon.solvers.pool import GRACE_S, Job, Solve, error_line, run_job
+from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, Solve, error_line, run_job
 from dispatcher_daemon.solvers.protocol import Outcome, Solver, Status
 
 log = logging.getLogger(__name__)

@@ -1,0 +1,1 @@
+"""Where solvers run: worker processes under hard deadlines, any executor, or this process."""
