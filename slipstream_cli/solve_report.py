@@ -36,7 +36,7 @@ class Report:
         baseline_name: of the plan without platooning; None if there is none.
         baseline: that plan.
         attempts: outcomes and plans, by solver.
-        quantum: by solver, of those that ran a circuit; see `quantum_record`.
+        quantum: by solver, of those that ran a circuit; see `run_record`.
         missed: by solver, rewards counted for platoons that do not come about; None: there are
             none.
     """

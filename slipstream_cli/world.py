@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
+from slipstream_cli.bus_counts import BusCounts
 from slipstream_cli.local import check_port_is_free, locked, watch
 from slipstream_cli.movement import Movement
 from slipstream_cli.progress import Progress
 from slipstream_cli.supervisor import Supervisor
-from slipstream_cli.tally import Tally
 
 if TYPE_CHECKING:
     from simulation.live.process import WorldProcess
@@ -125,8 +125,8 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             priority=options.priority,
             seed=options.seed,
         )
-        tally, movement = Tally(), Movement()
-        tally.listen(bus)
+        bus_counts, movement = BusCounts(), Movement()
+        bus_counts.listen(bus)
         movement.listen(bus)
         supervisor.say("slipstream", f"filling the roads of {options.scenario}")
         with WorldProcess(prepared) as world, Progress("filling the roads", sys.stderr) as bar:
@@ -155,7 +155,7 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
                 supervisor.stop()
         counts = world.counts
     if options.json:
-        figures = tally.summary() | {
+        figures = bus_counts.summary() | {
             **movement.summary(),
             "dashboard_http": status,
             "processes_restarted": supervisor.restarted,

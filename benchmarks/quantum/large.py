@@ -30,8 +30,8 @@ from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples, Solv
 from research.quantum.controls import (
     STAGES,
     distributions,
+    histogram_of,
     run_controls,
-    tally_of,
 )
 from slipstream.errors import InputError
 
@@ -245,8 +245,8 @@ def _swept(
 
 def _ratios(samples: Samples, scale: tuple[float, float]) -> tuple[float | None, ...]:
     return tuple(
-        ratio(*scale, tally[0][0]) if tally else None
-        for tally in (tally_of(samples, stage) for stage in STAGES)
+        ratio(*scale, histogram[0][0]) if histogram else None
+        for histogram in (histogram_of(samples, stage) for stage in STAGES)
     )
 
 

@@ -14,17 +14,17 @@ T = TypeVar("T")
 
 
 class WorkerExecutor(Executor):
-    """Spawned processes that die with this one; if one is killed, others take its place.
+    """Spawned processes that end with this one; if one is killed, the pool is replaced.
 
-    The jobs that a broken pool was at raise; the next ones find a new pool.
+    Running jobs of a broken pool raise; later ones run in a new pool.
 
     Args:
         workers: number of processes.
     """
 
     def __init__(self, workers: int) -> None:
-        self._keeper = ThreadPoolExecutor(1, thread_name_prefix="workers")
-        self._processes = Processes(workers, self._keeper, "workers")
+        self._spawner = ThreadPoolExecutor(1, thread_name_prefix="workers")
+        self._processes = Processes(workers, self._spawner, "workers")
         self._lock = threading.Lock()
         self._closed = False
 
@@ -40,8 +40,8 @@ class WorkerExecutor(Executor):
             return self._processes.schedule(fn, args, kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Stop the workers, whatever they are doing; their jobs are cancelled."""
+        """Stop the workers at once; their jobs are cancelled."""
         with self._lock:
             self._closed = True
             self._processes.stop()
-        self._keeper.shutdown()
+        self._spawner.shutdown()

@@ -10,10 +10,10 @@ from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples
 from research.quantum.controls import STAGES, Stage, difference, shares
 
 DIGITS: Final = 9
-"""Of costs in kWh, as samples are tallied by cost rounded so."""
+"""Of costs in kWh, as samples are counted by cost rounded so."""
 
 
-def quantum_record(
+def run_record(
     outcome: Outcome,
     execution: Execution,
     controls: Mapping[str, Samples],

@@ -1,4 +1,4 @@
-"""Circuits on a chain as tables of gate angles, for what trains, simulates and builds them.
+"""Circuits on a chain as tables of gate angles, for training, simulation and construction.
 
 Angles are those of Qiskit's gates, in radians: RZ(φ) = e^{−iφZ/2}, RZZ(θ) = e^{−iθZZ/2},
 RX(α) = e^{−iαX/2}, XXPlusYY(β) = e^{−iβ(XX+YY)/4}. Qubit q is the q-th of the chain.

@@ -1,4 +1,4 @@
-"""Where a chain lies best on a device: physical qubits in chain order, and bonds left without edge.
+"""Placement of a chain on a device: physical qubits in chain order, and bonds without an edge.
 
 The weight of a path is Σ −ln(1 − error) over what a layered circuit uses on it, so that the
 lightest path has the highest product of success probabilities.

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass
-class Tally:
+class BusCounts:
     """What was seen on the bus since `listen`; it does not grow with time.
 
     Attributes:
