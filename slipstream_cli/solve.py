@@ -200,7 +200,7 @@ def _write(model: QuboModel, path: Path) -> None:
 
 
 def _published() -> list[dict[str, Any]]:
-    """What is worth knowing of the published instances before solving one."""
+    """Sizes and optima of the published instances."""
     from dispatcher_daemon.formulations import build_model
     from research.instances import instance_names, open_instance
     from research.instances.forms import arc_form_of

@@ -221,7 +221,7 @@ def records(
     best: tuple[float | None, bool],
     options: argparse.Namespace,
 ) -> dict[str, dict[str, Any]]:
-    """What ran and what it is worth, by solver, of those with a circuit; see `run_record`.
+    """Records by solver, of those with a circuit; see `run_record`.
 
     Beside its fields: ``optimum_proven``, ``seed``, ``iterations`` (of training, as asked; None
     where nothing is trained), ``deadline_s``.

@@ -149,7 +149,7 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             try:
                 for name, (command, path) in files.items():
                     supervisor.start(name, (command, "--config", str(path)))
-                look = _looking_at(world, supervisor)
+                look = _world_monitor(world, supervisor)
                 status = watch(supervisor, address, options.seconds, stopping, look)
             finally:
                 supervisor.stop()
@@ -167,15 +167,15 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
     return 1 if supervisor.given_up else 0
 
 
-def _looking_at(world: WorldProcess, supervisor: Supervisor) -> Callable[[float], None]:
-    """Takes in what the world tells, and says it once a minute."""
-    told_s = 0.0
+def _world_monitor(world: WorldProcess, supervisor: Supervisor) -> Callable[[float], None]:
+    """A callback that reads the world's messages and logs its counts once a minute."""
+    reported_s = 0.0
 
     def look(elapsed_s: float) -> None:
-        nonlocal told_s
+        nonlocal reported_s
         world.poll()
-        if elapsed_s - told_s >= _REPORT_S and world.counts is not None:
-            told_s = elapsed_s
+        if elapsed_s - reported_s >= _REPORT_S and world.counts is not None:
+            reported_s = elapsed_s
             supervisor.say("world", _line(world))
 
     return look

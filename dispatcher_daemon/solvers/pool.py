@@ -1,6 +1,6 @@
 """Solvers in worker processes under hard deadlines.
 
-One worker a solver unless told otherwise, kept warm. A worker that hangs is killed and replaced,
+One worker a solver by default, kept warm. A worker that hangs is killed and replaced,
 one that dies is replaced, one that raises goes on; in each case the caller gets an Outcome
 with the reason.
 """
@@ -114,7 +114,7 @@ class SolverPool:
 
         Args:
             timeout_s: how long they have.
-            stopping: gives up early when it is set.
+            stopping: ends the wait when it is set.
 
         Returns:
             Reason by name of each solver that is not warm after the timeout; empty if all are.

@@ -1,4 +1,4 @@
-"""What sampling without a circuit gives under the same post-processing, and what a circuit adds.
+"""Controls: samples without a circuit under the same post-processing, and differences to them.
 
 Controls cost time and change no plan: they belong to tools and benchmarks, not to dispatch cycles.
 """
@@ -30,7 +30,7 @@ UNIFORM_BITS: Final = "uniform bits"
 UNIFORM_OPTIONS: Final = "uniform options"
 
 _OFFSET: Final = 10_007
-"""Keeps the seeds of controls apart from those of the samples."""
+"""Offset of the controls' seeds from those of the samples."""
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ class ChainAnsatz:
 
 @dataclass(frozen=True)
 class OneHotAnsatz:
-    """Layers that keep one qubit of each group in |1⟩; groups lie side by side on the chain.
+    """Layers that keep one qubit of each group in |1⟩; groups are contiguous on the chain.
 
     Each group starts with its ``hot`` qubit in |1⟩, spread outwards from there by XXPlusYY gates
     between neighbours: pairs by growing distance, at equal distance the upper one first. Each

@@ -63,7 +63,7 @@ def open_client(access: Access) -> Any:
     It has been given its token, so that the client's own file of accounts is not read.
     """
     _bound_calls()
-    # It warns of what it was told to do; what fails is raised.
+    # It warns of requested settings; failures are raised.
     logging.getLogger("qiskit_ibm_runtime").setLevel(logging.ERROR)
     from qiskit_ibm_runtime import QiskitRuntimeService
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 JOINT = 0.2
-"""An edge between two units is worth as much as so much error, as −ln(1 − error)."""
+"""Bonus of an edge between two units, in units of −ln(1 − error)."""
 LIMIT_S = 60.0
 """Time limit of the packing, s; it takes seconds."""
 BEAM = 200

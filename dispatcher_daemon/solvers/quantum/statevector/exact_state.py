@@ -30,7 +30,7 @@ class ExactState(ABC):
 
     Attributes:
         diagonal: C of each state.
-        threads: that work on it side by side.
+        threads: number of parallel threads.
     """
 
     def __init__(self, diagonal: Diagonal, block: int, threads: int = 1) -> None:
