@@ -52,8 +52,8 @@ class AlternativeRoutes:
         if found is None:
             return None
         present = [index[name] for name in path[kept:]]
-        cost = self._roads.parts(self._roads.objective, found)
-        if cost > (1 - _MIN_IMPROVEMENT) * self._roads.parts(self._roads.objective, present):
+        cost = self._roads.cost(self._roads.objective, found)
+        if cost > (1 - _MIN_IMPROVEMENT) * self._roads.cost(self._roads.objective, present):
             return None
         return (*path[:kept], *(self._roads.ids[i] for i in found))
 
