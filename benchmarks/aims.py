@@ -1,4 +1,4 @@
-"""What every benchmark's report has: aims beside what was measured, and the machine."""
+"""Common parts of benchmark reports: targets with measured values, and the machine."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ def check_table(checks: Iterable[Check]) -> list[str]:
 
 @dataclass(frozen=True)
 class Load:
-    """How busy the machine was with other things, from when this was made.
+    """Load of the machine by other processes since this object was created.
 
     Attributes:
-        before: load average then.
-        stolen_s: processor time that the host of a virtual machine had kept for others by then.
-        total_s: processor time of all kinds by then.
+        before: load average at creation.
+        stolen_s: steal time of the virtual machine by then, s.
+        total_s: processor time of all kinds by then, s.
     """
 
     before: float = field(default_factory=lambda: os.getloadavg()[0])
     stolen_s: float = field(default_factory=lambda: _times_s()[0])
     total_s: float = field(default_factory=lambda: _times_s()[1])
 
-    def told(self) -> dict[str, str]:
-        """Until now, as lines of a report."""
+    def figures(self) -> dict[str, str]:
+        """Figures until now, as lines of a report."""
         stolen_s, total_s = _times_s()
         share = (stolen_s - self.stolen_s) / max(total_s - self.total_s, 1e-9)
         return {
@@ -62,7 +62,7 @@ class Load:
 
 
 def _times_s() -> tuple[float, float]:
-    """Stolen, and in all: seconds of all cores since the machine came up."""
+    """(Steal time, total time) of all cores since boot, s."""
     times = psutil.cpu_times()
     # The time of virtual machines is in `user` and `nice` too.
     twice = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)

@@ -1,4 +1,4 @@
-"""How a benchmark ends as a command: its report on the output, its aims in the exit status."""
+"""Benchmarks as commands: report on standard output, targets in the exit status."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slipstream.errors import InputError
 
 @dataclass(frozen=True)
 class Measured:
-    """What a benchmark came to.
+    """Result of a benchmark.
 
     Attributes:
         folder: with report.md and report.json.
@@ -29,7 +29,7 @@ class Measured:
 
 
 def say(text: str) -> None:
-    """Progress, beside the report."""
+    """Print progress to standard error."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -63,6 +63,6 @@ def report(name: str, measure: Callable[[], Measured], *, as_json: bool) -> int:
 
 
 def start(main: Callable[[], int]) -> None:
-    """Run a command's main; being told to end is an interruption to it."""
+    """Run a command's main; SIGTERM raises KeyboardInterrupt in it."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(main())

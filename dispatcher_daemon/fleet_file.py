@@ -1,4 +1,4 @@
-"""The fleet of a file that others write while the dispatcher runs: orders come, vehicles go."""
+"""A fleet file that other programs rewrite while the dispatcher runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slipstream.roads import RoadNetwork
 class FleetFile:
     """A fleet that is read again whenever its file has changed.
 
-    Whoever writes it should write another file and rename it, so that no half of it is read.
+    Writers should write another file and rename it, so that no partial file is read.
 
     Args:
         reference: as for `load_fleet`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from prometheus_client import Counter, Gauge, Histogram
 
 STATES = Counter(
-    "slipstream_dispatcher_states", "Segment states received, by what became of them.", ["verdict"]
+    "slipstream_dispatcher_states", "Segment states received, by verdict.", ["verdict"]
 )
 BAD_MESSAGES = Counter(
     "slipstream_dispatcher_bad_messages", "Messages that were not what their key promises."

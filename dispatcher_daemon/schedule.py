@@ -1,4 +1,4 @@
-"""When cycles run: at a fixed interval, never two at once, come what may."""
+"""Scheduler of cycles: at a fixed interval, never two at once."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ log = logging.getLogger(__name__)
 _JOB = "cycle"
 
 CLOCK_TOLERANCE_S = 1.0
-"""A run that is no further off than this beyond an interval is left alone: clocks are slewed."""
+"""Tolerance beyond an interval within which a run is not rescheduled, as clocks are slewed, s."""
 
 
 class CycleScheduler:
     """Calls a function at once and then every ``interval_s``, on one thread of its own.
 
-    A run that is due while the last one is still going is left out and counted as overlapped; runs
-    that could not start in time are made up for by one, and counted as missed if they are later
-    than a whole interval. A run that raises is logged and counted; the next one comes.
+    A run that is due while the last one is still running is skipped and counted as overlapped. Runs
+    that could not start in time are replaced by one, and counted as missed if they are later than a
+    whole interval. A run that raises is logged and counted; the next one comes.
 
-    Runs are planned by the wall clock. Whoever owns the schedule calls `follow_clock` every now and
-    then, so that a clock that is set does not hold the next run back.
+    Runs are scheduled by the wall clock. The owner calls `follow_clock` regularly, so that a clock
+    that is set does not delay the next run.
 
     Args:
         run: the cycle.
@@ -105,7 +105,7 @@ class CycleScheduler:
 
     @property
     def overlapped(self) -> int:
-        """Runs left out because the one before was still going."""
+        """Runs skipped because the one before was still running."""
         return self._faults["overlapped"]
 
     @property
@@ -131,7 +131,7 @@ class CycleScheduler:
         self._scheduler.start()
 
     def stop(self) -> None:
-        """Plan no more runs and wait for the one that is going."""
+        """Schedule no more runs and wait for the running one."""
         if self._scheduler.running:
             self._scheduler.remove_all_jobs()
             self._scheduler.shutdown(wait=True)

@@ -42,7 +42,7 @@ class Publisher:
         self._declared.put(message.to_bytes() if isinstance(message, Message) else message)
 
     def has_subscribers(self) -> bool:
-        """True if somebody listens: spares the work of making pictures nobody looks at."""
+        """True if there are subscribers; pictures need not be encoded without them."""
         return bool(self._declared.matching_status.matching)
 
     def close(self) -> None:
@@ -50,8 +50,8 @@ class Publisher:
         self._declared.undeclare()
 
 
-class _Inbox:
-    """Carries samples from zenoh's thread to one of ours; full, it drops the oldest."""
+class _SampleQueue:
+    """Queue from zenoh's thread to a handler thread; when full it drops the oldest sample."""
 
     def __init__(self, name: str, handler: Handler) -> None:
         self._queue: queue.Queue[tuple[str, bytes] | None] = queue.Queue(_QUEUE_SAMPLES)
@@ -92,7 +92,7 @@ class Bus:
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._subscriptions: list[tuple[Any, _Inbox]] = []
+        self._subscriptions: list[tuple[Any, _SampleQueue]] = []
 
     @classmethod
     def open(cls, settings: BusSettings) -> Self:
@@ -143,24 +143,24 @@ class Bus:
         Args:
             history: also get what publishers sent before, and repair gaps.
         """
-        inbox = _Inbox(key_expression, handler)
+        samples = _SampleQueue(key_expression, handler)
         if history:
             subscriber = zenoh.ext.declare_advanced_subscriber(
                 self._session,
                 key_expression,
-                inbox.accept,
+                samples.accept,
                 history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
                 recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
             )
         else:
-            subscriber = self._session.declare_subscriber(key_expression, inbox.accept)
-        self._subscriptions.append((subscriber, inbox))
+            subscriber = self._session.declare_subscriber(key_expression, samples.accept)
+        self._subscriptions.append((subscriber, samples))
 
     def close(self) -> None:
         """Close the session; no handler runs once it has returned."""
-        for subscriber, inbox in self._subscriptions:
+        for subscriber, samples in self._subscriptions:
             subscriber.undeclare()
-            inbox.close()
+            samples.close()
         self._session.close()
 
     def __enter__(self) -> Self:

@@ -1,4 +1,4 @@
-"""TOML or JSON in, checked settings out: the one place where settings files are read."""
+"""Settings files: TOML or JSON is read and validated here only."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class BusSettings(Settings):
 
 
 class ServiceSettings(Settings):
-    """What every daemon has beside its own job."""
+    """Metrics and log settings of every daemon."""
 
     metrics_port: int = Field(
         default=0, ge=0, le=65535, description="Prometheus metrics on 127.0.0.1; 0: not served."

@@ -1,4 +1,4 @@
-"""How a vehicle drives a leg from rest to rest: speed profile, entry times, energy.
+"""Drive of a vehicle on a leg from rest to rest: speed profile, entry times, energy.
 
 Every leg starts and ends at a standstill (depot or stop), so a leg's drive does not depend on the
 legs around it: entry times within it are exact once its departure is known.
@@ -35,11 +35,11 @@ class Drive:
     """A speed profile over consecutive segments, linear in time between its break points.
 
     Attributes:
-        times_s: break points from the departure, shape (n,), increasing; only 0 for no way at all.
+        times_s: break points from the departure, shape (n,), increasing; only 0 for an empty path.
         speeds_mps: speed at each, shape (n,); 0 at both ends.
         entry_s: when each segment is entered.
         length_m: driven distance.
-        waiting_s: how long traffic and signals are expected to hold the vehicle up on each segment;
+        waiting_s: expected delay by traffic and signals on each segment, s;
             not in `times_s`, but in `entry_s`. None: nowhere.
     """
 
@@ -55,13 +55,13 @@ class Drive:
         return self.times_s[-1] + sum(self.waiting_s)
 
     def delayed(self, waiting_s: Sequence[float]) -> Drive:
-        """The same drive, held up for so long on each segment."""
+        """The same drive with a delay on each segment, s."""
         before = accumulate(waiting_s, initial=0.0)
         entry_s = tuple(at + late for at, late in zip(self.entry_s, before, strict=False))
         return replace(self, entry_s=entry_s, waiting_s=tuple(waiting_s))
 
     def unhindered_s(self) -> tuple[float, ...]:
-        """When each segment would be entered without waiting."""
+        """Entry times of the segments without delays, s."""
         before = accumulate(self.waiting_s, initial=0.0)
         return tuple(at - late for at, late in zip(self.entry_s, before, strict=False))
 

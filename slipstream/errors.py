@@ -1,4 +1,4 @@
-"""The one error that a user's mistake may raise, and the line that it becomes."""
+"""The error for bad input, with its one-line message."""
 
 from __future__ import annotations
 

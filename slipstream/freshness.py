@@ -1,4 +1,4 @@
-"""How long a message counts, and which one counts where several RSUs watch a segment.
+"""Freshness of messages, and the decisive one where several RSUs watch a segment.
 
 The dispatcher opens gates by this rule and publishes its limits in `DispatcherHealth`. The
 dashboard shows traffic by the same rule and limits.

@@ -1,4 +1,4 @@
-"""What goes over the wire: one pydantic model a message, JSON in UTF-8, and the key expressions.
+"""Messages on the bus: one pydantic model each, JSON in UTF-8, and the key expressions.
 
 All models refuse unknown fields and wrong types, so that a message that is not what its key
 promises is noticed where it arrives. Times are UTC in nanoseconds since 1970; units are in names.
@@ -87,7 +87,7 @@ CameraFault = Literal[
     "camera_moved",
     "clock_jump",
 ]
-"""What can be wrong with a camera, so that nothing it shows is to be trusted."""
+"""Faults of a camera; its pictures are not used while one lasts."""
 
 CAMERA_FAULTS: Final[tuple[CameraFault, ...]] = get_args(CameraFault)
 

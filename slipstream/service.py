@@ -1,4 +1,4 @@
-"""Life of a daemon: signals, systemd notification and watchdog, logs, metrics, memory."""
+"""Daemon services: signals, systemd notification and watchdog, logs, metrics, memory."""
 
 from __future__ import annotations
 
@@ -125,12 +125,12 @@ class Service:
         self.stopping.set()
 
     def ready(self) -> None:
-        """Say that the daemon serves."""
+        """Notify systemd that the daemon is ready."""
         notify("READY=1")
         log.info("ready")
 
     def progress(self, status: str | None = None) -> None:
-        """Say that the pipeline has moved on; call it from the work itself, as often as you like.
+        """Report progress of the pipeline; call it from the work itself, at any rate.
 
         It feeds systemd's watchdog, so a pipeline that is stuck is restarted.
 

@@ -1,1 +1,1 @@
-"""The front door: the command `slipstream`."""
+"""The command line: `slipstream`."""

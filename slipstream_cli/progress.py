@@ -6,7 +6,7 @@ from typing import Self, TextIO
 
 
 class Progress:
-    """Shows how far long work has come, where a person is looking."""
+    """Progress of long work in percent, on terminals only."""
 
     def __init__(self, label: str, stream: TextIO) -> None:
         self._label = label
@@ -14,7 +14,7 @@ class Progress:
         self._percent = -1
 
     def update(self, done: int, total: int) -> None:
-        """Say that ``done`` of ``total`` steps are done."""
+        """Report that ``done`` of ``total`` steps are done."""
         percent = 100 * done // max(total, 1)
         if self._stream.isatty() and percent != self._percent:
             self._percent = percent

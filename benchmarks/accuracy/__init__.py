@@ -1,1 +1,1 @@
-"""How true the perception is: clips of both worlds against their ground truth."""
+"""Accuracy of perception: clips of both worlds against their ground truth."""

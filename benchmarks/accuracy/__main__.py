@@ -1,4 +1,4 @@
-"""`make bench-accuracy`: render the clips, follow each, print how true the perception is."""
+"""`make bench-accuracy`: render the clips, follow each, print the accuracy of perception."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from slipstream_cli.progress import Progress
 
 
 def main() -> int:
-    """TrackResult the benchmark; 1 if a target is missed."""
+    """Run the benchmark; 1 if a target is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
     parser.add_argument("--folder", type=Path, default=Path(".slipstream/accuracy"))
     parser.add_argument("--only", default="", help="clips whose name contains this")
@@ -62,8 +62,10 @@ def main() -> int:
         options.json.write_text(json.dumps(figures, indent=1) + "\n")
     if options.errors:
         windows = [window for _, _, comparison in compared for window in comparison.windows]
-        told = f"{len(chosen)} clips of {SECONDS} s; python -m benchmarks.accuracy --errors FILE"
-        write_errors(fit_errors(windows, told), options.errors)
+        description = (
+            f"{len(chosen)} clips of {SECONDS} s; python -m benchmarks.accuracy --errors FILE"
+        )
+        write_errors(fit_errors(windows, description), options.errors)
     missed = [*misses(total.scores), *alarms]
     for miss in missed:
         print(f"missed: {miss}")

@@ -3,7 +3,7 @@
 The error of a feature over its scale is taken as normal around bias · h, with the variance that the
 feature's standard error states, plus share² + (growth · h)², where h is the road hidden over the
 road visible. Maximum likelihood, each clip with the same weight. A clip's windows overlap and share
-a camera, so how far to trust the fit is told by leaving whole clips out.
+a camera, so the fit is validated by leaving whole clips out.
 """
 
 from __future__ import annotations

@@ -180,14 +180,14 @@ def _measured_peer(settings: BenchSettings, python: Path, options: list[str], lo
         *(str(settings.clip / "video.mp4"), "--frames", str(max(30, settings.frames // 4))),
         *flags,
     ]
-    told = last_line(command, log, _TIME_LIMIT_S)
-    return speed_of(told["done_s"], [], told["cpu_s"], told["vehicles"], told["rss_mb"])
+    result = last_line(command, log, _TIME_LIMIT_S)
+    return speed_of(result["done_s"], [], result["cpu_s"], result["vehicles"], result["rss_mb"])
 
 
 def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
     return {
         "machine": machine(),
-        **load.told(),
+        **load.figures(),
         "clip": f"{settings.clip}, 1280×720",
         "rounds": f"{settings.rounds} of {settings.frames} frames; peers a quarter of them",
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),

@@ -36,7 +36,7 @@ class DaemonRun:
         frames: processed.
         skipped: frames that came and were not processed.
         fps: frames a second.
-        latency_ms_p95: median over the seconds of what it told; from the decoded picture on.
+        latency_ms_p95: median of the published values, from the decoded picture on, ms.
         cpu_cores: processor time over time.
         memory: its resident memory.
     """
@@ -88,7 +88,7 @@ def run_daemons(
         pace: of the clip.
         seconds: judged, after the warm-up.
         warm_up_s: not judged.
-        on_progress: told the seconds since the daemons came up.
+        on_progress: called with the seconds since the daemons came up.
 
     Raises:
         RuntimeError: a daemon did not come up, or ended.
@@ -176,7 +176,7 @@ def _daemon(clip: Path, folder: Path, rsu: str, pace: str, endpoint: str) -> Ite
 
 
 def _wait(daemons: dict[str, _Daemon], observer: Observer, folder: Path) -> None:
-    """Until each has told that frames go through it."""
+    """Wait until each daemon reports processed frames."""
     deadline = time.monotonic() + _START_LIMIT_S
     while time.monotonic() < deadline:
         for rsu, daemon in daemons.items():
@@ -193,7 +193,7 @@ def _judged(
 ) -> DaemonRun:
     after = [(at_s, health) for at_s, health in heard if at_s >= begin_s]
     if len(after) < 2:
-        raise RuntimeError(f"{rsu} told nothing of itself")
+        raise RuntimeError(f"{rsu} published no health")
     (first_s, first), (last_s, last) = after[0], after[-1]
     p95 = sorted(h.latency_ms_p95 for _, h in after if h.latency_ms_p95 is not None)
     seconds = last_s - first_s

@@ -52,7 +52,7 @@ class MemoryUse:
 
 
 def memory_use(times_s: npt.ArrayLike, mb: npt.ArrayLike) -> MemoryUse:
-    """What a series of resident memory comes to; at least one value."""
+    """Figures of a series of resident memory; at least one value."""
     values = np.asarray(mb, dtype=np.float64)
     return MemoryUse(
         float(np.median(values)),

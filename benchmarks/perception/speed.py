@@ -110,5 +110,5 @@ def last_line(command: Sequence[str], log: Path, timeout_s: float) -> dict[str, 
     lines = done.stdout.strip().splitlines()
     if done.returncode != 0 or not lines:
         raise RuntimeError(f"{command[0]} failed with status {done.returncode}; see {log}")
-    told: dict[str, Any] = json.loads(lines[-1])
-    return told
+    result: dict[str, Any] = json.loads(lines[-1])
+    return result

@@ -1,1 +1,1 @@
-"""What the quantum solvers and their devices are measured by."""
+"""Benchmarks of the quantum solvers and of the hardware path."""

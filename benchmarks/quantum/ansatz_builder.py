@@ -10,7 +10,7 @@ from dispatcher_daemon.hardware.circuits import ChainCircuitBuilder
 
 @dataclass(frozen=True)
 class AnsatzBuilder(ChainCircuitBuilder):
-    """Circuits as tables of angles: the stand-in needs no more, and a new worker no Qiskit."""
+    """Circuits as tables of angles, enough for the simulated service and without Qiskit."""
 
     def warm_up(self) -> None:
         """Nothing beyond what unpickling this imports."""

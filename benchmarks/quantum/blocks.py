@@ -36,12 +36,12 @@ class CityPart:
 
     @property
     def start(self) -> frozenset[int]:
-        """Everybody's base route."""
+        """The base routes of all vehicles."""
         return frozenset(options[0] for options in self.problem.options_of.values())
 
 
 def city_part(seed: int, size: tuple[int, int, int], variables: int) -> CityPart:
-    """The most closely tied vehicles of a generated city.
+    """The vehicles of a generated city with the largest savings between them.
 
     Args:
         size: vehicles, stops and segments of the city.
@@ -61,7 +61,7 @@ def part_of(problem: RouteProblem, graph: nx.Graph, variables: int) -> CityPart:
     counts = {v: len(options) for v, options in problem.options_of.items()}
     taken: list[str] = []
     left = variables
-    for vehicle in tied(graph.subgraph(v for v, count in counts.items() if count > 1)):
+    for vehicle in order_by_weight(graph.subgraph(v for v, count in counts.items() if count > 1)):
         if left < 2:
             break
         taken.append(vehicle)
@@ -76,17 +76,17 @@ def part_of(problem: RouteProblem, graph: nx.Graph, variables: int) -> CityPart:
     return CityPart(without_last(block, over), graph.subgraph(taken))
 
 
-def tied(graph: nx.Graph) -> list[str]:
-    """Vehicles, each next one tied most to those before it."""
+def order_by_weight(graph: nx.Graph) -> list[str]:
+    """Vehicles in greedy order: each has the largest weight to those before it."""
     degree = dict(graph.degree(weight="weight"))
-    waiting = set(graph)
+    remaining = set(graph)
     tie = dict.fromkeys(sorted(graph), 0.0)
     order: list[str] = []
-    while waiting:
+    while remaining:
         # Names decide between equals, so that the order does not depend on the set's.
-        best = max(sorted(waiting), key=lambda v: (tie[v], degree[v]))
+        best = max(sorted(remaining), key=lambda v: (tie[v], degree[v]))
         order.append(best)
-        waiting.discard(best)
+        remaining.discard(best)
         for neighbour, data in graph[best].items():
             tie[neighbour] += data["weight"]
     return order
@@ -100,8 +100,8 @@ def without_last(problem: RouteProblem, count: int) -> RouteProblem:
 
 
 @dataclass(frozen=True)
-class Swept:
-    """What sweeps over blocks came to.
+class SweepResult:
+    """Result of sweeps over blocks.
 
     Attributes:
         objective_kwh: of the end.
@@ -114,8 +114,8 @@ class Swept:
     sweeps: int
 
 
-def sweep(part: CityPart, variables: int, choose: Choose, patience: int, most: int) -> Swept:
-    """Blocks in turn, each with all others as they are, until sweeps cut anew change nothing.
+def sweep(part: CityPart, variables: int, choose: Choose, patience: int, most: int) -> SweepResult:
+    """Solve blocks in turn with all others fixed, until new partitions change nothing.
 
     Args:
         variables: of a block, at most.
@@ -145,11 +145,11 @@ def sweep(part: CityPart, variables: int, choose: Choose, patience: int, most: i
                 chosen, value = changed, found
         idle = 0 if value < before - _BETTER_KWH else idle + 1
         sweeps += 1
-    return Swept(value, count, sweeps)
+    return SweepResult(value, count, sweeps)
 
 
 def ratio(start_kwh: float, best_kwh: float, found_kwh: float) -> float | None:
-    """Share of what the best answer gains on the start that another one gains too.
+    """Approximation ratio: an answer's gain over the start, as a share of the best answer's.
 
     1 is the best, 0 the start, below 0 is worse than doing nothing; None if there is no gain.
     """

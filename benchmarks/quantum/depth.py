@@ -100,12 +100,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     options = parser.parse_args(arguments)
     rows = measure(options.instances, options.layers)
-    told = checks(rows)
+    found_checks = checks(rows)
     if options.json:
         print(json.dumps({"machine": machine(), "rows": [asdict(row) for row in rows]}))
     else:
-        print("\n".join(check_table(told)))
-    return 0 if all(check.reached for check in told) else 1
+        print("\n".join(check_table(found_checks)))
+    return 0 if all(check.reached for check in found_checks) else 1
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A stand-in for a device's service that fails in every way that is known, by seed.
+"""A simulated device service with injected faults of all known kinds, by seed.
 
 The service's side is a file, so that its jobs and its records go on when whoever calls is killed.
 """
@@ -34,7 +34,7 @@ SUBMIT: Final = (
     "dies but taken",
     "no id but taken",
 )
-"""What may happen when a job is submitted."""
+"""Outcomes of a submission."""
 
 JOB: Final = (
     "ok",
@@ -49,10 +49,10 @@ JOB: Final = (
     "no samples",
     "no view",
 )
-"""What may become of a job that was taken."""
+"""Outcomes of an accepted job."""
 
 CALL: Final = ("ok", "unreachable", "401", "429", "500", "hangs", "dies")
-"""What may happen to any other call."""
+"""Outcomes of any other call."""
 
 EVERYTHING: Final[dict[str, dict[str, float]]] = {
     "submit": dict.fromkeys(SUBMIT, 1.0) | {"ok": 24.0, "401": 0.5, "hangs": 0.5},
@@ -60,17 +60,17 @@ EVERYTHING: Final[dict[str, dict[str, float]]] = {
     "call": dict.fromkeys(CALL, 1.0)
     | {"ok": 100.0, "401": 0.2, "429": 0.5, "hangs": 0.7, "dies": 0.7},
 }
-"""All of them, the good ones most often."""
+"""Weights of all outcomes; the faultless ones are the most frequent."""
 
 ESTIMATE_S: Final = 2.0
-"""Device time that each job is said to take at most, s."""
+"""Estimated device time of each job, an upper bound, s."""
 
 _LATE_S: Final = (1.0, 4.0)
-_FOR_EVER_S: Final = 600.0
+_HANG_S: Final = 600.0
 
 
 class ServiceRecords:
-    """The service's side: what it was given, what it does, what it charges.
+    """The service's records: jobs, outcomes and charges.
 
     Args:
         path: a file, made if it is not there.
@@ -176,11 +176,11 @@ class FaultyService:
         return ESTIMATE_S
 
     def two_qubit(self, circuit: Any) -> tuple[int, int]:
-        """What a compiler might say."""
+        """Arbitrary depth and number of two-qubit gates."""
         return 4, 2 * (_width(circuit) - 1)
 
     def submit(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:
-        """Take a job, or not, or both."""
+        """Submit a job; by the drawn outcome it is accepted, refused, or accepted with an error."""
         with _writing(self._path) as connection:
             event, rng = _draw(connection, "submit")
             job_id = f"job-{_number(connection)}"
@@ -192,13 +192,13 @@ class FaultyService:
                 if fate == "late":
                     wait_s += rng.uniform(*_LATE_S)
                 elif fate == "never":
-                    wait_s = _FOR_EVER_S
+                    wait_s = _HANG_S
                 usage = ESTIMATE_S * rng.uniform(0.3, 1.0)
                 connection.execute(
                     "INSERT INTO jobs VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL)",
                     (job_id, tags[0], fate, _width(circuit), shots, now, now + wait_s, usage),
                 )
-        _suffer(event, rng)
+        _raise_fault(event, rng)
         return "" if event == "no id but taken" else job_id
 
     def look(self, job_id: str, *, samples: bool = True) -> JobView:
@@ -223,7 +223,7 @@ class FaultyService:
         if not samples:
             return JobView("done", usage_s=usage_s)
         drawn = _samples(job["width"], job["shots"], random.Random(f"{seed} {job_id}"))
-        return JobView("done", usage_s=usage_s, counts=_spoilt(drawn, fate))
+        return JobView("done", usage_s=usage_s, counts=_corrupted(drawn, fate))
 
     def cancel(self, job_id: str) -> None:
         """Take a job out of the queue, if it still is in it."""
@@ -246,12 +246,12 @@ class FaultyService:
     def _call(self) -> None:
         with _writing(self._path) as connection:
             event, rng = _draw(connection, "call")
-        _suffer(event, rng)
+        _raise_fault(event, rng)
 
 
-def _suffer(event: str, rng: random.Random) -> None:
+def _raise_fault(event: str, rng: random.Random) -> None:
     if event.startswith("hangs"):
-        time.sleep(_FOR_EVER_S)
+        time.sleep(_HANG_S)
     if event.startswith("dies"):
         os._exit(3)
     if event == "unreachable":
@@ -268,7 +268,7 @@ def _samples(width: int, shots: int, rng: random.Random) -> dict[str, int]:
     return dict(Counter(format(rng.getrandbits(width), f"0{width}b") for _ in range(shots)))
 
 
-def _spoilt(samples: dict[str, int], fate: str) -> dict[str, int] | None:
+def _corrupted(samples: dict[str, int], fate: str) -> dict[str, int] | None:
     if fate == "no samples":
         return None
     first = next(iter(samples))
@@ -286,7 +286,7 @@ def _width(circuit: Any) -> int:
 
 
 def _draw(connection: sqlite3.Connection, kind: str) -> tuple[str, random.Random]:
-    """What happens this time, and the dice for the rest."""
+    """The drawn outcome, and a random generator for its details."""
     rng = random.Random(f"{_about(connection, 'seed')} {kind} {_number(connection)}")
     weights = json.loads(_about(connection, "weights")).get(kind) or {"ok": 1.0}
     event = rng.choices(list(weights), list(weights.values()))[0]

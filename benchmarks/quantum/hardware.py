@@ -1,6 +1,6 @@
 """`python -m benchmarks.quantum.hardware`: dispatch cycles beside a device that fails in every way.
 
-Real cycles, workers, database and job manager; the device's service is a stand-in that times out,
+Real cycles, workers, database and job manager; the device's service is simulated and times out,
 refuses, loses jobs, answers garbage, late or never, hangs and takes the worker down with it. Every
 few cycles job manager and database are closed, whatever they are at, and opened again; the device's
 worker is killed now and then, and so is the whole process, which goes on with the same database. A
@@ -36,13 +36,13 @@ START_S: Final = 120.0
 
 
 def run_killed(
-    cycles: int, seed: int, folder: Path, tell: Callable[[str], None] = lambda _: None
+    cycles: int, seed: int, folder: Path, progress: Callable[[str], None] = lambda _: None
 ) -> Run:
     """`run` in processes that are killed and started again on the same database.
 
     Args:
         folder: for database, service, and what each process writes down.
-        tell: takes a line after each kill.
+        progress: called with a line after each kill.
     """
     rng = random.Random(seed)
     result = empty_run(SETTINGS)
@@ -62,7 +62,7 @@ def run_killed(
         if last:
             break
         result.kills["dispatcher"] += 1
-        tell(f"{result.cycles} cycles, {dict(result.answered)}, broken: {result.broken[-3:]}")
+        progress(f"{result.cycles} cycles, {dict(result.answered)}, broken: {result.broken[-3:]}")
     check_run(ServiceRecords(folder / "service.db", seed), f"sqlite:///{folder}/cycles.db", result)
     return result
 
@@ -87,8 +87,8 @@ def _stretch(
         if process.poll() is None:
             process.kill()
             process.wait()
-            return [f"no cycle came to its end in {START_S:g} s"]
-        # Status 1: a promise is broken, which its notes tell.
+            return [f"no cycle ended in {START_S:g} s"]
+        # Status 1: a promise is broken, which its notes progress.
         wrong = kill or process.returncode not in (0, 1)
         return [f"a process ended with status {process.returncode}"] if wrong else []
     time.sleep(rng.uniform(0.0, SETTINGS.deadline_s))

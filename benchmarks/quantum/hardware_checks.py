@@ -1,4 +1,4 @@
-"""What came of cycles beside a faulty device, and whether any promise was broken."""
+"""Results of cycles with a faulty device, and checks of the guarantees."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DAY_S: Final = 30.0
 
 @dataclass
 class Run:
-    """What came of it.
+    """Result of a run.
 
     Attributes:
         cycles: that were run.

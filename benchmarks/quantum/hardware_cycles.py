@@ -133,7 +133,7 @@ class Harness:
             self._pool.warm_up(30.0)
 
     def close_device(self) -> None:
-        """As a crash would: nothing is finished, nothing is told."""
+        """Close as in a crash: nothing is finished or reported."""
         self._stack.close()
 
     def close(self) -> None:
@@ -160,7 +160,7 @@ def run(
         folder: for database and service; what they hold from before goes on.
         solve: in place of a pool of the settings' solvers.
         restart_every: cycles between two restarts, on average.
-        write: takes what is to be told of each cycle, when it is over.
+        write: called with the record of each finished cycle.
         checked: whether to hold the ledger against the service's records in the end.
     """
     result = empty_run(settings)
@@ -212,7 +212,7 @@ def _kill_worker(path: Path, killed: list[int]) -> None:
 
 
 def _cycle(harness: Harness, number: int, rng: random.Random) -> dict[str, Any]:
-    """Run a cycle; what is to be told of it."""
+    """Run a cycle; its record."""
     broken = []
     snapshot = _traffic(harness.problem, rng)
     kills, after_s = rng.random() * KILL_WORKER_EVERY < 1, rng.uniform(0.0, 0.5)
@@ -285,14 +285,14 @@ def _traffic(problem: RoutingProblem, rng: random.Random) -> TrafficSnapshot:
 
 
 def _settle(harness: Harness, result: Run) -> None:
-    """Without new faults all jobs must come to an end by themselves."""
+    """Without new faults all jobs must end by themselves."""
     harness.records.expect({})
     limits = harness.settings.hardware
     until = time.monotonic() + limits.job_timeout_s + limits.lost_after_s + 20.0
     while harness.manager.health().pending and time.monotonic() < until:
         time.sleep(0.1)
     if harness.manager.health().pending:
-        result.broken.append(f"{harness.manager.health().pending} jobs never came to an end")
+        result.broken.append(f"{harness.manager.health().pending} jobs never ended")
 
 
 def _kind_of(why: str) -> str:

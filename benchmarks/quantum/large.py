@@ -30,8 +30,8 @@ from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples, Solv
 from research.quantum.controls import (
     STAGES,
     distributions,
+    histogram_of,
     run_controls,
-    tally_of,
 )
 from slipstream.errors import InputError
 
@@ -46,11 +46,11 @@ _MAX_SWEEPS: Final = 4
 
 
 @dataclass(frozen=True)
-class Found:
-    """What one way of choosing came to.
+class Result:
+    """Result of one method.
 
     Attributes:
-        name: of the way.
+        name: of the method.
         qubits: of its largest circuit; None without one.
         depth: two-qubit depth of that circuit as it ran.
         circuits: number of circuits, or of blocks.
@@ -89,7 +89,7 @@ class Block:
     vehicles: int
     gain_kwh: float
     proven: bool
-    found: tuple[Found, ...]
+    found: tuple[Result, ...]
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Plan:
 
 
 def measure(plan: Plan, variables: int) -> Block:
-    """One size, by all ways."""
+    """One size, by all methods."""
     part = city_part(plan.seed, plan.city, variables)
     problem = part.problem
     optimum = ExactSolver().solve(problem, _EXACT_S, plan.seed)
@@ -156,18 +156,18 @@ def measure(plan: Plan, variables: int) -> Block:
 
 def _one_circuit(
     plan: Plan, problem: RouteProblem, scale: tuple[float, float], variant: LcQaoaVariant
-) -> Iterator[Found]:
+) -> Iterator[Result]:
     """The circuit, and uniformly drawn options in its place."""
     try:
         outcome = plan.solver(variant).solve(problem, _SOLVE_S, plan.seed)
     except InputError as error:  # groups that no packing lays on the device
-        yield _nothing(f"one LC-QAOA, {variant}: {error.problem}")
+        yield _no_result(f"one LC-QAOA, {variant}: {error.problem}")
         return
     execution, samples = outcome.execution, outcome.samples
     if execution is None or samples is None:
-        yield _nothing(f"one LC-QAOA, {variant}: {outcome.reason}")
+        yield _no_result(f"one LC-QAOA, {variant}: {outcome.reason}")
         return
-    yield Found(
+    yield Result(
         name=f"one LC-QAOA, {variant}",
         qubits=samples.qubits,
         depth=execution.two_qubit_depth,
@@ -184,8 +184,8 @@ def _one_circuit(
     yield _control(plan, model, scale, f"its marginals, {variant}", of["marginals"])
 
 
-def _nothing(name: str) -> Found:
-    return Found(name, None, None, 0, 0.0, 0.0, 0.0, None, (None, None, None), None)
+def _no_result(name: str) -> Result:
+    return Result(name, None, None, 0, 0.0, 0.0, 0.0, None, (None, None, None), None)
 
 
 def _control(
@@ -194,12 +194,12 @@ def _control(
     scale: tuple[float, float],
     name: str,
     distribution: BitDistribution,
-) -> Found:
+) -> Result:
     """Samples without a circuit, through the same stages."""
     began = time.perf_counter()
     uniform = run_controls(model, {name: distribution}, plan.shots, plan.seed)[name]
     wall_s = time.perf_counter() - began
-    return Found(
+    return Result(
         name=f"control: {name}",
         qubits=None,
         depth=None,
@@ -215,7 +215,7 @@ def _control(
 
 def _swept(
     plan: Plan, part: CityPart, scale: tuple[float, float], variant: LcQaoaVariant | None
-) -> Found:
+) -> Result:
     """Blocks of 25 with all others as they are, by LC-QAOA or exactly."""
     solver: Solver = ExactSolver() if variant is None else plan.solver(variant)
     ran: list[Execution] = []
@@ -229,7 +229,7 @@ def _swept(
     began = time.perf_counter()
     swept = sweep(part, _SMALL, choose, _PATIENCE, _MAX_SWEEPS)
     method = "exactly" if variant is None else f"LC-QAOA, {variant}"
-    return Found(
+    return Result(
         name=f"blocks of {_SMALL}, {swept.sweeps} sweeps, {method}",
         qubits=None if variant is None else _SMALL,
         depth=max((e.two_qubit_depth or 0 for e in ran), default=None),
@@ -245,8 +245,8 @@ def _swept(
 
 def _ratios(samples: Samples, scale: tuple[float, float]) -> tuple[float | None, ...]:
     return tuple(
-        ratio(*scale, tally[0][0]) if tally else None
-        for tally in (tally_of(samples, stage) for stage in STAGES)
+        ratio(*scale, histogram[0][0]) if histogram else None
+        for histogram in (histogram_of(samples, stage) for stage in STAGES)
     )
 
 

@@ -3,8 +3,8 @@
 Both start from the circuit's angles, simulate it in single precision on all cores and draw the
 same number of shots. Aer gets the circuit as gates (H, RZ, RZZ, RX, measurements) and may fuse
 them; that the circuit is built and assembled beforehand costs it nothing here. Ours phases with the
-energy of every state, which depends on the instance and not on the angles: its time is told apart,
-and the ratio once without and once with it.
+energy of every state, which depends on the instance and not on the angles: its time is reported
+separately, and the ratio both without and with it.
 """
 
 from __future__ import annotations

@@ -130,12 +130,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     options = parser.parse_args(arguments)
     found = list(measure(options.instances, options.layers, options.iterations, options.large))
-    told = [check_of(timing, options.layers) for timing in found]
+    found_checks = [check_of(timing, options.layers) for timing in found]
     if options.json:
         print(json.dumps({"machine": machine(), "timings": [asdict(t) for t in found]}))
     else:
-        print("\n".join(check_table(told)))
-    return 1 if any(check.reached is False for check in told) else 0
+        print("\n".join(check_table(found_checks)))
+    return 1 if any(check.reached is False for check in found_checks) else 0
 
 
 if __name__ == "__main__":

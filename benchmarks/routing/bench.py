@@ -1,4 +1,4 @@
-"""One run of everything: named instances, the city, fleet sizes, rivals, the undivided optimum."""
+"""The routing benchmark: named instances, the city, fleet sizes, rivals, the undivided optimum."""
 
 from __future__ import annotations
 
@@ -138,18 +138,18 @@ class _Bench:
             f"given {budget_s:g} s"
         )
         options = {"--seed": seed, "--budget": budget_s, "--solver-seed": solver_seed}
-        told = self._run("benchmarks.routing.city_run", size, options, budget_s, flags)
-        if told is not None:
-            values, peak = told
+        result = self._run("benchmarks.routing.city_run", size, options, budget_s, flags)
+        if result is not None:
+            values, peak = result
             yield CityRun(**values, peak_mb=peak)  # type: ignore[arg-type]
 
     def gap(self, size: CitySize, seed: int) -> Iterator[Gap]:
         """A city by blocks and undivided; nothing where it failed."""
         self.say(f"{size.vehicles} vehicles undivided, city {seed}")
         options = {"--seed": seed, "--exact": self.form.gap_s}
-        told = self._run("benchmarks.routing.gap_run", size, options, self.form.gap_s)
-        if told is not None:
-            yield Gap(**told[0])  # type: ignore[arg-type]
+        result = self._run("benchmarks.routing.gap_run", size, options, self.form.gap_s)
+        if result is not None:
+            yield Gap(**result[0])  # type: ignore[arg-type]
 
     def _run(
         self,
@@ -247,7 +247,7 @@ def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: smaller than the aims ask"}.get(settings.form, "own")
     return {
         "machine": machine(),
-        **load.told(),
+        **load.figures(),
         "form": form,
         "parts": ", ".join(settings.parts),
         "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),

@@ -53,8 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         settings = long_search(options.budget)
     elif options.unguarded:
         settings = unguarded(options.budget)
-    told = run_city(city, settings, options.budget, options.solver_seed)
-    print(json.dumps({"seed": options.seed, **told}))
+    result = run_city(city, settings, options.budget, options.solver_seed)
+    print(json.dumps({"seed": options.seed, **result}))
 
 
 def unguarded(budget_s: float) -> CitySettings:
@@ -90,10 +90,10 @@ def run_city(
 
     Workers are up before the clock starts, as a daemon keeps them from cycle to cycle.
     """
-    told = DispatcherSettings(
+    cycle_settings = DispatcherSettings(
         city=settings, solvers=settings.solvers, deadline_s=budget_s, interval_s=2 * budget_s
     )
-    cycle = instance_cycle(city, solver_seed, told)
+    cycle = instance_cycle(city, solver_seed, cycle_settings)
     with workers(settings) as (executor, solve):
         began, used = time.perf_counter(), _cpu_s()
         plan = plan_fleet(cycle, executor, solve)

@@ -46,8 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options.seed, vehicles=options.vehicles, stops=options.stops, segments=options.segments
     )
     problem, graph = undivided(city, options.seed)
-    told = measure_gap(problem, graph, CitySettings(), options.exact)
-    print(json.dumps({"seed": options.seed, "vehicles": options.vehicles, **told}))
+    result = measure_gap(problem, graph, CitySettings(), options.exact)
+    print(json.dumps({"seed": options.seed, "vehicles": options.vehicles, **result}))
 
 
 def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:

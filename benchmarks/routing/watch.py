@@ -24,8 +24,8 @@ def watched(command: Sequence[str], log: Path, timeout_s: float) -> tuple[dict[s
     Raises:
         RuntimeError: it failed, took too long, or printed nothing; the log has what it said.
     """
-    with log.open("a") as errors, tempfile.TemporaryFile("w+") as told:
-        process = subprocess.Popen(command, stdout=told, stderr=errors)
+    with log.open("a") as errors, tempfile.TemporaryFile("w+") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=errors)
         try:
             ends, peak = time.monotonic() + timeout_s, 0.0
             while process.poll() is None:
@@ -36,8 +36,8 @@ def watched(command: Sequence[str], log: Path, timeout_s: float) -> tuple[dict[s
         finally:
             _end(process.pid)
             process.wait()
-        told.seek(0)
-        printed = told.read()
+        output.seek(0)
+        printed = output.read()
         errors.write(printed)
     lines = printed.strip().splitlines()
     if process.returncode != 0 or not lines:

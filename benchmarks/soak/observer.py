@@ -1,4 +1,4 @@
-"""What the daemons say about themselves on the bus, kept with the moment it was heard."""
+"""The daemons' health and state messages, with their times of arrival."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from slipstream.messages import (
 
 @dataclass(frozen=True)
 class StateArrival:
-    """A SegmentState heard: when, since the soak began, and how old it was then."""
+    """Arrival of a SegmentState: time since the soak began, and its age then, s."""
 
     at_s: float
     age_s: float
@@ -46,11 +46,11 @@ class Observer:
     def listen(self, bus: Bus) -> None:
         """Subscribe."""
         for key in (ALL_STATES, ALL_RSU_HEALTH, DISPATCHER_HEALTH_KEY):
-            # What was said before is not ours: its age would be counted as delay.
+            # Without history: the age of earlier messages would count as delay.
             bus.subscribe(key, self.take, history=False)
 
     def take(self, key: str, payload: bytes) -> None:
-        """Take one message in; what is not what its key promises is counted."""
+        """Record one message; invalid ones are counted."""
         at_s, now_ns = self.clock(), time.time_ns()
         with self._lock:
             try:

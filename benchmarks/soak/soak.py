@@ -32,7 +32,7 @@ from slipstream.service import die_with_parent
 
 _START_LIMIT_S: Final = 600.0
 _STOP_LIMIT_S: Final = 20.0
-# The run counts its time a little differently: its last seconds are not ours to judge.
+# The run stops a little earlier by its own clock: its last seconds are not evaluated.
 _MARGIN_S: Final = 2.0
 
 
@@ -94,7 +94,7 @@ def run_soak(
                     on_progress(int(now_s), int(settings.seconds))
                     time.sleep(max(0.0, settings.period_s - (clock() - now_s)))
             except KeyboardInterrupt:
-                # What was seen so far is worth a report too.
+                # The samples so far are reported too.
                 end_s = clock()
                 running.process.terminate()
         window = Window.of(end_s, settings.warm_up_s)
@@ -114,7 +114,7 @@ def run_soak(
         "duration": f"{settings.seconds:g} s, a sample each {settings.period_s:g} s",
         "machine": f"{os.cpu_count()} cores, {psutil.virtual_memory().total / 1e9:.1f} GB, "
         f"{platform.platform()}, Python {platform.python_version()}",
-        **load.told(),
+        **load.figures(),
         "slipstream": __version__,
         "the run's own figures": json.dumps(figures),
     }
@@ -188,7 +188,7 @@ def _wait_for_daemons(running: _Running, settings: SoakSettings) -> dict[str, di
     log = (settings.out / "run.log").read_text().strip().splitlines()
     raise InputError(
         settings.out / "run.log",
-        f"the daemons did not come up: {log[-1] if log else 'nothing was said'}",
+        f"the daemons did not come up: {log[-1] if log else 'no output'}",
         "see the log",
     )
 

@@ -1,17 +1,17 @@
-"""Is a series growing? The criterion that turns a soak red.
+"""Growth test for resource series of a soak.
 
 Resident memory is neither independent from second to second nor normal: it steps when an allocator
 takes another arena, has the teeth of the dispatch cycle, and settles for a while after the start.
-So growth is what all three of these say:
+A series grows if all three of these hold:
 
-- The slope is above zero for sure: the Theil-Sen slope (median over all pairs of points, which a
+- The slope is significant: the Theil-Sen slope (median over all pairs of points, which a
   third of outliers cannot move; Sen 1968) has a 95 % interval above zero. The interval comes from
   a moving-block bootstrap of the residuals (Künsch 1989), whose blocks are longer than a cycle.
-- It matters: more than 5 MB and more than 2 % of the median in ten minutes, or in the whole time
-  judged where that is longer, and at least 2 MB seen and not extrapolated.
-- It goes on: the median rises from the first third to the second and from the second to the last.
+- It is relevant: more than 5 MB and more than 2 % of the median in ten minutes, or in the whole
+  period where that is longer, and at least 2 MB measured, not extrapolated.
+- It continues: the median rises from the first third to the second and from the second to the last.
   A single step, however high, is no leak; one that is repeated less than once a third cannot be
-  told from it, and a longer soak is needed to see it.
+  distinguished from it; that needs a longer soak.
 
 On simulated five-minute soaks (300 seeds; correlated noise of 0.5 MB, teeth of 4 MB) that gives at
 most 0.3 % false alarms, and finds a leak of twice the limit in 93 to 100 %.
@@ -77,13 +77,13 @@ def memory_trend(times_s: npt.ArrayLike, mb: npt.ArrayLike, seed: int = 1) -> Tr
     low, high = _interval(x, y, slope, np.random.default_rng(seed))
     window_s = float(x[-1] - x[0])
     period_s = max(LIMIT_PERIOD_S, window_s)
-    matters = (
+    relevant = (
         slope * period_s > max(LIMIT_MB, LIMIT_SHARE * float(np.median(values)))
         and slope * window_s > MIN_RISE_MB
     )
     steps = np.diff([float(np.median(third)) for third in np.array_split(y, 3) if len(third)])
-    goes_on = len(steps) == 2 and bool((steps > _CONTINUED_SHARE * slope * window_s / 3).all())
-    return _trend(values, slope, low, high, low > 0 and matters and goes_on)
+    continues = len(steps) == 2 and bool((steps > _CONTINUED_SHARE * slope * window_s / 3).all())
+    return _trend(values, slope, low, high, low > 0 and relevant and continues)
 
 
 def count_trend(times_s: npt.ArrayLike, counts: npt.ArrayLike) -> Trend:

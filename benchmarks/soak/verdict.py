@@ -1,4 +1,4 @@
-"""From what was sampled to figures and faults; no I/O."""
+"""Figures and faults from samples and messages; no I/O."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from benchmarks.soak.observer import Observer, StateArrival
 from benchmarks.soak.processes import Sample
 from benchmarks.soak.trend import Trend, count_trend, memory_trend
 
-LONGEST_SILENCE_S: Final = 5.0
+MAX_SILENCE_S: Final = 5.0
 _MIN_SAMPLES: Final = 6
 
 
 @dataclass(frozen=True)
 class Window:
-    """What is judged: from the end of the warm-up to just before the stop, s since the start."""
+    """The evaluated period: from the end of the warm-up to just before the stop, s."""
 
     begin_s: float
     end_s: float
@@ -78,7 +78,7 @@ class SegmentFigures:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came out; red where there are faults."""
+    """Result of a soak."""
 
     window: Window
     processes: tuple[ProcessFigures, ...]
@@ -107,11 +107,11 @@ def judge(
 
     Args:
         samples: of all processes, in the order of time.
-        observer: what was heard on the bus.
+        observer: messages on the bus.
         expected: processes that must be there all the time.
-        rsus: RSUs that must speak.
-        window: what to judge.
-        restarted: how many processes the supervisor says it has restarted.
+        rsus: RSUs that must publish.
+        window: the evaluated period.
+        restarted: number of restarts that the supervisor reports.
     """
     faults: list[str] = []
     inside = [sample for sample in samples if window.holds(sample.at_s)]
@@ -129,7 +129,7 @@ def judge(
     faults += [
         f"{s.segment}: no state for {s.longest_silence_s:.1f} s"
         for s in segments
-        if s.longest_silence_s > LONGEST_SILENCE_S
+        if s.longest_silence_s > MAX_SILENCE_S
     ]
     health = observer.dispatcher[-1][1] if observer.dispatcher else None
     bad = observer.bad_messages + (health.bad_messages if health else 0)
@@ -168,20 +168,20 @@ def _processes(
         restarts = len(pids[name]) - 1
         if restarts:
             faults.append(f"{name}: restarted {restarts} times")
-        # After a restart the memory starts anew: what is judged is the last life.
-        life = [sample for sample in run if sample.pid == run[-1].pid]
-        times = [sample.at_s for sample in life]
+        # Memory starts again after a restart: only the last process is evaluated.
+        last_run = [sample for sample in run if sample.pid == run[-1].pid]
+        times = [sample.at_s for sample in last_run]
         figures = ProcessFigures(
             name=name,
-            memory_mb=memory_trend(times, [s.rss_mb for s in life]),
-            descriptors=count_trend(times, [s.descriptors for s in life]),
-            threads=count_trend(times, [s.threads for s in life]),
-            cpu_share=float(np.mean([s.cpu_share for s in life])),
+            memory_mb=memory_trend(times, [s.rss_mb for s in last_run]),
+            descriptors=count_trend(times, [s.descriptors for s in last_run]),
+            threads=count_trend(times, [s.threads for s in last_run]),
+            cpu_share=float(np.mean([s.cpu_share for s in last_run])),
             restarts=restarts,
         )
         found.append(figures)
-        if len(life) < _MIN_SAMPLES:
-            faults.append(f"{name}: only {len(life)} samples, too few to judge")
+        if len(last_run) < _MIN_SAMPLES:
+            faults.append(f"{name}: only {len(last_run)} samples, too few to judge")
         if figures.memory_mb.growing:
             faults.append(f"{name}: memory grows by {figures.memory_mb.slope_per_h:.1f} MB an hour")
         for what, trend in (("descriptors", figures.descriptors), ("threads", figures.threads)):
@@ -197,7 +197,7 @@ def _missing(
     for sample in inside:
         moments[sample.at_s].add(sample.name)
     last_s = max(moments, default=0.0)
-    if last_s < window.end_s - LONGEST_SILENCE_S:
+    if last_s < window.end_s - MAX_SILENCE_S:
         faults.append(f"the run ended after {last_s:.0f} s")
     for name in sorted(expected):
         absent = sum(name not in names for names in moments.values())
@@ -229,7 +229,7 @@ def _rsu(rsu: str, observer: Observer, window: Window) -> RsuFigures:
 
 
 def _counted(values: Sequence[int]) -> int:
-    """How far a counter went; it starts at 0 again when its process is restarted."""
+    """Increase of a counter, which restarts at 0 with its process."""
     return sum(b - a if b >= a else b for a, b in pairwise(values))
 
 

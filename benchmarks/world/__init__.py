@@ -1,1 +1,1 @@
-"""The worlds of a whole day: how long they take, whether they repeat, what is saved in them."""
+"""Simulated days: run times, reproducibility and savings."""

@@ -1,4 +1,4 @@
-"""One run of everything: backgrounds, arms alone and in pairs, repetition, savings."""
+"""The worlds benchmark: backgrounds, arms alone and in pairs, repetition, savings."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class _Bench:
         words += [] if core is None else ["--core", str(core)]
         command = [sys.executable, "-m", "benchmarks.world.timed_run", what, *words]
         try:
-            told, peak = watched(command, self.log, _LIMIT_S)
+            result, peak = watched(command, self.log, _LIMIT_S)
         except RuntimeError as error:
             self.missing.append(f"{scenario}, seed {seed}, {what}: {error}")
             return
@@ -130,16 +130,16 @@ class _Bench:
             what,
             scenario,
             seed,
-            told["hours"],
-            told["wall_s"],
-            told["cpu_s"],
+            result["hours"],
+            result["wall_s"],
+            result["cpu_s"],
             peak,
             beside,
-            tuple(told.get("faults", ())),
+            tuple(result.get("faults", ())),
         )
 
     def ready(self, scenario: str, seed: int) -> None:
-        """Write what all arms of a seed share, so that no arm's time has it in it."""
+        """Write what all arms of a seed share, so that it is in no arm's time."""
         self.say(f"{scenario}, seed {seed}: history")
         begin_h, end_h = self.form.span_h
         loaded = load_scenario(scenario)
@@ -241,7 +241,7 @@ def _same(bench: _Bench, results: Results) -> Results:
 def compare_folders(first: Path, second: Path) -> tuple[int, tuple[str, ...]]:
     """(Files of results in both or either, names of those that differ or are in one alone).
 
-    What tells how long something took is no result.
+    Wall times are no results.
     """
     names = sorted(
         {
@@ -275,7 +275,7 @@ def _saving(bench: _Bench, results: Results) -> Results:
 def read_saved(
     scenario: str, folder: Path, span_h: tuple[float, float], seeds: Sequence[int]
 ) -> Saved:
-    """What an evaluation's folder says."""
+    """Figures of an evaluation's folder."""
     span_s = span_h[0] * _HOUR_S, span_h[1] * _HOUR_S
     world = World(WorldFiles(scenario), folder / "background", "actuated", span_s)
     with Store(folder, world.provenance, code_stamp()) as store:
@@ -325,7 +325,7 @@ def _about(settings: BenchSettings, load: Load) -> Mapping[str, Any]:
     form = {FULL: "full", SHORT: "short: minutes, which no aim is judged by"}
     return {
         "machine": machine(),
-        **load.told(),
+        **load.figures(),
         "form": form.get(settings.form, "own"),
         "parts": ", ".join(settings.parts),
         "seeds": ", ".join(map(str, settings.seeds)),

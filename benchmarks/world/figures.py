@@ -1,4 +1,4 @@
-"""What is measured on the worlds, and how it is judged; no I/O."""
+"""Figures of the worlds, and their targets; no I/O."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Repeat:
 
 @dataclass(frozen=True)
 class Saved:
-    """What an evaluation came to, means over its seeds; shares of the baseline's energy.
+    """Result of an evaluation, means over its seeds, shares of the baseline's energy.
 
     Attributes:
         scenario: its name.
@@ -93,7 +93,7 @@ class Saved:
 
     @property
     def lost_by_noise(self) -> float | None:
-        """Share of the saving that 20 % noise costs; None where nothing is saved."""
+        """Relative loss of the saving with 20 % noise; None without a saving."""
         if self.noisy is None or self.without_priority is None or self.without_priority <= 0:
             return None
         return 1 - self.noisy / self.without_priority

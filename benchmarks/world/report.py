@@ -1,4 +1,4 @@
-"""The benchmark's report: what was measured beside what was aimed at."""
+"""The benchmark's report: measured values with their targets."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Results:
     Attributes:
         runs: timed.
         repeats: evaluations that were run twice.
-        saved: what evaluations came to.
+        saved: results of evaluations.
         tables: folders of those, which have the tables and figures.
         missing: why something was not measured.
     """

@@ -34,8 +34,8 @@ def main() -> None:
     options.folder.mkdir(parents=True, exist_ok=True)
     if options.core is not None:
         os.sched_setaffinity(0, {options.core})
-    told = _background(options) if options.what == "background" else _arm(options)
-    print(json.dumps(told))
+    result = _background(options) if options.what == "background" else _arm(options)
+    print(json.dumps(result))
 
 
 def _background(options: argparse.Namespace) -> dict[str, object]:

@@ -25,7 +25,7 @@ class ArcForm:
     """See `dispatcher_daemon.plans.forms.Form`.
 
     Attributes:
-        cycle: its problem has no stop that nobody can serve.
+        cycle: its problem has no stop that no vehicle can serve.
         unserved: these stops, with the reason.
         parts: what the problem is made of.
     """

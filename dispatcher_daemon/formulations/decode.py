@@ -1,6 +1,6 @@
-"""From a selection of arcs or options to routes, or to the rules that it breaks.
+"""Decoding of selections of arcs or options to routes, or to the rules that they break.
 
-This knows nothing of penalties, QUBOs or MILPs: it follows each vehicle and looks.
+It is independent of penalties, QUBOs and MILPs: it follows each vehicle's arcs.
 """
 
 from __future__ import annotations
@@ -54,20 +54,20 @@ def valid_selections(problem: Problem) -> npt.NDArray[np.bool_]:
     selections by which a vehicle leaves a place twice or stays at its depot are found so; the
     routes of all others are followed one selection at a time.
     """
-    exact: list[np.uint32]
-    most: list[np.uint32]
+    exactly_one: list[np.uint32]
+    at_most_one: list[np.uint32]
     if isinstance(problem, ArcProblem):
-        exact, most = _arc_masks(problem)
+        exactly_one, at_most_one = _arc_masks(problem)
     else:
-        exact, most = _option_masks(problem), []
+        exactly_one, at_most_one = _option_masks(problem), []
     valid = np.ones(1 << problem.choices, dtype=bool)
     size = 1 << min(16, problem.choices)  # blocks that fit a cache
     for first in range(0, len(valid), size):
         block = valid[first : first + size]
         states = np.arange(first, first + size, dtype=np.uint32)
-        for mask in exact:
+        for mask in exactly_one:
             block &= np.bitwise_count(states & mask) == 1
-        for mask in most:
+        for mask in at_most_one:
             block &= np.bitwise_count(states & mask) <= 1
     if isinstance(problem, ArcProblem):
         indices = range(problem.choices)
@@ -78,13 +78,13 @@ def valid_selections(problem: Problem) -> npt.NDArray[np.bool_]:
 
 def _arc_masks(problem: ArcProblem) -> tuple[list[np.uint32], list[np.uint32]]:
     """Arcs of which a valid selection has exactly one, and those of which it has at most one."""
-    exact: list[np.uint32] = []
-    most: list[np.uint32] = []
+    exactly_one: list[np.uint32] = []
+    at_most_one: list[np.uint32] = []
     for vehicle in problem.vehicles:
         for place in (problem.depot, *problem.customers):
             mask = _mask((a.vehicle, a.start) == (vehicle, place) for a in problem.arcs)
-            (exact if place == problem.depot else most).append(mask)
-    return exact, most
+            (exactly_one if place == problem.depot else at_most_one).append(mask)
+    return exactly_one, at_most_one
 
 
 def _option_masks(problem: RouteProblem) -> list[np.uint32]:

@@ -1,4 +1,4 @@
-"""Exactness of a QUBO by looking at every one of its states."""
+"""Exactness of a QUBO by enumeration of all its states."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def _sums(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Exactness:
-    """What the enumeration of a model found.
+    """Result of the enumeration of a model.
 
     Attributes:
-        states: number of states looked at.
+        states: number of states.
         feasible_states: states with zero penalty.
         valid_selections: selections that the independent decoder accepts.
         mismatches: selections that the decoder and the penalty judge differently.
@@ -114,7 +114,7 @@ class Exactness:
 
 
 def enumerate_model(model: QuboModel) -> Exactness:
-    """Look at every state of a model.
+    """Enumerate all states of a model.
 
     A selection of arcs or options counts as accepted by the penalty if some setting of auxiliary
     bits brings the penalty to zero; the decoder looks at the selection alone.

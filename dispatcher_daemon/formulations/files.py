@@ -91,4 +91,4 @@ WRITERS: dict[str, Callable[[QuboModel, Path], None]] = {
     ".json": write_qubo_json,
     ".coo": write_qubo_coo,
 }
-"""What writes a file, by the ending of its name."""
+"""Writers by file suffix."""

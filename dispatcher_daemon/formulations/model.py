@@ -1,4 +1,4 @@
-"""One way to the QUBO of any problem."""
+"""The QUBO of an arc or route problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the QUBOs of both problem kinds have in common: objective + γ · penalty."""
+"""The QUBO model of both forms: objective + γ · penalty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows that exclude subtours in the arc form: the paper's, and no more than are needed.
+"""Rows that exclude subtours in the arc form: the paper's, and a reduced set.
 
 A row is a linear equality over order variables u ≥ 0, arcs and slack bits; its square is the
 penalty. Every valid route set can satisfy the rows and no set with a cycle apart from the depot

@@ -17,7 +17,7 @@ from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz
 from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
 from dispatcher_daemon.solvers.quantum.circuits import circuit_of
-from dispatcher_daemon.solvers.sampling import Drawn, solve_by_sampling
+from dispatcher_daemon.solvers.sampling import SampledBits, solve_by_sampling
 
 
 class Unsuitable(Exception):
@@ -140,11 +140,11 @@ class ChainCircuitBuilder:
         """See `CircuitBuilder.decode`; no answer if the number of variables differs."""
         began = time.perf_counter()
 
-        def draw(model: QuboModel) -> Drawn:
+        def draw(model: QuboModel) -> SampledBits:
             if len(order) != len(model.variables):
                 raise Unsuitable("the problem has another number of variables by now")
             bits, shots = counts_to_bits(samples, tuple(order))
-            return Drawn(bits, shots, len(order))
+            return SampledBits(bits, shots, len(order))
 
         try:
             gamma, encoding = self.solver.gamma, self.solver.encoding

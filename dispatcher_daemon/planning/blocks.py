@@ -40,11 +40,11 @@ def build_block(
 ) -> Block:
     """Costs and pair savings of a block around the present plan.
 
-    Savings on a segment depend on everybody there. Here they are expanded around the present
+    Savings on a segment depend on all vehicles there. Here they are expanded around the present
     choice: S ≈ S₀ + Σ Δ_k(r) + Σ Δ_kl(r, q), with Δ_k the change that vehicle k alone makes by
     option r, Δ_kl what k and l together make beyond their single changes. So platoons of three and
-    more count right for every change of one or two vehicles, whoever else is there; changes of more
-    at once are estimated by their pairs, and are evaluated exactly before they are taken.
+    more are exact for every change of one or two vehicles. Changes of more vehicles are estimated
+    by their pairs, and are evaluated exactly before they are accepted.
 
     Args:
         names: of the vehicles.

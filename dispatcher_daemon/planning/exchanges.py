@@ -119,9 +119,5 @@ def _timed(
     planner: Planner, number: int, stops: tuple[str, ...], meetings: Meetings
 ) -> Itinerary | None:
     """The itinerary at the departure that saves most with those on the road."""
-    departing_when_ready = planner.itinerary(number, stops, planner.legs(number, stops))
-    return (
-        None
-        if departing_when_ready is None
-        else best_departure(planner, departing_when_ready, meetings, MAX_DEPARTURES)
-    )
+    earliest = planner.itinerary(number, stops, planner.legs(number, stops))
+    return None if earliest is None else best_departure(planner, earliest, meetings, MAX_DEPARTURES)

@@ -135,7 +135,7 @@ def city_settings(cycle: Cycle) -> CitySettings:
 
 
 def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
-    """(the cycle, paths between its places, reason by stop that nobody can serve).
+    """(the cycle, paths between its places, reason by stop that no vehicle can serve).
 
     Where a vehicle's first stop is among these, the cycle has none of them.
     """

@@ -87,7 +87,7 @@ class RouteForm:
         }
 
     def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
-        """Base routes, everybody leaving when ready."""
+        """Base routes, all vehicles leaving when ready."""
         base = self.first.base
         return BASE, self.cycle.candidate(
             BASE, base.routes, base.cost_kwh, platooning=False, unserved=self.unserved

@@ -27,7 +27,7 @@ def options_for(
 
     Args:
         partners: vehicles that may change at the same time.
-        meetings: everybody as they are, this vehicle included.
+        meetings: present passages of all vehicles, this one included.
         max_options: options to return, ≥ 1.
         rng: draws the good ones, so that each sweep has others.
     """

@@ -28,7 +28,7 @@ class _Refusal:
 def servable_part(
     problem: RoutingProblem, snapshot: TrafficSnapshot
 ) -> tuple[RoutingProblem | None, dict[str, str]]:
-    """(the problem without stops that nobody can serve, these with the reason).
+    """(the problem without stops that no vehicle can serve, these with the reason).
 
     A vehicle whose first stop is among them has none. The problem is None if no stop is left.
     """
@@ -60,8 +60,8 @@ def unservable(
 ) -> dict[str, str]:
     """Stops that no vehicle could serve even if it served nothing else, with the reason.
 
-    A vehicle drives the least-energy paths from its depot over its first stop (unless nobody can
-    serve that one either) to the stop and back. A stop that is loaded on a vehicle is that
+    A vehicle drives the least-energy paths from its depot over its first stop, if that can be
+    served, to the stop and back. A stop that is loaded on a vehicle is that
     vehicle's alone.
 
     Args:

@@ -182,7 +182,7 @@ class FormResult:
         baseline: that plan, or what is wrong with it.
         fallback: the same routes with the platoons that form by chance.
         variables: of the largest QUBO.
-        unserved: reason by stop that nobody serves.
+        unserved: reason by stop that no vehicle serves.
         stops: by vehicle, of the best routes; the next cycle's search starts from them.
     """
 

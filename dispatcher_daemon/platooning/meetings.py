@@ -123,7 +123,7 @@ class Meetings:
         added: Sequence[Traversal] | None = None,
     ) -> Iterator[list[Traversal]]:
         """Clusters of passages that some of ``around`` fall into, ``added`` (or all of them)
-        among them: what lies further apart than the window does not meet.
+        among them: passages further apart than the window do not meet.
         """
         there = self._on.get(segment, [])
         extra = around if added is None else added

@@ -1,4 +1,4 @@
-"""From any selection of arcs to routes: its arcs are followed where they lead to valid ones."""
+"""Repair of arc selections: depth-first search for valid routes that prefers the selected arcs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dispatcher_daemon.problem import ArcProblem
 
 MAX_STEPS = 500
-"""Arcs tried before a selection is given up; 16 arcs of the 25-variable instances need a few."""
+"""Maximum number of search steps; the 16 arcs of the 25-variable instances need a few."""
 
 
 def follow_arcs(
@@ -20,7 +20,7 @@ def follow_arcs(
 
     Vehicles are sent out one after the other. From each place the selected arcs are tried before
     the others, cheaper ones first; a dead end takes the last arc back. So a valid selection stays
-    as it is, and what is not valid is mended by cost alone: rewards are left to the samples.
+    as it is, and an invalid one is repaired by cost only, without rewards.
 
     Args:
         selections: 0 or 1 by arc, shape (selections, arcs).
@@ -30,13 +30,13 @@ def follow_arcs(
         The same shape; selections that led to no routes within the steps are as they were.
     """
     patterns, inverse = np.unique(selections, axis=0, return_inverse=True)
-    mended = patterns.copy()
+    repaired = patterns.copy()
     for row, pattern in enumerate(patterns):
         arcs = _Search(problem, pattern, max_steps).routes()
         if arcs is not None:
-            mended[row] = 0
-            mended[row, arcs] = 1
-    return mended[inverse.ravel()]
+            repaired[row] = 0
+            repaired[row, arcs] = 1
+    return repaired[inverse.ravel()]
 
 
 class _Search:
@@ -53,14 +53,14 @@ class _Search:
         depot = self._problem.depot
         missing = set(self._problem.customers)
         taken: list[int] = []
-        ahead = [self._ways(0, depot)]
-        while ahead:
-            index = next((i for i in ahead[-1] if self._allowed(i, missing)), None)
+        stack = [self._arcs_from(0, depot)]
+        while stack:
+            index = next((i for i in stack[-1] if self._allowed(i, missing)), None)
             self._steps -= 1
             if self._steps < 0:
                 return None
             if index is None:
-                ahead.pop()
+                stack.pop()
                 if taken:
                     end = self._problem.arcs[taken.pop()].end
                     missing |= {end} - {depot}
@@ -71,10 +71,10 @@ class _Search:
             vehicle = self._problem.vehicles.index(arc.vehicle) + (arc.end == depot)
             if vehicle == len(self._problem.vehicles):
                 return taken
-            ahead.append(self._ways(vehicle, arc.end))
+            stack.append(self._arcs_from(vehicle, arc.end))
         return None
 
-    def _ways(self, vehicle: int, place: str) -> Iterator[int]:
+    def _arcs_from(self, vehicle: int, place: str) -> Iterator[int]:
         return iter(self._leaving.get((self._problem.vehicles[vehicle], place), ()))
 
     def _allowed(self, index: int, missing: set[str]) -> bool:

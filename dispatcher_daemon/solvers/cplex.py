@@ -1,4 +1,4 @@
-"""A second opinion: the MILP's model file, solved by CPLEX (extra ``cplex``)."""
+"""CPLEX on the MILP's model file, as an independent exact solver (extra ``cplex``)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CplexSolver:
     """CPLEX on the MPS file of the linearised MILP; it shares nothing else with `ExactSolver`.
 
     The Community Edition takes at most 1,000 variables and 1,000 constraints; beyond, the outcome
-    is "failed" with CPLEX's own words.
+    is "failed" with CPLEX's own message.
     """
 
     name: str = "cplex"

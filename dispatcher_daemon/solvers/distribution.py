@@ -1,4 +1,4 @@
-"""Distributions of bits that need no circuit: what a quantum sampler has to be better than."""
+"""Bit distributions that need no circuit, as controls of quantum samplers."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class BitDistribution:
 
 
 def uniform_bits(n: int) -> BitDistribution:
-    """Every bit a fair coin."""
+    """Independent bits with P(1) = 0.5."""
     return BitDistribution((0.5,) * n)
 
 
 def uniform_choices(n: int, groups: Sequence[Sequence[int]]) -> BitDistribution:
-    """One member of each group, all equally likely; bits outside the groups are fair coins."""
+    """One member of each group, all equally likely; bits outside the groups have P(1) = 0.5."""
     probabilities = [0.5] * n
     for group in groups:
         for i in group:

@@ -11,10 +11,10 @@ import numpy as np
 from dispatcher_daemon.formulations import Encoding, QuboModel
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.sampling import Bits, Drawn, in_order, solve_by_sampling
+from dispatcher_daemon.solvers.sampling import Bits, SampledBits, in_order, solve_by_sampling
 
 _SEARCH_SHARE = 0.7
-"""Part of the deadline that the search may take; decoding and repair need the rest."""
+"""Share of the deadline for the search; decoding and repair need the rest."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class TabuSolver:
     Attributes:
         reads: searches, each from a random state; fewer if time is up.
         restarts: of each search.
-        moves: most moves of the first search of a read by number of variables; a quarter of it
-            after restarts.
+        moves: maximum number of moves of the first search of a read, for each variable; a quarter
+            of it after restarts.
         gamma: penalty weight of the QUBO, kWh; None: computed.
         encoding: of the arc form's subtour terms.
     """
@@ -51,7 +51,7 @@ class TabuSolver:
         ends = time.perf_counter() + _SEARCH_SHARE * deadline_s
         sampler: Any = TabuSampler
 
-        def draw(model: QuboModel) -> Drawn | None:
+        def draw(model: QuboModel) -> SampledBits | None:
             found: list[Bits] = []
             # Read by read, as the sampler's own time limit is a coarse one.
             while len(found) < self.reads and (left_s := ends - time.perf_counter()) > 0:
@@ -67,7 +67,7 @@ class TabuSolver:
             if not found:
                 return None
             bits = np.concatenate(found)
-            return Drawn(bits, np.ones(len(bits), dtype=np.int64))
+            return SampledBits(bits, np.ones(len(bits), dtype=np.int64))
 
         return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)
 
@@ -100,7 +100,7 @@ class AnnealingSolver:
         ends = time.perf_counter() + _SEARCH_SHARE * deadline_s
         sampler: Any = SimulatedAnnealingSampler
 
-        def draw(model: QuboModel) -> Drawn:
+        def draw(model: QuboModel) -> SampledBits:
             found = sampler().sample(
                 model.total,
                 num_reads=self.reads,
@@ -109,6 +109,6 @@ class AnnealingSolver:
                 seed=seed % 2**32,
             )
             counts = np.asarray(found.record.num_occurrences, dtype=np.int64)
-            return Drawn(in_order(model, found), counts)
+            return SampledBits(in_order(model, found), counts)
 
         return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)

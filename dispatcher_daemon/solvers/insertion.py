@@ -1,4 +1,4 @@
-"""Cheapest insertion under the protocol of solvers: quick, simple, blind to platooning."""
+"""Cheapest insertion as a solver; it does not consider platooning."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class InsertionSolver:
 
 
 def cheapest_insertion(problem: ArcProblem) -> frozenset[int] | None:
-    """A valid arc selection, cheap but not optimal, platooning left out of account.
+    """A valid arc selection, cheap but not optimal, without platooning.
 
     Each vehicle gets the cheapest first stop that only it can start with, or else any free one; the
     other stops are put in one by one where they add least.
@@ -77,7 +77,7 @@ def cheapest_insertion(problem: ArcProblem) -> frozenset[int] | None:
 
 
 def cheapest_options(problem: RouteProblem) -> frozenset[int] | None:
-    """A valid selection, cheap but not optimal, savings left out of account.
+    """A valid selection, cheap but not optimal, without savings.
 
     Vehicles with fewer options choose first. Each takes the cheapest one that serves no stop again
     and leaves none behind that no later vehicle could serve.

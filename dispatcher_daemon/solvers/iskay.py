@@ -1,6 +1,6 @@
 """Kipu Quantum's Iskay, an optimizer hosted behind Qiskit Functions (extra ``iskay``).
 
-It returns one post-selected solution and no counts. What it says of that solution's cost is not
+It returns one post-selected solution and no counts. The cost that it reports is not
 used: the bits are checked, evaluated on the model and post-processed like any sample.
 """
 
@@ -30,18 +30,18 @@ FUNCTION = "kipu-quantum/iskay-quantum-optimizer"
 MAX_VARIABLES = 156
 """One qubit a variable, on devices of 156."""
 
-_LOOK_EVERY_S = 5.0
+_POLL_S = 5.0
 _COST_TOLERANCE = 1e-3
-_OVER = {"DONE", "ERROR", "CANCELED"}
+_TERMINAL = {"DONE", "ERROR", "CANCELED"}
 
 T = TypeVar("T")
 
 
-class _Silent(Exception):
+class _ServiceError(Exception):
     """The service gave no usable answer; the message says why."""
 
 
-class _Late(Exception):
+class _DeadlineError(Exception):
     """The deadline passed first."""
 
 
@@ -95,15 +95,15 @@ def solution_bits(result: object, n: int) -> Bits:
 class IskaySolver:
     """Iskay on an IBM device.
 
-    A job takes minutes and is paid for, so one that is late goes on; `Outcome.execution` has its
-    id, and a solver made with that ``job`` takes up its answer.
+    A job takes minutes and is charged, so a late one is not cancelled; `Outcome.execution` has its
+    id, and a solver with that ``job`` reads its answer.
 
     Attributes:
         access: credentials.
         device: IBM's name of the device.
         shots: of each of its iterations.
         iterations: of the bias field.
-        job: id of an earlier job to take up instead of a new one.
+        job: id of an earlier job whose answer is read instead of a new one's.
         gamma: penalty weight of the QUBO, kWh; None: computed.
         encoding: of the arc form's subtour terms.
         catalog: opens the catalogue of functions; None: `qiskit_ibm_catalog`'s.
@@ -117,7 +117,7 @@ class IskaySolver:
     gamma: float | None = None
     encoding: Encoding = "reduced"
     catalog: Callable[[Access], Any] | None = None
-    look_every_s: float = _LOOK_EVERY_S
+    poll_s: float = _POLL_S
     name: str = "iskay"
 
     def warm_up(self) -> None:
@@ -142,11 +142,11 @@ class IskaySolver:
         try:
             result = run.result(qubo_terms(model), seed)
             bits = solution_bits(result, n)
-        except _Late:
+        except _DeadlineError:
             status, reason = "timeout", f"no answer within {deadline_s:g} s"
             if run.job_id is not None:
                 reason += f"; job {run.job_id} goes on, take it up with --job {run.job_id}"
-        except _Silent as error:
+        except _ServiceError as error:
             reason = str(error)
         except ValueError as error:
             reason = f"job {run.job_id}: {error}"
@@ -195,19 +195,19 @@ class _Run:
         """The answer of a new job, or of the one to take up.
 
         Raises:
-            _Late: there is none in time.
-            _Silent: there is none.
+            _DeadlineError: there is none in time.
+            _ServiceError: there is none.
         """
         job = self._within(lambda: self._job(terms, seed))
         self.job_id = str(job.job_id)
-        while (status := str(self._within(job.status))) not in _OVER:
+        while (status := str(self._within(job.status))) not in _TERMINAL:
             left_s = self.ends - time.perf_counter()
             if left_s <= 0:
-                raise _Late
-            time.sleep(min(self.solver.look_every_s, left_s))
+                raise _DeadlineError
+            time.sleep(min(self.solver.poll_s, left_s))
         if status != "DONE":
             why = self._within(job.error_message) if status == "ERROR" else "cancelled"
-            raise _Silent(self._clean(f"job {self.job_id}: {why or 'failed'}"))
+            raise _ServiceError(self._clean(f"job {self.job_id}: {why or 'failed'}"))
         return self._within(lambda: job.result(wait=False))
 
     def _job(self, terms: Mapping[str, float], seed: int) -> Any:
@@ -231,7 +231,7 @@ class _Run:
         )
 
     def _within(self, call: Callable[[], T]) -> T:
-        """What a call returns. It runs in a thread that is left behind if it does not end."""
+        """Result of a call. It runs in a daemon thread, which is abandoned if it does not end."""
         done: queue.SimpleQueue[tuple[T | None, Exception | None]] = queue.SimpleQueue()
 
         def run() -> None:
@@ -244,9 +244,9 @@ class _Run:
         try:
             value, error = done.get(timeout=max(0.0, self.ends - time.perf_counter()))
         except queue.Empty:
-            raise _Late from None
+            raise _DeadlineError from None
         if error is not None:
-            raise _Silent(self._clean(error_line(error)))
+            raise _ServiceError(self._clean(error_line(error)))
         return value  # type: ignore[return-value]
 
     def _clean(self, line: str) -> str:

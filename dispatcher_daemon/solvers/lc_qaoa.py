@@ -1,6 +1,6 @@
 """Linear-Chain QAOA: trained without a device, sampled in one job, scored with the full QUBO.
 
-Preparing a circuit, sampling it and scoring its samples are apart, as a device may answer late.
+Preparation, sampling and scoring are separate steps, as a device may answer late.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from dispatcher_daemon.solvers.quantum.chain.training import (
 )
 from dispatcher_daemon.solvers.quantum.circuits import circuit_of
 from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
-from dispatcher_daemon.solvers.sampling import Bits, Counts, Drawn, solve_by_sampling
+from dispatcher_daemon.solvers.sampling import Bits, Counts, SampledBits, solve_by_sampling
 
 Place = Callable[[int, Sequence[float]], Placement]
 """`Backend.place`."""
@@ -45,19 +45,19 @@ Place = Callable[[int, Sequence[float]], Placement]
 _CVAR_SHOTS = 1024
 
 _TRAINING_SHARE = 0.6
-"""Of the time to answer; the rest is for sampling and post-processing."""
+"""Share of the deadline for training; the rest is for sampling and post-processing."""
 
 _WAITING_SHARE = 0.9
-"""Of the time to answer, after which a device is waited for no longer."""
+"""Share of the deadline after which waiting for a device ends."""
 
 
 class VariantError(ValueError):
-    """A variant that a problem has no use for."""
+    """A variant that does not apply to the problem."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A trained circuit and what its samples mean; picklable.
+    """A trained circuit and the mapping of its samples; picklable.
 
     Attributes:
         model: whose QUBO it was trained for.
@@ -96,7 +96,7 @@ def prepare(
         seed: of restarts, of a random order, and of CVaR's samples.
         deadline: `time.perf_counter` at which training takes the best so far.
         gamma, encoding: of the QUBO, see `build_model`.
-        place: where a device lays chains; bonds that it cuts get no gate.
+        place: placement of chains on a device; bonds that it cuts get no gate.
 
     Raises:
         VariantError: a one-hot variant of a problem without route options.
@@ -113,10 +113,10 @@ def prepare_model(
     deadline: float,
     place: Place | None = None,
 ) -> Prepared:
-    """See `prepare`; for a model that is there already.
+    """`prepare` for a model that is already built.
 
     Args:
-        place: where a device lays chains; bonds that it cuts get no gate.
+        place: placement of chains on a device; bonds that it cuts get no gate.
     """
     began = time.perf_counter()
     full = to_ising(model.total, model.variables)
@@ -251,7 +251,7 @@ class LcQaoaSolver:
         settings: of circuit, training and sampling.
         gamma: penalty weight of the QUBO, kWh; None: computed.
         encoding: of the arc form's subtour terms.
-        backend: instead of the settings' simulator; may be a device, whose use nobody limits here.
+        backend: instead of the settings' simulator; may be a device, whose use is not limited here.
     """
 
     settings: LcQaoaSettings = field(default_factory=LcQaoaSettings)
@@ -296,7 +296,7 @@ class LcQaoaSolver:
         began = time.perf_counter()
         deadline = _end_of_training(deadline_s)
 
-        def draw(model: QuboModel) -> Drawn:
+        def draw(model: QuboModel) -> SampledBits:
             opened = self._opened()
             place = None if opened.backend.target is None else opened.backend.place
             prepared = prepare_model(
@@ -313,7 +313,7 @@ class LcQaoaSolver:
     def _opened(self) -> Opened:
         return open_or_fall_back(self.backend or self.settings.backend)
 
-    def _draw(self, prepared: Prepared, opened: Opened, seed: int, until: float) -> Drawn:
+    def _draw(self, prepared: Prepared, opened: Opened, seed: int, until: float) -> SampledBits:
         circuit, shots = circuit_of(prepared.ansatz), self.settings.shots
         opened, found = opened.sample(circuit, shots, seed, until - time.perf_counter())
         execution = Execution(
@@ -330,4 +330,4 @@ class LcQaoaSolver:
         )
         bits, counts = counts_to_bits(found.counts, prepared.order)
         controls = (("marginals", prepared.marginals),)
-        return Drawn(bits, counts, len(prepared.order), execution, controls)
+        return SampledBits(bits, counts, len(prepared.order), execution, controls)

@@ -1,4 +1,4 @@
-"""The protocol of all solvers, and what they answer."""
+"""The protocol of all solvers, and their outcomes."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dispatcher_daemon.solvers.distribution import BitDistribution
 Status = Literal["optimal", "feasible", "infeasible", "timeout", "failed"]
 
 
-Tally = tuple[tuple[float, int], ...]
-"""Shots by objective value, kWh, rising: of samples that decode to valid routes."""
+Histogram = tuple[tuple[float, int], ...]
+"""Shots by objective value, kWh, ascending, of samples that decode to valid routes."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Statistics of a sampling solver, stage by stage and never mixed.
+    """Statistics of a sampling solver, separate for each stage.
 
     Attributes:
         qubits: width of the circuit; None from a classical sampler.
@@ -30,12 +30,12 @@ class Samples:
 
     qubits: int | None
     shots: int
-    raw: Tally
-    descended: Tally
-    repaired: Tally
+    raw: Histogram
+    descended: Histogram
+    repaired: Histogram
 
-    def share(self, which: Tally, best_kwh: float | None = None) -> float:
-        """Share of the shots that are in a stage's tally, or there with the best objective."""
+    def share(self, which: Histogram, best_kwh: float | None = None) -> float:
+        """Share of the shots that are in a stage's histogram, or there with the best objective."""
         hits = sum(n for value, n in which if best_kwh is None or value <= best_kwh + 1e-9)
         return hits / self.shots
 
@@ -48,16 +48,16 @@ class Execution:
     """How the circuit behind an answer was trained and where it ran.
 
     Attributes:
-        backend: where, as named to `slipstream solve --backend`.
+        backend: its name, as in `slipstream solve --backend`.
         kind: a simulation without noise, one with a device's noise model, or a device.
         variant: of the algorithm.
         layers: depth p; 0 where the algorithm has none.
         two_qubit_depth: layers of two-qubit gates of the circuit as it ran (transpiled); None
-            where the service does not tell.
+            where the service does not report it.
         two_qubit_gates: their number.
         train_s: time for the angles, s.
         sample_s: time from handing the circuit over to its samples, s.
-        fallback: why it is not the backend that was asked for; None if it is.
+        fallback: why it is not the requested backend; None if it is.
         job: the service's id of the job.
     """
 
@@ -75,7 +75,7 @@ class Execution:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a solver answers; the dispatcher re-evaluates and verifies all of it.
+    """A solver's answer; the dispatcher re-evaluates and verifies it.
 
     Attributes:
         solver: its name.
@@ -86,8 +86,8 @@ class Outcome:
         samples: statistics of a sampling solver.
         reason: why there is no answer.
         execution: of a quantum circuit; None from a classical solver.
-        controls: by name, what the circuit began with or was trained around, as a distribution
-            that needs no circuit; in the order of the QUBO's variables.
+        controls: by name, distributions that need no circuit, for comparison, such as the trained
+            state's marginals; in the order of the QUBO's variables.
     """
 
     solver: str
@@ -110,7 +110,7 @@ class Solver(Protocol):
         ...
 
     def warm_up(self) -> None:
-        """Import what it needs, so that no cycle pays for it."""
+        """Import libraries, so that no cycle takes time for it."""
         ...
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:

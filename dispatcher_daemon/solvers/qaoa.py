@@ -31,13 +31,13 @@ from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
 from dispatcher_daemon.solvers.sampling import answer
 
 _S_PER_STATE = {"x": (2e-8, 2e-8), "xy": (2e-6, 1e-6)}
-"""Energy and sampling of a state, and a layer, s: two cores, generously. A machine that is busy
-takes longer; then training's own clock ends it, or the worker's."""
+"""Upper estimates on two cores, s a state: energy and sampling, and one layer. On a busy machine
+training ends by its own deadline, or by the worker's."""
 _POST_PROCESSING_SHARE = 0.25
 _TRAINING_SHARE = 0.6
 
 
-class UnfitError(ValueError):
+class UnsupportedProblemError(ValueError):
     """A problem that cannot be simulated in the time, in the memory, or at all."""
 
 
@@ -46,7 +46,7 @@ class QaoaSolver:
     """QAOA on an exact state: X mixer on all 2^n states, or XY mixer on one-hot ones.
 
     Up to 27 qubits with the X mixer; with the XY mixer as many as there are route options, up to
-    2^20 choices of one for each vehicle. What will not fit is refused before anything is computed.
+    2^20 choices of one for each vehicle. Larger problems are refused before anything is computed.
 
     Attributes:
         settings: see there.
@@ -70,7 +70,7 @@ class QaoaSolver:
         model = build_model(problem, self.gamma, encoding=self.encoding)
         try:
             self._check(model, deadline_s)
-        except UnfitError as error:
+        except UnsupportedProblemError as error:
             wall_s = time.perf_counter() - began
             return Outcome(self.name, "failed", None, wall_s, reason=str(error))
         ising = to_ising(model.total, model.variables)
@@ -124,33 +124,35 @@ class QaoaSolver:
         """Refuse what will not fit.
 
         Raises:
-            UnfitError: with the reason.
+            UnsupportedProblemError: with the reason.
         """
         qubits = len(model.variables)
         if not qubits:
-            raise UnfitError("the problem has nothing to choose")
+            raise UnsupportedProblemError("the problem has nothing to choose")
         options = self.settings
         if options.variant == "xy":
             count = one_hot_states(_groups(model))
             if count == 0:
-                raise UnfitError("a vehicle has no option")
+                raise UnsupportedProblemError("a vehicle has no option")
             if count > MAX_ONE_HOT_STATES:
-                raise UnfitError(
+                raise UnsupportedProblemError(
                     f"{count} combinations of options, the most is {MAX_ONE_HOT_STATES}"
                 )
         else:
             if qubits > MAX_QUBITS:
-                raise UnfitError(f"{qubits} qubits, the most for a state vector is {MAX_QUBITS}")
+                raise UnsupportedProblemError(
+                    f"{qubits} qubits, the most for a state vector is {MAX_QUBITS}"
+                )
             count = 1 << qubits
             needed, free = memory_bytes(qubits), psutil.virtual_memory().available
             if needed > free:
-                raise UnfitError(
+                raise UnsupportedProblemError(
                     f"{qubits} qubits need {needed >> 20} MiB of memory, {free >> 20} MiB are free"
                 )
         once_s, layer_s = _S_PER_STATE[options.variant]
         least_s = count * (once_s + options.layers * layer_s)
         if least_s > (1 - _POST_PROCESSING_SHARE) * deadline_s:
-            raise UnfitError(
+            raise UnsupportedProblemError(
                 f"{qubits} qubits at p = {options.layers} take about {least_s:.1f} s untrained, "
                 f"too much of {deadline_s:g} s"
             )
@@ -175,8 +177,10 @@ def _groups(model: QuboModel) -> list[tuple[int, ...]]:
     """Qubits of each vehicle's options.
 
     Raises:
-        UnfitError: the problem is not in route form.
+        UnsupportedProblemError: the problem is not in route form.
     """
     if not isinstance(model.problem, RouteProblem):
-        raise UnfitError("the XY mixer needs route options: the arc form has no one-hot groups")
+        raise UnsupportedProblemError(
+            "the XY mixer needs route options: the arc form has no one-hot groups"
+        )
     return list(model.problem.options_of.values())

@@ -1,4 +1,4 @@
-"""From names in the settings to solvers: built-in ones, and those that installed packages add.
+"""Registry of solvers by name: built-in ones, and those that installed packages add.
 
 A package adds a solver by an entry point of the group ``slipstream.solvers`` whose name is the
 solver's and whose object is a `Factory`.
@@ -23,12 +23,12 @@ from dispatcher_daemon.solvers.qaoa import QaoaSolver
 from slipstream.errors import InputError
 
 BASELINE_SOLVER: Final = "exact"
-"""Solves the baseline, whether it is among the solvers asked for the cooperative plan or not."""
+"""Solver of the baseline, whether or not it is among the solvers of the cooperative plan."""
 
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """What a solver is made from.
+    """Arguments of a solver's factory.
 
     Attributes:
         encoding: of the arc form's subtour terms, for solvers of QUBOs.

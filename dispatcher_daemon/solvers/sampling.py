@@ -1,4 +1,4 @@
-"""From samples of a QUBO to an answer: as drawn, descended, repaired, and the best of the three."""
+"""Post-processing of QUBO samples: raw, descended and repaired stages, and the best answer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dispatcher_daemon.formulations import Encoding, QuboModel, build_model, vio
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from dispatcher_daemon.solvers.distribution import BitDistribution
-from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples, Tally
+from dispatcher_daemon.solvers.protocol import Execution, Histogram, Outcome, Samples
 
 Bits = npt.NDArray[np.int8]
 """Samples by variable of the model, shape (samples, variables)."""
@@ -24,8 +24,8 @@ Counts = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """What a sampler drew, and from what.
+class SampledBits:
+    """Samples with their counts and origin.
 
     Attributes:
         qubits: width of the circuit, if there was one.
@@ -45,9 +45,9 @@ def solve_by_sampling(
     gamma: float | None,
     encoding: Encoding,
     seed: int,
-    draw: Callable[[QuboModel], Drawn | None],
+    draw: Callable[[QuboModel], SampledBits | None],
 ) -> Outcome:
-    """What all samplers of a problem's QUBO have in common.
+    """Build the QUBO, sample it, and post-process the samples.
 
     Args:
         solver: its name.
@@ -129,8 +129,8 @@ def stages(
         repaired = descend(model, one_option_each(model, bits), seed)
     else:
         repaired = follow_arcs(model.problem, descended[:, : model.problem.choices])
-    tallies, best = _valid_samples(model.problem, (bits, descended, repaired), counts)
-    return Samples(qubits, int(counts.sum()), *tallies), best
+    histograms, best = _valid_samples(model.problem, (bits, descended, repaired), counts)
+    return Samples(qubits, int(counts.sum()), *histograms), best
 
 
 def one_option_each(model: QuboModel, bits: Bits) -> Bits:
@@ -185,7 +185,7 @@ def in_order(model: QuboModel, sample_set: Any) -> Bits:
 
 def _valid_samples(
     problem: Problem, of_stages: Sequence[Bits], counts: Counts
-) -> tuple[list[Tally], list[Best | None]]:
+) -> tuple[list[Histogram], list[Best | None]]:
     """Samples of each stage by objective, those that decode to routes; and the best of each."""
     selections = np.concatenate([bits[:, : problem.choices] for bits in of_stages])
     patterns, inverse = np.unique(selections, axis=0, return_inverse=True)
@@ -194,7 +194,7 @@ def _valid_samples(
         selected = frozenset(np.flatnonzero(pattern).tolist())
         valid = not violations(problem, selected)
         judged.append((problem.objective_kwh(selected), selected) if valid else None)
-    tallies: list[Tally] = []
+    histograms: list[Histogram] = []
     best: list[Best | None] = []
     for rows in inverse.reshape(len(of_stages), -1):
         weights = np.bincount(rows, weights=counts, minlength=len(patterns)).astype(np.int64)
@@ -209,6 +209,6 @@ def _valid_samples(
             found[key] = found.get(key, 0) + int(weights[i])
             if winner is None or pair[0] < winner[0]:
                 winner = pair
-        tallies.append(tuple(sorted(found.items())))
+        histograms.append(tuple(sorted(found.items())))
         best.append(winner)
-    return tallies, best
+    return histograms, best

@@ -40,7 +40,7 @@ def instance_cycle(
 def arc_form_of(
     instance: Instance, seed: int = 1, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> ArcForm:
-    """The arc form of an instance; stops that nobody can serve are left out.
+    """The arc form of an instance; stops that no vehicle can serve are left out.
 
     Raises:
         InputError: the arc form cannot express the fleet, or no stop can be served.
@@ -48,7 +48,7 @@ def arc_form_of(
     cycle = instance_cycle(instance, seed, settings)
     routing, unserved = servable_part(cycle.problem, cycle.snapshot)
     if routing is None:
-        raise _nothing_to_do(instance, unserved)
+        raise _no_servable_stop(instance, unserved)
     obstacle = arc_form_obstacle(routing.fleet)
     if obstacle is not None:
         raise InputError(instance.name, f"not for the arc form: {obstacle}", "take --form route")
@@ -69,11 +69,11 @@ def route_form_of(
     with ThreadPoolExecutor(max_workers=1) as executor:
         form = route_form(instance_cycle(instance, seed, settings), executor)
     if not form.problem.choices:
-        raise _nothing_to_do(instance, form.unserved)
+        raise _no_servable_stop(instance, form.unserved)
     return form
 
 
-def _nothing_to_do(instance: Instance, missing: Mapping[str, str]) -> InputError:
+def _no_servable_stop(instance: Instance, missing: Mapping[str, str]) -> InputError:
     why = "; ".join(f"{stop}: {reason}" for stop, reason in list(missing.items())[:3])
     return InputError(
         instance.name,

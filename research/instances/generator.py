@@ -26,7 +26,7 @@ INSTANCE_TIME_NS: Final = 1_800_000_000_000_000_000
 
 SYNC_WINDOW_S: Final = 3.0
 _DRAWS: Final = 20_000
-_MIN_LEAD_KWH: Final = 1e-4
+_MIN_GAP_KWH: Final = 1e-4
 """The best route set is better than the next one by at least this, with and without rewards."""
 
 Stability = Literal["open", "closed", "mixed"]
@@ -61,7 +61,7 @@ class Recipe:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class GeneratedInstance:
     """A generated instance.
 
     Attributes:
@@ -75,7 +75,7 @@ class Drawn:
     draw: int
 
 
-def generate(recipe: Recipe, seed: int) -> Drawn:
+def generate(recipe: Recipe, seed: int) -> GeneratedInstance:
     """The first instance of the seed's stream that fits the recipe; same arguments, same instance.
 
     Args:
@@ -87,7 +87,7 @@ def generate(recipe: Recipe, seed: int) -> Drawn:
     for draw in range(_DRAWS):
         problem, snapshot = _draw(recipe, np.random.default_rng([seed, draw]))
         if _fits(recipe, problem, snapshot):
-            return Drawn(problem, snapshot, draw)
+            return GeneratedInstance(problem, snapshot, draw)
     raise ValueError(f"none of {_DRAWS} draws fits {recipe}")
 
 
@@ -104,7 +104,7 @@ def _fits(recipe: Recipe, problem: RoutingProblem, snapshot: TrafficSnapshot) ->
     alone = sorted(sets, key=plain.objective_kwh)[:2]
     unlike = recipe.first_stops.count(False) < 2
     if not best or any(
-        unlike and arcs.objective_kwh(pair[-1]) - arcs.objective_kwh(pair[0]) < _MIN_LEAD_KWH
+        unlike and arcs.objective_kwh(pair[-1]) - arcs.objective_kwh(pair[0]) < _MIN_GAP_KWH
         for arcs, pair in ((rewarded, best), (plain, alone))
         if len(pair) == 2
     ):
@@ -153,10 +153,12 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> tuple[RoutingProblem, Tra
     )
     snapshot = _traffic(recipe.stability, land.network, rng)
     problem = RoutingProblem(land.network, fleet)
-    return (_met(problem, snapshot, rng) if recipe.meet == "stops" else problem), snapshot
+    return (
+        _with_meeting_after_stop(problem, snapshot, rng) if recipe.meet == "stops" else problem
+    ), snapshot
 
 
-def _met(
+def _with_meeting_after_stop(
     problem: RoutingProblem, snapshot: TrafficSnapshot, rng: np.random.Generator
 ) -> RoutingProblem:
     """The same, one vehicle getting ready later, so that the first two could meet after a stop.

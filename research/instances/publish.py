@@ -1,4 +1,4 @@
-"""From the catalogue to instance files, each with its proven optimum and where it comes from."""
+"""Instance files of the catalogue, each with its proven optimum and provenance."""
 
 from __future__ import annotations
 

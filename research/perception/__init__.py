@@ -1,4 +1,4 @@
-"""How far states and tracks are from ground truth, and how the flag bears noise on its features."""
+"""Errors of states and tracks against ground truth, and the flag's sensitivity to noise."""
 
 from research.perception.noise import PAPER_STABLE_SHARE, NoiseTable, noise_table
 from research.perception.score import Comparison, Scores, compare, score

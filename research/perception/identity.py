@@ -1,4 +1,4 @@
-"""How well identities are kept: IDF1 and HOTA over the frames of a clip.
+"""Identity metrics: IDF1 and HOTA over the frames of a clip.
 
 IDF1: Ristani et al., ECCV workshops 2016. HOTA: Luiten et al., IJCV 129 (2021), the mean over the
 localisation thresholds 0.05, 0.10, …, 0.95.
@@ -24,7 +24,7 @@ HOTA_OVERLAPS: Final = tuple(round(0.05 * i, 2) for i in range(1, 20))
 
 @dataclass(frozen=True)
 class FrameIdentities:
-    """Who is where in one frame.
+    """Identities and boxes in one frame.
 
     Attributes:
         true: identities of the true boxes, shape (n,).
@@ -37,7 +37,7 @@ class FrameIdentities:
     overlap: Array
 
 
-def idf1(frames: Sequence[FrameIdentities], least_overlap: float = IDF1_OVERLAP) -> float | None:
+def idf1(frames: Sequence[FrameIdentities], min_overlap: float = IDF1_OVERLAP) -> float | None:
     """Share of boxes with the right identity under the best one-to-one map of identities.
 
     2 IDTP / (true boxes + tracked boxes); None where there are neither.
@@ -47,7 +47,7 @@ def idf1(frames: Sequence[FrameIdentities], least_overlap: float = IDF1_OVERLAP)
     boxes = 0
     for frame in frames:
         boxes += len(frame.true) + len(frame.found)
-        rows, columns = np.nonzero(frame.overlap >= least_overlap)
+        rows, columns = np.nonzero(frame.overlap >= min_overlap)
         np.add.at(
             together,
             (np.searchsorted(true, frame.true[rows]), np.searchsorted(found, frame.found[columns])),

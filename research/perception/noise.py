@@ -1,4 +1,4 @@
-"""How the stability flag bears noise on the features (paper, table "Noise Propagation").
+"""Sensitivity of the stability flag to noise on the features (paper, table "Noise Propagation").
 
 The paper multiplies the features s_e by Gaussian noise and counts the segments that are still
 flagged stable. The same is done here to states that were measured, with the paper's bare rule.

@@ -78,7 +78,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One clip's recording laid against its truth.
+    """One clip's recording matched with its truth.
 
     Attributes:
         frames: who is where, frame by frame.
@@ -96,7 +96,7 @@ class Comparison:
 def compare(
     recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySettings
 ) -> Comparison:
-    """Lay a recording against the truth of the same clip."""
+    """Match a recording with the truth of the same clip."""
     frames, owners = _match(recorder, truth, camera)
     errors, covered = _speed_errors(recorder, truth, owners)
     return Comparison(frames, errors, covered, _windows(recorder, truth, camera, rule))
@@ -107,7 +107,7 @@ def score(comparisons: Sequence[Comparison]) -> Scores:
     errors = np.concatenate([np.zeros(0), *(c.speed_errors_mps for c in comparisons)])
     covered = np.concatenate([np.zeros(0, np.bool_), *(c.speed_covered for c in comparisons)])
     windows = [window for c in comparisons for window in c.windows]
-    frames = _told_apart([c.frames for c in comparisons])
+    frames = _with_distinct_ids([c.frames for c in comparisons])
     many = [
         abs(s.features.acceleration_variance_m2ps4.value - t.acceleration_variance_m2ps4)
         for s, t in windows
@@ -137,8 +137,8 @@ def score(comparisons: Sequence[Comparison]) -> Scores:
     )
 
 
-def _told_apart(clips: Sequence[list[FrameIdentities]]) -> list[FrameIdentities]:
-    """Frames of several clips, with identities that are nobody's twice."""
+def _with_distinct_ids(clips: Sequence[list[FrameIdentities]]) -> list[FrameIdentities]:
+    """Frames of several clips with distinct identities."""
     return [
         FrameIdentities(f.true + k * _IDS_A_CLIP, f.found + k * _IDS_A_CLIP, f.overlap)
         for k, frames in enumerate(clips)
@@ -153,7 +153,7 @@ def _mean(values: Array | npt.NDArray[np.bool_] | Sequence[float]) -> float | No
 def _match(
     recorder: Recorder, truth: Truth, camera: Camera
 ) -> tuple[list[FrameIdentities], dict[tuple[int, int], int]]:
-    """Per frame who is where, and by (track, frame) the true vehicle under the track's box."""
+    """Identities by frame, and by (track, frame) the true vehicle under the track's box."""
     times = np.array(recorder.frame_times_s)
     everything = Sightings.join(recorder.sightings)
     # Those from before a track was confirmed came later: back to the frames they were seen in.

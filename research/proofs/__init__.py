@@ -1,1 +1,1 @@
-"""That a QUBO says what its problem says, by enumeration and exact elimination."""
+"""Proofs that QUBOs are equivalent to their problems, by enumeration and exact elimination."""

@@ -34,7 +34,7 @@ MAX_CHOICES = 20
 
 @dataclass(frozen=True)
 class _Part:
-    """Auxiliary bits that hang together, and the x that they are coupled to.
+    """A connected component of auxiliary bits, and the x that they are coupled to.
 
     Attributes:
         x: indices of these x.
@@ -63,13 +63,13 @@ class _Additions:
 
 
 def largest_part(model: QuboModel) -> int:
-    """Most variables that have to be enumerated together: x alone, or a part with its x."""
+    """Maximum number of variables enumerated together: all x, or a part with its x."""
     parts = _parts(model)
     return max([model.problem.choices, *(len(part.x) + len(part.bits) for part in parts)])
 
 
 def eliminate(model: QuboModel) -> Exactness:
-    """What `enumerate_model` would find, for models whose parts are small enough.
+    """The result of `enumerate_model`, for models whose parts are small enough.
 
     Raises:
         ValueError: more than `MAX_CHOICES` x, or a part of more than `MAX_VARIABLES` variables.

@@ -1,4 +1,4 @@
-"""That a QUBO says what its problem says: every state looked at, and the MILP asked too."""
+"""Proof that a QUBO is equivalent to its problem, by enumeration of its states and by the MILP."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MILP_DEADLINE_S = 120.0
 
 @dataclass(frozen=True)
 class Proof:
-    """What was found out about one QUBO.
+    """Result of the checks of one QUBO.
 
     Attributes:
         choices: number of arcs or options.

@@ -14,7 +14,7 @@ from research.instances import instance_names, open_instance
 from research.instances.forms import arc_form_of
 from research.instances.instance import Instance
 from research.quantum.controls import UNIFORM_BITS, distributions, run_controls
-from research.quantum.record import DIGITS, quantum_record
+from research.quantum.record import DIGITS, run_record
 from research.quantum.store import Record
 from slipstream.errors import InputError
 
@@ -29,8 +29,8 @@ class Case:
     Attributes:
         number: its place among the published instances; 0 for others.
         optimum_kwh: of H_cost − H_platoon.
-        uniform: share of all selections of arcs that are valid, and that are optimal: what fair
-            coins would sample raw, without any sampling error.
+        uniform: share of all selections of arcs that are valid, and that are optimal: exact raw
+            shares of uniform bits.
     """
 
     number: int
@@ -39,7 +39,7 @@ class Case:
     model: QuboModel
     optimum_kwh: float
     uniform: tuple[float, float]
-    _coins: dict[tuple[int, int], Samples] = field(default_factory=dict)
+    _uniform_samples: dict[tuple[int, int], Samples] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -47,12 +47,12 @@ class Case:
         return self.instance.name
 
     def measure(self, solver: Solver, deadline_s: float, seed: int) -> Record:
-        """Solve, check, and compare with controls; fields as in `quantum_record`, and the seed."""
+        """Solve, check, and compare with controls; fields as in `run_record`, and the seed."""
         outcome = solver.solve(self.form.problem, deadline_s, seed)
         return {"seed": seed, **self.judge(outcome, seed)}
 
     def judge(self, outcome: Outcome, seed: int) -> Record:
-        """What an outcome is worth."""
+        """Figures of an outcome."""
         tried = attempt(self.form, outcome)
         found: dict[str, Any] = {
             "status": outcome.status,
@@ -71,16 +71,18 @@ class Case:
         if outcome.samples is not None:
             controls = self._controls(outcome, outcome.samples.shots, seed)
         exact = {"p_feasible": self.uniform[0], "p_optimal": self.uniform[1]}
-        record = quantum_record(outcome, outcome.execution, controls, self.optimum_kwh)
+        record = run_record(outcome, outcome.execution, controls, self.optimum_kwh)
         return found | record | {"uniform_exact": exact}
 
     def _controls(self, outcome: Outcome, shots: int, seed: int) -> dict[str, Samples]:
         of = distributions(self.model, outcome)
-        coins = {UNIFORM_BITS: of.pop(UNIFORM_BITS)}
-        if (shots, seed) not in self._coins:
-            self._coins[shots, seed] = run_controls(self.model, coins, shots, seed)[UNIFORM_BITS]
+        uniform = {UNIFORM_BITS: of.pop(UNIFORM_BITS)}
+        if (shots, seed) not in self._uniform_samples:
+            self._uniform_samples[shots, seed] = run_controls(self.model, uniform, shots, seed)[
+                UNIFORM_BITS
+            ]
         own = run_controls(self.model, of, shots, seed + 1)
-        return {UNIFORM_BITS: self._coins[shots, seed], **own}
+        return {UNIFORM_BITS: self._uniform_samples[shots, seed], **own}
 
 
 def named_cases(count: int | None = None) -> list[str]:

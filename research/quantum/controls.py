@@ -1,4 +1,4 @@
-"""What sampling without a circuit gives under the same post-processing, and what a circuit adds.
+"""Controls: samples without a circuit under the same post-processing, and differences to them.
 
 Controls cost time and change no plan: they belong to tools and benchmarks, not to dispatch cycles.
 """
@@ -19,7 +19,7 @@ from dispatcher_daemon.solvers.distribution import (
     uniform_bits,
     uniform_choices,
 )
-from dispatcher_daemon.solvers.protocol import Outcome, Samples, Tally
+from dispatcher_daemon.solvers.protocol import Histogram, Outcome, Samples
 from dispatcher_daemon.solvers.sampling import stages
 
 Stage = Literal["raw", "descended", "repaired"]
@@ -30,7 +30,7 @@ UNIFORM_BITS: Final = "uniform bits"
 UNIFORM_OPTIONS: Final = "uniform options"
 
 _OFFSET: Final = 10_007
-"""Keeps the seeds of controls apart from those of the samples."""
+"""Offset of the controls' seeds from those of the samples."""
 
 
 @dataclass(frozen=True)
@@ -62,18 +62,18 @@ class Difference:
     standard_error: float
 
 
-def tally_of(samples: Samples, stage: Stage) -> Tally:
-    """The tally of a stage."""
+def histogram_of(samples: Samples, stage: Stage) -> Histogram:
+    """The histogram of a stage."""
     return {"raw": samples.raw, "descended": samples.descended, "repaired": samples.repaired}[stage]
 
 
 def shares(samples: Samples, stage: Stage, optimum_kwh: float | None) -> StageShares:
     """Shares of one stage against the exact or best known objective."""
-    tally = tally_of(samples, stage)
+    histogram = histogram_of(samples, stage)
     return StageShares(
-        p_feasible=samples.share(tally),
-        p_optimal=None if optimum_kwh is None else samples.share(tally, optimum_kwh),
-        best_kwh=min((value for value, _ in tally), default=None),
+        p_feasible=samples.share(histogram),
+        p_optimal=None if optimum_kwh is None else samples.share(histogram, optimum_kwh),
+        best_kwh=min((value for value, _ in histogram), default=None),
     )
 
 

@@ -1,4 +1,4 @@
-"""Dense QAOA in the tables: simulated exactly, and what would be left of it on a device.
+"""Dense QAOA in the tables: exact simulation, and an estimate under a device's noise.
 
 With 25 qubits and all couplings no noise model can be sampled shot by shot in reasonable time: a
 shot with an error needs a state vector of its own.

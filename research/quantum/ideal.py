@@ -1,4 +1,4 @@
-"""What an exactly simulated QAOA state holds of valid and of optimal answers: no shots."""
+"""Exact probabilities of valid and optimal selections in a simulated QAOA state."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _SAME_KWH = 1e-9
 
 
 @dataclass(frozen=True)
-class Marks:
-    """Which selections count: numbers of valid ones, and whether each has the best objective.
+class ValidSelections:
+    """Valid selections of a problem, and which of them are optimal.
 
     Attributes:
         choices: bits of a selection; auxiliary bits of a state lie above them.
-        valid: numbers, bit i for choice i, ascending; shape (valid,).
+        valid: their numbers, bit i for choice i, ascending; shape (valid,).
         optimal: shape (valid,).
     """
 
@@ -58,8 +58,8 @@ class Figures:
     wall_s: float
 
 
-def marks_of(model: QuboModel) -> Marks:
-    """Judged by the decoder, whatever the auxiliary bits say."""
+def valid_selections_of(model: QuboModel) -> ValidSelections:
+    """By the decoder, for any values of the auxiliary bits."""
     problem = model.problem
     valid = np.flatnonzero(valid_selections(problem))
     values = np.array(
@@ -69,16 +69,16 @@ def marks_of(model: QuboModel) -> Marks:
         ]
     )
     optimal = values <= values.min(initial=np.inf) + _SAME_KWH
-    return Marks(problem.choices, valid, optimal)
+    return ValidSelections(problem.choices, valid, optimal)
 
 
-def shares(state: ExactState, marks: Marks, qubits: int) -> tuple[float, float]:
+def shares(state: ExactState, selections: ValidSelections, qubits: int) -> tuple[float, float]:
     """P_feas and P_opt of a state over all 2^n, n = ``qubits``."""
-    above = np.arange(1 << (qubits - marks.choices)) << marks.choices
-    p = state.probability_of((marks.valid[:, None] + above).ravel())
-    by_selection = p.reshape(len(marks.valid), len(above)).sum(axis=1)
+    above = np.arange(1 << (qubits - selections.choices)) << selections.choices
+    p = state.probability_of((selections.valid[:, None] + above).ravel())
+    by_selection = p.reshape(len(selections.valid), len(above)).sum(axis=1)
     norm = state.norm()
-    return float(by_selection.sum() / norm), float(by_selection[marks.optimal].sum() / norm)
+    return float(by_selection.sum() / norm), float(by_selection[selections.optimal].sum() / norm)
 
 
 def dense_qaoa_figures(
@@ -102,7 +102,7 @@ def dense_qaoa_figures(
         ValueError: more qubits than a state vector takes.
     """
     began = time.perf_counter()
-    marks = marks_of(model)
+    selections = valid_selections_of(model)
     ising = to_ising(model.total, model.variables).normalised()
     state = StateVector(cost_diagonal(ising), threads)
     schedule: Sequence[tuple[float, float]] = start
@@ -113,14 +113,14 @@ def dense_qaoa_figures(
     else:
         state.evolve(start)
     qubits = len(model.variables)
-    p_feasible, p_optimal = shares(state, marks, qubits)
-    selections = 1 << marks.choices
+    p_feasible, p_optimal = shares(state, selections, qubits)
+    count = 1 << selections.choices
     return Figures(
         qubits=qubits,
         p_feasible=p_feasible,
         p_optimal=p_optimal,
-        uniform_feasible=len(marks.valid) / selections,
-        uniform_optimal=int(marks.optimal.sum()) / selections,
+        uniform_feasible=len(selections.valid) / count,
+        uniform_optimal=int(selections.optimal.sum()) / count,
         schedule=tuple((float(beta), float(gamma)) for beta, gamma in schedule),
         evaluations=used,
         wall_s=time.perf_counter() - began,

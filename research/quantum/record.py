@@ -1,4 +1,4 @@
-"""One run of a quantum solver as flat plain data: stages apart, controls and differences beside."""
+"""One run of a quantum solver as flat plain data: stages, controls and their differences."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples
 from research.quantum.controls import STAGES, Stage, difference, shares
 
 DIGITS: Final = 9
-"""Of costs in kWh, as samples are tallied by cost rounded so."""
+"""Of costs in kWh, as samples are counted by cost rounded so."""
 
 
-def quantum_record(
+def run_record(
     outcome: Outcome,
     execution: Execution,
     controls: Mapping[str, Samples],
     optimum_kwh: float | None,
 ) -> dict[str, Any]:
-    """What circuit ran where, and what its samples and those of its controls are worth.
+    """Circuit and backend, and the shares of its samples and of those of its controls.
 
     Shares carry the stage's name unless they are of raw samples: ``p_feasible``,
     ``p_optimal_descended``. ``best_cost`` is the best objective of any stage, ``optimal_cost`` the

@@ -1,4 +1,4 @@
-"""Measuring all rows on all instances, and the tables that come of it."""
+"""Measurement of all rows on all instances, and the resulting tables."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def run(
     Args:
         stored: nothing is measured, rows have as many instances as are stored.
         out: folder for the results as they come; None: none is written.
-        progress: told how many results there are, of how many, and what comes next.
+        progress: called with the number of results, the total, and the next row.
 
     Raises:
         InputError: a back end is unknown, credentials are missing, the folder is not writable, its

@@ -1,4 +1,4 @@
-"""Results as they come, in a file that an interrupted run goes on from."""
+"""Results in a file, from which an interrupted run resumes."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        """Let another run have the file."""
+        """Close and unlock the file."""
         if self._file is not None:
             os.close(self._file)
             self._file = None

@@ -1,4 +1,4 @@
-"""From results by instance to means with their spread."""
+"""Means of results over instances, with their spread."""
 
 from __future__ import annotations
 

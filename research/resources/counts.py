@@ -1,4 +1,4 @@
-"""What the arc form needs as a MILP and as a QUBO, from small sizes to N = 50, K = 20.
+"""Sizes of the arc form as a MILP and as a QUBO, up to N = 50, K = 20.
 
 Up to some ten thousand couplings one can build a model and look. Beyond that the same counts are
 taken from what models are built of: the couplings of Σ (row)² are the off-diagonal non-zeros of

@@ -99,7 +99,7 @@ def scaling_case(customers: int, vehicles: int, side: int = SIDE, seed: int = 1)
 
 
 def _grid(rng: np.random.Generator, side: int) -> RoadNetwork:
-    """Streets at 50 km/h; each stretch has a length of its own, so that ways are unique."""
+    """Streets at 50 km/h; each stretch has a length of its own, so that paths are unique."""
     cells = [(row, column) for row in range(side) for column in range(side)]
     names = {cell: f"{cell[0]:02d}-{cell[1]:02d}" for cell in cells}
     places = {names[row, column]: (200.0 * column, 200.0 * row) for row, column in cells}

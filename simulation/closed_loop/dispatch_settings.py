@@ -6,7 +6,7 @@ from typing import Final
 
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Solve, solve_here
+from dispatcher_daemon.solvers.execution.pool import Solve, solve_in_process
 
 _AMPLE_S: Final = 250.0
 """No cycle of a delivery fleet takes so long, however busy the machine is."""
@@ -51,4 +51,4 @@ def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> Di
 
 def evaluation_solve() -> Solve:
     """The solver of these settings, in this process."""
-    return solve_here([ExactSolver()])
+    return solve_in_process([ExactSolver()])

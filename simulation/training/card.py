@@ -130,7 +130,7 @@ Scores from 0.001 up, NMS per class at IoU 0.7, at most 300 boxes a picture, AP 
 (`simulation/training/metrics.py`, `validation.py`).
 
 ## Data
-Rendered at 1280×720 and reduced to 640×360. Drawn at random: camera height, focal length, pitch, yaw, roll
+Rendered at 1280×720 and reduced to 640×360. SampledBits at random: camera height, focal length, pitch, yaw, roll
 and place; one to three lanes a side; density from free to dense; vehicle shapes, sizes and paints; sun,
 overcast and haze; scenery, tree shadows, pedestrians, signs, cabinets, and posts close to the camera; blur,
 vignette, noise, contrast, gamma, colour cast and JPEG quality. Ranges (`simulation/training/ranges.py`):

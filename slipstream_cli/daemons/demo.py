@@ -41,11 +41,11 @@ _FPS: Final = 30
 
 
 def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
-    """Render the clips that are not there yet, side by side.
+    """Render the missing clips in parallel.
 
     Args:
         folder: where they are kept between runs.
-        stopping: set from outside to give up.
+        stopping: set from outside to stop.
 
     Returns:
         The folder of each RSU's clip; some are missing if it was stopped.

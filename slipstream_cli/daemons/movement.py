@@ -1,4 +1,4 @@
-"""Counts what vehicles tell of themselves on the bus, and how many of them were seen to move."""
+"""Counts vehicle positions on the bus, and the vehicles that moved."""
 
 from __future__ import annotations
 

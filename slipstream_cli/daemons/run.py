@@ -12,10 +12,10 @@ from pathlib import Path
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings, check
 from slipstream.errors import InputError
+from slipstream_cli.daemons.bus_counts import BusCounts
 from slipstream_cli.daemons.demo import make_clips, write_settings
 from slipstream_cli.daemons.local import check_port_is_free, locked, watch
 from slipstream_cli.daemons.supervisor import Supervisor
-from slipstream_cli.daemons.tally import Tally
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -64,8 +64,8 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     if stopping.is_set():
         return 0
     with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
-        tally = Tally()
-        tally.listen(bus)
+        counts = BusCounts()
+        counts.listen(bus)
         files = write_settings(
             options.state / "settings",
             clips,
@@ -83,7 +83,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
         finally:
             supervisor.stop()
     if options.json:
-        figures = tally.summary() | {
+        figures = counts.summary() | {
             "dashboard_http": status,
             "processes_restarted": supervisor.restarted,
         }

@@ -1,4 +1,4 @@
-"""Keeps the daemons of one machine running: start, prefix their logs, restart, stop."""
+"""Process supervisor of one machine's daemons: start, prefix logs, restart, stop."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Supervisor:
     Attributes:
         restarted: how often a process was started again.
         refused: name of a process that ended for bad input and so is not started again.
-        given_up: names of processes that died too often.
+        given_up: names of processes that ended too often.
     """
 
     def __init__(self, log: TextIO) -> None:
@@ -67,7 +67,7 @@ class Supervisor:
         return {c.name: c.process.pid for c in self._children if c.process is not None}
 
     def poll(self) -> None:
-        """Look after the children: what has died is started again, with a limit."""
+        """Restart children that have ended, up to a limit."""
         now = time.monotonic()
         for child in self._children:
             process = child.process
@@ -134,7 +134,7 @@ class Supervisor:
         child.process = None
 
     def stop(self) -> None:
-        """Stop all: politely, and after 7 s for good."""
+        """Stop all by SIGTERM, and after 7 s by SIGKILL."""
         for child in self._children:
             child.given_up = True
             if child.process is not None and child.process.poll() is None:

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
+from slipstream_cli.daemons.bus_counts import BusCounts
 from slipstream_cli.daemons.local import check_port_is_free, locked, watch
 from slipstream_cli.daemons.movement import Movement
 from slipstream_cli.daemons.supervisor import Supervisor
-from slipstream_cli.daemons.tally import Tally
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -125,8 +125,8 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             priority=options.priority,
             seed=options.seed,
         )
-        tally, movement = Tally(), Movement()
-        tally.listen(bus)
+        bus_counts, movement = BusCounts(), Movement()
+        bus_counts.listen(bus)
         movement.listen(bus)
         supervisor.say("slipstream", f"filling the roads of {options.scenario}")
         with WorldProcess(prepared) as world, Progress("filling the roads", sys.stderr) as bar:
@@ -149,13 +149,13 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             try:
                 for name, (command, path) in files.items():
                     supervisor.start(name, (command, "--config", str(path)))
-                look = _looking_at(world, supervisor)
+                look = _world_monitor(world, supervisor)
                 status = watch(supervisor, address, options.seconds, stopping, look)
             finally:
                 supervisor.stop()
         counts = world.counts
     if options.json:
-        figures = tally.summary() | {
+        figures = bus_counts.summary() | {
             **movement.summary(),
             "dashboard_http": status,
             "processes_restarted": supervisor.restarted,
@@ -167,15 +167,15 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
     return 1 if supervisor.given_up else 0
 
 
-def _looking_at(world: WorldProcess, supervisor: Supervisor) -> Callable[[float], None]:
-    """Takes in what the world tells, and says it once a minute."""
-    told_s = 0.0
+def _world_monitor(world: WorldProcess, supervisor: Supervisor) -> Callable[[float], None]:
+    """A callback that reads the world's messages and logs its counts once a minute."""
+    reported_s = 0.0
 
     def look(elapsed_s: float) -> None:
-        nonlocal told_s
+        nonlocal reported_s
         world.poll()
-        if elapsed_s - told_s >= _REPORT_S and world.counts is not None:
-            told_s = elapsed_s
+        if elapsed_s - reported_s >= _REPORT_S and world.counts is not None:
+            reported_s = elapsed_s
             supervisor.say("world", _line(world))
 
     return look

@@ -168,15 +168,15 @@ def _run_solvers(
 ) -> None:
     from dispatcher_daemon.plans import Candidate, attempt
     from dispatcher_daemon.solvers.exact import ExactSolver
-    from dispatcher_daemon.solvers.execution.pool import Job, solve_here
+    from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
 
     solvers = make_solvers(names, options)
     for solver in solvers:
         solver.warm_up()  # says what is not installed before anything takes time
-    name, baseline = form.baseline(solve_here([ExactSolver()]), options.deadline)
+    name, baseline = form.baseline(solve_in_process([ExactSolver()]), options.deadline)
     if isinstance(baseline, Candidate):
         report.baseline_name, report.baseline = f"{name}, without platooning", baseline
-    solve = solve_here(solvers)
+    solve = solve_in_process(solvers)
     for solver in solvers:
         (outcome,) = solve([Job(solver.name, form.problem, options.seed)], options.deadline)
         tried = attempt(form, outcome)
@@ -199,7 +199,7 @@ def _write(model: QuboModel, path: Path) -> None:
 
 
 def _published() -> list[dict[str, Any]]:
-    """What is worth knowing of the published instances before solving one."""
+    """Sizes and optima of the published instances."""
     from dispatcher_daemon.formulations import build_model
     from research.instances import instance_names, open_instance
     from research.instances.forms import arc_form_of

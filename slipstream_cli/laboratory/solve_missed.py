@@ -1,4 +1,4 @@
-"""Rewards that an answer counts for platoons that do not come about on the road.
+"""Rewards that an answer counts for platoons that do not form on the road.
 
 The arc form predicts that a vehicle leaves a stop as early as any way there allows, and asks only
 who enters a segment when; on the road a platoon must also leave it together, in its order.
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Missed:
-    """What an answer counts and the road does not give.
+    """Rewards of an answer without a platoon on the road.
 
     Attributes:
         kwh: sum of the rewards.

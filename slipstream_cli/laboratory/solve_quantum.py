@@ -221,7 +221,7 @@ def records(
     best: tuple[float | None, bool],
     options: argparse.Namespace,
 ) -> dict[str, dict[str, Any]]:
-    """What ran and what it is worth, by solver, of those with a circuit; see `quantum_record`.
+    """Records by solver, of those with a circuit; see `run_record`.
 
     Beside its fields: ``optimum_proven``, ``seed``, ``iterations`` (of training, as asked; None
     where nothing is trained), ``deadline_s``.
@@ -230,7 +230,7 @@ def records(
         best: exact or best known objective of the model, and whether it is proven.
     """
     from research.quantum.controls import distributions, run_controls
-    from research.quantum.record import quantum_record
+    from research.quantum.record import run_record
 
     optimum_kwh, proven = best
     iterations = _iterations(options)
@@ -242,7 +242,7 @@ def records(
         if outcome.samples is not None and not options.no_controls:
             of = distributions(model, outcome)
             controls = run_controls(model, of, outcome.samples.shots, options.seed)
-        record = quantum_record(outcome, outcome.execution, controls, optimum_kwh)
+        record = run_record(outcome, outcome.execution, controls, optimum_kwh)
         found[outcome.solver] = record | {
             "optimum_proven": proven,
             "seed": options.seed,

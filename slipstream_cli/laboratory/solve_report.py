@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 @dataclass
 class Report:
-    """An instance, its model, and what solvers made of it.
+    """An instance, its model, and the solvers' results.
 
     Attributes:
         encoding: of the arc form; None for the route form.
         choices: number of arcs or options.
         couplings: pairs of variables with a bias.
-        unserved: reason by stop that nobody can serve.
+        unserved: reason by stop that no vehicle can serve.
         written: model file.
         rewards: judged pairs and the arcs that they point to; None if not asked for.
         known: the published optimum of the same problem.
@@ -36,8 +36,8 @@ class Report:
         baseline_name: of the plan without platooning; None if there is none.
         baseline: that plan.
         attempts: outcomes and plans, by solver.
-        quantum: by solver, of those that ran a circuit; see `quantum_record`.
-        missed: by solver, rewards counted for platoons that do not come about; None: there are
+        quantum: by solver, of those that ran a circuit; see `run_record`.
+        missed: by solver, rewards counted for platoons that do not form; None: there are
             none.
     """
 

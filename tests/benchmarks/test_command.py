@@ -58,6 +58,6 @@ def test_faults_are_told_from_misses(
 
 def test_load_tells_what_the_host_kept() -> None:
     """A share of all processor time since it was made."""
-    told = Load(stolen_s=0.0, total_s=0.0).told()
+    told = Load(stolen_s=0.0, total_s=0.0).figures()
     share = float(told["processor time that the host kept for others"].removesuffix(" %"))
     assert 0 <= share <= 100

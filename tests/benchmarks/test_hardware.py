@@ -14,12 +14,12 @@ from benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecor
 from benchmarks.quantum.hardware_checks import Run, check_run
 from benchmarks.quantum.hardware_cycles import SETTINGS, run
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Job, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from storage import open_database
 
 SEED = 5
-EXACT = solve_here([ExactSolver()])
+EXACT = solve_in_process([ExactSolver()])
 SHORT = SETTINGS.model_copy(
     update={
         "deadline_s": 2.5,

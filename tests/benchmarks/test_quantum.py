@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.quantum import __main__ as whole
 from benchmarks.quantum import depth, large
-from benchmarks.quantum.blocks import CityPart, part_of, ratio, sweep, tied, without_last
+from benchmarks.quantum.blocks import CityPart, order_by_weight, part_of, ratio, sweep, without_last
 from dispatcher_daemon.problem import RouteOption, RouteProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
 
@@ -65,10 +65,10 @@ def test_parts_have_the_asked_number_of_variables_and_are_nested() -> None:
 
 
 def test_vehicles_come_in_the_order_of_their_ties() -> None:
-    """After the most tied one, each next is tied most to those before it."""
+    """After the heaviest one, each next has the largest weight to those before it."""
     graph = nx.Graph()
     graph.add_weighted_edges_from([("a", "b", 5.0), ("b", "c", 1.0), ("a", "d", 3.0)])
-    assert tied(graph) == ["a", "b", "d", "c"]
+    assert order_by_weight(graph) == ["a", "b", "d", "c"]
 
 
 def test_a_problem_without_its_last_options_costs_the_same() -> None:

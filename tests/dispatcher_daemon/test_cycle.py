@@ -11,7 +11,7 @@ from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import ArcProblem, RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, LcQaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Job, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -45,7 +45,7 @@ def cycle(
     solvers: Sequence[Solver] | None = None,
 ) -> CycleResult:
     """Cycle 3 with a clock that stands still."""
-    solve = solve_here(configured_solvers(settings) if solvers is None else solvers)
+    solve = solve_in_process(configured_solvers(settings) if solvers is None else solvers)
     this = Cycle(demo, snapshot, settings, 3, snapshot.now_ns, 11)
     return run_cycle(this, solve, clock=lambda: 0.0)
 

@@ -20,7 +20,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_in_process
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import (
@@ -90,7 +90,7 @@ class _Outlet:
 def make(demo: RoutingProblem, log: Log, solve: Solve | None = None) -> Dispatcher:
     """A dispatcher on a written-down bus."""
     return Dispatcher(
-        SETTINGS, demo.network, demo.fleet, log, log, solve or solve_here([ExactSolver()])
+        SETTINGS, demo.network, demo.fleet, log, log, solve or solve_in_process([ExactSolver()])
     )
 
 

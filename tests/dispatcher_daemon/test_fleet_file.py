@@ -13,7 +13,7 @@ from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, VehiclePlan
 from tests.dispatcher_daemon.test_daemon import Log
@@ -44,7 +44,7 @@ def path(tmp_path: Path) -> Path:
 def _dispatcher(demo: RoutingProblem, path: Path) -> tuple[Dispatcher, Log]:
     fleet_file = FleetFile(str(path), demo.network)
     fleet, log = fleet_file.current(), Log()
-    solve = solve_here([ExactSolver()])
+    solve = solve_in_process([ExactSolver()])
     return Dispatcher(SETTINGS, demo.network, fleet, log, log, solve, fleet_file=fleet_file), log
 
 

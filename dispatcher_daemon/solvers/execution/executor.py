@@ -1,4 +1,4 @@
-"""Solvers on any `concurrent.futures.Executor`: threads, processes, a cluster's."""
+"""Solvers on any `concurrent.futures.Executor`: threads, processes or a cluster."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Solvers in worker processes under hard deadlines.
 
-One worker a solver unless told otherwise, kept warm. A worker that hangs is killed and replaced,
-one that dies is replaced, one that raises goes on; in each case the caller gets an Outcome that
-says so.
+One worker a solver by default, kept warm. A worker that hangs is killed and replaced,
+one that dies is replaced, one that raises goes on; in each case the caller gets an Outcome
+with the reason.
 """
 
 from __future__ import annotations
@@ -24,12 +24,11 @@ from dispatcher_daemon.solvers.protocol import Outcome, Solver
 
 log = logging.getLogger(__name__)
 
-_LOOK_EVERY_S = 0.2
+_POLL_S = 0.2
 GRACE_S = 0.5
-"""How long after its deadline an answer is still waited for."""
+"""Time after its deadline for which an answer is still awaited, s."""
 RESERVE = 0.2
-"""Share of a cycle's deadline, at its end, that is not for solving: plans are decoded, verified,
-stored and sent in it."""
+"""Share of a cycle's deadline reserved for decoding, verification, storage and publication."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +41,10 @@ class Job:
 
 
 class Solve(Protocol):
-    """What a dispatch cycle needs: answers to jobs, in their order, within the deadline."""
+    """Solves jobs within the deadline; outcomes in the order of the jobs."""
 
     def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
-        """Never raises for a solver's fault; an Outcome without an answer stands for it."""
+        """Does not raise for a solver's fault: its Outcome has no answer, and the reason."""
         ...
 
 
@@ -62,19 +61,19 @@ def _warm_up(solver: Solver) -> int:
 
 
 def run_job(solver: Solver, problem: Problem, deadline_s: float, seed: int) -> Outcome:
-    """What a worker does for a job."""
+    """Run one job in a worker."""
     return solver.solve(problem, deadline_s, seed)
 
 
 class _Workers(Processes):
     """One solver and the processes that run it."""
 
-    def __init__(self, solver: Solver, keeper: ThreadPoolExecutor, size: int) -> None:
-        super().__init__(size, keeper, f"workers of solver {solver.name}")
+    def __init__(self, solver: Solver, spawner: ThreadPoolExecutor, size: int) -> None:
+        super().__init__(size, spawner, f"workers of solver {solver.name}")
         self.solver = solver
 
     def warm_up(self) -> list[Future[int]]:
-        """One call a process; one that comes late may find its call taken, and imports later."""
+        """One call for each process; one that starts late may miss its call and imports later."""
         return [self.schedule(_warm_up, (self.solver,)) for _ in range(self.size)]
 
     def submit(self, problem: Problem, deadline_s: float, seed: int) -> Future[Outcome]:
@@ -87,7 +86,7 @@ class SolverPool:
 
     Args:
         solvers: solvers of different names.
-        workers: processes of each solver, so that jobs of one solver run side by side; by name,
+        workers: processes of each solver, so that jobs of one solver run in parallel; by name,
             one for those not named, or one number for all.
 
     Raises:
@@ -98,11 +97,11 @@ class SolverPool:
         by_name = workers if isinstance(workers, Mapping) else {s.name: workers for s in solvers}
         if min(by_name.values(), default=1) < 1:
             raise ValueError("a solver needs a worker")
-        self._keeper = ThreadPoolExecutor(1, thread_name_prefix="solver-pool")
+        self._spawner = ThreadPoolExecutor(1, thread_name_prefix="solver-pool")
         self._lock = threading.Lock()
         self._closed = False
         self._workers = {
-            solver.name: _Workers(solver, self._keeper, by_name.get(solver.name, 1))
+            solver.name: _Workers(solver, self._spawner, by_name.get(solver.name, 1))
             for solver in solvers
         }
         if len(self._workers) < len(solvers):
@@ -115,7 +114,7 @@ class SolverPool:
 
         Args:
             timeout_s: how long they have.
-            stopping: gives up early when it is set.
+            stopping: ends the wait when it is set.
 
         Returns:
             Reason by name of each solver that is not warm after the timeout; empty if all are.
@@ -126,7 +125,7 @@ class SolverPool:
         while waiting and (left := ends - time.monotonic()) > 0:
             if stopping is not None and stopping.is_set():
                 break
-            waiting = wait(waiting, timeout=min(left, _LOOK_EVERY_S)).not_done
+            waiting = wait(waiting, timeout=min(left, _POLL_S)).not_done
         faults: dict[str, str] = {}
         for name, future in futures:
             try:
@@ -137,7 +136,7 @@ class SolverPool:
         return faults
 
     def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
-        """Run the jobs side by side, as many of one solver at once as it has workers.
+        """Run the jobs in parallel, as many of one solver at once as it has workers.
 
         Jobs of one solver that have to queue share the deadline.
         """
@@ -172,7 +171,7 @@ class SolverPool:
                 raise TypeError(f"answered with a {type(outcome).__name__}")
             return outcome
         except (TimeoutError, CancelledError):
-            # Cancelling kills the worker if it is at it; another takes its place.
+            # Cancelling kills the worker if it runs the job; another one replaces it.
             if isinstance(future, Future):
                 future.cancel()
             reason = f"no answer within {deadline_s:g} s; worker replaced"
@@ -188,12 +187,12 @@ class SolverPool:
         return Outcome(job.solver, status, None, time.monotonic() - began, reason=reason)
 
     def close(self) -> None:
-        """Stop all workers, whatever they are doing; callers that wait get no answer."""
+        """Stop all workers at once; waiting callers get no answer."""
         with self._lock:
             self._closed = True
             for worker in self._workers.values():
                 worker.stop()
-        self._keeper.shutdown()
+        self._spawner.shutdown()
 
     def __enter__(self) -> Self:
         return self
@@ -203,13 +202,13 @@ class SolverPool:
 
 
 def error_line(error: BaseException) -> str:
-    """Kind and words of an error, in one line of at most some 200 characters."""
+    """Class and message of an error, in one line of at most some 200 characters."""
     text = " ".join(str(error).split())[:200]
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
-def solve_here(solvers: Sequence[Solver]) -> Solve:
-    """The same without processes or hard deadlines: for tools that solve once, and for tests."""
+def solve_in_process(solvers: Sequence[Solver]) -> Solve:
+    """A `Solve` without worker processes and hard deadlines, for tools and tests."""
     by_name = {solver.name: solver for solver in solvers}
 
     def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:

@@ -1,4 +1,4 @@
-"""Worker processes that die with this one and are replaced when they break."""
+"""Worker processes that end with this one and are replaced when they fail."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ log = logging.getLogger(__name__)
 
 
 def start_worker(parent: int) -> None:
-    """Tie the worker's life to its parent's and leave Ctrl-C to the parent."""
+    """End the worker when its parent ends; leave Ctrl-C to the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
     # when the creating thread ends: SolverPool makes workers in threads that live as long as it.
     die_with_parent(parent)
-    guardian = multiprocessing.parent_process()
-    if guardian is not None:
-        sentinel = guardian.sentinel
+    parent_process = multiprocessing.parent_process()
+    if parent_process is not None:
+        sentinel = parent_process.sentinel
 
         def follow() -> None:
             connection.wait([sentinel])
@@ -37,17 +37,17 @@ def start_worker(parent: int) -> None:
 
 
 class Processes:
-    """Some spawned processes; its caller sees to it that one thread at a time uses it.
+    """A pool of spawned processes. It is not thread-safe: the caller locks.
 
     Args:
         size: number of processes.
-        keeper: makes the processes, in a thread that outlives them: see `start_worker`.
+        spawner: starts the processes, in a thread that outlives them: see `start_worker`.
         name: for the log.
     """
 
-    def __init__(self, size: int, keeper: ThreadPoolExecutor, name: str) -> None:
+    def __init__(self, size: int, spawner: ThreadPoolExecutor, name: str) -> None:
         self.size = size
-        self._keeper = keeper
+        self._spawner = spawner
         self._name = name
         self._pool: Any = None
         self._pending: set[Future[Any]] = set()
@@ -68,7 +68,7 @@ class Processes:
         return future
 
     def _living_pool(self) -> Any:
-        """The pool, made anew if it broke (a worker that dies while idle breaks it)."""
+        """The pool, created again if it broke (a worker that dies while idle breaks it)."""
         if self._pool is not None and not self._pool.active:
             log.warning("%s broke; starting others", self._name)
             self.stop()
@@ -79,14 +79,14 @@ class Processes:
                 initializer=start_worker,
                 initargs=(os.getpid(),),
             )
-            # Asking whether it is active starts it, in the thread that asks.
-            self._keeper.submit(lambda: pool.active).result()
+            # Reading `active` starts the pool, in the calling thread.
+            self._spawner.submit(lambda: pool.active).result()
             self._pool = pool
         return self._pool
 
     def stop(self) -> None:
-        """End the processes, whatever they are doing; their calls are cancelled."""
-        # A stopped pool leaves its futures open; whoever waits for one must hear of it.
+        """End the processes at once; their calls are cancelled."""
+        # A stopped pool leaves its futures pending; cancelling wakes their waiters.
         for future in tuple(self._pending):
             future.cancel()
         if self._pool is not None:

@@ -1,1 +1,1 @@
-"""Quantum circuits of QUBOs: what they are, their training without a device, and where they run."""
+"""Quantum circuits of QUBOs: ansätze, classical training, and backends."""

@@ -1,4 +1,4 @@
-"""Circuits on a chain as tables of gate angles, for what trains, simulates and builds them.
+"""Circuits on a chain as tables of gate angles, for training, simulation and construction.
 
 Angles are those of Qiskit's gates, in radians: RZ(φ) = e^{−iφZ/2}, RZZ(θ) = e^{−iθZZ/2},
 RX(α) = e^{−iαX/2}, XXPlusYY(β) = e^{−iβ(XX+YY)/4}. Qubit q is the q-th of the chain.
@@ -52,7 +52,7 @@ class ChainAnsatz:
 
 @dataclass(frozen=True)
 class OneHotAnsatz:
-    """Layers that keep one qubit of each group in |1⟩; groups lie side by side on the chain.
+    """Layers that keep one qubit of each group in |1⟩; groups are contiguous on the chain.
 
     Each group starts with its ``hot`` qubit in |1⟩, spread outwards from there by XXPlusYY gates
     between neighbours: pairs by growing distance, at equal distance the upper one first. Each

@@ -38,7 +38,7 @@ def one_hot_circuit(ansatz: OneHotAnsatz) -> Any:
     circuit = _empty(n)
     circuit.x(ansatz.hot)
     for qubit in spread_order(ansatz):
-        _hop(circuit, ansatz.spread[qubit], qubit)
+        _xy_gate(circuit, ansatz.spread[qubit], qubit)
     starts = _starts(ansatz)
     for fields, bonds, mixers in zip(ansatz.fields, ansatz.bonds, ansatz.mixers, strict=True):
         _fields(circuit, fields)
@@ -47,7 +47,7 @@ def one_hot_circuit(ansatz: OneHotAnsatz) -> Any:
                 circuit.rzz(bond, start - 1, start)
         for first in (0, 1):
             for qubit in range(first, n - 1, 2):
-                _hop(circuit, mixers[qubit], qubit)
+                _xy_gate(circuit, mixers[qubit], qubit)
     circuit.measure(range(n), range(n))
     return circuit
 
@@ -68,7 +68,9 @@ def spread_order(ansatz: OneHotAnsatz) -> list[int]:
 
 
 def dense_qaoa_circuit(ising: Ising, schedule: Sequence[tuple[float, float]]) -> Any:
-    """QAOA with all couplings, e^{−iγC} and e^{+iβΣX} in turn, measured: the chain's peer.
+    """QAOA with all couplings, measured, for comparison with the chain.
+
+    Each layer is e^{−iγC}, then e^{+iβΣX}.
 
     Args:
         ising: normalised; couplings of 0 get no gate.
@@ -89,7 +91,7 @@ def dense_qaoa_circuit(ising: Ising, schedule: Sequence[tuple[float, float]]) ->
 
 
 def swap_network_circuit(ising: Ising, schedule: Sequence[tuple[float, float]]) -> Any:
-    """`dense_qaoa_circuit` with gates between neighbours only: every pair meets on the way.
+    """`dense_qaoa_circuit` with gates between neighbours only: a swap network.
 
     In n rounds of neighbours' swaps each pair is side by side exactly once, and the order comes out
     reversed. Each swap and its RZZ are one block, for the transpiler to join.
@@ -127,7 +129,7 @@ def _fields(circuit: Any, angles: Any) -> None:
             circuit.rz(angle, qubit)
 
 
-def _hop(circuit: Any, angle: float, qubit: int) -> None:
+def _xy_gate(circuit: Any, angle: float, qubit: int) -> None:
     from qiskit.circuit.library import XXPlusYYGate
 
     if angle != 0:

@@ -9,7 +9,7 @@ from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
@@ -20,7 +20,7 @@ def cycle(town: Town, **first: float) -> CycleResult:
     """Two vans with a parcel each for one corner, the second ready 40 s after the first."""
     vans = [{"first_stop": "s0", **first}, {"first_stop": "s1", "ready_s": 40.0}]
     problem, snapshot = town(["33", "33"], vans)
-    solve = solve_here([ExactSolver()])
+    solve = solve_in_process([ExactSolver()])
     return run_cycle(Cycle(problem, snapshot, SETTINGS, 1, snapshot.now_ns, 1), solve)
 
 
@@ -60,7 +60,7 @@ def test_stops_at_one_junction_are_served_in_one_visit(town: Town) -> None:
     """
     vans = [{"first_stop": "s0"}, {"first_stop": "s1", "ready_s": 40.0}]
     problem, snapshot = town(["33", "00", "33", "33"], vans)
-    solve = solve_here([ExactSolver()])
+    solve = solve_in_process([ExactSolver()])
     result = run_cycle(Cycle(problem, snapshot, SETTINGS, 1, snapshot.now_ns, 1), solve)
     assert result.report.status == "ok"
     stops = {p.vehicle: [s.stop for s in p.stops[1:-1]] for p in result.plans}

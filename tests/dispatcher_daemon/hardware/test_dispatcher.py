@@ -14,7 +14,7 @@ from dispatcher_daemon.plans.solver_report import solver_report
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Job, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth
 
@@ -30,7 +30,7 @@ class ExactDevice:
 
     def __init__(self) -> None:
         self.cycles: list[int] = []
-        self._solve = solve_here([ExactSolver()])
+        self._solve = solve_in_process([ExactSolver()])
 
     def begin_cycle(self, number: int) -> None:
         """Writes it down."""
@@ -79,7 +79,7 @@ def test_the_dispatcher_solves_through_the_job_manager(demo: RoutingProblem) -> 
     """It learns each cycle's number, its answers are reported, its state is in the health."""
     log, device = Log(), ExactDevice()
     settings = DispatcherSettings(solvers=("exact", "lc-qaoa"))
-    solve = solve_here([])
+    solve = solve_in_process([])
     dispatcher = Dispatcher(
         settings, demo.network, demo.fleet, log, log, solve, job_manager=cast(JobManager, device)
     )
@@ -115,7 +115,7 @@ def test_a_fault_in_the_health_ends_no_dispatcher(
         demo.fleet,
         log,
         log,
-        solve_here([]),
+        solve_in_process([]),
         job_manager=cast(JobManager, device),
     )
     health = device.health

@@ -28,7 +28,7 @@ from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import ArcProblem, RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_here
+from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_in_process
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.errors import InputError
@@ -266,7 +266,9 @@ def test_waiting_leaves_a_reserve_of_the_cycles_deadline(demo_arcs: Demo) -> Non
 
 def solve_exactly(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
     """All by the exact solver."""
-    exact = solve_here([ExactSolver()])([replace(job, solver="exact") for job in jobs], deadline_s)
+    exact = solve_in_process([ExactSolver()])(
+        [replace(job, solver="exact") for job in jobs], deadline_s
+    )
     return [replace(o, solver=job.solver) for job, o in zip(jobs, exact, strict=True)]
 
 
@@ -333,9 +335,11 @@ def test_closing_frees_a_waiting_cycle(
 def test_there_is_no_job_manager_without_a_device(tmp_path: Path) -> None:
     """By default nothing of it is there; opening a job manager starts no process yet."""
     with open_database(f"sqlite:///{tmp_path}/x.db") as database:
-        assert open_job_manager(DispatcherSettings(), solve_here([]), database) is None
+        assert open_job_manager(DispatcherSettings(), solve_in_process([]), database) is None
         hardware = HardwareSettings(backend="fake:FakeBoston")
-        manager = open_job_manager(DispatcherSettings(hardware=hardware), solve_here([]), database)
+        manager = open_job_manager(
+            DispatcherSettings(hardware=hardware), solve_in_process([]), database
+        )
         assert manager is not None
         assert manager.health().line is None
         assert isinstance(manager._thread._ledger._clock_ns, MonotonicUtcClock)

@@ -11,7 +11,7 @@ from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import Problem, RoutingProblem
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import CityShape, generate_city
@@ -52,7 +52,7 @@ def cycle(
     start: Mapping[str, Sequence[str]] | None = None,
 ) -> CycleResult:
     """Cycle 3, in this process."""
-    solve = solve_here(solvers)
+    solve = solve_in_process(solvers)
     this = Cycle(problem, snapshot, settings, 3, snapshot.now_ns, 11, start=start)
     return run_cycle(this, solve)
 

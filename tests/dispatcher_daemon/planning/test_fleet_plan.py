@@ -16,7 +16,7 @@ from dispatcher_daemon.roads.routes import lateness_s
 from dispatcher_daemon.roads.travel import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import CityShape, generate_city
 
@@ -46,7 +46,7 @@ def plan(
     )
     cycle = Cycle(problem, snapshot, settings, 1, 0, seed, reference_s, **more)
     with ThreadPoolExecutor(1) as thread:
-        return plan_fleet(cycle, thread, solve_here([ExactSolver()]), clock)
+        return plan_fleet(cycle, thread, solve_in_process([ExactSolver()]), clock)
 
 
 def faults(problem: RoutingProblem, made: FleetPlan) -> list[str]:

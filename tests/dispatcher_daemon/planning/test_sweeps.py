@@ -19,7 +19,7 @@ from dispatcher_daemon.roads.routes import lateness_s
 from dispatcher_daemon.roads.travel import Travel, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import CityShape, generate_city
@@ -72,7 +72,7 @@ def sweep(
     planner, itineraries = start
     names = tuple(solver.name for solver in solvers)
     settings = SETTINGS.model_copy(update={"solvers": names})
-    descent = BlockDescent(planner, settings, solve_here(solvers), itineraries)
+    descent = BlockDescent(planner, settings, solve_in_process(solvers), itineraries)
     sweeps, late = descent.run(seed, math.inf, time.monotonic)
     assert not late
     before = choice_of(planner, itineraries).objective_kwh
@@ -114,7 +114,7 @@ def test_blocks_are_no_larger_than_allowed(
     """No solver is given more variables than the settings say."""
     planner, itineraries = start
     settings = SETTINGS.model_copy(update={"block_variables": variables, "options": options})
-    descent = BlockDescent(planner, settings, solve_here([ExactSolver()]), itineraries)
+    descent = BlockDescent(planner, settings, solve_in_process([ExactSolver()]), itineraries)
     sweeps, _ = descent.run(1, math.inf, time.monotonic)
     assert 0 < max(s.largest for s in sweeps) <= variables
     assert all(s.variables <= s.blocks * variables for s in sweeps)
@@ -180,7 +180,9 @@ def test_answers_that_look_better_in_the_block_only_are_not_taken(
 def test_a_time_that_is_up_ends_the_sweeps(start: tuple[Planner, list[Itinerary]]) -> None:
     """Not a block is asked for after the end, and that time ran out is said."""
     planner, itineraries = start
-    descent = BlockDescent(planner, SETTINGS, solve_here([Absurd(None, raises=True)]), itineraries)
+    descent = BlockDescent(
+        planner, SETTINGS, solve_in_process([Absurd(None, raises=True)]), itineraries
+    )
     sweeps, late = descent.run(1, 10.0, lambda: 10.0)
     assert (sweeps, late) == ((), True)
     assert descent.present == itineraries
@@ -198,7 +200,7 @@ def criss_cross(town: Town, *, badly: bool) -> tuple[BlockDescent, dict[str, tup
         itinerary = planner.itinerary(number, stops, planner.legs(number, stops))
         assert itinerary is not None
         itineraries.append(itinerary)
-    return BlockDescent(planner, SETTINGS, solve_here([ExactSolver()]), itineraries), other
+    return BlockDescent(planner, SETTINGS, solve_in_process([ExactSolver()]), itineraries), other
 
 
 @pytest.mark.parametrize("variables", [3, 25])
@@ -239,7 +241,7 @@ def test_an_exchange_that_misses_a_window_is_left_alone(town: Town) -> None:
         itinerary = planner.itinerary(number, stops, planner.legs(number, stops))
         assert itinerary is not None
         itineraries.append(itinerary)
-    descent = BlockDescent(planner, SETTINGS, solve_here([ExactSolver()]), itineraries)
+    descent = BlockDescent(planner, SETTINGS, solve_in_process([ExactSolver()]), itineraries)
     other: dict[str, tuple[str, ...]] = {"van-0": ("s1",), "van-1": ("early",)}
     assert descent.adopt(other, 1, math.inf, time.monotonic) == 0
     assert descent.present == itineraries

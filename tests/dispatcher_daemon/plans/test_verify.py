@@ -13,7 +13,7 @@ from dispatcher_daemon.plans.verify import verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import VehiclePlan
 
@@ -28,7 +28,7 @@ def plans(
     """The demo's crossing plans: platoons on both avenues."""
     settings = DispatcherSettings(solvers=("exact",))
     snapshot = traffic(avenue_east=1, avenue_west=1)
-    solve = solve_here([ExactSolver()])
+    solve = solve_in_process([ExactSolver()])
     return run_cycle(Cycle(demo, snapshot, settings, 1, now_ns, 1), solve).plans
 
 
@@ -455,12 +455,12 @@ def test_times_count_from_the_issue_of_the_plans_unless_told_otherwise(
 ) -> None:
     """A vehicle that is ready at once may leave at once, at the moment of issue itself."""
 
-    def departing_when_ready(p: Plain) -> None:
+    def departs_at_issue(p: Plain) -> None:
         now_ns = p[0]["issued_ns"]
         p[0]["depart_ns"] = now_ns
         p[0]["stops"][0].update(arrival_ns=now_ns, departure_ns=now_ns)
 
-    rebuilt = [VehiclePlan.model_validate(plan) for plan in spoilt(plans, departing_when_ready)]
+    rebuilt = [VehiclePlan.model_validate(plan) for plan in spoilt(plans, departs_at_issue)]
     found = verify_plans(rebuilt, demo.network, demo.fleet, OPEN, 3.0)
     assert not [fault for fault in found if fault.startswith("van-a: leaves")]
 

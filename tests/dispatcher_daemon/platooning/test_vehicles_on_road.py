@@ -11,7 +11,7 @@ from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, on_road
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from research.cities.generator import CityShape, generate_city
 from research.instances.instance import Instance
 from slipstream.messages import VehiclePlan
@@ -43,7 +43,7 @@ def part(city: Instance, number: int) -> Instance:
 def cycle(city: Instance, now_ns: int, users: tuple[RoadUser, ...] = ()) -> CycleResult:
     """One cycle."""
     snapshot = replace(city.snapshot, now_ns=now_ns)
-    solve = solve_here([ExactSolver()])
+    solve = solve_in_process([ExactSolver()])
     this = Cycle(
         city.problem, snapshot, SETTINGS, 2, now_ns, 1, reference_delay_s=0.0, on_road=users
     )

@@ -17,7 +17,7 @@ from dispatcher_daemon.roads.routes import Leg, timed
 from dispatcher_daemon.roads.travel import Travel, leg_along, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from research.cities.generator import small_city
 from slipstream.drive import drive_energies
@@ -182,7 +182,7 @@ def test_a_cycle_with_expectations_gives_verified_plans() -> None:
         ),
     )
     problem = replace(city.problem, value_of_time_kw=5.0)
-    solve = solve_here([ExactSolver()])
+    solve = solve_in_process([ExactSolver()])
     this = Cycle(problem, snapshot, settings, 1, 0, 1, reference_delay_s=0.0)
     result = run_cycle(this, solve)
     assert result.report.status == "ok"

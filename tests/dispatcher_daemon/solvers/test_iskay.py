@@ -121,7 +121,7 @@ class StandIn:
 def solver(service: StandIn, **changes: Any) -> IskaySolver:
     """The solver in front of a stand-in."""
     return IskaySolver(
-        Access(SECRET, "crn:1"), "ibm_boston", catalog=service.open, look_every_s=0.01, **changes
+        Access(SECRET, "crn:1"), "ibm_boston", catalog=service.open, poll_s=0.01, **changes
     )
 
 

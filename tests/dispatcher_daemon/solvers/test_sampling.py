@@ -12,7 +12,7 @@ from dispatcher_daemon.formulations.milp import solve_milp
 from dispatcher_daemon.formulations.model import build_model
 from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem
 from dispatcher_daemon.solvers.sampling import (
-    Drawn,
+    SampledBits,
     answer,
     descend,
     one_option_each,
@@ -27,7 +27,7 @@ Routes = Callable[..., RouteProblem]
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_stages_are_what_each_sample_becomes(random_routes: Routes, seed: int) -> None:
-    """Each tally counts the shots whose own bits are valid at that stage, by objective."""
+    """Each histogram counts the shots whose own bits are valid at that stage, by objective."""
     problem = random_routes(seed, [3, 2, 3], 2)
     model = build_model(problem)
     rng = np.random.default_rng(seed)
@@ -35,15 +35,15 @@ def test_stages_are_what_each_sample_becomes(random_routes: Routes, seed: int) -
     counts = rng.integers(1, 5, size=12)
     samples, best = stages(model, bits, counts, 1)
     after = (bits, descend(model, bits, 1), descend(model, one_option_each(model, bits), 1))
-    tallies = (samples.raw, samples.descended, samples.repaired)
-    for rows, tally, winner in zip(after, tallies, best, strict=True):
+    histograms = (samples.raw, samples.descended, samples.repaired)
+    for rows, histogram, winner in zip(after, histograms, best, strict=True):
         expected: dict[float, int] = {}
         for row, count in zip(rows, counts, strict=True):
             selected = frozenset(np.flatnonzero(row).tolist())
             if not violations(problem, selected):
                 value = round(problem.objective_kwh(selected), 9)
                 expected[value] = expected.get(value, 0) + int(count)
-        assert dict(tally) == expected
+        assert dict(histogram) == expected
         assert (winner is None) == (not expected)
         if winner is not None:
             assert round(winner[0], 9) == min(expected)
@@ -51,7 +51,7 @@ def test_stages_are_what_each_sample_becomes(random_routes: Routes, seed: int) -
 
 
 def test_descent_alone_is_told_apart_from_repair(random_routes: Routes) -> None:
-    """Where repair gets further than descent, each has its own tally."""
+    """Where repair gets further than descent, each has its own histogram."""
     model = build_model(random_routes(3, [4, 4, 4], 3))
     bits = np.random.default_rng(2).integers(0, 2, (400, 12), dtype=np.int8)
     samples, _ = stages(model, bits, np.ones(400, dtype=np.int64), 1)
@@ -97,7 +97,7 @@ def test_a_raw_answer_is_preferred_to_an_equal_one_after_repair(random_routes: R
 def test_the_frame_says_why_there_is_no_answer(random_routes: Routes) -> None:
     """Nothing to choose, no time to draw, nothing valid drawn: each in words."""
 
-    def solve(problem: RouteProblem, drawn: Drawn | None) -> tuple[str, str | None]:
+    def solve(problem: RouteProblem, drawn: SampledBits | None) -> tuple[str, str | None]:
         outcome = solve_by_sampling("x", problem, None, "reduced", 1, lambda _: drawn)
         assert outcome.selected is None
         return outcome.status, outcome.reason
@@ -109,5 +109,5 @@ def test_the_frame_says_why_there_is_no_answer(random_routes: Routes) -> None:
     stuck = RouteProblem(
         ("v", "w"), ("a",), (RouteOption("v", ("a",), 1.0), RouteOption("w", ("a",), 1.0))
     )
-    nothing = Drawn(np.zeros((1, 2), dtype=np.int8), np.array([1]))
+    nothing = SampledBits(np.zeros((1, 2), dtype=np.int8), np.array([1]))
     assert solve(stuck, nothing) == ("failed", "no sample led to a valid route set")

@@ -12,7 +12,7 @@ from dispatcher_daemon.plans.candidates import Candidate, Refusal
 from dispatcher_daemon.plans.forms import Form, attempt
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_here
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome
 from research.cities.generator import small_city
 from research.instances import open_instance
@@ -64,7 +64,7 @@ def best_plan(form: Form) -> Candidate:
 
 def plan_without_platooning(form: Form) -> tuple[str, Candidate]:
     """The plan without platooning."""
-    name, baseline = form.baseline(solve_here([ExactSolver()]), 10.0)
+    name, baseline = form.baseline(solve_in_process([ExactSolver()]), 10.0)
     assert isinstance(baseline, Candidate)
     return name, baseline
 

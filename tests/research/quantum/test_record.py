@@ -6,7 +6,7 @@ import math
 import pytest
 
 from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples
-from research.quantum.record import quantum_record
+from research.quantum.record import run_record
 
 EXECUTION = Execution("aer", "simulated", "ramp", 2, 8, 96, 0.5, 0.1, fallback="device late")
 
@@ -16,7 +16,7 @@ def test_stages_and_controls_stand_apart() -> None:
     ours = Samples(25, 100, ((-2.0, 10), (-1.0, 20)), ((-2.0, 40),), ((-3.0, 1), (-2.0, 80)))
     control = Samples(None, 200, ((-1.0, 2),), ((-2.0, 100),), ((-3.0, 20), (-2.0, 150)))
     outcome = Outcome("lc-qaoa", "feasible", frozenset({1}), 1.0, samples=ours)
-    record = quantum_record(outcome, EXECUTION, {"uniform bits": control}, -3.0)
+    record = run_record(outcome, EXECUTION, {"uniform bits": control}, -3.0)
     assert (record["p_feasible"], record["p_optimal"]) == (0.3, 0.0)
     assert (record["p_feasible_descended"], record["p_optimal_descended"]) == (0.4, 0.0)
     assert (record["p_feasible_repaired"], record["p_optimal_repaired"]) == (0.81, 0.01)
@@ -38,6 +38,6 @@ def test_a_service_without_samples_has_no_shares() -> None:
     """One post-selected answer: the same keys, no figure."""
     outcome = Outcome("iskay", "feasible", frozenset({1}), 1.0)
     full = Outcome("x", "failed", None, 1.0, samples=Samples(2, 1, (), (), ()))
-    record = quantum_record(outcome, EXECUTION, {}, None)
-    assert record.keys() == quantum_record(full, EXECUTION, {}, None).keys()
+    record = run_record(outcome, EXECUTION, {}, None)
+    assert record.keys() == run_record(full, EXECUTION, {}, None).keys()
     assert record["p_feasible"] is record["p_optimal_repaired"] is record["optimal_cost"] is None

@@ -43,8 +43,8 @@ def test_both_tables_have_the_papers_rows_and_say_how_they_are_had() -> None:
     for rows in (hardware, sweep):
         assert len({row.key for row in rows}) == len(rows)
         assert len({(row.title, row.mark) for row in rows}) == len(rows)
-    marks = {row.key.partition("/")[0]: row.mark for row in hardware[:2]}
-    assert marks == {"exact": "classical", "iskay": "hardware"}
+    selections = {row.key.partition("/")[0]: row.mark for row in hardware[:2]}
+    assert selections == {"exact": "classical", "iskay": "hardware"}
     assert {row.mark for row in hardware} == {
         *("classical", "hardware", "simulated", "estimated", "noise-model")
     }

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import psutil
 import pytest
 
-from slipstream_cli import supervisor as module
+from slipstream_cli.daemons import supervisor as module
 from slipstream_cli.daemons.supervisor import RESTARTS_A_MINUTE, Supervisor
 
 pytestmark = pytest.mark.process

@@ -1,4 +1,4 @@
-"""What all places that run circuits have in common."""
+"""The protocol of backends, and what they share."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from dispatcher_daemon.solvers.quantum.backends.targets import transpile_dense, 
 from dispatcher_daemon.solvers.quantum.chain.layout import Placement, place_chain
 
 OVERHEAD_S = 5.0
-"""Assumed upper bound of what a job is charged beside its shots, s."""
+"""Assumed upper bound of a job's charge besides its shots, s."""
 SHOT_S = 5e-4
-"""Assumed upper bound of what a shot takes, s: 250 µs between shots by default, a circuit of some
-10 µs and its readout, twice for good measure."""
+"""Assumed upper bound of a shot's time, s: twice the default 250 µs between shots, with a circuit
+of some 10 µs and its readout."""
 
 
 def device_s(shots: int) -> float:
-    """Device time that a job will be charged at most, s; also set as its limit on a device."""
+    """Upper bound of the device time that a job is charged, s; also its limit on a device."""
     return float(math.ceil(OVERHEAD_S + SHOT_S * shots))
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """What a backend measured.
+    """Measurement results of a backend.
 
     Attributes:
         counts: shots by bit string (Qiskit's order: qubit 0 last).
@@ -61,7 +61,7 @@ class Backend(Protocol):
         ...
 
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
-        """Where a chain of n qubits lies; the bonds that it cuts must get an angle of 0.
+        """Placement of a chain of n qubits; the bonds that it cuts must get an angle of 0.
 
         See `place_chain`. A simulator without a device cuts nothing.
         """

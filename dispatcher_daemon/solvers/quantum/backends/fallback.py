@@ -1,4 +1,4 @@
-"""Device, otherwise Aer: for callers that wait for one answer and take the next best."""
+"""A device with Aer as fallback, for callers that wait for one answer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FALLBACK = "aer"
 
 @dataclass(frozen=True)
 class Opened:
-    """A backend, and why it is not the one that was asked for.
+    """A backend, and why it is not the requested one.
 
     Attributes:
         fallback: None if it is.

@@ -133,7 +133,7 @@ class IbmService:
         return ask(self._token, read)
 
     def estimate_s(self, circuit: Any, shots: int) -> float:
-        """See `JobService.estimate_s`; the service is told to end the job when it takes longer."""
+        """See `JobService.estimate_s`; it is also the job's time limit at the service."""
         return device_s(shots)
 
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
@@ -273,7 +273,7 @@ class IbmBackend:
         except ServiceFault as fault:
             late = fault
         except BaseException:
-            # Ctrl-C: nobody waits for it any more, so it shall not cost anything.
+            # Ctrl-C: the result is not needed any more, so the job is cancelled.
             self._cancelled(job_id)
             raise
         if late is not None:

@@ -1,4 +1,4 @@
-"""Access to IBM Quantum: where the token comes from, and a client whose calls end."""
+"""Access to IBM Quantum: credentials, and a client whose calls have timeouts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ READ_S = 15.0
 
 @dataclass(frozen=True)
 class Access:
-    """What an account is reached with.
+    """Credentials and address of an account.
 
     Attributes:
         token: API key; not part of the representation.
@@ -63,7 +63,7 @@ def open_client(access: Access) -> Any:
     It has been given its token, so that the client's own file of accounts is not read.
     """
     _bound_calls()
-    # It warns of what it was told to do; what fails is raised.
+    # It warns of requested settings; failures are raised.
     logging.getLogger("qiskit_ibm_runtime").setLevel(logging.ERROR)
     from qiskit_ibm_runtime import QiskitRuntimeService
 
@@ -90,9 +90,9 @@ def _credential(folder: str | None, name: str) -> str:
 
 
 def _bound_calls() -> None:
-    """Give IBM's client a session whose calls end, each after one try.
+    """Give IBM's client a session with timeouts and without retries.
 
-    Its own waits for ever for an answer, up to 15 minutes when it submits, and tries five times.
+    Its own session has no read timeout (15 minutes when it submits) and tries five times.
     """
     from qiskit_ibm_runtime.api import client
     from qiskit_ibm_runtime.api.session import RetrySession

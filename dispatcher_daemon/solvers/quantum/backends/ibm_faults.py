@@ -1,4 +1,4 @@
-"""What IBM's client raises, as a `ServiceFault` that never tells the token."""
+"""Exceptions of IBM's client as `ServiceFault`s without the token."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slipstream.errors import InputError
 
 T = TypeVar("T")
 
-LONGEST_LINE = 300
+MAX_LINE_LENGTH = 300
 
 
 def ask(token: str, do: Callable[[], T]) -> T:
@@ -58,11 +58,11 @@ def fault_of(error: BaseException, token: str) -> ServiceFault:
 
 
 def without_secrets(text: str, token: str) -> str:
-    """One line of at most `LONGEST_LINE` characters, without the token or a bearer's."""
+    """One line of at most `MAX_LINE_LENGTH` characters, without the token or a bearer's."""
     line = " ".join(text.split())
     if token:
         line = line.replace(token, "…")
-    return re.sub(r"(?i)\b(bearer|apikey)\s+[^\s'\"\\]+", r"\1 …", line)[:LONGEST_LINE]
+    return re.sub(r"(?i)\b(bearer|apikey)\s+[^\s'\"\\]+", r"\1 …", line)[:MAX_LINE_LENGTH]
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:

@@ -1,6 +1,6 @@
-"""A fake device behind the calls of a job service: the hardware path without hardware.
+"""A simulated device with the interface of a job service, for tests and trials without hardware.
 
-What it answers is a simulation with the device's noise model and never called hardware.
+Its samples come from the device's noise model, and their kind is never "hardware".
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A device's noise on a circuit, split exactly into error-free runs and rare errors.
 
-The circuit is gathered into blocks of at most two qubits. What noise adds to a block is a channel
+The circuit is divided into blocks of at most two qubits. What noise adds to a block is a channel
 E = (1 − p) · identity + p · R with the least p for which R is a channel, so that a shot is an
 error-free run unless one of the blocks draws its R: a convex mixture, without approximation.
 """
@@ -95,8 +95,8 @@ def blocks_of(circuit: Any, noise: DeviceNoise | None) -> list[Block]:
     """
     from qiskit.quantum_info import Operator
 
-    gathered: list[_Gathering] = []
-    latest: dict[int, _Gathering] = {}
+    builders: list[_BlockBuilder] = []
+    latest: dict[int, _BlockBuilder] = {}
     for instruction in circuit.data:
         operation = instruction.operation
         if operation.name in {"measure", "barrier", "delay"}:
@@ -106,21 +106,21 @@ def blocks_of(circuit: Any, noise: DeviceNoise | None) -> list[Block]:
             raise ValueError(f"a gate on {len(qubits)} qubits: {operation.name}")
         into = latest.get(qubits[0])
         if into is None or any(latest.get(q) is not into for q in qubits[1:]):
-            into = _Gathering(qubits)
+            into = _BlockBuilder(qubits)
             for qubit in qubits:
                 before = latest.get(qubit)
                 if before is not None and len(before.qubits) == 1 and len(qubits) == 2:
                     into.absorb(before)
-                    gathered.remove(before)
+                    builders.remove(before)
                 latest[qubit] = into
-            gathered.append(into)
+            builders.append(into)
         error = noise.gate(operation.name, qubits) if noise else None
         into.join(Operator(operation), error, qubits)
-    return [g.block() for g in gathered]
+    return [g.block() for g in builders]
 
 
-class _Gathering:
-    """A block in the making."""
+class _BlockBuilder:
+    """A block to which gates are appended."""
 
     def __init__(self, qubits: tuple[int, ...]) -> None:
         from qiskit.quantum_info import Operator, SuperOp
@@ -139,14 +139,14 @@ class _Gathering:
         if noise is not None:
             self.channel = self.channel.compose(noise, qargs=where)
 
-    def absorb(self, before: _Gathering) -> None:
+    def absorb(self, before: _BlockBuilder) -> None:
         """Append a block, gates and noise."""
         where = [self.qubits.index(q) for q in before.qubits]
         self.unitary = self.unitary.compose(before.unitary, qargs=where)
         self.channel = self.channel.compose(before.channel, qargs=where)
 
     def block(self) -> Block:
-        """What was gathered."""
+        """The finished block."""
         from qiskit.quantum_info import SuperOp
 
         error = SuperOp(self.unitary).adjoint().compose(self.channel)

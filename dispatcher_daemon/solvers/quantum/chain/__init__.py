@@ -1,2 +1,2 @@
-"""Circuits on a linear chain: order of the qubits, exact matrix product states, training, and the
-place of the chain on a device."""
+"""Circuits on a linear chain: order of the qubits, exact matrix product states, training, and
+placement on a device."""

@@ -51,7 +51,7 @@ def minimise(
 
     Args:
         starts: one of each problem, shape (batch, n).
-        steps: most evaluations of each.
+        steps: maximum number of evaluations of each.
         deadline: `time.perf_counter` at which the best so far are taken.
     """
     points = starts.copy()

@@ -1,4 +1,4 @@
-"""Where a chain lies best on a device: physical qubits in chain order, and bonds left without edge.
+"""Placement of a chain on a device: physical qubits in chain order, and bonds without an edge.
 
 The weight of a path is Σ −ln(1 − error) over what a layered circuit uses on it, so that the
 lightest path has the highest product of success probabilities.
@@ -207,7 +207,7 @@ def _cover(graph: Any, n: int, *, single: bool) -> Paths:
     ends = np.array([[index[u], index[v]] for u, v in edges])
     weight = np.array([graph.nodes[v]["weight"] for v in nodes])
     edge_weight = np.array([graph.edges[e]["weight"] for e in edges])
-    # One more edge, so one fragment less, is worth more than all weights together.
+    # One more edge, so one fragment less, outweighs all weights together.
     dominant = 1 + weight.sum() + edge_weight.sum()
     count = np.arange(len(edges))
     sides = [
@@ -266,7 +266,7 @@ def _arrange(lengths: Iterable[int], weights: Sequence[float]) -> list[int] | No
     sizes = [size for size, _ in kinds]
     total = sum(size * count for size, count in kinds)
 
-    # Forward over how many of each kind are laid: that also tells the position on the chain.
+    # Dynamic programme over the number of placed fragments of each kind, which gives the position.
     best: dict[tuple[int, ...], tuple[float, tuple[int, ...]]] = {(0,) * len(kinds): (0.0, ())}
     for _ in range(sum(count for _, count in kinds)):
         following: dict[tuple[int, ...], tuple[float, tuple[int, ...]]] = {}

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 JOINT = 0.2
-"""An edge between two units is worth as much as so much error, as −ln(1 − error)."""
+"""Bonus of an edge between two units, in units of −ln(1 − error)."""
 LIMIT_S = 60.0
-"""Packings take seconds; nobody waits longer."""
+"""Time limit of the packing, s; it takes seconds."""
 BEAM = 200
 """Orders kept by the beam search."""
 MAX_PATHS = 50_000
-"""So many candidate paths at most; devices' graphs have some thousands of short ones."""
+"""Maximum number of candidate paths; devices' graphs have some thousands of short ones."""
 
 Path = tuple[int, ...]
 

@@ -1,4 +1,4 @@
-"""Route options on a chain: one qubit of each group in |1⟩, groups side by side."""
+"""Route options on a chain: one qubit of each group in |1⟩, groups contiguous."""
 
 from __future__ import annotations
 

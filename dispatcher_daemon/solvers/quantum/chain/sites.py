@@ -1,8 +1,8 @@
 """From the angles of chain ansätze to the tensors of their matrix product states, and back.
 
 A site is one qubit, or one group of a one-hot ansatz. All gates between sites are RZZ, diagonal and
-of rank 2, so what a site has to tell the next is the p bits that its last qubit had in the p
-layers: D = 2^p. With T the site's own gates summed over all ways through them that end in x and
+of rank 2, so the bond state is the p bits that a site's last qubit had in the p
+layers: D = 2^p. With T the site's own gates summed over all paths through them that end in x and
 have the bits l of its first and r of its last qubit, the tensor is A[l', x, r] = Σ_l W[l', l]
 T[l, x, r], where W[l', l] = exp(−½ i Σ_k θ_k z_k(l') z_k(l)) are the RZZ gates to the site before.
 That is exact: nothing is truncated.

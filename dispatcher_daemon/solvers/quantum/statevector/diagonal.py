@@ -61,7 +61,7 @@ def one_hot_diagonal(ising: Ising, groups: Sequence[Sequence[int]]) -> Diagonal:
 def standardised(diagonal: Diagonal) -> Diagonal:
     """Less its mean and divided by its standard deviation, so that one set of angles fits all.
 
-    For one-hot states, which differ little: the largest coefficient, a penalty's, tells nothing of
+    For one-hot states, which differ little: the largest coefficient, a penalty's, is no measure of
     their spread. Equal energies become 0.
     """
     energies = diagonal.astype(np.float64)

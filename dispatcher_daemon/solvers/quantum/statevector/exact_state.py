@@ -1,7 +1,7 @@
-"""What is asked of an exactly simulated QAOA state: objectives, probabilities, samples.
+"""Objectives, probabilities and samples of an exactly simulated QAOA state.
 
-All of it goes through the state in blocks, as probabilities of 25 qubits at once take memory that
-the state itself needs.
+The state is processed in blocks, as the probabilities of 25 qubits at once would take as much
+memory as the state.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ExactState(ABC):
 
     Attributes:
         diagonal: C of each state.
-        threads: that work on it side by side.
+        threads: number of parallel threads.
     """
 
     def __init__(self, diagonal: Diagonal, block: int, threads: int = 1) -> None:

@@ -74,7 +74,7 @@ def train(
         start: the first angles evaluated; their ramp heights, if only these are trained, are taken
             from the first β and the last γ.
         objective: None: the mean.
-        evaluations: most of them, at least 1.
+        evaluations: maximum number, at least 1.
         deadline: `time.perf_counter` by which it is to end: no evaluation is begun that would,
             going by the longest so far, end later. The first one always is.
     """
@@ -91,10 +91,10 @@ def train(
         nonlocal best, longest_s
         now = time.perf_counter()
         if len(history) >= evaluations:
-            raise _EndError("evaluations")
+            raise _StopTraining("evaluations")
         # Twice: the state is simulated once more for the best angles.
         if history and now + 2 * longest_s > deadline:
-            raise _EndError("deadline")
+            raise _StopTraining("deadline")
         schedule = unpack(x)
         state.evolve(schedule)
         value = objective(state)
@@ -121,7 +121,7 @@ def train(
         # SciPy wants to be allowed a first simplex; `evaluate` keeps the count.
         options = {"rhobeg": _STEP_RAD, "maxiter": max(evaluations, len(x0) + 2)}
         minimize(evaluate, x0, method="COBYLA", options=options)
-    except _EndError as end:
+    except _StopTraining as end:
         ended = end.reason
     value, schedule = best
     if history[-1] != value:
@@ -130,7 +130,7 @@ def train(
     return Training(angles_found, value, tuple(history), time.perf_counter() - began, ended)
 
 
-class _EndError(Exception):
+class _StopTraining(Exception):
     def __init__(self, reason: Literal["evaluations", "deadline"]) -> None:
         super().__init__(reason)
         self.reason = reason

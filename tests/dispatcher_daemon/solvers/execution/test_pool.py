@@ -17,7 +17,7 @@ import pytest
 from dispatcher_daemon.formulations.decode import decode
 from dispatcher_daemon.problem import ArcProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, SolverPool, solve_here
+from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, SolverPool, solve_in_process
 
 Demo = Callable[..., ArcProblem]
 
@@ -227,6 +227,6 @@ def test_two_solvers_of_one_name_are_refused() -> None:
 
 def test_solving_in_place_reports_faults_too(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """Without workers a solver that raises is still only an Outcome."""
-    solve = solve_here([faulty("raises"), ExactSolver()])
+    solve = solve_in_process([faulty("raises"), ExactSolver()])
     bad, good = solve([Job("faulty", demo_arcs(), 1), Job("exact", demo_arcs(), 1)], 5.0)
     assert (bad.status, good.status) == ("failed", "optimal")

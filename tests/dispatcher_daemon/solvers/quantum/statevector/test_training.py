@@ -14,7 +14,7 @@ from dispatcher_daemon.solvers.quantum.statevector.exact_state import Schedule
 from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
 from research.instances import open_instance
-from research.quantum.ideal import dense_qaoa_figures, marks_of
+from research.quantum.ideal import dense_qaoa_figures, valid_selections_of
 
 
 def published(name: str) -> QuboModel:
@@ -96,15 +96,15 @@ def test_share_is_above_0_and_at_most_1(alpha: float) -> None:
 def test_ideal_figures_are_those_of_the_marked_states() -> None:
     """P_feas and P_opt against the decoder asked state by state; without angles, as uniform."""
     model = published("arc08-blocks")
-    marks = marks_of(model)
+    selections = valid_selections_of(model)
     figures = dense_qaoa_figures(model, [(0.35, 0.8)])
     state = state_of("arc08-blocks")
     state.evolve([(0.35, 0.8)])
     p = np.abs(state.amplitudes()) ** 2
-    of_selection = p.reshape(-1, 1 << marks.choices).sum(axis=0)
-    assert figures.p_feasible == pytest.approx(of_selection[marks.valid].sum(), rel=1e-4)
+    of_selection = p.reshape(-1, 1 << selections.choices).sum(axis=0)
+    assert figures.p_feasible == pytest.approx(of_selection[selections.valid].sum(), rel=1e-4)
     assert figures.p_optimal == pytest.approx(
-        of_selection[marks.valid[marks.optimal]].sum(), rel=1e-4
+        of_selection[selections.valid[selections.optimal]].sum(), rel=1e-4
     )
     flat = dense_qaoa_figures(model, [(0.0, 0.0)])
     assert flat.p_feasible == pytest.approx(flat.uniform_feasible, rel=1e-4)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slipstream.messages import RsuHealth, SegmentState, rsu_health_key, state_key
-from slipstream_cli.daemons.tally import Tally
+from slipstream_cli.daemons.bus_counts import BusCounts
 
 
 def health(frames: int, started_ns: int) -> bytes:
@@ -30,15 +30,15 @@ def health(frames: int, started_ns: int) -> bytes:
 
 def test_frames_of_runs_before_a_restart_still_count() -> None:
     """Each run of an RSU counts from its own start."""
-    tally = Tally()
+    counts = BusCounts()
     for frames, started_ns in ((10, 1), (20, 1), (5, 2), (7, 2)):
-        tally.take(rsu_health_key("r"), health(frames, started_ns))
-    assert tally.summary()["frames"] == 27
+        counts.take(rsu_health_key("r"), health(frames, started_ns))
+    assert counts.summary()["frames"] == 27
 
 
 def test_states_are_counted_and_the_last_flag_kept_and_noise_survived() -> None:
     """A message that is none changes nothing."""
-    tally = Tally()
+    counts = BusCounts()
     state = SegmentState(
         rsu="r",
         segment="s",
@@ -52,9 +52,9 @@ def test_states_are_counted_and_the_last_flag_kept_and_noise_survived() -> None:
         frames=0,
         coverage=0.0,
     )
-    tally.take(state_key("r", "s"), state.to_bytes())
-    tally.take(state_key("r", "s"), b"noise")
-    summary = tally.summary()
+    counts.take(state_key("r", "s"), state.to_bytes())
+    counts.take(state_key("r", "s"), b"noise")
+    summary = counts.summary()
     assert summary["segment_states"] == 1
     assert summary["y_e"] == {"s": None}
     assert summary["energy_kwh"] == {"baseline": None, "cooperative": None}

@@ -1,4 +1,4 @@
-"""Counts what goes over the bus: the figures that `slipstream run --json` prints."""
+"""Counts messages on the bus, for the figures of `slipstream run --json`."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ log = logging.getLogger(__name__)
 
 
 @dataclass
-class Tally:
-    """What was seen on the bus since `listen`; it does not grow with time.
+class BusCounts:
+    """Counts of messages since `listen`, in constant memory.
 
     Attributes:
         frames: frames that ended runs of each RSU had processed.
