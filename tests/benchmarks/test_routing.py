@@ -278,6 +278,7 @@ def test_an_answer_is_judged_by_its_worst_repeat() -> None:
     assert answer(Told((None,)), problem, 1).objective_kwh is None
 
 
+@pytest.mark.slow
 def test_plots_are_drawn_for_what_was_measured(tmp_path: Path) -> None:
     """Two pictures of some size; none without figures."""
     drawn = draw(GOOD, tmp_path)
@@ -329,6 +330,7 @@ def test_parts_are_measured_in_their_order() -> None:
     assert main(["--only", "all"]) == 2
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_small_city_is_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
     """All figures of a run come from the cycle itself; saved parts add up to what was saved."""

@@ -57,6 +57,7 @@ def test_a_flat_series_is_green() -> None:
     assert not trend.growing
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize("shape", ["noise", "teeth", "peaks", "falling"])
 def test_what_only_moves_is_green(shape: str) -> None:
     """Correlated noise, cycle teeth, rare high peaks and a slow fall never turn it red."""
@@ -71,6 +72,7 @@ def test_what_only_moves_is_green(shape: str) -> None:
         assert not memory_trend(TIMES, mb).growing, (shape, seed)
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize("at", [0.1, 0.3, 0.5, 0.7, 0.9])
 def test_one_step_is_green(at: float) -> None:
     """An allocator that takes another 20 MB once, wherever in the time judged."""
@@ -79,6 +81,7 @@ def test_one_step_is_green(at: float) -> None:
         assert not memory_trend(TIMES, mb).growing, seed
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize("kind", ["steady", "toothed", "by the cycle"])
 def test_a_leak_is_red(kind: str) -> None:
     """Twice the limit is found every time: drop by drop, under teeth, or a gulp each 30 s."""
@@ -111,6 +114,7 @@ def test_a_longer_soak_sees_a_smaller_leak() -> None:
     assert memory_trend(hours, 120.0 + rate * hours).growing
 
 
+@pytest.mark.slow
 def test_the_interval_covers_the_slope_about_as_often_as_it_says() -> None:
     """Of 60 noisy leaks, the 95 % interval holds the true slope in at least 75 %.
 
@@ -298,6 +302,7 @@ def test_the_report_tells_all(tmp_path: Path) -> None:
     assert "dispatcher" in (tmp_path / "memory.svg").read_text()
 
 
+@pytest.mark.slow
 def test_the_observer_hears_the_daemons(bus: Bus) -> None:
     """States with their age, health of both kinds, and a count of what is neither."""
     observer = Observer(clock=lambda: 7.0)
@@ -355,6 +360,7 @@ time.sleep(60)
 """
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_real_leak_in_a_real_child_is_seen() -> None:
     """Memory and descriptors of a child process grow, the parent's do not."""

@@ -49,6 +49,7 @@ def test_the_city_is_one(network, world, now_ns):
     assert len({stop.stop for plan in snapshot.plans.values() for stop in plan.stops}) == 1000
 
 
+@pytest.mark.slow
 def test_one_node_a_layer(server, network, world, now_ns):
     """All routes, stops, cameras and vans are a few nodes, however many there are."""
     road_map = RoadMap(server, network, ("x0y0",))

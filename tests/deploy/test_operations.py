@@ -20,6 +20,7 @@ def test_every_health_field_is_explained(message: type[RsuHealth | DispatcherHea
     assert [name for name in message.model_fields if f"`{name}`" not in PAGE] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("daemon", ["edge_daemon", "dispatcher_daemon", "dashboard"])
 def test_every_metric_is_explained(daemon: str) -> None:
     """Each metric that a daemon registers is on the page, by the name Prometheus sees."""

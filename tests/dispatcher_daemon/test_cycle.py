@@ -127,6 +127,7 @@ def test_both_solvers_are_reported_side_by_side(demo: RoutingProblem, traffic: T
     assert result.report.objective_kwh == exact.objective_kwh
 
 
+@pytest.mark.slow
 def test_same_input_same_seed_same_result(demo: RoutingProblem, traffic: Traffic) -> None:
     """A cycle run again gives the same plans and report, wall times aside."""
     snapshot = traffic(avenue_east=1, avenue_west=1)

@@ -37,6 +37,7 @@ def test_first_run_is_immediate_and_others_follow() -> None:
         assert len(times) < 3 or times[2] - began >= 0.5
 
 
+@pytest.mark.slow
 def test_overlapping_runs_are_left_out_and_counted() -> None:
     """A cycle longer than the interval never runs beside itself."""
     running = threading.Semaphore(1)
@@ -105,6 +106,7 @@ class Clock(datetime):
         return datetime.now(tz) + cls.ahead
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
 def test_a_clock_that_is_set_does_not_stop_the_cycles(
     monkeypatch: pytest.MonkeyPatch, step_s: float

@@ -317,6 +317,7 @@ def test_no_segment_is_judged_by_what_a_fault_made_untrusted(
     assert recorder.states[began].segment == "s0"
 
 
+@pytest.mark.slow(long=True)
 def test_a_live_camera_goes_through_every_fault_and_is_trusted_again(
     calm: tuple[Camera, list[Picture], list[Detections]], caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -40,6 +40,7 @@ def test_a_part_is_timed_also_if_it_fails() -> None:
     assert int(took) >= 20
 
 
+@pytest.mark.slow
 def test_collections_are_noticed_while_asked_for() -> None:
     """And no longer: the hook is taken away."""
     stages, before = StageTimer(), list(gc.callbacks)

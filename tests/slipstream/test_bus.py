@@ -31,6 +31,7 @@ class Inbox:
             return self._changed.wait_for(lambda: payload in self.got, seconds)
 
 
+@pytest.mark.slow
 def test_late_subscribers_get_the_last_samples(router: Router, bus: Bus) -> None:
     """A publisher's cache serves those who come later, no more than asked for."""
     publisher = bus.publisher("slipstream/v1/x/state", history=2)
@@ -43,6 +44,7 @@ def test_late_subscribers_get_the_last_samples(router: Router, bus: Bus) -> None
         assert inbox.got == [b"2", b"3"]
 
 
+@pytest.mark.slow
 def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
     """Order of start does not matter, and a router that comes back is found again."""
     port = free_port()
@@ -62,6 +64,7 @@ def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
             assert inbox.wait_for(b"while it is gone", 20)
 
 
+@pytest.mark.slow
 def test_a_handler_that_raises_does_not_end_delivery(bus: Bus) -> None:
     """A fault in one message leaves the next ones alone."""
     inbox = Inbox()
@@ -78,6 +81,7 @@ def test_a_handler_that_raises_does_not_end_delivery(bus: Bus) -> None:
     assert inbox.wait_for(b"good")
 
 
+@pytest.mark.slow
 def test_pictures_know_whether_anybody_looks(router: Router, bus: Bus) -> None:
     """has_subscribers follows the subscribers."""
     publisher = bus.publisher("slipstream/v1/p", best_effort=True)
@@ -102,6 +106,7 @@ def test_a_taken_port_and_a_nonsense_endpoint_are_bad_input(router: Router) -> N
         Bus.open(BusSettings(connect=("nonsense",)))
 
 
+@pytest.mark.slow
 def test_close_ends_all_threads(router: Router) -> None:
     """Nothing of a closed session runs on."""
     session = Bus.open(BusSettings(connect=(router.endpoint,)))

@@ -94,6 +94,7 @@ def test_sumos_energy_model_agrees_within_half_a_percent(drives: list[np.ndarray
     assert together == pytest.approx(1.0, abs=0.005)
 
 
+@pytest.mark.slow
 def test_what_is_left_is_sumos_air(drives: list[np.ndarray]) -> None:
     """In SUMO's thinner air every single drive agrees within 0.2 % (measured: 0.17 %)."""
     thin = VehicleParameters(air_density_kgpm3=SUMO_AIR_DENSITY_KGPM3)

@@ -73,6 +73,7 @@ def test_a_clip_that_cannot_be_is_one_line(
     assert key in line
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     """One line a file when sound; file, key and mend when not."""
@@ -91,6 +92,7 @@ def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     assert "--as" in one_line(slipstream("check", str(other)))
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_path: Path) -> None:
     """A stop with too much demand is no fault of the file's, a node that is not there is one."""
@@ -119,6 +121,7 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
     assert f"{vans}: stops.s1.node: unknown node 'c9'" in one_line(slipstream("check", str(vans)))
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
     """The three actions work on one file and report as JSON."""

@@ -26,6 +26,7 @@ def arguments(folder: Path, *more: str | Path) -> list[str]:
     ]
 
 
+@pytest.mark.slow(long=True)
 def test_a_clip_is_followed_scored_and_drawn(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -88,6 +89,7 @@ def test_states_can_go_into_a_device(
     assert heard == [(tmp_path / "target.jsonl").read_text()]
 
 
+@pytest.mark.slow(long=True)
 def test_stop_and_go_is_seen_as_what_it_is(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,6 +102,7 @@ def test_stop_and_go_is_seen_as_what_it_is(
     assert "speed_mae" not in printed
 
 
+@pytest.mark.slow(long=True)
 def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -160,6 +160,7 @@ def test_prune_can_be_limited(url, make_cycle, monkeypatch):
             assert reader.cycles(limit=10)[0].cycle == first
 
 
+@pytest.mark.slow
 def test_reading_while_writing(url, make_cycle):
     """A reader beside a busy writer sees only whole cycles and never an error."""
     with storage.open_database(url) as database, storage.open_reader(url) as reader:

@@ -10,6 +10,7 @@ import storage
 from slipstream.errors import InputError
 
 
+@pytest.mark.slow
 def test_sound(url, make_cycle):
     """A database in use is sound, and the report has its cycles."""
     with storage.open_database(url) as database:

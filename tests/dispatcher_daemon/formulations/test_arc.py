@@ -105,6 +105,7 @@ def full_subtour_in_words(state: dict[object, int]) -> int:
     return total
 
 
+@pytest.mark.slow
 @given(bits=st.lists(st.integers(0, 1), min_size=56, max_size=56))
 def test_full_encoding_is_the_papers_formula(demo_arcs: Demo, bits: list[int]) -> None:
     """K·N·⌈log2 N⌉ order bits; MTZ for each vehicle and arc, with slack 0..6 in three bits."""

@@ -42,6 +42,7 @@ def test_too_many_variables_are_refused() -> None:
         next(all_energies(bqm, range(31)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("y_e", "gamma"), [(1, None), (0, None), (1, 50.0)])
 def test_demo_qubo_is_exact(demo_arcs: Demo, y_e: int, gamma: float | None) -> None:
     """All 2^25 states: zero penalty ⇔ valid routes, QUBO minimum = MILP optimum, γ separates."""

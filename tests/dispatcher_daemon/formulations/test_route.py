@@ -92,6 +92,7 @@ def test_any_small_instance_is_exact(
         assert found.minimum_kwh == pytest.approx(expected, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 8])
 def test_five_vehicles_of_five_options_are_exact(random_routes: Routes, seed: int) -> None:
     """25 variables dispatch five vehicles: all 2^25 states agree with the MILP."""

@@ -109,7 +109,7 @@ def best_by_trying_all(made: tuple[RoutingProblem, TrafficSnapshot]) -> float:
     return least
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_tiny_fleet_gets_its_optimum(town: Town, seed: int) -> None:
     """Five parcels, two vans of two depots that cannot take more than three, one window and one
@@ -150,6 +150,7 @@ def test_every_load_and_window_of_a_city_is_kept() -> None:
     assert routed(made, short).stops == found.stops
 
 
+@pytest.mark.slow
 def test_tight_capacities_are_met_by_one_more_van(town: Town) -> None:
     """Four parcels at one corner, vans that take three: one van would be cheaper, but too full."""
     made = town([parcel(f"p{i}", "33") for i in range(4)], [{"capacity": 3}] * 2)
@@ -171,6 +172,7 @@ def test_what_is_too_much_stays_behind_and_nothing_else(town: Town) -> None:
     assert cost_kwh(made, found.stops) < float("inf")
 
 
+@pytest.mark.slow
 def test_windows_that_clash_leave_one_stop_out(town: Town) -> None:
     """Three far corners that close before one van can be at two of them: one is served."""
     stops = [parcel(f"p{i}", node, latest_s=130.0) for i, node in enumerate(("33", "30", "03"))]
@@ -183,6 +185,7 @@ def test_windows_that_clash_leave_one_stop_out(town: Town) -> None:
     assert cost_kwh(made, found.stops) < float("inf")
 
 
+@pytest.mark.slow
 def test_pieces_of_a_network_are_served_from_their_own_depot(town: Town) -> None:
     """A depot in town and one apart: nobody is sent where there is no way, even where the only
     other choice is to leave a parcel behind.
@@ -245,6 +248,7 @@ def test_routes_of_the_last_cycle_are_where_the_search_starts(town: Town) -> Non
     assert cost_kwh(made, better.stops) < cost_kwh(made, kept.stops)
 
 
+@pytest.mark.slow
 def test_few_large_parcels_need_a_penalty_above_a_detour() -> None:
     """Where a vehicle carries few units, routes that are too full cost less than a detour under
     small penalties, and the search finds nothing better than its first routes; larger ones help.

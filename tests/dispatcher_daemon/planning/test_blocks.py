@@ -61,6 +61,7 @@ def largest_platoon(planner: Planner, itineraries: Sequence[Itinerary]) -> int:
     return 1 + max(place.number for place in places.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_every_change_of_one_or_two_vehicles_is_exact(town: Town, seed: int) -> None:
     """The block's objective changes as that of the whole fleet evaluated from nothing does, with

@@ -72,6 +72,7 @@ def faults(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_city_s_plans_are_sound_and_its_energy_adds_up(seed: int) -> None:
     """Plans pass the verifier from outside; the saving's parts are its total, the energy that of
@@ -125,6 +126,7 @@ def test_a_fleet_that_can_serve_nothing_reports_it(town: Town) -> None:
     assert {u.stop for u in result.report.unserved} == {"s0", "s1"}
 
 
+@pytest.mark.slow
 def test_without_any_answer_the_routes_still_leave() -> None:
     """Solvers that never answer cost improvement only; that they were silent is reported."""
     city = generate_city(

@@ -66,6 +66,7 @@ def faults(problem: RoutingProblem, made: FleetPlan) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_plans_are_sound_and_never_worse_than_their_rivals(seed: int) -> None:
     """Every stop once, windows and loads kept, and no more objective than the base routes or the
@@ -102,6 +103,7 @@ def test_the_same_seed_gives_the_same_plan() -> None:
     assert one.choice.objective_kwh == other.choice.objective_kwh
 
 
+@pytest.mark.slow
 def test_a_short_deadline_is_kept_with_a_sound_plan() -> None:
     """Half a second for searches that would take minutes: a plan in time, and that it was cut."""
     city = generate_city(5, vehicles=10, stops=50, segments=200)

@@ -127,6 +127,7 @@ def test_the_same_seed_gives_the_same_plan(start: tuple[Planner, list[Itinerary]
     assert [i.key for i in one.present] == [i.key for i in other.present]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "absurd",
     [

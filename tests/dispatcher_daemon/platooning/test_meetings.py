@@ -51,6 +51,7 @@ def from_scratch(present: Sequence[Mapping[str, Sequence[Traversal]]]) -> float:
     )
 
 
+@pytest.mark.slow
 @given(traversals_of_vehicles(), st.randoms(use_true_random=False))
 def test_changes_add_up_to_the_whole(every: list[VehicleTraversals], random: object) -> None:
     """Vehicles come and go in any order: each change is the difference of evaluations from

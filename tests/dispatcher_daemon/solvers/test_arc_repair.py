@@ -24,6 +24,7 @@ def all_selections(problem: ArcProblem) -> np.ndarray[tuple[int, int], np.dtype[
     return (states[:, None] >> np.arange(problem.choices) & 1).astype(np.int8)
 
 
+@pytest.mark.slow
 def test_every_selection_becomes_valid_and_valid_ones_stay(problem: ArcProblem) -> None:
     """Of all 2^14 selections none stays broken, and none that was valid is touched."""
     selections = all_selections(problem)

@@ -193,6 +193,7 @@ def test_a_cost_that_is_a_lie_changes_nothing(
     assert "-1000000" in caplog.text
 
 
+@pytest.mark.slow
 def test_a_late_job_keeps_its_id_and_is_taken_up_later(problem: RouteProblem) -> None:
     """At the deadline the outcome names the job; a solver with that id asks for no second one."""
     service = StandIn(statuses=["QUEUED"])
@@ -208,6 +209,7 @@ def test_a_late_job_keeps_its_id_and_is_taken_up_later(problem: RouteProblem) ->
     assert len(service.asked) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hangs", ["run", "status", "result"])
 def test_a_service_that_hangs_does_not_hold_the_solver(problem: RouteProblem, hangs: str) -> None:
     """Whichever call never returns, the deadline is kept."""

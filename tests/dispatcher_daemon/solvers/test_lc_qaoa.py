@@ -68,6 +68,7 @@ def reference_probabilities(ising: Ising, angles: list[tuple[float, float]]) -> 
     return np.asarray(np.abs(amplitude) ** 2)
 
 
+@pytest.mark.slow
 def test_circuit_is_the_formula_and_bits_come_back_in_order() -> None:
     """Sampled frequencies of an asymmetric chain agree with the state vector, bit by bit."""
     bqm = random_bqm(5, 4)
@@ -116,6 +117,7 @@ def test_chain_is_a_heavy_hamiltonian_path(seed: int, n: int) -> None:
     assert path_weight(coupling, path) >= 0.5 * heaviest(coupling)
 
 
+@pytest.mark.slow
 def test_chain_is_close_to_the_heaviest_on_average() -> None:
     """Over a hundred random instances the heuristic keeps 95 % of the heaviest path's weight."""
     ratios = []
@@ -163,6 +165,7 @@ def test_descent_ends_in_local_minima_of_the_full_qubo(demo_arcs: Demo) -> None:
         assert np.all(model.total.energies((flipped, names)) >= after - 1e-6)
 
 
+@pytest.mark.slow
 def test_demo_is_solved_with_raw_and_repaired_samples_apart(demo_arcs: Demo) -> None:
     """The answer is valid; raw statistics are those of the samples as drawn, and near zero."""
     problem = demo_arcs(avenue_east=1, avenue_west=1)
@@ -180,6 +183,7 @@ def test_demo_is_solved_with_raw_and_repaired_samples_apart(demo_arcs: Demo) -> 
     assert outcome.repaired == (best_raw > answered + 1e-9)
 
 
+@pytest.mark.slow
 def test_same_seed_same_answer(demo_arcs: Demo) -> None:
     """Two runs with one seed agree in everything but time; seed 0 is a seed like any other."""
     problem = demo_arcs(avenue_east=1, avenue_west=1)
@@ -204,6 +208,7 @@ def small_routes() -> RouteProblem:
 VARIANTS: tuple[LcQaoaVariant, ...] = get_args(LcQaoaVariant)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_prepared_circuit_means_what_it_says(variant: LcQaoaVariant) -> None:
     """Its samples, by variable, have the stated mean energy and marginals, also after pickling."""

@@ -116,6 +116,7 @@ def test_memory_is_looked_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
     assert outcome.reason == "20 qubits need 14 MiB of memory, 1 MiB are free"
 
 
+@pytest.mark.slow
 def test_training_leaves_time_to_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     """More evaluations than fit: two fifths of the time are left for the answer all the same."""
     given_s: list[float] = []

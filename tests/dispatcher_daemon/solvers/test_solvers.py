@@ -54,6 +54,7 @@ def blocks(seed: int, vehicles: int, options: int) -> RouteProblem:
     return RouteProblem(fleet, tuple(f"s{k}" for k in range(vehicles)), tuple(every), savings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("kind", ["arc", "route"])
 def test_every_solver_takes_both_forms(name: str, kind: str) -> None:
@@ -88,6 +89,7 @@ def test_heuristics_find_the_optimum_of_25_variables(solver: Solver, name: str |
     assert 0 < samples.share(samples.raw) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [TabuSolver(), AnnealingSolver()])
 def test_same_seed_same_answer_and_samples(solver: Solver) -> None:
     """Two runs with one seed agree in everything but time, and another seed samples anew."""
@@ -97,6 +99,7 @@ def test_same_seed_same_answer_and_samples(solver: Solver) -> None:
     assert one.samples != other.samples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [TabuSolver(), AnnealingSolver(), ExactSolver()])
 def test_the_deadline_is_kept(solver: Solver) -> None:
     """A problem of hundreds of variables ends in time, whatever has been found by then."""

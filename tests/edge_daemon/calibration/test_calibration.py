@@ -62,6 +62,7 @@ def test_exact_points_give_the_camera_back() -> None:
     assert result.pose.height_m == pytest.approx(POLE_M, abs=1e-3)
 
 
+@pytest.mark.slow
 @given(wrong=st.integers(0, len(ROAD) - 1), east=st.floats(25, 200), seed=st.integers(0, 99))
 @settings(max_examples=20, deadline=None)
 def test_one_mistake_among_ten_is_named_and_left_out(wrong: int, east: float, seed: int) -> None:

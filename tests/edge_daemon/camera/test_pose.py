@@ -73,6 +73,7 @@ def test_a_view_that_no_plain_camera_has_gives_no_pose() -> None:
     assert pose_of(Homography(ROAD * (1.0, 50.0), pixels), (1280, 720)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "off_m"), [("saloon", 0.35), ("suv", 0.35), ("truck", 0.6)])
 def test_a_vehicles_middle_is_told_from_its_box(camera: Camera, shape: str, off_m: float) -> None:
     """From the boxes of drawn vehicles, turned any way, it is met to a few decimetres."""

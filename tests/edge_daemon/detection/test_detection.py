@@ -86,7 +86,7 @@ def matched(found: Detections, rows: list[dict[str, str]]) -> tuple[int, int]:
     return len(boxes), hits
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_the_shipped_model_finds_rendered_vehicles(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -100,7 +100,7 @@ def test_the_shipped_model_finds_rendered_vehicles(
     assert set(found.classes.tolist()) <= set(range(len(VEHICLE_CLASSES)))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_the_same_picture_gives_the_same_boxes(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -114,6 +114,7 @@ def test_the_same_picture_gives_the_same_boxes(
     assert np.array_equal(first.scores, second.scores)
 
 
+@pytest.mark.slow
 def test_the_road_s_part_is_searched_as_the_whole_picture_is(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
     road: Camera,
@@ -132,6 +133,7 @@ def test_the_road_s_part_is_searched_as_the_whole_picture_is(
     assert ((part.boxes[:, 2] > region.left) & (part.boxes[:, 3] > region.top)).all()
 
 
+@pytest.mark.slow
 def test_pictures_at_a_time_do_not_mix(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
     road: Camera,
@@ -163,7 +165,7 @@ def test_the_built_in_model_suits_the_processor(monkeypatch: pytest.MonkeyPatch)
     assert processor.float_precision() == ov.Type.bf16
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_float_and_int8_weights_agree(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -180,6 +182,7 @@ def test_float_and_int8_weights_agree(
         assert hits >= 0.9 * len(one)
 
 
+@pytest.mark.slow
 def test_an_empty_picture_holds_no_vehicle() -> None:
     """Neither black nor white starts a track."""
     detector = open_detector(DetectorSettings(min_score=TrackerSettings().high_score))

@@ -74,6 +74,7 @@ def test_a_detector_can_be_named_where_the_model_file_would_tell_too() -> None:
     assert type(named) is type(open_detector(DetectorSettings(threads=1)))
 
 
+@pytest.mark.slow
 def test_no_runtime_is_loaded_before_a_detector_is_opened() -> None:
     """An RSU loads the one that it uses, when it uses it."""
     code = (

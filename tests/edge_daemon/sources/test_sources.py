@@ -66,6 +66,7 @@ def test_a_loop_goes_on_in_time_and_marks_the_cut(clip: Path) -> None:
     assert [i for i, f in enumerate(frames) if f.cut] == [45, 90]
 
 
+@pytest.mark.slow
 def test_real_time_plays_at_the_clips_own_speed(clip: Path) -> None:
     """1.5 s of video take 1.5 s, and a reader that keeps up loses nothing."""
     began = time.monotonic()
@@ -188,6 +189,7 @@ def mjpeg() -> Iterator[MjpegCamera]:
     camera.close()
 
 
+@pytest.mark.slow
 def test_a_camera_that_goes_away_is_found_again(mjpeg: MjpegCamera) -> None:
     """Frames come, stop, and come again, the first of them marked as a cut."""
     source = open_camera(mjpeg.url, stall_timeout_s=2.0)
@@ -217,6 +219,7 @@ def _next_frames(frames: Iterator[Frame | None], count: int, seconds: float = 20
     return got
 
 
+@pytest.mark.slow
 def test_an_absent_camera_is_waited_for_without_a_crash() -> None:
     """The reader hears None about once a second meanwhile."""
     source = open_camera("http://127.0.0.1:9/none", stall_timeout_s=1.0)

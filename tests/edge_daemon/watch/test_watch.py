@@ -131,6 +131,7 @@ PICTURE_FAULTS: dict[str, tuple[Change, CameraFault]] = {
 }
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize("name", list(PICTURE_FAULTS))
 def test_a_fault_of_the_picture_is_noticed_and_ends_by_itself(road: Road, name: str) -> None:
     """Within ten seconds, by its name, and gone ten seconds after the picture is good again."""

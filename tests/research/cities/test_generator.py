@@ -32,6 +32,7 @@ def is_strongly_connected(network: RoadNetwork) -> bool:
     return bool(connected_components(graph, connection="strong")[0] == 1)
 
 
+@pytest.mark.slow
 def test_same_seed_same_city_and_another_seed_another(city: Instance) -> None:
     """All of it depends on the arguments and on nothing else."""
     again, other = generate_city(1), generate_city(2)

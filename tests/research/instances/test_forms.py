@@ -124,6 +124,7 @@ def test_missed_windows_and_overloads_are_refused() -> None:
     assert any("6" in fault and "5" in fault for fault in refused.faults)
 
 
+@pytest.mark.slow(long=True)
 def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
     """First options are the greedy plan: their exact objective is its own, from nothing."""
     _, form = options()
@@ -133,6 +134,7 @@ def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
     assert plan.objective_kwh == pytest.approx(min(form.references_kwh().values()), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     """The optimum over the options breaks no rule on the road. By the model it costs no more than
     greedy; on the road it may, where three vehicles and more change at once, but hardly.

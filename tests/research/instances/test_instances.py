@@ -77,6 +77,7 @@ def test_platooning_changes_the_routes_of_most() -> None:
     assert sum(not arcs_of(name).rewards for name in OF_25) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["arc25-05-ring", "arc25-17-valley"])
 def test_a_published_instance_is_exact(name: str) -> None:
     """All 2^25 states, by the computed γ; within the 5 s that it may take, of processor time."""

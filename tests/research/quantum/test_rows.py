@@ -96,6 +96,7 @@ def test_simulated_rows_are_measured_with_their_controls(case: Case) -> None:
         assert record["seed"] == SETTINGS.seed + case.number
 
 
+@pytest.mark.slow(long=True)
 def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
     """The estimate lies between uniform bits and the circuit without noise."""
     record = dense.estimate(case, QaoaSettings(layers=1), NoisyBackend("FakeBoston"))
@@ -106,6 +107,7 @@ def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
     assert record["two_qubit_gates"] > 0
 
 
+@pytest.mark.slow
 def test_the_estimate_is_near_what_a_noisy_simulation_of_a_small_circuit_gives(case: Case) -> None:
     """Six qubits at p = 3 can be sampled with noise: the estimate is within a factor of 1.5."""
     options, backend = QaoaSettings(layers=3), NoisyBackend("FakeBoston")

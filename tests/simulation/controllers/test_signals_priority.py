@@ -70,6 +70,7 @@ def test_a_free_drive_is_that_of_constant_acceleration_up_to_the_limit() -> None
     assert free_drive_s(22.5, 0.0, 18.0) == pytest.approx(5.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("waiting", [0, 1])
 def test_no_green_is_cut_where_the_streets_that_lose_it_are_full(
     tmp_path: Path, waiting: int
@@ -196,6 +197,7 @@ def _shortest_s(states: list[str], letters: str) -> float:
     return min(lasted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fixed", [True, False])
 def test_who_asks_is_sooner_through_and_no_yellow_is_shortened(
     drives: dict[tuple[bool, bool], Driven], fixed: bool

@@ -65,6 +65,7 @@ def row(text: str, title: str, first: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split("|")]
 
 
+@pytest.mark.slow(long=True)
 def test_the_papers_tables_stand_beside_ours(whole: Path) -> None:
     """Its figures as published, ours as summed from the files."""
     text = (whole / "report.md").read_text()
@@ -126,6 +127,7 @@ def test_the_figures_data_end_at_the_days_energy(whole: Path) -> None:
         assert (whole / name).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_same_arms_give_the_same_bytes(whole: Path, tmp_path: Path) -> None:
     """Tables, figures' data and report do not depend on when and where they are made."""
     shutil.copytree(whole / "arms", tmp_path / "arms")

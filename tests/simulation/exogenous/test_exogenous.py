@@ -277,7 +277,7 @@ def calm_day(network: RoadNetwork) -> RecordedTraffic:
     return a_day(network, dict.fromkeys(network.segments, CALM), hours=4.0, every_s=300.0)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_a_fleets_day_is_the_same_again_and_saves_by_platoons(
     scenario: Scenario, calm_day: RecordedTraffic
 ) -> None:
@@ -303,6 +303,7 @@ def test_a_fleets_day_is_the_same_again_and_saves_by_platoons(
     )
 
 
+@pytest.mark.slow
 def test_slow_traffic_takes_longer(scenario: Scenario, calm_day: RecordedTraffic) -> None:
     """Legs are driven at the recorded speeds: at half of them, nearly twice as long."""
     slow = a_day(scenario.network, {}, pace=0.4, hours=4.0)

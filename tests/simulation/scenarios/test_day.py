@@ -23,6 +23,7 @@ from tests.simulation.scenarios.conftest import BEGIN_S, END_S, Morning
 RULE = StabilitySettings().bare()
 
 
+@pytest.mark.slow(long=True)
 def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     """All trips due in the ten minutes come onto the roads, and the tables agree."""
     day, trips = morning.day, morning.background.trips
@@ -41,6 +42,7 @@ def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     assert np.isnan(speeds[day.traffic.present_s == 0]).all()
 
 
+@pytest.mark.slow(long=True)
 def test_same_day_twice_is_the_same(morning: Morning) -> None:
     """Same files, same seed, same record, but for the time it took."""
     order = day_spec(
@@ -137,6 +139,7 @@ def test_gates_name_every_fault(morning: Morning) -> None:
         gates.check(sick, "troy")
 
 
+@pytest.mark.slow(long=True)
 def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
     """When most vehicles stand for long, the run stops and says when."""
     kind = '<vType id="car" carFollowModel="IDM"/>'
@@ -158,6 +161,7 @@ def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
         record_history(order, corridor.network)
 
 
+@pytest.mark.slow
 def test_route_file_of_another_net_is_one_line(troy: Scenario, tmp_path: Path) -> None:
     """It is found before SUMO starts; what SUMO itself refuses is an error that names the file."""
     routes = tmp_path / "other.rou.xml"
@@ -216,6 +220,7 @@ def test_rsus_are_placed_on_busy_approaches_apart_from_each_other(
     assert other.to_m - other.from_m == pytest.approx(300.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_command_writes_figures_and_tells_bad_input_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -125,6 +125,7 @@ def test_each_rsu_keeps_its_flags_for_as_long_as_it_is_set_to() -> None:
     assert flags({"other": 120.0}) == [1, None, None, None]
 
 
+@pytest.mark.slow
 def test_errors_have_the_measured_bias_and_spread() -> None:
     """Over many windows, reported speeds and variances scatter as the model says."""
     errors = measured_errors()

@@ -87,7 +87,7 @@ def plain_sumo(settings: SumoClipSettings) -> Iterator[None]:
         yield
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_same_seed_gives_the_same_bytes(tmp_path, straight):
     """Video, truth and calibration are equal byte for byte when rendered again."""
     render_sumo_clip(straight.settings, tmp_path)
@@ -96,6 +96,7 @@ def test_same_seed_gives_the_same_bytes(tmp_path, straight):
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(FILES)
 
 
+@pytest.mark.slow(long=True)
 def test_another_seed_gives_another_camera_traffic_and_light(tmp_path, straight):
     """All three files differ for another seed."""
     render_sumo_clip(replace(straight.settings, seed=5, seconds=0.2), tmp_path)
@@ -146,6 +147,7 @@ def test_truth_is_sumos(straight):
     assert len(set(names.values())) == len(names) > 20
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize("clip_name", ["straight", "bend"])
 def test_truth_is_consistent_in_time(clip_name, request):
     """Speed is the way over time, and acceleration the change of speed, in bends too."""
@@ -246,6 +248,7 @@ def test_camera_watches_the_edges_lanes(straight):
     assert straight.calibrated.reprojection_error_px < 0.01
 
 
+@pytest.mark.slow
 def test_progress_reports_each_frame(tmp_path, straight):
     """The progress call counts up to the number of frames."""
     calls: list[tuple[int, int]] = []
@@ -265,6 +268,7 @@ def test_one_simulation_a_process(straight):
     assert not libsumo.isLoaded()
 
 
+@pytest.mark.slow
 def test_a_failed_clip_leaves_nothing_behind(tmp_path, straight):
     """A vehicle that cannot be drawn ends the clip, and no file is left."""
     routes = tmp_path / "tram.rou.xml"

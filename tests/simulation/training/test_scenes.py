@@ -38,6 +38,7 @@ def test_label_rule(height_px, fraction, kept):
     assert keeps_label(Seen(box, box, fraction), 0.5) is kept
 
 
+@pytest.mark.slow(long=True)
 def test_scene_is_reproducible_and_labels_parse():
     """The same index gives the same picture and labels; YOLO lines hold relative numbers."""
     one_shot = replace(ROADSIDE, shots=1)
@@ -77,6 +78,7 @@ def test_splits_share_no_paint():
     assert not set(_HELD_OUT_SURFACES) & set(_TRAIN_SURFACES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_drawn_vehicles_do_not_overlap(seed):
     """In each lane one vehicle ends before the next begins."""

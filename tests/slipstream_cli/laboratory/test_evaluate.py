@@ -57,6 +57,7 @@ def evaluate(capsys: Capture, out: Path, *arguments: str) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.slow
 def test_arms_are_simulated_once_and_reported_again(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
 ) -> None:
@@ -83,6 +84,7 @@ def test_arms_are_simulated_once_and_reported_again(
     assert str(tmp_path / "report.md") in terminal_summary
 
 
+@pytest.mark.slow
 def test_ceilings_and_the_papers_way_join_the_report(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -111,6 +113,7 @@ def test_ceilings_and_the_papers_way_join_the_report(
     assert len(driven) == count
 
 
+@pytest.mark.slow
 def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
 ) -> None:

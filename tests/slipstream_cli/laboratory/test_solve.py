@@ -92,7 +92,7 @@ def test_every_reward_is_explained(capsys: Capture) -> None:
     assert not any(row["saving_kwh"] for row in closed)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_route_form_stands_beside_its_simple_rivals(capsys: Capture, city: str) -> None:
     """More than two vehicles get the route form; base and greedy plans stand beside the answer."""
     document = solve(capsys, "--instance", city, "--solver", "exact", "tabu")
@@ -115,6 +115,7 @@ def test_text_says_what_matters(capsys: Capture) -> None:
         assert said in out
 
 
+@pytest.mark.slow
 def test_published_instances_are_listed(capsys: Capture) -> None:
     """`--list` names them all, with size and optimum, for people and programs."""
     rows = solve(capsys, "--list")["instances"]

@@ -59,6 +59,7 @@ def test_blocks_are_solved_in_parallel_processes() -> None:
     assert [o.selected for o in outcomes] == [frozenset({1, 2})] * 2
 
 
+@pytest.mark.slow
 def test_faults_and_deadlines_become_outcomes() -> None:
     """Raising, dawdling, nonsense and unknown solvers are reported, in time; others answer."""
     with ThreadPoolExecutor(5) as executor:

@@ -108,6 +108,7 @@ def test_a_hung_worker_is_killed_and_replaced(
         assert not psutil.pid_exists(int(before.reason or ""))
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """A first job that hangs leaves the second one of the same solver its part of the deadline."""

@@ -117,6 +117,7 @@ def test_states_of_a_job(stand_in: IbmStandIn, service: IbmService) -> None:
     service.cancel("job-unknown")
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize(
     ("status", "kind"),
     [(401, "refused"), (403, "refused"), (429, "limited"), (500, "broken"), (503, "broken")],
@@ -138,6 +139,7 @@ def test_http_faults_have_their_kinds(
         assert (found.kind, found.retry_s) == (kind, 7.0)
 
 
+@pytest.mark.slow
 def test_what_is_no_json_is_garbage(stand_in: IbmStandIn, service: IbmService) -> None:
     """A captive portal's page, and a result of the wrong shape."""
     job = service.submit(CIRCUIT, 10, [])
@@ -152,6 +154,7 @@ def test_what_is_no_json_is_garbage(stand_in: IbmStandIn, service: IbmService) -
         assert fault(call).kind == "garbage"
 
 
+@pytest.mark.slow
 def test_a_hung_answer_ends(
     stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +177,7 @@ def test_a_spent_plan_takes_no_job(stand_in: IbmStandIn, service: IbmService) ->
     assert "POST /jobs" not in stand_in.seen
 
 
+@pytest.mark.slow
 def test_the_least_busy_device_is_asked_for_anew(
     stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -188,6 +192,7 @@ def test_the_least_busy_device_is_asked_for_anew(
     assert fault(lambda: open_service("ibm:least-busy")).kind == "broken"
 
 
+@pytest.mark.slow
 def test_faults_at_the_door(stand_in: IbmStandIn, service: IbmService) -> None:
     """Wrong key, no network and an unknown device are told apart."""
     access = Access(TOKEN, INSTANCE, stand_in.address)
@@ -245,6 +250,7 @@ def test_whoever_stops_waiting_cancels_the_job(
     assert list(stand_in.jobs.values())[-1].status == "Cancelled"
 
 
+@pytest.mark.slow
 def test_a_charge_is_asked_for_without_the_samples(
     stand_in: IbmStandIn, service: IbmService
 ) -> None:
@@ -258,6 +264,7 @@ def test_a_charge_is_asked_for_without_the_samples(
     assert not any("result" in line for line in stand_in.seen[asked:])
 
 
+@pytest.mark.slow
 def test_options_can_be_left_out(stand_in: IbmStandIn, service: IbmService) -> None:
     """Without twirling and decoupling a job has exactly its shots."""
     plain = IbmService(
@@ -284,6 +291,7 @@ def test_credentials_come_from_the_environment_or_from_systemd(tmp_path: Path) -
         find_access(folder)
 
 
+@pytest.mark.slow
 def test_the_token_is_in_no_text(
     stand_in: IbmStandIn, service: IbmService, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -65,6 +65,7 @@ def noisy_device() -> Any:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [random_chain, random_one_hot])
 def test_samples_are_those_of_the_density_matrix(make: Any) -> None:
     """2,500 shots agree with Aer's density matrix under its own noise model, noise and all."""

@@ -52,6 +52,7 @@ def dense_ising(n: int, seed: int = 3) -> Ising:
     return Ising(rng.normal(size=n), coupling + coupling.T, 0.0).normalised()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layers", [1, 2, 5])
 def test_a_chain_has_depth_4p_in_cz_and_2p_in_rzz(
     boston: Any, fractional: Any, layers: int
@@ -121,6 +122,7 @@ def test_swap_network_and_routed_circuit_are_dense_qaoa() -> None:
         assert probabilities(routed) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_chain_saves_two_thirds_of_the_dense_circuits_depth(boston: Any) -> None:
     """On the same device in the same run, against the better of two ways to make it dense."""
     depths = compare_depths(dense_ising(25), linear_ramp(1, 0.3, 0.6), boston)

@@ -87,6 +87,7 @@ def test_cvar_is_the_mean_of_the_lowest_samples() -> None:
     assert cvar(ising, 0.001, 400, 9)(ansatz) == pytest.approx(drawn[0])
 
 
+@pytest.mark.slow
 def test_an_angle_for_each_gate_finds_the_ground_state_of_a_small_model() -> None:
     """Trained to the answer: the best of eight starts is the ground state nearly alone."""
     ising = spin_glass(3, 8)

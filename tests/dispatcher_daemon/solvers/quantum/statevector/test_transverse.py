@@ -73,6 +73,7 @@ def test_amplitudes_are_qiskits(n: int) -> None:
     assert state.amplitudes() == pytest.approx(qiskit_amplitudes(ising, SCHEDULE), abs=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "low_bits"), [(16, 15), (5, 4), (9, 4), (13, 2)])
 def test_states_of_many_blocks_are_mixed_right(
     n: int, low_bits: int, monkeypatch: pytest.MonkeyPatch
