@@ -77,7 +77,7 @@ def test_one_node_a_layer(server, network, world, now_ns):
     assert len(routes.points) == sum(strokes[name] for name in together)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_routes_end_with_their_vans(server, network, world, now_ns):
     """When the last plan is void its route goes from the map, and comes back with a new one."""
     road_map = RoadMap(server, network, ())
@@ -105,7 +105,7 @@ def test_each_route_has_its_vans_colour(server, network, world, now_ns):
     np.testing.assert_allclose(sorted(srgb.tolist()), expected, atol=9)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_an_update_is_quick(server, network, world, now_ns):
     """Two hundred new plans are on the page in a fifth of a second of computing, as is a move."""
     road_map, panels = RoadMap(server, network, ("x0y0",)), PanelLayout(server)

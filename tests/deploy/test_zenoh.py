@@ -157,6 +157,7 @@ def sites(certificates: Path, tmp_path: Path) -> Iterator[dict[str, int]]:
         yield ports
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_box_publishes_its_own_keys_only(sites: dict[str, int]) -> None:
     """Its states arrive, early and live; another's name, a plan, or an unknown box's do not."""
@@ -186,6 +187,7 @@ def test_a_box_publishes_its_own_keys_only(sites: dict[str, int]) -> None:
         assert b"plan" not in plans_at_box.payloads
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_pictures_are_asked_for_through_the_wall(sites: dict[str, int]) -> None:
     """An RSU behind TLS and access control knows whether somebody looks at its pictures."""

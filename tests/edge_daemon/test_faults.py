@@ -271,6 +271,7 @@ def with_segments(camera: Camera, count: int) -> Camera:
     return several
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize("step", [1, 5], ids=["15 a second", "3 a second"])
 def test_segments_told_between_frames_are_all_told(
     calm: tuple[Camera, list[Picture], list[Detections]], step: int
@@ -296,6 +297,7 @@ def test_segments_told_between_frames_are_all_told(
         assert len({state.model_dump_json(exclude=same) for state in beat}) == 1
 
 
+@pytest.mark.slow(long=True)
 def test_no_segment_is_judged_by_what_a_fault_made_untrusted(
     calm: tuple[Camera, list[Picture], list[Detections]],
 ) -> None:

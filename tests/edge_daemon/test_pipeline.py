@@ -94,6 +94,7 @@ def test_calm_video_is_stable(street_clips: dict[str, Path], calm: SegmentState)
     assert state.features.density_veh_per_m.value == pytest.approx(density, rel=0.3)
 
 
+@pytest.mark.slow(long=True)
 def test_stop_and_go_video_is_turbulent(street_clips: dict[str, Path]) -> None:
     """y_e = 0 with a CV far above the threshold, as in the truth."""
     state = watch(street_clips["turbulent"])

@@ -44,7 +44,7 @@ def test_late_subscribers_get_the_last_samples(router: Router, bus: Bus) -> None
         assert inbox.got == [b"2", b"3"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
     """Order of start does not matter, and a router that comes back is found again."""
     port = free_port()

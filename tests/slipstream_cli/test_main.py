@@ -46,6 +46,7 @@ def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]
     assert "usage: slipstream" in capsys.readouterr().out
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
     """The three files are there, progress is silent in a pipe, and JSON is one object."""
@@ -60,6 +61,7 @@ def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
     assert 'id = "s1"' in (tmp_path / "c" / "camera.toml").read_text()
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("option", "value", "key"),
@@ -158,6 +160,7 @@ def test_a_full_disk_is_one_line_and_no_traceback(
     assert error == "slipstream: database or disk is full (background on this error)\n"
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) -> None:
     """The user's file is not overwritten."""
@@ -185,6 +188,7 @@ def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
     assert str(file) in one_line(slipstream("run", "--state", str(file)))
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 @pytest.mark.parametrize(
     "arguments",
@@ -201,6 +205,7 @@ def test_run_refuses_numbers_that_make_no_sense(arguments: tuple[str, str]) -> N
     assert arguments[0] in one_line(slipstream("run", *arguments))
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 @pytest.mark.parametrize("arguments", [(), ("fly",), ("run", "--sekonds", "3"), ("edge",)])
 def test_a_wrong_command_line_is_one_line(arguments: tuple[str, ...]) -> None:

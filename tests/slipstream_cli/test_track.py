@@ -62,6 +62,7 @@ def test_a_clip_is_followed_scored_and_drawn(
     assert (cv2.absdiff(drawn, plain) > 60).any()
 
 
+@pytest.mark.slow(long=True)
 def test_states_can_go_into_a_device(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

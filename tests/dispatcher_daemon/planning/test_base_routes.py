@@ -248,7 +248,7 @@ def test_routes_of_the_last_cycle_are_where_the_search_starts(town: Town) -> Non
     assert cost_kwh(made, better.stops) < cost_kwh(made, kept.stops)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_few_large_parcels_need_a_penalty_above_a_detour() -> None:
     """Where a vehicle carries few units, routes that are too full cost less than a detour under
     small penalties, and the search finds nothing better than its first routes; larger ones help.

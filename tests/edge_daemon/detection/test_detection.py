@@ -114,7 +114,7 @@ def test_the_same_picture_gives_the_same_boxes(
     assert np.array_equal(first.scores, second.scores)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_the_road_s_part_is_searched_as_the_whole_picture_is(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
     road: Camera,
@@ -208,7 +208,7 @@ def test_model_classes_are_mapped_to_vehicle_classes() -> None:
         vehicle_class_of(["cat", "dog"], "m")
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_coco_weights_find_real_cars(shared_data: Path) -> None:
     """Another model with 80 classes and another input size runs behind the same protocol."""
     capture = cv2.VideoCapture(str(shared_data / "real_highway_640x360.mp4"))
@@ -315,6 +315,7 @@ os.kill(os.getpid(), signal.SIGTERM)
 """
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_signals_are_heard_after_a_detector_was_dropped_by_another_thread() -> None:
     """OpenVINO unloaded there would take this thread's signal stack with it."""

@@ -101,7 +101,7 @@ def test_stop_and_go_shows_its_acceleration_variance(camera: Camera) -> None:
     assert measured.features.acceleration_variance_m2ps4.value == pytest.approx(4.93, rel=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_the_standard_error_of_the_mean_speed_is_honest(camera: Camera) -> None:
     """Over 40 noise draws the truth lies within 1.96 standard errors, and these are not wide."""
     errors, deviations = [], []

@@ -92,6 +92,7 @@ def test_a_faulty_solver_costs_only_its_own_answer(
         assert decode(problem, good.selected).routes is not None
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_hung_worker_is_killed_and_replaced(
     faulty: Callable[[str], Any], demo_arcs: Demo
@@ -119,6 +120,7 @@ def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_ar
         assert (hung.status, answered.status) == ("timeout", "feasible")
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_workers_of_one_solver_work_side_by_side(
     faulty: Callable[[str], Any], demo_arcs: Demo
@@ -132,6 +134,7 @@ def test_workers_of_one_solver_work_side_by_side(
     assert len({o.reason for o in outcomes}) == 2
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """Killing the waiting worker (as the kernel does for memory) costs at most one request."""
@@ -155,6 +158,7 @@ def test_warming_up_ends_when_the_daemon_stops(faulty: Callable[[str], Any]) -> 
     assert time.monotonic() - began < 15
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_a_cold_worker_is_reported(faulty: Callable[[str], Any]) -> None:
     """Warming up has its time limit too; who misses it is named."""
@@ -185,6 +189,7 @@ def test_closing_frees_a_waiting_caller(
     assert [a.status for a in pool([Job("faulty", demo_arcs(), 1)], 5.0)] == ["failed"]
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.process
 def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
     """SIGKILL for the dispatcher leaves no worker behind, not even a busy one."""

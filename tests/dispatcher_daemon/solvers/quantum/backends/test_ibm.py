@@ -71,7 +71,7 @@ def fault(do: Any) -> ServiceFault:
     return caught.value
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_a_job_goes_through_the_real_client(stand_in: IbmStandIn, service: IbmService) -> None:
     """Transpiled, twirled, submitted with its tags and limit, found, done: with the right bits."""
     assert service.name == DEVICE
@@ -154,7 +154,7 @@ def test_what_is_no_json_is_garbage(stand_in: IbmStandIn, service: IbmService) -
         assert fault(call).kind == "garbage"
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_a_hung_answer_ends(
     stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
