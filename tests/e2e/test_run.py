@@ -174,7 +174,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     assert run.process.returncode == 0, "\n".join(run.log)
     figures = json.loads(output)
     assert figures["dashboard_http"] == 200
-    assert figures["processes_restarted"] == 0
+    assert figures["processes_restarted"] == 0, "\n".join(run.log)
     assert figures["y_e"] == {"avenue_east": 1, "avenue_west": 0}
     assert figures["frames"] >= 300
     assert figures["segment_states"] >= 60
