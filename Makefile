@@ -28,13 +28,15 @@ PYTEST := -m pytest -n $(JOBS) --dist worksteal
 check: lint
 	$(BIN)/python $(PYTEST) -m "not process and not slow"
 
-# Six minutes: the real processes and the browser too.
+# The real processes and the browser too; the whole product beside no other test.
 test: lint
-	$(BIN)/python $(PYTEST) -m "not slow(long=True)"
+	$(BIN)/python $(PYTEST) -m "not slow(long=True) and not alone"
+	$(BIN)/python -m pytest -m "not slow(long=True) and alone"
 
 # What `make test` leaves out.
 test-rest: setup
-	$(BIN)/python $(PYTEST) -m "slow(long=True)"
+	$(BIN)/python $(PYTEST) -m "slow(long=True) and not alone"
+	$(BIN)/python -m pytest -m "slow(long=True) and alone"
 
 test-all: test
 	$(MAKE) test-rest

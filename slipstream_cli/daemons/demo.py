@@ -56,7 +56,7 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for left_over in folder.glob("*.part"):
         shutil.rmtree(left_over, ignore_errors=True)
-    clips = {r.rsu: folder / clip_name(r) for r in ROADSIDES}
+    clips = {r.rsu: folder / _name(r) for r in ROADSIDES}
     missing = [r for r in ROADSIDES if not clips[r.rsu].is_dir()]
     with ThreadPoolExecutor(max(1, len(missing))) as pool:
         for future in [pool.submit(_render, r, clips[r.rsu], stopping) for r in missing]:
@@ -64,8 +64,7 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
     return clips
 
 
-def clip_name(roadside: Roadside) -> str:
-    """Name of its clip's folder: another version renders anew."""
+def _name(roadside: Roadside) -> str:
     return f"{roadside.segment}-{roadside.scenario}-{roadside.seed}-{_SECONDS}s-v{__version__}"
 
 

@@ -19,11 +19,10 @@ import psutil
 import pytest
 
 import storage
-from simulation.streetdrive.clip import ClipSettings, render_clip
 from slipstream.bus import free_port
-from slipstream_cli.daemons.demo import ROADSIDES, clip_name, make_clips
+from slipstream_cli.daemons.demo import make_clips
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.process, pytest.mark.alone, pytest.mark.timeout(1800)]
 
 
 @dataclass
@@ -66,24 +65,6 @@ def rendered(state: Path, made_once: Callable[..., Path]) -> None:
     """The state folder has its clips already, from an earlier run as it were."""
     clips = made_once("demo", lambda folder: make_clips(folder, threading.Event()))
     shutil.copytree(clips, state / "clips")
-
-
-@pytest.fixture
-def short_clips(state: Path, made_once: Callable[..., Path]) -> None:
-    """The state folder has clips of 14 s under the names of the demo's own."""
-
-    def render(folder: Path) -> None:
-        for roadside in ROADSIDES:
-            settings = ClipSettings(
-                seconds=14,
-                fps=15,
-                scenario=roadside.scenario,
-                seed=roadside.seed,
-                segment_id=roadside.segment,
-            )
-            render_clip(settings, folder / clip_name(roadside))
-
-    shutil.copytree(made_once("short-demo", render), state / "clips")
 
 
 @pytest.fixture
@@ -136,21 +117,10 @@ def left_over(state: Path) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize(
-    "clips", ["short_clips", pytest.param(None, marks=pytest.mark.slow(long=True))]
-)
 def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
-    start: Callable[..., Run],
-    browser: Any,
-    tmp_path: Path,
-    request: pytest.FixtureRequest,
-    clips: str | None,
+    start: Callable[..., Run], browser: Any, tmp_path: Path
 ) -> None:
-    """Video becomes flags, flags gate platoons, plans go out, and the page tells all of it; with
-    clips at hand, and as a newcomer meets it, whose clips are rendered first.
-    """
-    if clips is not None:
-        request.getfixturevalue(clips)
+    """Video becomes flags, flags gate platoons, plans go out, and the page tells all of it."""
     run = start("--interval", "10", "--json")
     run.says(lambda line: "the dashboard is at" in line, 600)
     began = time.monotonic()

@@ -18,7 +18,12 @@ import pytest
 
 from slipstream.bus import free_port
 
-pytestmark = [pytest.mark.process, pytest.mark.slow(long=True), pytest.mark.timeout(1800)]
+pytestmark = [
+    pytest.mark.process,
+    pytest.mark.alone,
+    pytest.mark.slow(long=True),
+    pytest.mark.timeout(1800),
+]
 
 SEGMENT = "4th_adams-4th_liberty"
 
