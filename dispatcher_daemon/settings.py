@@ -32,8 +32,8 @@ def solver_names() -> tuple[str, ...]:
 
 
 def _known_solver(name: str) -> str:
-    names = solver_names()
-    if name not in names:
+    # Built-in names first: to know the others, all installed packages are looked through.
+    if name not in BUILT_IN_SOLVERS and name not in (names := solver_names()):
         raise ValueError(f"there is no such solver, there are {', '.join(names)}")
     return name
 

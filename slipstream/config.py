@@ -139,6 +139,8 @@ def _with_present_names(
     """
     if isinstance(data, list | tuple):
         (inner, *_) = get_args(annotation) or (None,)
+        if _settings_model(inner) is None:
+            return data
         names = list(_names_of_rows(data))
         return [
             _with_present_names(row, inner, source, (*path, name))

@@ -87,7 +87,7 @@ def plan_fleet(
         return search.model_copy(update={"time_limit_s": min(search.time_limit_s, limit_s)})
 
     cycle, travel, missing = servable(cycle)
-    stops = _without(cycle, missing)
+    stops = stops_but(cycle, missing)
     stage("roads")
     search = limited(settings.search, settings.base_share)
     routes = base_routes(cycle.problem, travel, stops, search, executor, seed, cycle.start)
@@ -103,7 +103,7 @@ def plan_fleet(
         second = base_routes(
             cycle.problem,
             first.planner.travels[1],
-            _without(cycle, missing),
+            stops_but(cycle, missing),
             search,
             executor,
             seed + 1,
@@ -149,7 +149,8 @@ def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
     return cycle, travel, missing
 
 
-def _without(cycle: Cycle, missing: Collection[str]) -> list[str]:
+def stops_but(cycle: Cycle, missing: Collection[str]) -> list[str]:
+    """Ids of the cycle's stops without the missing ones."""
     return [stop.id for stop in cycle.problem.fleet.stops if stop.id not in missing]
 
 

@@ -16,7 +16,13 @@ from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import Block, build_block
 from dispatcher_daemon.planning.cycle import BASE
 from dispatcher_daemon.planning.exchanges import best_exchanges
-from dispatcher_daemon.planning.fleet_plan import NO_ROOM, InitialPlans, initial_plans, servable
+from dispatcher_daemon.planning.fleet_plan import (
+    NO_ROOM,
+    InitialPlans,
+    initial_plans,
+    servable,
+    stops_but,
+)
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.plans import Candidate, Cycle, Refusal
@@ -105,7 +111,7 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
     """
     settings = cycle.settings.city
     part, travel, missing = servable(cycle)
-    stops = [stop.id for stop in part.problem.fleet.stops if stop.id not in missing]
+    stops = stops_but(part, missing)
     routes = base_routes(part.problem, travel, stops, settings.search, executor, cycle.seed)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     first = initial_plans(part, travel, routes.stops, missing)

@@ -12,7 +12,7 @@ from importlib.metadata import entry_points
 from typing import Final
 
 from dispatcher_daemon.formulations import Encoding
-from dispatcher_daemon.settings import SOLVER_ENTRY_POINTS, DispatcherSettings
+from dispatcher_daemon.settings import SOLVER_ENTRY_POINTS, DispatcherSettings, solver_names
 from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
@@ -78,9 +78,7 @@ def _factory(name: str) -> Factory:
             problem = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
             raise InputError(f"solver {name}", problem, "mend or remove its package") from None
         return factory
-    known = ", ".join(
-        (*_FACTORIES, *sorted(p.name for p in entry_points(group=SOLVER_ENTRY_POINTS)))
-    )
+    known = ", ".join(solver_names())
     raise InputError(f"solver {name}", "there is no such solver", f"take one of {known}")
 
 

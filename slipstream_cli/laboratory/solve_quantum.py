@@ -22,7 +22,6 @@ _OPTION_OF_FIELD: Final = {
     "shots": "--shots",
     "variant": "--variant",
     "iterations": "--iterations",
-    "options": "--options",
 }
 _OPTIONS: Final = ("p", "backend", "shots", "variant", "iterations", "job")
 
@@ -155,8 +154,7 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
     given = {
         field: value
         for field, option in _OPTION_OF_FIELD.items()
-        if (value := getattr(options, option.removeprefix("--"), None)) is not None
-        and option != "--options"
+        if (value := getattr(options, option.removeprefix("--"))) is not None
     }
     asked = options.solver or ()
     data: dict[str, Any] = {"gamma": options.gamma, "city": {"options": options.options}}
@@ -172,7 +170,7 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
         return check(data, DispatcherSettings, "solve")
     except InputError as error:
         section, _, field = (error.key or "").partition(".")
-        option = _OPTION_OF_FIELD.get(field, error.key)
+        option = "--options" if section == "city" else _OPTION_OF_FIELD.get(field, error.key)
         solver = section.replace("_", "-")
         whose = f"{solver}: " if solver in QUANTUM_SOLVERS else ""
         alone = len(set(asked)) == 1 or not whose
