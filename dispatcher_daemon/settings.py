@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import entry_points
 from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -11,6 +10,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import DrivingAdvice
+from slipstream.plugins import plugin_names
 
 BUILT_IN_SOLVERS: Final = (
     "exact",
@@ -27,8 +27,7 @@ SOLVER_ENTRY_POINTS: Final = "slipstream.solvers"
 
 def solver_names() -> tuple[str, ...]:
     """Names of all solvers that a cycle can ask: the built-in ones, then those of packages."""
-    added = {point.name for point in entry_points(group=SOLVER_ENTRY_POINTS)}
-    return (*BUILT_IN_SOLVERS, *sorted(added.difference(BUILT_IN_SOLVERS)))
+    return plugin_names(SOLVER_ENTRY_POINTS, BUILT_IN_SOLVERS)
 
 
 def _known_solver(name: str) -> str:

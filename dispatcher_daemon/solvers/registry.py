@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from typing import Final
 
 from dispatcher_daemon.formulations import Encoding
-from dispatcher_daemon.settings import SOLVER_ENTRY_POINTS, DispatcherSettings, solver_names
+from dispatcher_daemon.settings import SOLVER_ENTRY_POINTS, DispatcherSettings
 from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
@@ -20,7 +19,7 @@ from dispatcher_daemon.solvers.insertion import InsertionSolver
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.qaoa import QaoaSolver
-from slipstream.errors import InputError
+from slipstream.plugins import find_plugin
 
 BASELINE_SOLVER: Final = "exact"
 """Solver of the baseline, whether or not it is among the solvers of the cooperative plan."""
@@ -64,22 +63,8 @@ def make_solver(
     Raises:
         InputError: there is no such solver, or the package that adds it cannot be loaded.
     """
-    return _factory(name)(SolverOptions(settings, encoding, backend))
-
-
-def _factory(name: str) -> Factory:
-    built_in = _FACTORIES.get(name)
-    if built_in is not None:
-        return built_in
-    for point in entry_points(group=SOLVER_ENTRY_POINTS, name=name):
-        try:
-            factory: Factory = point.load()
-        except Exception as error:
-            problem = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
-            raise InputError(f"solver {name}", problem, "mend or remove its package") from None
-        return factory
-    known = ", ".join(solver_names())
-    raise InputError(f"solver {name}", "there is no such solver", f"take one of {known}")
+    factory = find_plugin(SOLVER_ENTRY_POINTS, name, _FACTORIES, "solver")
+    return factory(SolverOptions(settings, encoding, backend))
 
 
 def configured_solvers(settings: DispatcherSettings) -> list[Solver]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import resources
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +15,7 @@ from edge_daemon.camera import Camera
 from edge_daemon.detection.protocol import Detector
 from edge_daemon.settings import BUILTIN_MODEL, DetectorSettings
 from slipstream.errors import InputError
+from slipstream.plugins import find_plugin, plugin_names
 
 ENTRY_POINTS: Final = "slipstream.detectors"
 
@@ -44,7 +44,7 @@ _DETECTOR_OF_SUFFIX: Final = {".xml": "openvino", ".pt": "ultralytics", ".engine
 
 def detector_names() -> tuple[str, ...]:
     """Names of all detectors that `DetectorSettings.backend` may have."""
-    return tuple(sorted({*_DETECTORS, *entry_points(group=ENTRY_POINTS).names}))
+    return plugin_names(ENTRY_POINTS, _DETECTORS)
 
 
 def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> Detector:
@@ -59,7 +59,8 @@ def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> D
             vehicle class, or needs an extra that is not installed.
     """
     name = settings.backend or _detector_for(model_file(settings))
-    return _factory(name)(settings, camera)
+    factory = find_plugin(ENTRY_POINTS, name, _DETECTORS, "detector", "detector.backend")
+    return factory(settings, camera)
 
 
 def model_file(settings: DetectorSettings) -> Path:
@@ -96,25 +97,3 @@ def _detector_for(path: Path) -> str:
             "give .xml, .pt or .engine; `slipstream model export` makes .xml of .pt",
         )
     return name
-
-
-def _factory(name: str) -> DetectorFactory:
-    if name in _DETECTORS:
-        return _DETECTORS[name]
-    for entry_point in entry_points(group=ENTRY_POINTS, name=name):
-        try:
-            factory: DetectorFactory = entry_point.load()
-        except Exception as error:
-            raise InputError(
-                name,
-                f"the detector's package {entry_point.value} cannot be loaded: {error}",
-                "install it again",
-                key="detector.backend",
-            ) from None
-        return factory
-    raise InputError(
-        name,
-        "no such detector",
-        f"use one of: {', '.join(detector_names())}",
-        key="detector.backend",
-    )

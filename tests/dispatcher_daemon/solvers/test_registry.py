@@ -13,6 +13,7 @@ from dispatcher_daemon.settings import BUILT_IN_SOLVERS, DispatcherSettings, sol
 from dispatcher_daemon.solvers import registry
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.registry import SolverOptions, configured_solvers, make_solver
+from slipstream import plugins
 from slipstream.config import check
 from slipstream.errors import InputError
 
@@ -49,8 +50,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     def entry_points(*, group: str, name: str | None = None) -> tuple[EntryPoint, ...]:
         return tuple(p for p in points if p.group == group and name in (None, p.name))
 
-    for module in (settings_module, registry):
-        monkeypatch.setattr(module, "entry_points", entry_points)
+    monkeypatch.setattr(plugins, "entry_points", entry_points)
     monkeypatch.setattr(EntryPoint, "load", lambda point: _load(point))
 
 
