@@ -31,6 +31,7 @@ class Settings(BaseModel):
 
 S = TypeVar("S", bound=Settings)
 T = TypeVar("T")
+M = TypeVar("M", bound=BaseModel)
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
 _NAMING: Final = ("id", "segment", "vehicle")
@@ -139,14 +140,14 @@ def _with_present_names(
     """
     if isinstance(data, list | tuple):
         (inner, *_) = get_args(annotation) or (None,)
-        if _settings_model(inner) is None:
+        if model_of(inner, Settings) is None:
             return data
         names = list(_names_of_rows(data))
         return [
             _with_present_names(row, inner, source, (*path, name))
             for name, row in zip(names, data, strict=True)
         ]
-    model = _settings_model(annotation)
+    model = model_of(annotation, Settings)
     if model is None or not isinstance(data, Mapping):
         return data
     table: dict[str, object] = {}
@@ -172,10 +173,10 @@ def _with_present_names(
     return table
 
 
-def _settings_model(annotation: object) -> type[Settings] | None:
-    """The settings model that an annotation is, or allows beside None."""
+def model_of(annotation: object, base: type[M]) -> type[M] | None:
+    """The model derived from ``base`` that an annotation is, or allows beside None."""
     for option in (annotation, *get_args(annotation)):
-        if isinstance(option, type) and issubclass(option, Settings):
+        if isinstance(option, type) and issubclass(option, base):
             return option
     return None
 

@@ -10,13 +10,15 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 from pydantic import BaseModel
 
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
+from slipstream.config import model_of
+from slipstream.tables import markdown_table
 
 DAEMONS: Final[Mapping[str, type[BaseModel]]] = {
     "edge": EdgeSettings,
@@ -100,7 +102,7 @@ def sections(model: type[BaseModel], path: str = "", values: object = None) -> I
         inner = f"{path}.{key}" if path else key
         default = field.get_default(call_default_factory=True) if values is None else None
         default = default if values is None else getattr(values, name)
-        below = _nested_model(field.annotation)
+        below = model_of(field.annotation, BaseModel)
         if below is not None:
             instance = default if isinstance(default, below) else None
             nested.extend(sections(below, inner, instance))
@@ -130,27 +132,19 @@ def page() -> str:
             summary = " ".join(section.summary.split()).replace("``", "`")
             parts.append(f"{title}\n\n{summary}\n")
             if section.keys:
-                parts.append("\n".join(_table(section)) + "\n")
+                parts.append(_table(section) + "\n")
     return "\n".join(parts)
 
 
-def _table(section: Section) -> Iterator[str]:
-    renamed = any(key.former for key in section.keys)
-    yield "| key | type | default | bounds | meaning |" + (" former name |" if renamed else "")
-    yield "|---|---|---|---|---|" + ("---|" if renamed else "")
-    for key in section.keys:
-        cells = [f"`{key.path}`", key.type, key.default, key.bounds, key.description]
-        if renamed:
-            cells.append(f"`{key.former}`" if key.former else "")
-        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def _nested_model(annotation: object) -> type[BaseModel] | None:
-    """The model that an annotation is, or allows beside None."""
-    for option in (annotation, *get_args(annotation)):
-        if isinstance(option, type) and issubclass(option, BaseModel):
-            return option
-    return None
+def _table(section: Section) -> str:
+    columns = ["key", "type", "default", "bounds", "meaning"]
+    rows = [[f"`{k.path}`", k.type, k.default, k.bounds, k.description] for k in section.keys]
+    if any(key.former for key in section.keys):
+        columns.append("former name")
+        for row, key in zip(rows, section.keys, strict=True):
+            row.append(f"`{key.former}`" if key.former else "")
+    cells = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+    return markdown_table(columns, cells, left=range(len(columns)))
 
 
 def _options(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
