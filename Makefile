@@ -7,7 +7,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-rest test-all coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
+.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
 
 setup: $(VENV)/.ready
 
@@ -37,6 +37,10 @@ test: lint
 test-rest: setup
 	$(BIN)/python $(PYTEST) -m "slow(long=True) and not alone"
 	$(BIN)/python -m pytest -m "slow(long=True) and alone"
+
+# What attackers and faults do to the daemons, in full size; the figures stand at the end.
+attack: setup
+	ATTACK_FULL_SIZE=1 $(BIN)/python -m pytest -m attack
 
 test-all: test
 	$(MAKE) test-rest

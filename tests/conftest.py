@@ -99,6 +99,35 @@ def street_clips(
     return folders
 
 
+FULL_SIZE = "ATTACK_FULL_SIZE"
+"""Set by `make attack`: tests marked `attack` then take the size that the aim names."""
+_FIGURES = pytest.StashKey[list[str]]()
+
+
+@pytest.fixture(scope="session")
+def full_size() -> bool:
+    """True in `make attack`; elsewhere an attack is shorter or smaller, and otherwise the same."""
+    return FULL_SIZE in os.environ
+
+
+@pytest.fixture
+def figure(request: pytest.FixtureRequest) -> Callable[[str], None]:
+    """Adds a line with a measured figure to the end of the run's report."""
+
+    def add(line: str) -> None:
+        request.config.stash.setdefault(_FIGURES, []).append(f"{request.node.name}: {line}")
+
+    return add
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Show the figures that tests have measured."""
+    if lines := terminalreporter.config.stash.get(_FIGURES, []):
+        terminalreporter.section("figures")
+        for line in lines:
+            terminalreporter.line(line)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What a test uses marks it: a browser is a process, clips and traffic take their time."""
