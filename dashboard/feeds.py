@@ -40,7 +40,8 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
         ("cycle", CYCLE_KEY, live.on_cycle),
         ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
     ):
-        bus.subscribe(key_expression, _counting_handler(kind, handler, limiter))
+        every = key_expression == CYCLE_KEY
+        bus.subscribe(key_expression, _counting_handler(kind, handler, limiter), every=every)
 
 
 class PreviewFeed:

@@ -6,29 +6,27 @@ the router does; late subscribers get the last samples from the publishers' cach
 
 from __future__ import annotations
 
-import contextlib
 import json
-import logging
-import queue
 import socket
-import threading
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import zenoh
 
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
+from slipstream.inbox import Handler, Inbox
 from slipstream.messages import Message
-from slipstream.service import LogLimiter
 
-log = logging.getLogger(__name__)
+RECEIVE_LIMIT_BYTES: Final = 24 * 2**20
+"""Above it zenoh discards a message while it arrives, without counting it.
 
-Handler = Callable[[str, bytes], None]
+It is well above `slipstream.inbox.MAX_MESSAGE_BYTES`, so that an inbox sees and counts what is too
+large. What a sender can make a receiver hold grows with it.
+"""
 
 _HEARTBEAT_S = 1.0
-_QUEUE_SAMPLES = 256
+_RECEIVE_LIMIT = "transport/link/rx/max_message_size"
 
 
 class Publisher:
@@ -50,49 +48,12 @@ class Publisher:
         self._declared.undeclare()
 
 
-class _SampleQueue:
-    """Queue from zenoh's thread to a handler thread; when full it drops the oldest sample."""
-
-    def __init__(self, name: str, handler: Handler) -> None:
-        self._queue: queue.Queue[tuple[str, bytes] | None] = queue.Queue(_QUEUE_SAMPLES)
-        self._handler = handler
-        self._limiter = LogLimiter()
-        self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
-        self._thread.start()
-
-    def accept(self, sample: Any) -> None:
-        self._offer((str(sample.key_expr), sample.payload.to_bytes()))
-
-    def _offer(self, item: tuple[str, bytes] | None) -> None:
-        while True:
-            try:
-                self._queue.put_nowait(item)
-                return
-            except queue.Full:
-                with contextlib.suppress(queue.Empty):
-                    self._queue.get_nowait()
-
-    def _run(self) -> None:
-        while (item := self._queue.get()) is not None:
-            try:
-                self._handler(*item)
-            except Exception:
-                if self._limiter.allow(""):
-                    before = self._limiter.suppressed("")
-                    log.exception("handler for %s failed (and %d times before)", item[0], before)
-
-    def close(self) -> None:
-        self._offer(None)
-        if threading.current_thread() is not self._thread:
-            self._thread.join(timeout=2.0)
-
-
 class Bus:
     """A zenoh session; open it with `Bus.open`, close it or use it as a context manager."""
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._subscriptions: list[tuple[Any, _SampleQueue]] = []
+        self._subscriptions: list[tuple[Any, Inbox]] = []
 
     @classmethod
     def open(cls, settings: BusSettings) -> Self:
@@ -134,16 +95,26 @@ class Bus:
             )
         )
 
-    def subscribe(self, key_expression: str, handler: Handler, *, history: bool = True) -> None:
-        """Call ``handler(key, payload)`` for each sample, on a thread of the bus's own.
+    def subscribe(
+        self,
+        key_expression: str,
+        handler: Handler,
+        *,
+        history: bool = True,
+        every: bool = False,
+    ) -> None:
+        """Call ``handler(key, payload)`` for samples, on a thread of the bus's own.
 
         zenoh's callbacks must not block or call zenoh again; this thread may. What the handler
-        raises is logged and survived.
+        raises is logged and survived. What waits for the handler is bounded by `slipstream.inbox`,
+        which also counts what became of each sample.
 
         Args:
             history: also get what publishers sent before, and repair gaps.
+            every: each sample is wanted; otherwise a later one of the same key replaces one that
+                still waits.
         """
-        samples = _SampleQueue(key_expression, handler)
+        samples = Inbox(key_expression, handler, every=every)
         if history:
             subscriber = zenoh.ext.declare_advanced_subscriber(
                 self._session,
@@ -191,6 +162,7 @@ class Router:
             "listen/exit_on_failure": True,
             "scouting/multicast/enabled": False,
             "transport/shared_memory/enabled": False,
+            _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
         }.items():
             config.insert_json5(key, json.dumps(value))
         self._session = _open_session(config, self.endpoint)
@@ -231,6 +203,7 @@ def _client_config(settings: BusSettings) -> Any:
         # It locks memory, which a sandboxed service may not, and a process that is killed leaves
         # 18 MB in /dev/shm.
         "transport/shared_memory/enabled": False,
+        _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
     }.items():
         try:
             config.insert_json5(key, json.dumps(value))
@@ -243,9 +216,12 @@ def _client_config(settings: BusSettings) -> Any:
 
 def _config_from(path: Path) -> Any:
     try:
-        return zenoh.Config.from_file(str(path))
+        config = zenoh.Config.from_file(str(path))
+        limit = min(RECEIVE_LIMIT_BYTES, int(config.get_json(_RECEIVE_LIMIT)))
+        config.insert_json5(_RECEIVE_LIMIT, json.dumps(limit))
     except zenoh.ZError as error:
         raise InputError(path, f"not a zenoh configuration: {error}", "mend the file") from None
+    return config
 
 
 def _open_session(config: Any, where: str) -> Any:

@@ -47,7 +47,7 @@ class Observer:
         """Subscribe."""
         for key in (ALL_STATES, ALL_RSU_HEALTH, DISPATCHER_HEALTH_KEY):
             # Without history: the age of earlier messages would count as delay.
-            bus.subscribe(key, self.take, history=False)
+            bus.subscribe(key, self.take, history=False, every=True)
 
     def take(self, key: str, payload: bytes) -> None:
         """Record one message; invalid ones are counted."""

@@ -52,7 +52,7 @@ class BusCounts:
     def listen(self, bus: Bus) -> None:
         """Count from now on."""
         for key in (ALL_STATES, ALL_RSU_HEALTH, CYCLE_KEY, ALL_PLANS):
-            bus.subscribe(key, self.take)
+            bus.subscribe(key, self.take, every=True)
 
     def take(self, key: str, payload: bytes) -> None:
         """Count one message."""

@@ -20,7 +20,7 @@ class Movement:
 
     def listen(self, bus: Bus) -> None:
         """Count from now on."""
-        bus.subscribe(ALL_POSITIONS, self.take)
+        bus.subscribe(ALL_POSITIONS, self.take, every=True)
 
     def take(self, key: str, payload: bytes) -> None:
         """Count one message; what is no position is left out."""

@@ -39,7 +39,7 @@ def test_late_subscribers_get_the_last_samples(router: Router, bus: Bus) -> None
         publisher.put(str(number).encode())
     with Bus.open(BusSettings(connect=(router.endpoint,))) as late:
         inbox = Inbox()
-        late.subscribe("slipstream/v1/*/state", inbox)
+        late.subscribe("slipstream/v1/*/state", inbox, every=True)
         assert inbox.wait_for(b"3")
         assert inbox.got == [b"2", b"3"]
 
@@ -74,7 +74,7 @@ def test_a_handler_that_raises_does_not_end_delivery(bus: Bus) -> None:
             raise RuntimeError("boom")
         inbox(key, payload)
 
-    bus.subscribe("slipstream/v1/x", handler)
+    bus.subscribe("slipstream/v1/x", handler, every=True)
     publisher = bus.publisher("slipstream/v1/x", history=5)
     for payload in (b"bad", b"good"):
         publisher.put(payload)

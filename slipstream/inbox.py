@@ -1,0 +1,112 @@
+"""What has arrived on a subscription and waits for its handler: bounded and counted."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, Final, Literal, get_args
+
+from prometheus_client import Counter
+
+from slipstream.service import LogLimiter
+
+log = logging.getLogger(__name__)
+
+Handler = Callable[[str, bytes], None]
+
+MAX_MESSAGE_BYTES: Final = 4 * 2**20
+"""Largest payload that is taken; the CycleReport of a city of 10,000 segments has 1.2 MB."""
+INBOX_BYTES: Final = 16 * 2**20
+INBOX_SAMPLES: Final = 16_384
+"""Limits of what waits for one handler; beyond them the oldest sample is dropped."""
+
+Outcome = Literal["taken", "superseded", "dropped", "oversized"]
+OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
+SAMPLES = Counter(
+    "slipstream_bus_samples",
+    "Samples received, by what became of them: taken by the handler, superseded by a later one of "
+    "their key before that, dropped as too many waited, or refused as oversized.",
+    ["subscription", "outcome"],
+)
+
+
+class Inbox:
+    """Samples between zenoh's thread and the handler's own thread.
+
+    Args:
+        name: of the subscription, for the counter.
+        handler: called for one sample after the other; what it raises is logged.
+        every: see `slipstream.bus.Bus.subscribe`.
+    """
+
+    def __init__(self, name: str, handler: Handler, *, every: bool) -> None:
+        self._name = name
+        self._handler = handler
+        self._every = every
+        self._waiting: OrderedDict[object, tuple[str, bytes]] = OrderedDict()
+        self._bytes = 0
+        self._arrived = 0
+        self._closed = False
+        self._changed = threading.Condition()
+        self._limiter = LogLimiter()
+        self._outcomes = {outcome: SAMPLES.labels(name, outcome) for outcome in OUTCOMES}
+        self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
+        self._thread.start()
+
+    def accept(self, sample: Any) -> None:
+        """Take in a zenoh sample; returns at once."""
+        key, size = str(sample.key_expr), len(sample.payload)
+        if size > MAX_MESSAGE_BYTES:
+            self._count("oversized", f"{key}: a message of {size} bytes is refused")
+            return
+        payload = sample.payload.to_bytes()
+        with self._changed:
+            self._arrived += 1
+            name = self._arrived if self._every else key
+            previous = self._waiting.get(name)
+            self._waiting[name] = (key, payload)
+            self._bytes += size - (0 if previous is None else len(previous[1]))
+            dropped = 0
+            while len(self._waiting) > INBOX_SAMPLES or self._bytes > INBOX_BYTES:
+                self._take()
+                dropped += 1
+            self._changed.notify()
+        if previous is not None:
+            self._outcomes["superseded"].inc()
+        for _ in range(dropped):
+            self._count("dropped", f"messages on {self._name} arrive faster than they are handled")
+
+    def _count(self, outcome: Outcome, line: str) -> None:
+        self._outcomes[outcome].inc()
+        if self._limiter.allow(outcome):
+            log.warning("%s (and %d before)", line, self._limiter.suppressed(outcome))
+
+    def _take(self) -> tuple[str, bytes]:
+        _, item = self._waiting.popitem(last=False)
+        self._bytes -= len(item[1])
+        return item
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting or self._closed)
+                if self._closed:
+                    return
+                key, payload = self._take()
+            self._outcomes["taken"].inc()
+            try:
+                self._handler(key, payload)
+            except Exception:
+                if self._limiter.allow(""):
+                    before = self._limiter.suppressed("")
+                    log.exception("handler for %s failed (and %d times before)", key, before)
+
+    def close(self) -> None:
+        """Let go of what waits; no handler runs once it has returned."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout=2.0)
