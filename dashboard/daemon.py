@@ -12,6 +12,7 @@ from dashboard.feeds import HistoryFeed, PreviewFeed, subscribe
 from dashboard.live import LiveData
 from dashboard.page import Page
 from dashboard.settings import DashboardSettings
+from slipstream.admission import check_rsus, refusal
 from slipstream.bus import Bus
 from slipstream.roads import load_network
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
@@ -27,13 +28,19 @@ def run_dashboard(settings: DashboardSettings) -> None:
     """Serve the page until SIGTERM or SIGINT.
 
     Raises:
-        InputError: the port is taken, or the network, the database URL or the bus is not usable.
+        InputError: the port is taken, or the network, the list of RSUs, the database URL or the
+            bus is not usable.
         OSError: another process took the port during a restart of the server.
     """
     configure_logging("dashboard", settings.service.log_level)
     network = load_network(settings.network)
     limiter = LogLimiter()
-    live = LiveData(settings.history_cycles, time.time_ns)
+    check_rsus(settings.rsus, network, "dashboard")
+    live = LiveData(
+        settings.history_cycles,
+        time.time_ns,
+        lambda state: refusal(state, network, settings.rsus),
+    )
     with contextlib.ExitStack() as stack:
         history = None
         if settings.database_url is not None:

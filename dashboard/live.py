@@ -75,9 +75,16 @@ class LiveData:
         history_cycles: number of cycle reports to keep.
         clock_ns: UTC in ns. It is the time of pictures, which carry none. A message dated ahead of
             it is replaced by any other, so that a clock that was set back does not block the page.
+        refusal: why a SegmentState is not admitted; None: it is.
     """
 
-    def __init__(self, history_cycles: int, clock_ns: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        history_cycles: int,
+        clock_ns: Callable[[], int],
+        refusal: Callable[[SegmentState], str | None] = lambda _: None,
+    ) -> None:
+        self._refusal = refusal
         self._clock_ns = clock_ns
         self._history_cycles = history_cycles
         self._lock = threading.Lock()
@@ -96,11 +103,13 @@ class LiveData:
         """Store a SegmentState.
 
         Raises:
-            InputError: the payload is no SegmentState, or belongs under another key; so for each
-                of the methods ``on_...``.
+            InputError: the payload is no SegmentState, or belongs under another key (so for each
+                of the methods ``on_...``), or it is not admitted.
         """
         state = decode(SegmentState, payload, key)
         _check_key(key, state_key(state.rsu, state.segment))
+        if (refusal := self._refusal(state)) is not None:
+            raise InputError(key, f"state refused: {refusal}", "check the sender")
         name = (state.segment, state.rsu)
         with self._lock:
             tolerance_s = published_tolerance_s(self._dispatcher)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import STALE_AFTER_S
 from slipstream.roads import DEMO_NETWORK
@@ -16,6 +17,11 @@ class DashboardSettings(Settings):
     service: ServiceSettings = Field(default=ServiceSettings(), description="Metrics and logs.")
     network: str = Field(
         default=DEMO_NETWORK, description="Road network to draw: a SUMO net, or 'demo'."
+    )
+    rsus: Rsus | None = Field(
+        default=None,
+        description="The segments that each RSU watches, as in the dispatcher's settings; others' "
+        "states are not drawn.",
     )
     depots: tuple[str, ...] = Field(
         default=("depot",),

@@ -24,7 +24,9 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.traffic import LatestStates, TrafficSnapshot, Verdict, take_snapshot
+from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -123,7 +125,12 @@ class Dispatcher:
         self._bus = bus
         self._store = store
         self._solve = solve if job_manager is None else job_manager
-        self._latest_states = LatestStates(network, future_tolerance_s=settings.future_tolerance_s)
+        self._latest_states = LatestStates(
+            network,
+            rsus=settings.rsus,
+            stale_after_s=settings.stale_after_s,
+            future_tolerance_s=settings.future_tolerance_s,
+        )
         self._limiter = LogLimiter()
         vehicles = () if fleet is None else fleet.vehicles
         self._plan_publishers = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
@@ -153,9 +160,11 @@ class Dispatcher:
         self.states_received += 1
         verdict = self._latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
-        if verdict not in (Verdict.ACCEPTED, Verdict.DUPLICATE, Verdict.OUT_OF_ORDER):
+        if verdict not in HARMLESS:
             what = verdict.value.replace("_", " ")
-            self._warn(what, f"{key}: state refused: {what}")
+            if verdict is Verdict.IMPLAUSIBLE:
+                what += f", {implausibility(state, self._network.segments[state.segment])}"
+            self._warn(verdict.value, f"{key}: state refused: {what}")
 
     def run_cycle(self) -> None:
         """One cycle: snapshot, solve, store, publish. Errors end the cycle, not the dispatcher."""
@@ -387,12 +396,15 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     """Run until SIGTERM or SIGINT.
 
     Raises:
-        InputError: the network, fleet, database, bus or metrics port cannot be used.
+        InputError: the network, list of RSUs, fleet, database, bus or metrics port cannot be used.
     """
     configure_logging("dispatcher", settings.service.log_level)
     # The scheduler's own faults are counted and logged by CycleScheduler.
     logging.getLogger("apscheduler").setLevel(logging.CRITICAL)
     network = load_network(settings.network)
+    check_rsus(settings.rsus, network, "dispatcher")
+    if settings.rsus is None:
+        log.warning("any RSU may report on any segment, as rsus lists none")
     fleet_file = FleetFile(settings.fleet, network)
     fleet = fleet_file.current()
     form = settings.form if fleet is None else form_of(settings, fleet)

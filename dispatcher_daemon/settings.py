@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import DrivingAdvice
@@ -400,6 +401,11 @@ class DispatcherSettings(Settings):
         allow_inf_nan=False,
         description="Maximum time between two vehicles' entries to a segment at which they can "
         "platoon there, s.",
+    )
+    rsus: Rsus | None = Field(
+        default=None,
+        description='The segments that each RSU watches, as `rsu-1 = ["avenue_east"]`; states of '
+        "others are refused. Without it any RSU may open any gate.",
     )
     stale_after_s: float = Field(
         default=STALE_AFTER_S,

@@ -1,14 +1,12 @@
-"""Traffic by segment: latest states, freshness, gates.
+"""Traffic by segment: freshness, gates.
 
 A gate is open only with a fresh SegmentState of y_e = 1 and no fresh one of y_e = 0.
 """
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from types import MappingProxyType
 from typing import Literal
 
@@ -19,8 +17,6 @@ from slipstream.roads import RoadNetwork, Segment
 
 MIN_SPEED_MPS = 1.0
 """Lower bound of the planning speed, so that travel times in a queue are finite."""
-
-MAX_RSUS_PER_SEGMENT = 16
 
 
 @dataclass(frozen=True)
@@ -180,58 +176,3 @@ def _judge(
             0.0 if features is None else max(0.0, features.acceleration_variance_m2ps4.value)
         ),
     )
-
-
-class Verdict(StrEnum):
-    """Whether a received state is accepted, or why not."""
-
-    ACCEPTED = "accepted"
-    DUPLICATE = "duplicate"
-    OUT_OF_ORDER = "out_of_order"
-    FUTURE = "future"
-    UNKNOWN_SEGMENT = "unknown_segment"
-    TOO_MANY_RSUS = "too_many_rsus"
-
-
-class LatestStates:
-    """Latest state of each (segment, rsu); written by the bus's thread, read by the cycle's.
-
-    States are ordered by their time, not by their sequence number, which starts again when an RSU
-    does. Its size is bounded by the network's segments and `MAX_RSUS_PER_SEGMENT`.
-    """
-
-    def __init__(
-        self, network: RoadNetwork, *, future_tolerance_s: float = FUTURE_TOLERANCE_S
-    ) -> None:
-        self._network = network
-        self._future_tolerance_s = future_tolerance_s
-        self._lock = threading.Lock()
-        self._latest: dict[str, dict[str, SegmentState]] = {}
-
-    def accept(self, state: SegmentState, now_ns: int) -> Verdict:
-        """Take in one state unless it is a duplicate, late, dated ahead or of an unknown road."""
-        if state.segment not in self._network.segments:
-            return Verdict.UNKNOWN_SEGMENT
-        if self._is_ahead(state, now_ns):
-            return Verdict.FUTURE
-        with self._lock:
-            rsus = self._latest.setdefault(state.segment, {})
-            held = rsus.get(state.rsu)
-            if held is None and len(rsus) >= MAX_RSUS_PER_SEGMENT:
-                return Verdict.TOO_MANY_RSUS
-            # A clock that was set back leaves a held state in the future; it must not block.
-            if held is not None and not self._is_ahead(held, now_ns):
-                if (state.time_ns, state.sequence) == (held.time_ns, held.sequence):
-                    return Verdict.DUPLICATE
-                if state.time_ns <= held.time_ns:
-                    return Verdict.OUT_OF_ORDER
-            rsus[state.rsu] = state
-            return Verdict.ACCEPTED
-
-    def _is_ahead(self, state: SegmentState, now_ns: int) -> bool:
-        return freshness.is_ahead(state.time_ns, now_ns, self._future_tolerance_s)
-
-    def latest(self) -> tuple[SegmentState, ...]:
-        """All held states, for `take_snapshot`."""
-        with self._lock:
-            return tuple(state for rsus in self._latest.values() for state in rsus.values())

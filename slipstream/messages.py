@@ -19,6 +19,7 @@ Identifier = Annotated[str, Field(min_length=1, max_length=200)]
 """A name of an RSU, road segment, vehicle or order; any characters, percent-encoded in keys."""
 
 TimeNs = Annotated[int, Field(ge=0, lt=2**63)]
+Count = Annotated[int, Field(ge=0, lt=2**63)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -107,14 +108,14 @@ class SegmentState(Message):
 
     rsu: Identifier
     segment: Identifier
-    sequence: Annotated[int, Field(ge=0)]
+    sequence: Count
     time_ns: TimeNs = Field(description="UTC at the end of the window.")
     window_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     features: KinematicFeatures | None
     y_e: Literal[0, 1] | None
     reason: UnknownReason | None
-    vehicles: Annotated[int, Field(ge=0, description="Vehicles with a usable track.")]
-    frames: Annotated[int, Field(ge=0, description="Frames processed in the window.")]
+    vehicles: Count = Field(description="Vehicles with a usable track.")
+    frames: Count = Field(description="Frames processed in the window.")
     coverage: Annotated[float, Field(ge=0, le=1, description="Share of the window with frames.")]
 
     @model_validator(mode="after")
@@ -138,17 +139,17 @@ class RsuHealth(Message):
     fault: CameraFault | None = Field(
         default=None, description="Why its camera cannot be trusted now; its flags are unknown."
     )
-    frames: Annotated[int, Field(ge=0)]
-    frames_skipped: Annotated[int, Field(ge=0)]
-    decode_errors: Annotated[int, Field(ge=0)]
-    reconnects: Annotated[int, Field(ge=0)]
-    states: Annotated[int, Field(ge=0)]
+    frames: Count
+    frames_skipped: Count
+    decode_errors: Count
+    reconnects: Count
+    states: Count
     fps: NonNegative
     latency_ms_p50: NonNegative | None = Field(
         description="Frame captured to tracks updated, over the last ten seconds."
     )
     latency_ms_p95: NonNegative | None
-    vehicles_in_view: Annotated[int, Field(ge=0)]
+    vehicles_in_view: Count
     rss_mb: NonNegative
 
 
@@ -160,11 +161,11 @@ class PlannedSegment(Message):
     exit_ns: TimeNs
     speed_mps: NonNegative
     platoon: Identifier | None = Field(description="Platoon to drive in here; None: alone.")
-    place: Annotated[int, Field(ge=0)] | None = Field(description="0 is the leader.")
+    place: Count | None = Field(description="0 is the leader.")
     gap_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         description="Advised gap to the vehicle ahead; None for the leader and for vehicles alone."
     )
-    leg: Annotated[int, Field(ge=0, description="Which leg between two stops it belongs to.")]
+    leg: Count = Field(description="Which leg between two stops it belongs to.")
 
 
 class PlannedStop(Message):
@@ -200,7 +201,7 @@ class VehiclePlan(Message):
     """The advice that one vehicle gets from one dispatch cycle."""
 
     vehicle: Identifier
-    cycle: Annotated[int, Field(ge=0)]
+    cycle: Count
     issued_ns: TimeNs
     valid_until_ns: TimeNs
     depart_ns: TimeNs
@@ -220,10 +221,10 @@ class VehiclePosition(Message):
     share: Annotated[float, Field(ge=0, le=1, description="Of that segment that lies behind it.")]
     speed_mps: NonNegative
     on_road: bool = Field(description="False: it stands at a stop or at its depot.")
-    cycle: Annotated[int, Field(ge=0)] | None = Field(
+    cycle: Count | None = Field(
         description="Cycle of the plan that it follows; None: it is free for one."
     )
-    leg: Annotated[int, Field(ge=0)] | None = Field(
+    leg: Count | None = Field(
         description="Leg of that plan that it drives, or will drive next; None: no plan."
     )
 
@@ -244,8 +245,8 @@ class SolverReport(Message):
     p_feasible_raw: Annotated[float, Field(ge=0, le=1)] | None = None
     p_optimal_raw: Annotated[float, Field(ge=0, le=1)] | None = None
     p_feasible_repaired: Annotated[float, Field(ge=0, le=1)] | None = None
-    qubits: Annotated[int, Field(ge=0)] | None = None
-    shots: Annotated[int, Field(ge=0)] | None = None
+    qubits: Count | None = None
+    shots: Count | None = None
     wall_s: NonNegative
     reason: str | None = None
     backend: str | None = Field(default=None, description="Where its quantum circuit ran.")
@@ -253,7 +254,7 @@ class SolverReport(Message):
     fallback: str | None = Field(
         default=None, description="Why it is not the device that was asked for."
     )
-    two_qubit_depth: Annotated[int, Field(ge=0)] | None = None
+    two_qubit_depth: Count | None = None
 
 
 class Gate(Message):
@@ -292,18 +293,18 @@ class Unserved(Message):
 class CycleReport(Message):
     """One dispatch cycle as the dashboard and the supervisor see it."""
 
-    cycle: Annotated[int, Field(ge=0)]
+    cycle: Count
     started_ns: TimeNs
     wall_s: NonNegative
     status: Literal["ok", "baseline", "failed"]
     reason: str | None
     solver: Identifier | None
     objective_kwh: Finite | None
-    variables: Annotated[int, Field(ge=0)]
+    variables: Count
     solvers: tuple[SolverReport, ...]
     gates: tuple[Gate, ...]
     energy: EnergySummary | None
-    plans: Annotated[int, Field(ge=0, description="Plans stored and published.")]
+    plans: Count = Field(description="Plans stored and published.")
     unserved: tuple[Unserved, ...] = Field(
         default=(), description="Stops that no plan visits; senders before this field left none."
     )
@@ -313,7 +314,7 @@ class HardwareHealth(Message):
     """How the dispatcher stands with its quantum device."""
 
     backend: str
-    pending: Annotated[int, Field(ge=0, description="Jobs that the service has, or may have.")]
+    pending: Count = Field(description="Jobs that the service has, or may have.")
     used_s: NonNegative = Field(description="Device time charged or reserved in the last day.")
     budget_s: NonNegative
     breaker: Literal["closed", "open", "half-open"]
@@ -325,10 +326,10 @@ class DispatcherHealth(Message):
 
     time_ns: TimeNs
     started_ns: TimeNs
-    cycles: Annotated[int, Field(ge=0)]
-    cycles_failed: Annotated[int, Field(ge=0)]
-    states_received: Annotated[int, Field(ge=0)]
-    bad_messages: Annotated[int, Field(ge=0)]
+    cycles: Count
+    cycles_failed: Count
+    states_received: Count
+    bad_messages: Count
     next_cycle_ns: TimeNs | None
     rss_mb: NonNegative
     hardware: HardwareHealth | None = Field(default=None, description="Null without a device.")

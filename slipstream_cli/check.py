@@ -76,8 +76,11 @@ def _check_edge(path: Path, _: str) -> Mapping[str, str]:
 
 def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
     from dispatcher_daemon.settings import DispatcherSettings
+    from slipstream.admission import check_rsus
+    from slipstream.roads import load_network
 
     settings = load(path, DispatcherSettings)
+    check_rsus(settings.rsus, load_network(settings.network), path)
     service, _, device = settings.hardware.backend.partition(":")
     if service == "fake":
         from dispatcher_daemon.solvers.quantum.backends.aer import fake_target
@@ -91,9 +94,11 @@ def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
 
 def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
     from dashboard.settings import DashboardSettings
+    from slipstream.admission import check_rsus
     from slipstream.roads import load_network
 
-    load_network(load(path, DashboardSettings).network)
+    settings = load(path, DashboardSettings)
+    check_rsus(settings.rsus, load_network(settings.network), path)
     return {}
 
 

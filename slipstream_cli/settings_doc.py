@@ -161,6 +161,8 @@ def _type(schema: Mapping[str, Any]) -> str:
         elif option.get("type") == "array":
             items = option.get("items") or (option.get("prefixItems") or [{}])[0]
             names.append(f"list of {_type(items)}")
+        elif option.get("type") == "object":
+            names.append(f"table of {_type(option['additionalProperties'])}")
         elif option.get("format") == "path":
             names.append("path")
         else:

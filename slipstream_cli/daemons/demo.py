@@ -122,6 +122,7 @@ def write_settings(
     from edge_daemon.settings import EdgeSettings
 
     bus = {"connect": [bus_endpoint]}
+    rsus = {roadside.rsu: (roadside.segment,) for roadside in ROADSIDES}
     url = f"sqlite:///{database.absolute()}"
     daemons: dict[str, tuple[str, Settings]] = {
         roadside.rsu: (
@@ -144,6 +145,7 @@ def write_settings(
         DispatcherSettings.model_validate(
             {
                 "bus": bus,
+                "rsus": rsus,
                 "database_url": url,
                 "interval_s": interval_s,
                 "deadline_s": min(10.0, interval_s / 2),
@@ -153,7 +155,9 @@ def write_settings(
     )
     daemons["dashboard"] = (
         "dashboard",
-        DashboardSettings.model_validate({"bus": bus, "database_url": url, "port": dashboard_port}),
+        DashboardSettings.model_validate(
+            {"bus": bus, "rsus": rsus, "database_url": url, "port": dashboard_port}
+        ),
     )
     return write_daemons(folder, daemons)
 

@@ -34,6 +34,7 @@ def write_world_settings(
     from simulation.closed_loop.policy import Policy
 
     bus = {"connect": [bus_endpoint]}
+    rsus = {camera.rsu: tuple(camera.segments) for camera in cameras}
     url = f"sqlite:///{(folder / 'slipstream.db').absolute()}"
     net = str(order.day.net.absolute())
     keep_s = {rsu.id: rsu.keep_s for rsu in order.rsus}
@@ -61,6 +62,7 @@ def write_world_settings(
         DispatcherSettings.model_validate(
             {
                 "bus": bus,
+                "rsus": rsus,
                 "database_url": url,
                 "network": net,
                 "fleet": str(order.fleet.absolute()),
@@ -82,6 +84,7 @@ def write_world_settings(
         DashboardSettings.model_validate(
             {
                 "bus": bus,
+                "rsus": rsus,
                 "database_url": url,
                 "network": net,
                 "depots": depots,

@@ -6,6 +6,7 @@ import pytest
 
 from dashboard import live as live_module
 from dashboard.live import LiveData
+from slipstream.admission import refusal
 from slipstream.errors import InputError
 from slipstream.messages import (
     CYCLE_KEY,
@@ -16,6 +17,7 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
 )
+from slipstream.roads import load_network
 
 S = 1_000_000_000
 
@@ -43,6 +45,28 @@ def test_each_kind_arrives(live, world, now_ns):
     assert snapshot.cycles == (cycle,)
     assert snapshot.dispatcher == dispatcher
     assert snapshot.previews == {"rsu/1 ü": (world.jpeg(), now_ns)}
+
+
+@pytest.mark.attack
+def test_a_state_that_no_gate_would_count_is_not_drawn(world, now_ns):
+    """The page admits what the dispatcher admits: a listed RSU's possible figures."""
+    rsus = {"rsu-1": ("avenue_east",)}
+    network = load_network("demo")
+    live = LiveData(3, lambda: now_ns, lambda state: refusal(state, network, rsus))
+    state = world.state("avenue_east")
+    for rsu, segment, vehicles in (
+        ("rsu-2", "avenue_east", 5),
+        ("rsu-1", "avenue_west", 5),
+        ("rsu-1", "avenue_east", 10**9),
+        ("rsu-1", "nowhere", 5),
+    ):
+        changes = {"rsu": rsu, "segment": segment, "vehicles": vehicles}
+        with pytest.raises(InputError, match="state refused: "):
+            live.on_state(state_key(rsu, segment), state.model_copy(update=changes).to_bytes())
+    assert not live.snapshot().states
+    honest = state.model_copy(update={"rsu": "rsu-1"})
+    live.on_state(state_key("rsu-1", "avenue_east"), honest.to_bytes())
+    assert list(live.snapshot().states) == [("avenue_east", "rsu-1")]
 
 
 def test_late_repairs_do_not_win(live, world, now_ns):

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from dispatcher_daemon import metrics
 from dispatcher_daemon.daemon import PRUNE_BATCH, Dispatcher, check_health, cycle_seed
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
@@ -243,6 +244,33 @@ def test_the_look_each_second_follows_the_clock(demo: RoutingProblem) -> None:
     assert health.next_cycle_ns is not None
     assert health.next_cycle_ns < time.time_ns() + 60 * 10**9
     assert service.fed == 1
+
+
+@pytest.mark.attack
+def test_a_state_of_an_unlisted_rsu_opens_no_gate_and_is_told(
+    demo: RoutingProblem, state: State, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Refusals are counted by verdict; one line of each kind names key and reason."""
+    log = Log()
+    settings = SETTINGS.model_copy(update={"rsus": {"rsu-avenue_east": ("avenue_east",)}})
+    dispatcher = Dispatcher(
+        settings, demo.network, demo.fleet, log, log, solve_in_process([ExactSolver()])
+    )
+    before = metrics.STATES.labels("unlisted")._value.get()
+    with caplog.at_level(logging.WARNING):
+        feed(dispatcher, state, "avenue_west", 1)
+        feed(dispatcher, state, "avenue_west", 1)
+        seen = state("avenue_east", 1, time_ns=time.time_ns(), speed_mps=-5.0)
+        dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+    dispatcher.run_cycle()
+    (report,) = log.published(CycleReport)
+    assert not any(gate.open for gate in report.gates)  # type: ignore[attr-defined]
+    assert metrics.STATES.labels("unlisted")._value.get() == before + 2
+    assert [record.getMessage() for record in caplog.records] == [
+        "slipstream/v1/rsu/rsu-avenue_west/segment/avenue_west/state: state refused: unlisted",
+        "slipstream/v1/rsu/rsu-avenue_east/segment/avenue_east/state: state refused: implausible, "
+        "mean_speed_mps = -5",
+    ]
 
 
 def wait_for(condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:

@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.traffic import MAX_RSUS_PER_SEGMENT, LatestStates, Verdict, take_snapshot
+from dispatcher_daemon.states import LatestStates, Verdict
+from dispatcher_daemon.traffic import take_snapshot
 from slipstream.messages import CAMERA_FAULTS, Gate, SegmentState
 
 State = Callable[..., SegmentState]
@@ -196,73 +195,3 @@ def test_two_rsus_on_one_segment_agree_on_the_safe_side(
     states = [state("avenue_east", y, rsu=f"rsu-{i}") for i, y in enumerate(flags)]
     snapshot = take_snapshot(demo.network, states, now_ns, stale_after_s=5.0)
     assert snapshot.segments["avenue_east"].open is is_open
-
-
-def test_book_tells_duplicates_late_and_wrong_states(
-    demo: RoutingProblem, state: State, now_ns: int
-) -> None:
-    """Duplicates, out-of-order, future-dated and unknown-road states change nothing."""
-    latest_states = LatestStates(demo.network)
-    newest = state("avenue_east", 1, sequence=9)
-    assert latest_states.accept(newest, now_ns) is Verdict.ACCEPTED
-    assert latest_states.accept(newest, now_ns) is Verdict.DUPLICATE
-    late = state("avenue_east", 0, time_ns=now_ns - SECOND, sequence=8)
-    assert latest_states.accept(late, now_ns) is Verdict.OUT_OF_ORDER
-    same_time = state("avenue_east", 0, sequence=10)
-    assert latest_states.accept(same_time, now_ns) is Verdict.OUT_OF_ORDER
-    ahead = state("avenue_east", 0, time_ns=now_ns + 2 * SECOND)
-    assert latest_states.accept(ahead, now_ns) is Verdict.FUTURE
-    assert latest_states.accept(state("elsewhere", 1), now_ns) is Verdict.UNKNOWN_SEGMENT
-    assert latest_states.latest() == (newest,)
-
-
-def test_an_rsu_may_watch_several_segments(demo: RoutingProblem, state: State, now_ns: int) -> None:
-    """Each has its own latest state."""
-    latest_states = LatestStates(demo.network)
-    both = [state(name, 1, rsu="rsu") for name in ("avenue_east", "avenue_west")]
-    assert [latest_states.accept(seen, now_ns) for seen in both] == [Verdict.ACCEPTED] * 2
-    assert latest_states.latest() == tuple(both)
-
-
-def test_restarted_rsu_is_heard_again(demo: RoutingProblem, state: State, now_ns: int) -> None:
-    """A sequence number that starts again does not make a newer state late."""
-    latest_states = LatestStates(demo.network)
-    latest_states.accept(state("avenue_east", 1, sequence=900), now_ns)
-    after = state("avenue_east", 0, sequence=0, time_ns=now_ns + SECOND)
-    assert latest_states.accept(after, now_ns + SECOND) is Verdict.ACCEPTED
-    assert latest_states.latest() == (after,)
-
-
-def test_clock_set_back_does_not_block_the_book(
-    demo: RoutingProblem, state: State, now_ns: int
-) -> None:
-    """A held state that a clock step has left in the future gives way to the next one."""
-    latest_states = LatestStates(demo.network)
-    latest_states.accept(state("avenue_east", 1, sequence=5), now_ns)
-    earlier = now_ns - 3600 * SECOND
-    fresh = state("avenue_east", 0, sequence=6, time_ns=earlier)
-    assert latest_states.accept(fresh, earlier) is Verdict.ACCEPTED
-
-
-def test_book_is_bounded(demo: RoutingProblem, state: State, now_ns: int) -> None:
-    """Made-up RSU names cannot fill the memory."""
-    latest_states = LatestStates(demo.network)
-    verdicts = [
-        latest_states.accept(state("avenue_east", 1, rsu=f"rsu-{i}"), now_ns)
-        for i in range(MAX_RSUS_PER_SEGMENT + 3)
-    ]
-    assert verdicts[-3:] == [Verdict.TOO_MANY_RSUS] * 3
-    assert len(latest_states.latest()) == MAX_RSUS_PER_SEGMENT
-
-
-@given(order=st.permutations(range(6)))
-def test_latest_state_wins_in_any_order_of_arrival(
-    demo: RoutingProblem, state: State, now_ns: int, order: list[int]
-) -> None:
-    """Whatever order states arrive in, the newest is kept."""
-    latest_states = LatestStates(demo.network)
-    for i in order:
-        seen = state("avenue_east", i % 2, sequence=i, time_ns=now_ns - (6 - i) * SECOND)
-        latest_states.accept(seen, now_ns)
-    (held,) = latest_states.latest()
-    assert held.sequence == 5

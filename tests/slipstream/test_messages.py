@@ -61,6 +61,7 @@ def test_a_state_survives_the_wire() -> None:
         ({"coverage": 1.5}, "coverage"),
         ({"time_ns": "1"}, "time_ns"),
         ({"window_s": None}, "window_s"),
+        ({"sequence": 2**70}, "sequence"),
         ({"surprise": 1}, "surprise"),
         ({"reason": "because"}, "reason"),
     ],

@@ -1,0 +1,95 @@
+"""Which segment states are admitted: those of a listed RSU whose figures are physically possible.
+
+The dispatcher's gates and the dashboard's map admit the same states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from slipstream.errors import InputError
+from slipstream.messages import Estimate, Identifier, SegmentState
+from slipstream.roads import RoadNetwork, Segment
+
+Rsus = dict[Identifier, Annotated[tuple[Identifier, ...], Field(min_length=1)]]
+"""The segments that each RSU watches."""
+
+_LIMITS: Final[Mapping[str, tuple[float, float]]] = {
+    "mean_speed_mps": (-3.0, 70.0),
+    "mean_acceleration_mps2": (-20.0, 20.0),
+    "density_veh_per_m": (0.0, 2.0),
+    "speed_std_mps": (0.0, 50.0),
+    "acceleration_variance_m2ps4": (0.0, 400.0),
+    "mean_gap_m": (-5.0, 5000.0),
+}
+"""Physically possible values of the features; a queue's measured speed and gap may be below 0."""
+_MAX_STANDARD_ERROR: Final = 1e4
+_MAX_WINDOW_S: Final = 3600.0
+_MAX_VEHICLES: Final = 10_000
+_SPEEDING: Final = 2.0
+_SPEEDING_MPS: Final = 15.0
+"""A mean speed above so many times the limit, and so much above it, belongs to another road."""
+
+
+def is_listed(state: SegmentState, rsus: Mapping[str, tuple[str, ...]] | None) -> bool:
+    """True if the RSU may report on the segment; None: any RSU may report on any segment."""
+    return rsus is None or state.segment in rsus.get(state.rsu, ())
+
+
+def check_rsus(
+    rsus: Mapping[str, tuple[str, ...]] | None, network: RoadNetwork, source: str | Path
+) -> None:
+    """Check that the network has the listed segments.
+
+    Raises:
+        InputError: it lacks one.
+    """
+    for rsu, segments in (rsus or {}).items():
+        for segment in segments:
+            if segment not in network.segments:
+                raise InputError(
+                    source,
+                    f"the network has no segment {segment}",
+                    "give ids of the network's segments",
+                    key=f"rsus.{rsu}",
+                )
+
+
+def refusal(
+    state: SegmentState, network: RoadNetwork, rsus: Mapping[str, tuple[str, ...]] | None
+) -> str | None:
+    """Why a state is not admitted; None if it is."""
+    segment = network.segments.get(state.segment)
+    if segment is None:
+        return "unknown segment"
+    if not is_listed(state, rsus):
+        return "its RSU is not listed for this segment"
+    return implausibility(state, segment)
+
+
+def implausibility(state: SegmentState, segment: Segment) -> str | None:
+    """What is physically impossible in a state of ``segment``; None if nothing is."""
+    if state.window_s > _MAX_WINDOW_S:
+        return f"a window of {state.window_s:g} s"
+    if state.vehicles > _MAX_VEHICLES:
+        return f"{state.vehicles} vehicles"
+    if state.frames == 0 and (state.y_e is not None or state.vehicles):
+        return "vehicles or a flag without a frame"
+    if state.features is None:
+        return None
+    for name, (low, high) in _LIMITS.items():
+        estimate: Estimate | None = getattr(state.features, name)
+        if estimate is None:
+            continue
+        if not low <= estimate.value <= high:
+            return f"{name} = {estimate.value:g}"
+        if (estimate.standard_error or 0.0) > _MAX_STANDARD_ERROR:
+            return f"{name} with a standard error of {estimate.standard_error:g}"
+    speed, limit = state.features.mean_speed_mps.value, segment.speed_limit_mps
+    if speed > max(_SPEEDING * limit, limit + _SPEEDING_MPS):
+        return f"mean_speed_mps = {speed:g} where {limit:g} is allowed"
+    return None
