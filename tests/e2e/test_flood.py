@@ -8,10 +8,12 @@ import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Generic, TypeVar
 
 import psutil
 import pytest
@@ -20,10 +22,49 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
-from slipstream.messages import CYCLE_KEY, CycleReport, decode, state_key
+from slipstream.inbox import OUTCOMES
+from slipstream.messages import (
+    ALL_STATES,
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+    CycleReport,
+    DispatcherHealth,
+    Estimate,
+    KinematicFeatures,
+    Message,
+    SegmentState,
+    decode,
+    state_key,
+)
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 INTERVAL_S = 4.0
+STATE = SegmentState(
+    rsu="r",
+    segment="s",
+    sequence=1,
+    time_ns=1,
+    window_s=10.0,
+    features=KinematicFeatures(
+        mean_speed_mps=Estimate(value=13.512345678, standard_error=0.123456789),
+        mean_acceleration_mps2=Estimate(value=0.012345678, standard_error=0.012345678),
+        density_veh_per_m=Estimate(value=0.0212345678, standard_error=0.0012345678),
+        speed_std_mps=Estimate(value=0.412345678, standard_error=0.0812345678),
+        acceleration_variance_m2ps4=Estimate(value=0.0512345678, standard_error=0.0112345678),
+        mean_gap_m=Estimate(value=22.123456789, standard_error=3.123456789),
+    ),
+    y_e=1,
+    reason=None,
+    vehicles=8,
+    frames=300,
+    coverage=1.0,
+)
+FLEET = {
+    "depots": [{"id": "yard", "node": "0.0"}],
+    "vehicles": [{"id": "van-a", "depot": "yard"}],
+    "stops": [{"id": "shop", "node": "2.2"}],
+}
+M = TypeVar("M", bound=Message)
 
 pytestmark = [pytest.mark.attack, pytest.mark.process]
 
@@ -78,28 +119,29 @@ class Daemon:
         )
 
 
-@dataclass
-class Cycles:
-    """When the dispatcher's cycles began."""
+class Reports(Generic[M]):
+    """Messages of one kind from the bus."""
 
-    began_ns: list[int] = field(default_factory=list)
-    changed: threading.Condition = field(default_factory=threading.Condition)
+    def __init__(self, kind: type[M]) -> None:
+        self._kind = kind
+        self._changed = threading.Condition()
+        self.got: list[M] = []
 
     def take(self, key: str, payload: bytes) -> None:
-        """One report."""
-        with self.changed:
-            self.began_ns.append(decode(CycleReport, payload, key).started_ns)
-            self.changed.notify()
+        """One message."""
+        with self._changed:
+            self.got.append(decode(self._kind, payload, key))
+            self._changed.notify()
 
     def wait_for(self, number: int, timeout_s: float = 60.0) -> None:
-        """Wait for so many reports."""
-        with self.changed:
-            assert self.changed.wait_for(lambda: len(self.began_ns) >= number, timeout_s)
+        """Wait until so many have come."""
+        with self._changed:
+            assert self._changed.wait_for(lambda: len(self.got) >= number, timeout_s)
 
-    def longest_gap_s(self) -> float:
-        """Between two cycles."""
-        pairs = zip(self.began_ns, self.began_ns[1:], strict=False)
-        return max(1e-9 * (later - earlier) for earlier, later in pairs)
+
+def longest_gap_s(times_ns: Sequence[int]) -> float:
+    """Longest time between two of them that follow each other, s."""
+    return max(1e-9 * (b - a) for a, b in pairwise(times_ns))
 
 
 @contextmanager
@@ -115,9 +157,11 @@ def started(*command: str) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def server(
-    folder: Path, dispatcher: Mapping[str, object]
+    folder: Path,
+    dispatcher: Mapping[str, object],
+    names: Sequence[str] = ("dispatcher", "dashboard"),
 ) -> Iterator[tuple[str, dict[str, Daemon]]]:
-    """Router, dispatcher and dashboard of a server; gives the endpoint and the daemons."""
+    """Router and daemons of a server; gives the endpoint and the daemons."""
     port, page = free_port(), free_port()
     endpoint = f"tcp/127.0.0.1:{port}"
     router = folder / "router.json5"
@@ -132,6 +176,8 @@ def server(
         "dispatcher": {"database_url": f"sqlite:///{folder / 'slipstream.db'}", **dispatcher},
         "dashboard": {"port": page},
     }.items():
+        if name not in names:
+            continue
         ports[name] = free_port()
         path = folder / f"{name}.toml"
         path.write_text(
@@ -162,7 +208,7 @@ def test_messages_too_large_are_refused_in_bounded_memory(
     number, huge = (300, 900_000_000) if full_size else (30, 100_000_000)
     settings = {"interval_s": INTERVAL_S, "deadline_s": 1.0, "solvers": ["exact"]}
     with server(tmp_path, settings) as (endpoint, daemons):
-        cycles = Cycles()
+        cycles = Reports(CycleReport)
         with Bus.open(BusSettings(connect=(endpoint,))) as bus:
             bus.subscribe(CYCLE_KEY, cycles.take, every=True)
             cycles.wait_for(2, 120)
@@ -174,12 +220,12 @@ def test_messages_too_large_are_refused_in_bounded_memory(
                         daemon.sample()
                     time.sleep(0.02)
                 assert sender.returncode == 0
-            cycles.wait_for(len(cycles.began_ns) + 2)
+            cycles.wait_for(len(cycles.got) + 2)
         refused = {
             name: daemons[name].metric("slipstream_bus_samples_total", outcome="oversized")
             for name in ("dispatcher", "dashboard")
         }
-    gap = cycles.longest_gap_s() / INTERVAL_S
+    gap = longest_gap_s([report.started_ns for report in cycles.got]) / INTERVAL_S
     peaks = {name: round(daemon.peak_mb) for name, daemon in daemons.items()}
     figure(f"{number} of 20 MB, one of {huge / 1e6:.0f} MB: peaks, MB {peaks}; refused {refused}")
     figure(f"longest gap between cycles {gap:.2f} intervals")
@@ -188,3 +234,143 @@ def test_messages_too_large_are_refused_in_bounded_memory(
     assert peaks["dashboard"] < 250
     assert refused["dispatcher"] >= number
     assert gap <= 1.5
+
+
+def write_grid(path: Path, size: int) -> list[str]:
+    """Write a SUMO net of ``size`` × ``size`` junctions, streets both ways; returns segment ids."""
+    nodes = [(x, y) for x in range(size) for y in range(size)]
+    ways = [
+        ((x, y), (x + dx, y + dy))
+        for x, y in nodes
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1))
+        if (x + dx, y + dy) in set(nodes)
+    ]
+
+    def name(node: tuple[int, int]) -> str:
+        return f"{node[0]}.{node[1]}"
+
+    lines = [
+        '<net version="1.16"><location netOffset="0,0" convBoundary="0,0,2000,2000" '
+        'origBoundary="0,0,2000,2000" projParameter="!"/>'
+    ]
+    for a, b in ways:
+        shape = f"{100 * a[0]},{100 * a[1]} {100 * b[0]},{100 * b[1]}"
+        lines.append(
+            f'<edge id="{name(a)}-{name(b)}" from="{name(a)}" to="{name(b)}" priority="1">'
+            f'<lane id="{name(a)}-{name(b)}_0" index="0" speed="13.89" length="100" '
+            f'shape="{shape}"/></edge>'
+        )
+    for x, y in nodes:
+        arriving = " ".join(f"{name(a)}-{name(b)}_0" for a, b in ways if b == (x, y))
+        lines.append(
+            f'<junction id="{x}.{y}" type="priority" x="{100 * x}" y="{100 * y}" '
+            f'incLanes="{arriving}" intLanes="" shape="{100 * x},{100 * y}"/>'
+        )
+    lines += [
+        f'<connection from="{name(a)}-{name(b)}" to="{name(b)}-{name(d)}" fromLane="0" toLane="0" '
+        'dir="s" state="M"/>'
+        for a, b in ways
+        for c, d in ways
+        if c == b and d != a
+    ]
+    path.write_text("\n".join([*lines, "</net>"]))
+    return [f"{name(a)}-{name(b)}" for a, b in ways]
+
+
+_RSUS = """
+import json, sys, time
+from slipstream.bus import Bus
+from slipstream.config import BusSettings
+from slipstream.messages import SegmentState, state_key
+endpoint, seconds, pairs = sys.argv[1], float(sys.argv[2]), json.loads(sys.stdin.read())
+state = SegmentState.model_validate_json(sys.argv[3])
+MARK = 1234567890123456789
+with Bus.open(BusSettings(connect=(endpoint,))) as bus:
+    outlets = []
+    for rsu, segment in pairs:
+        mine = state.model_copy(update={"rsu": rsu, "segment": segment, "time_ns": MARK})
+        before, after = mine.to_bytes().split(str(MARK).encode())
+        outlets.append((bus.publisher(state_key(rsu, segment)), before, after))
+    print("declared", flush=True)
+    began, sent = time.monotonic(), 0
+    while (now := time.monotonic()) < began + seconds:
+        for _ in range(min(500, int((now - began) * len(pairs)) - sent)):
+            publisher, before, after = outlets[sent % len(outlets)]
+            publisher.put(before + str(time.time_ns()).encode() + after)
+            sent += 1
+        time.sleep(0.005)
+    print(json.dumps({"sent": sent, "seconds": time.monotonic() - began}), flush=True)
+    time.sleep(2.0)
+"""
+
+
+@pytest.mark.slow(long=True)
+def test_many_rsus_are_all_heard(
+    tmp_path: Path, full_size: bool, figure: Callable[[str], None]
+) -> None:
+    """10,000 states a second from 1,000 RSUs: fresh segments, regular health, no silent loss."""
+    rsus, seconds = (1000, 120.0) if full_size else (200, 20.0)
+    segments = write_grid(tmp_path / "grid.net.xml", 18)
+    watched: dict[str, list[str]] = {
+        f"rsu-{n}": [segments[(10 * n + i) % len(segments)] for i in range(10)] for n in range(rsus)
+    }
+    pairs = [(rsu, segment) for rsu, its in watched.items() for segment in its]
+    (tmp_path / "fleet.json").write_text(json.dumps(FLEET))
+    settings = {
+        "interval_s": 10.0 if full_size else INTERVAL_S,
+        "deadline_s": 1.0,
+        "solvers": ["exact"],
+        "network": str(tmp_path / "grid.net.xml"),
+        "fleet": str(tmp_path / "fleet.json"),
+        "rsus": watched,
+    }
+    cycles, health = Reports(CycleReport), Reports(DispatcherHealth)
+    with (
+        server(tmp_path, settings, ("dispatcher",)) as (endpoint, daemons),
+        Bus.open(BusSettings(connect=(endpoint,))) as bus,
+    ):
+        bus.subscribe(CYCLE_KEY, cycles.take, every=True)
+        bus.subscribe(DISPATCHER_HEALTH_KEY, health.take, every=True)
+        cycles.wait_for(1, 120)
+        sender = subprocess.Popen(
+            [sys.executable, "-c", _RSUS, endpoint, str(seconds), STATE.model_dump_json()],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert sender.stdin is not None
+            assert sender.stdout is not None
+            sender.stdin.write(json.dumps(pairs))
+            sender.stdin.close()
+            assert sender.stdout.readline() == "declared\n"
+            first, beat = len(cycles.got) + 2, len(health.got)
+            done = json.loads(sender.stdout.readline())
+            last, beats = len(cycles.got), [h.time_ns for h in health.got[beat:]]
+        finally:
+            sender.kill()
+            sender.communicate()
+        received = daemons["dispatcher"].metric(
+            "slipstream_bus_samples_total", subscription=ALL_STATES
+        )
+        outcomes = {
+            outcome: daemons["dispatcher"].metric(
+                "slipstream_bus_samples_total", subscription=ALL_STATES, outcome=outcome
+            )
+            for outcome in OUTCOMES
+        }
+    during = cycles.got[first:last]
+    fresh = [
+        len({gate.segment for gate in report.gates if gate.reason is None}) for report in during
+    ]
+    everywhere = len({segment for its in watched.values() for segment in its})
+    share = sum(number == everywhere for number in fresh) / len(during)
+    silent_s = longest_gap_s(beats)
+    rate = done["sent"] / done["seconds"]
+    figure(f"{rate:.0f} states/s from {rsus} RSUs: {outcomes} of {done['sent']} sent")
+    figure(
+        f"all segments fresh in {share:.0%} of {len(during)} cycles, health silent {silent_s:.1f} s"
+    )
+    assert share >= 0.99
+    assert silent_s < 2.0
+    assert sum(outcomes.values()) == received >= 0.99 * done["sent"]
