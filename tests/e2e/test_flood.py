@@ -349,7 +349,8 @@ def test_many_rsus_are_all_heard(
             last, beats = len(cycles.got), [h.time_ns for h in health.got[beat:]]
         finally:
             sender.kill()
-            sender.communicate()
+            sender.wait()
+            sender.stdout.close()
         received = daemons["dispatcher"].metric(
             "slipstream_bus_samples_total", subscription=ALL_STATES
         )
