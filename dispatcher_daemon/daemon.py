@@ -29,6 +29,7 @@ from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
+from slipstream.inbox import lost
 from slipstream.messages import (
     ALL_STATES,
     CYCLE_KEY,
@@ -145,6 +146,7 @@ class Dispatcher:
         self.cycles_failed = 0
         self.states_received = 0
         self.bad_messages = 0
+        self.states_refused = 0
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_STATES`; what is not a SegmentState is counted."""
@@ -161,6 +163,7 @@ class Dispatcher:
         verdict = self._latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
         if verdict not in HARMLESS:
+            self.states_refused += 1
             what = verdict.value.replace("_", " ")
             if verdict is Verdict.IMPLAUSIBLE:
                 what += f", {implausibility(state, self._network.segments[state.segment])}"
@@ -323,6 +326,8 @@ class Dispatcher:
                 cycles_failed=self.cycles_failed,
                 states_received=self.states_received,
                 bad_messages=self.bad_messages,
+                states_refused=self.states_refused,
+                messages_lost=lost(),
                 next_cycle_ns=next_cycle_ns,
                 rss_mb=rss_mb(),
                 hardware=None if self._job_manager is None else self._job_manager.health(),

@@ -32,6 +32,16 @@ SAMPLES = Counter(
 )
 
 
+def lost() -> int:
+    """Number of samples that this process dropped or refused as oversized, since its start."""
+    return sum(
+        int(sample.value)
+        for metric in SAMPLES.collect()
+        for sample in metric.samples
+        if sample.name.endswith("_total") and sample.labels["outcome"] in ("dropped", "oversized")
+    )
+
+
 class Inbox:
     """Samples between zenoh's thread and the handler's own thread.
 

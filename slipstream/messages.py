@@ -330,6 +330,12 @@ class DispatcherHealth(Message):
     cycles_failed: Count
     states_received: Count
     bad_messages: Count
+    states_refused: Count = Field(
+        default=0, description="States that were read and not admitted; senders before: 0."
+    )
+    messages_lost: Count = Field(
+        default=0, description="Messages too large, or too many to handle; senders before: 0."
+    )
     next_cycle_ns: TimeNs | None
     rss_mb: NonNegative
     hardware: HardwareHealth | None = Field(default=None, description="Null without a device.")

@@ -53,7 +53,12 @@ def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) ->
         )
     if health.cycles_failed:
         lines.append(f"{labels.plural(health.cycles_failed, 'cycle')} failed since it started")
-    return " · ".join(lines), "bad" if problem else "ok"
+    if health.states_refused:
+        lines.append(f"{labels.plural(health.states_refused, 'state')} refused")
+    if health.messages_lost:
+        lines.append(f"{labels.plural(health.messages_lost, 'message')} lost")
+    told: Level = "warn" if health.states_refused or health.messages_lost else "ok"
+    return " · ".join(lines), "bad" if problem else told
 
 
 def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:

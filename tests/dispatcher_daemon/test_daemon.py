@@ -265,6 +265,7 @@ def test_a_state_of_an_unlisted_rsu_opens_no_gate_and_is_told(
     dispatcher.run_cycle()
     (report,) = log.published(CycleReport)
     assert not any(gate.open for gate in report.gates)  # type: ignore[attr-defined]
+    assert dispatcher.states_refused == 3
     assert metrics.STATES.labels("unlisted")._value.get() == before + 2
     assert [record.getMessage() for record in caplog.records] == [
         "slipstream/v1/rsu/rsu-avenue_west/segment/avenue_west/state: state refused: unlisted",

@@ -16,6 +16,7 @@ from slipstream.inbox import (
     OUTCOMES,
     SAMPLES,
     Inbox,
+    lost,
 )
 
 Open = Callable[[bool], "Slow"]
@@ -144,12 +145,13 @@ def test_a_message_that_is_too_large_is_refused(
     slow: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It never waits; a line a minute names the key and the size."""
-    inbox = slow(False)
+    inbox, before = slow(False), lost()
     for _ in range(3):
         inbox.put("a", bytes(MAX_MESSAGE_BYTES + 1))
     inbox.put("a", bytes(MAX_MESSAGE_BYTES))
     inbox.release(1)
     assert inbox.counts() == {"taken": 1, "superseded": 0, "dropped": 0, "oversized": 3}
+    assert lost() == before + 3
     (line,) = [record.getMessage() for record in caplog.records]
     assert f"a: a message of {MAX_MESSAGE_BYTES + 1} bytes is refused" in line
 

@@ -233,6 +233,22 @@ def test_a_failed_cycle_is_shown(world, now_ns):
     assert view.dispatcher_level == "ok"
 
 
+@pytest.mark.attack
+@pytest.mark.parametrize(
+    ("changes", "shown"),
+    [
+        ({"states_refused": 3}, "3 states refused"),
+        ({"messages_lost": 1}, "1 message lost"),
+    ],
+)
+def test_refused_and_lost_messages_are_shown(world, now_ns, changes, shown):
+    """Somebody floods the bus, or speaks for a road that is not theirs: the page says so."""
+    health = world.dispatcher(now_ns).model_copy(update=changes)
+    view = _view(Snapshot(dispatcher=health, cycles=(world.cycle(1, now_ns),)), now_ns)
+    assert view.dispatcher == f"Next cycle in 18 s · {shown}"
+    assert view.dispatcher_level == "warn"
+
+
 @pytest.mark.parametrize(("ago_s", "level"), [(5, "bad"), (60, "ok"), (-60, "ok")])
 def test_a_failure_without_a_report(world, now_ns, ago_s, level):
     """A count of failed cycles that has risen since the last good cycle is trouble too."""
