@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable
 from datetime import UTC, datetime
 
@@ -43,9 +42,7 @@ class CycleScheduler:
         on_fault: Callable[[str], None] = lambda kind: None,
     ) -> None:
         self._on_fault = on_fault
-        self._lock = threading.Lock()
         self._interval_s = interval_s
-        self._faults = {"overlapped": 0, "missed": 0, "raised": 0, "clock": 0}
         self._scheduler = BackgroundScheduler(
             timezone=UTC, executors={"default": ThreadPoolExecutor(1)}
         )
@@ -73,11 +70,6 @@ class CycleScheduler:
                 "a cycle was %s",
                 "left out: the last one still runs" if kind == "overlapped" else kind,
             )
-        self._count(kind)
-
-    def _count(self, kind: str) -> None:
-        with self._lock:
-            self._faults[kind] += 1
         self._on_fault(kind)
 
     def follow_clock(self) -> bool:
@@ -95,28 +87,8 @@ class CycleScheduler:
             return False
         self._scheduler.modify_job(_JOB, next_run_time=now)
         log.warning("the clock was set: the next cycle was %.0f s off, now it is due", off_s)
-        self._count("clock")
+        self._on_fault("clock")
         return True
-
-    @property
-    def clock_steps(self) -> int:
-        """Times that the next run was brought back because the wall clock was set."""
-        return self._faults["clock"]
-
-    @property
-    def overlapped(self) -> int:
-        """Runs skipped because the one before was still running."""
-        return self._faults["overlapped"]
-
-    @property
-    def missed(self) -> int:
-        """Runs that could not start within an interval."""
-        return self._faults["missed"]
-
-    @property
-    def raised(self) -> int:
-        """Runs that ended in an exception."""
-        return self._faults["raised"]
 
     @property
     def next_run_ns(self) -> int | None:

@@ -43,11 +43,6 @@ class CameraPose:
         image += points[:, 2:] * self.up
         return np.asarray(image[:, :2] / np.where(image[:, 2:] > 1e-6, image[:, 2:], np.nan))
 
-    def view_direction(self, points_m: npt.ArrayLike) -> Array:
-        """Unit vectors on the road from the camera's foot to points (n, 2), m, shape (n, 2)."""
-        ray = np.asarray(points_m, dtype=np.float64).reshape(-1, 2) - self.foot_m
-        return np.asarray(ray / np.hypot(ray[:, :1], ray[:, 1:]).clip(1e-9))
-
     def centre_offset(self, points_m: Array, headings: Array, sizes_m: Array) -> Array:
         """From the middle of a box's lower edge, on the road, to the middle of its vehicle.
 
