@@ -40,8 +40,13 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
         ("cycle", CYCLE_KEY, live.on_cycle),
         ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
     ):
-        every = key_expression == CYCLE_KEY
-        bus.subscribe(key_expression, _counting_handler(kind, handler, limiter), every=every)
+        bus.subscribe(
+            key_expression,
+            _counting_handler(kind, handler, limiter),
+            # The others come each second.
+            history=kind in ("plan", "cycle", "dispatcher_health"),
+            every=kind == "cycle",
+        )
 
 
 class PreviewFeed:

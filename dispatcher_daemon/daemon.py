@@ -437,7 +437,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         dispatcher = Dispatcher(
             settings, network, fleet, bus, database, pool, executor, job_manager, fleet_file
         )
-        bus.subscribe(ALL_STATES, dispatcher.on_state)
+        bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         scheduler = CycleScheduler(
             dispatcher.run_cycle,
             settings.interval_s,

@@ -94,10 +94,10 @@ class EdgeDaemon:
         self._source = source
         self._service = service
         self._state_publishers = {
-            segment.id: bus.publisher(state_key(settings.rsu, segment.id))
+            segment.id: bus.publisher(state_key(settings.rsu, segment.id), history=0)
             for segment in camera.segments
         }
-        self._health_publisher = bus.publisher(rsu_health_key(settings.rsu))
+        self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
         self._preview_publisher: Publisher | None = (
             bus.publisher(preview_key(settings.rsu), best_effort=True)
             if settings.preview.fps > 0

@@ -69,7 +69,8 @@ class Bus:
 
         Args:
             key: a concrete key, from `slipstream.messages`.
-            history: samples kept for subscribers that come late or lost some; at least 1.
+            history: samples kept for subscribers that come late or lost some; 0 for what is
+                published each second anyway: a router needs minutes to learn of 10,000 caches.
             best_effort: no cache, no repair, low priority: for pictures.
         """
         if best_effort:
@@ -79,6 +80,14 @@ class Bus:
                     congestion_control=zenoh.CongestionControl.DROP,
                     priority=zenoh.Priority.DATA_LOW,
                     reliability=zenoh.Reliability.BEST_EFFORT,
+                )
+            )
+        if history == 0:
+            return Publisher(
+                self._session.declare_publisher(
+                    key,
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    reliability=zenoh.Reliability.RELIABLE,
                 )
             )
         return Publisher(

@@ -78,8 +78,8 @@ class _World:
         vehicles = spec.deliveries.vehicles
         self._mailbox, gates = PlanQueue(vehicles), BusGates()
         bus.subscribe(ALL_PLANS, self._mailbox.take)
-        bus.subscribe(ALL_STATES, gates.take)
-        self._outlets = {name: bus.publisher(position_key(name)) for name in vehicles}
+        bus.subscribe(ALL_STATES, gates.take, history=False)
+        self._outlets = {name: bus.publisher(position_key(name), history=0) for name in vehicles}
         lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
         policy = Policy("live", frozenset(LEVERS) if spec.priority else WITHOUT_PRIORITY)
         controller = FleetController(policy.levers, spec.day.net, spec.step_s, lengths_m, gates)
