@@ -44,14 +44,18 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.roads import RoadNetwork, load_network
-from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
-from storage import open_database
+from slipstream.service import LogLimiter, Service, configure_logging, notify, rss_mb
+from storage import Database, UntrustedClockError, open_database
 
 log = logging.getLogger(__name__)
 
 PRUNE_EVERY_S = 3600.0
-PRUNE_BATCH = 400
+PRUNE_BATCH = 50
 """Maximum number of cycles deleted at once; a backlog is deleted in several cycles."""
+CHECK_LIMIT_S = 3600.0
+"""How long the check of the database may hold up the start, s; it takes some seconds a GB."""
+START_LIMIT_S = 180.0
+"""Time to be ready after that, s: as TimeoutStartSec= of the unit."""
 HEALTH_EVERY_S = 1.0
 
 
@@ -65,11 +69,15 @@ class CycleStore(Protocol):
         ...
 
     def next_cycle_number(self) -> int:
-        """Number of the next cycle."""
+        """Number of the next cycle; opens the database anew where it was replaced."""
         ...
 
     def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
         """Delete old cycles, at most ``limit``."""
+        ...
+
+    def trim(self, keep_mb: float, *, limit: int) -> int:
+        """Delete the oldest cycles until the others fit, at most about ``limit``."""
         ...
 
 
@@ -139,6 +147,8 @@ class Dispatcher:
         self._health_publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._cycle = store.next_cycle_number()
         self._pruned_at = -PRUNE_EVERY_S
+        self._clock_trusted = True
+        self._storage_fault = False
         self.stopping = threading.Event()
         self.cycle_began: float | None = None
         self.started_ns = time.time_ns()
@@ -181,6 +191,9 @@ class Dispatcher:
                 log.exception("cycle %d is lost: %s", self._cycle - 1, error)
         finally:
             self.cycle_began = None
+        if self._storage_fault:
+            # After the cycle, as the check of a large database takes longer than one may.
+            self._recover_storage()
 
     def _run_cycle(self) -> None:
         number, began, now_ns = self._cycle, time.monotonic(), time.time_ns()
@@ -262,11 +275,20 @@ class Dispatcher:
         """Publish a failed report for a cycle that could not be stored; its plans are not sent."""
         reason = f"not stored, so no plan was sent: {_error_text(error)}"
         self._warn("storage", f"cycle {report.cycle} {reason}")
+        self._storage_fault = True
         self.cycles_failed += 1
         metrics.CYCLES.labels("lost").inc()
         self._cycle_publisher.put(
             failed_report(report.cycle, report.started_ns, report.wall_s, reason)
         )
+
+    def _recover_storage(self) -> None:
+        """Open the database anew if it was replaced; numbers go on above all stored ones."""
+        try:
+            self._cycle = max(self._cycle, self._store.next_cycle_number())
+            self._storage_fault = False
+        except Exception as error:
+            self._warn("recovery", f"the database cannot be used yet: {error}")
 
     def _count(self, report: CycleReport) -> None:
         self.cycles += 1
@@ -297,13 +319,26 @@ class Dispatcher:
         )
 
     def _prune(self, now_ns: int) -> None:
-        if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
-            return
-        pruned = 0
+        """Delete what is too much after each cycle, and what is too old once an hour."""
         try:
+            trimmed = self._store.trim(self._settings.keep_mb, limit=PRUNE_BATCH)
+            if trimmed and self._limiter.allow("trim"):
+                log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
+            if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
+                return
             pruned = self._store.prune(self._settings.keep_days, now_ns, limit=PRUNE_BATCH)
+        except UntrustedClockError as error:
+            if self._clock_trusted:
+                log.warning("%s", error)
+            self._clock_trusted = False
+            metrics.CLOCK_UNTRUSTED.set(1)
+            return
         except Exception as error:
-            log.warning("old cycles could not be deleted: %s", error)
+            self._warn("prune", f"old cycles could not be deleted: {error}")
+            self._pruned_at = time.monotonic()
+            return
+        self._clock_trusted = True
+        metrics.CLOCK_UNTRUSTED.set(0)
         if pruned:
             log.info("%d old cycles deleted", pruned)
         if pruned < PRUNE_BATCH:
@@ -397,6 +432,18 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         service.progress(f"{dispatcher.cycles} cycles")
 
 
+def open_checked_database(url: str) -> Database:
+    """Open the database as its one dispatcher; systemd gives the check of a large one its time.
+
+    Raises:
+        InputError: it cannot be used, or another dispatcher writes it.
+    """
+    notify(f"EXTEND_TIMEOUT_USEC={CHECK_LIMIT_S * 1e6:.0f}")
+    database = open_database(url, owned=True)
+    notify(f"EXTEND_TIMEOUT_USEC={START_LIMIT_S * 1e6:.0f}")
+    return database
+
+
 def run_dispatcher(settings: DispatcherSettings) -> None:
     """Run until SIGTERM or SIGINT.
 
@@ -420,7 +467,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
-        open_database(settings.database_url) as database,
+        open_checked_database(settings.database_url) as database,
         Bus.open(settings.bus) as bus,
         SolverPool(configured_solvers(settings), workers) as pool,
         executor,

@@ -40,6 +40,10 @@ SAVED_KWH = Gauge(
 LAST_CYCLE = Gauge(
     "slipstream_dispatcher_last_cycle_timestamp_seconds", "UTC of the last stored cycle's start."
 )
+CLOCK_UNTRUSTED = Gauge(
+    "slipstream_dispatcher_clock_untrusted",
+    "1 while no cycle is deleted by age: the clock is far ahead of the cycles stored.",
+)
 QUANTUM_JOBS = Gauge(
     "slipstream_dispatcher_quantum_jobs",
     "Jobs of the quantum device that are open or ended within a day, by state.",

@@ -382,6 +382,13 @@ class DispatcherSettings(Settings):
         allow_inf_nan=False,
         description="Age from which cycles are deleted, days.",
     )
+    keep_mb: float = Field(
+        default=10_000.0,
+        ge=100,
+        allow_inf_nan=False,
+        description="Size of an SQLite database with its log and reserve, MB (10^6 bytes), above "
+        "which the oldest cycles are deleted.",
+    )
     interval_s: float = Field(
         default=30.0,
         gt=0,

@@ -7,6 +7,8 @@ import json
 import time
 from dataclasses import asdict
 
+from slipstream.errors import InputError
+
 _DEFAULT = "sqlite:///slipstream.db"
 
 
@@ -17,12 +19,20 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     for name, text, function in (
         ("upgrade", "create the database or bring its schema up to date", upgrade),
         ("check", "check that it is sound and up to date; exit status 1 if not", check),
-        ("prune", "delete cycles older than --keep-days", prune),
+        ("prune", "delete old cycles and make the file smaller, on a full disk too", prune),
     ):
         action = actions.add_parser(name, help=text)
         action.add_argument("--url", default=_DEFAULT, help=f"database URL (default: {_DEFAULT})")
         if name == "prune":
-            action.add_argument("--keep-days", type=float, required=True)
+            action.add_argument("--keep-days", type=float, help="delete cycles older than this")
+            action.add_argument(
+                "--keep-mb", type=float, help="delete the oldest cycles until the others fit (MB)"
+            )
+            action.add_argument(
+                "--trust-clock",
+                action="store_true",
+                help="this machine's clock is right, however far ahead of the cycles it is",
+            )
         action.add_argument("--json", action="store_true", help="report as JSON")
         action.set_defaults(run=function)
 
@@ -46,15 +56,23 @@ def check(options: argparse.Namespace) -> int:
 
 
 def prune(options: argparse.Namespace) -> int:
-    """Delete old cycles."""
-    from storage import open_database
+    """Delete old cycles and give their room back to the file system."""
+    from storage import headroom, open_database
 
-    database = open_database(options.url, create=False)
-    try:
-        count = database.prune(options.keep_days, time.time_ns())
-    finally:
-        database.close()
-    _report(options, {"url": options.url, "deleted_cycles": count}, f"{count} cycles deleted")
+    if options.keep_days is None and options.keep_mb is None and not options.trust_clock:
+        raise InputError("db prune", "nothing to do", "give --keep-days, --keep-mb or both")
+    count = 0
+    with headroom(options.url), open_database(options.url, create=False) as database:
+        if options.trust_clock:
+            database.trust_clock(time.time_ns())
+        if options.keep_days is not None:
+            count += database.prune(options.keep_days, time.time_ns())
+        if options.keep_mb is not None:
+            count += database.trim(options.keep_mb)
+        problem = database.shrink()
+    line = f"{count} cycles deleted" + (f"; {problem}" if problem else "")
+    data = {"url": options.url, "deleted_cycles": count, "not_shrunk": problem}
+    _report(options, data, line)
     return 0
 
 

@@ -9,6 +9,7 @@ from storage.engine import StorageError
 from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
 from storage.reader import Reader, open_reader
+from storage.retention import UntrustedClockError, headroom
 
 __all__ = [
     "CheckReport",
@@ -17,7 +18,9 @@ __all__ = [
     "QuantumJob",
     "Reader",
     "StorageError",
+    "UntrustedClockError",
     "check",
+    "headroom",
     "open_database",
     "open_reader",
 ]

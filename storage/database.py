@@ -2,44 +2,70 @@
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import shutil
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from typing import Final, Self
 
-from sqlalchemy import Connection, Engine, delete, func, select
+from sqlalchemy import Connection, Engine, func, select
 from sqlalchemy.engine import URL
 from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from storage import jobs, schema
+from storage import jobs, retention, schema
 from storage.engine import (
+    DAMAGED,
+    NO_DATABASE,
     StorageError,
     display_name,
     is_sqlite,
     parse_url,
     reader_engine,
+    sqlite_faults,
     sqlite_path,
     writer_engine,
 )
 from storage.jobs import QuantumJob
 from storage.models import CycleRow
+from storage.ownership import FileOwner, Owner, ServerOwner
 from storage.rows import cycle_row
 
+log = logging.getLogger(__name__)
+
 PRUNE_BATCH: Final = 200
-"""Cycles deleted in one transaction. A cycle to be recorded waits for at most one of these."""
+"""Maximum number of cycles deleted in one transaction; a cycle to be recorded waits for one."""
 MIN_JOB_DAYS: Final = 2.0
 """Quantum jobs are kept for at least this long, days: a day's budget is computed from them."""
+MAX_STEPS: Final = 4
+"""Steps of `retention.BATCH_BYTES` in which the running dispatcher's file shrinks after a cycle."""
+MAX_CONVERSION_BYTES: Final = 10**9
+"""Size up to which a file of a version before is made able to shrink when the dispatcher starts."""
 
 
 class Database:
-    """The dispatcher's database, open for writing; a context manager."""
+    """The dispatcher's database, open for writing; a context manager.
 
-    def __init__(self, engine: Engine, source: str) -> None:
-        self._engine = engine
+    Args:
+        source: its name in messages.
+        open_path: opens it; called again where it was deleted or replaced.
+
+    Raises:
+        InputError: as `open_database`.
+    """
+
+    def __init__(self, source: str, open_path: Callable[[], tuple[Engine, Owner | None]]) -> None:
         self._source = source
+        self._open_path = open_path
+        self._lock = threading.RLock()
+        self._lost: str | None = None
+        self._used_pages: int | None = None
+        self._engine, self._owner = open_path()
 
     def record_cycle(
         self,
@@ -60,15 +86,20 @@ class Database:
         try:
             with self._write_session() as session:
                 session.add(row)
+                retention.note_time(session, report.started_ns)
         except IntegrityError as error:
             raise ValueError(f"cycle {report.cycle} is refused: {error.orig}") from None
 
     def next_cycle_number(self) -> int:
         """One above the highest cycle stored; 1 in an empty database.
 
+        Where the database was found deleted, replaced or damaged, its path is opened anew first,
+        with all checks of `open_database`.
+
         Raises:
-            StorageError: the database cannot be read.
+            StorageError: the database cannot be opened or read.
         """
+        self._open_anew()
         with self._write_session() as session:
             return (session.scalar(select(func.max(CycleRow.cycle))) or 0) + 1
 
@@ -90,7 +121,22 @@ class Database:
         with self._write_session() as session:
             return jobs.since(session, finished_ns)
 
-    def prune(self, keep_days: float, now_ns: int, *, limit: int | None = None) -> int:
+    def trust_clock(self, now_ns: int) -> None:
+        """Take ``now_ns``, UTC, for the time, however far ahead of the cycles it is.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        with self._write_session() as session:
+            retention.set_time(session, now_ns)
+
+    def prune(
+        self,
+        keep_days: float,
+        now_ns: int,
+        *,
+        limit: int | None = None,
+    ) -> int:
         """Delete cycles that began more than ``keep_days`` before ``now_ns``.
 
         The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
@@ -106,6 +152,7 @@ class Database:
 
         Raises:
             InputError: ``keep_days`` is negative or not finite.
+            UntrustedClockError: ``now_ns`` is too far ahead of the cycles; nothing is deleted.
             StorageError: the database cannot be written; batches already deleted stay deleted.
         """
         if not (math.isfinite(keep_days) and keep_days >= 0):
@@ -119,26 +166,120 @@ class Database:
         before_ns = max(0, now_ns - int(min(keep_days * 86_400e9, 2.0**63)))
         jobs_before_ns = min(before_ns, max(0, now_ns - int(MIN_JOB_DAYS * 86_400e9)))
         with self._write_session() as session:
+            retention.check_clock(session, now_ns, self._source)
             jobs.prune(session, jobs_before_ns)
-        pruned = 0
-        while True:
-            batch_size = PRUNE_BATCH if limit is None else min(PRUNE_BATCH, limit - pruned)
+            below = retention.first_kept(session, before_ns, now_ns)
+        pruned, batch = 0, self._batch()
+        while below is not None and pruned != limit:
+            wanted = batch if limit is None else min(batch, limit - pruned)
             with self._write_session() as session:
-                latest = session.scalar(select(func.max(CycleRow.cycle)))
-                batch = session.scalars(
-                    select(CycleRow.cycle)
-                    .where(CycleRow.started_ns < before_ns, CycleRow.cycle != latest)
-                    .order_by(CycleRow.started_ns)
-                    .limit(batch_size)
-                ).all()
-                session.execute(delete(CycleRow).where(CycleRow.cycle.in_(batch)))
-            pruned += len(batch)
-            if len(batch) < PRUNE_BATCH or pruned == limit:
-                return pruned
+                count = retention.delete_cycles(session, wanted, below, before_ns)
+            pruned += count
+            if limit is None:
+                self._give_all_back()
+            if count < wanted:
+                break
+        return pruned
+
+    def trim(self, keep_mb: float, *, limit: int | None = None) -> int:
+        """Delete the oldest cycles until an SQLite database fits into ``keep_mb``.
+
+        What counts is the file, a full write-ahead log and the reserve file. The latest cycle
+        always stays. The file itself shrinks in a few small steps a call if ``limit`` is given,
+        else by `shrink`. A PostgreSQL database is left as it is.
+
+        Args:
+            keep_mb: limit of size, MB (10^6 bytes).
+            limit: maximum number of cycles to delete; None: no maximum. More are deleted where that
+                is less than twice of what was added since the last call.
+
+        Returns:
+            Number of cycles deleted.
+
+        Raises:
+            InputError: ``keep_mb`` is negative or not finite.
+            StorageError: the database cannot be written; batches already deleted stay deleted.
+        """
+        if not (math.isfinite(keep_mb) and keep_mb >= 0):
+            raise InputError(
+                self._source,
+                f"cycles cannot be kept in {keep_mb} MB",
+                "give a number of MB, 0 or more",
+                key="keep_mb",
+            )
+        if not self._is_sqlite:
+            return 0
+        pages = began = self._pages()
+        grown = 0 if self._used_pages is None else began.used - self._used_pages
+        wanted = int(began.limit(keep_mb) * (1 - retention.FREE_SHARE))
+        trimmed, batch = 0, 0
+        while pages.used > wanted:
+            if limit is not None and trimmed >= limit and began.used - pages.used >= 2 * grown:
+                break
+            batch = batch or self._batch()
+            with self._write_session() as session:
+                latest = session.scalar(select(func.max(CycleRow.cycle))) or 0
+                count = retention.delete_cycles(session, batch, latest)
+            if count == 0:
+                break
+            trimmed += count
+            if limit is None:
+                self._give_all_back()
+            pages = self._pages()
+        self._used_pages = pages.used
+        if limit is not None:
+            for _ in range(MAX_STEPS):
+                if pages.free <= 2 * retention.FREE_SHARE * pages.count or not self._give_back():
+                    break
+                pages = self._pages()
+        return trimmed
+
+    def shrink(self) -> str | None:
+        """Give the free pages of an SQLite file back to the file system.
+
+        A file of a version before is made able to do so first, which takes a lock on it for its
+        length and room for twice its contents.
+
+        Returns:
+            Why the file could not shrink; None if it has.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        if not self._is_sqlite:
+            return None
+        with self._raw() as cursor:
+            incremental = cursor.execute("PRAGMA auto_vacuum").fetchone()[0]
+        if not incremental:
+            return self._convert()
+        self._give_all_back()
+        return None
+
+    def prepare_files(self) -> None:
+        """Make the reserve file, and a small file of a version before able to shrink."""
+        path = sqlite_path(self._engine.url)
+        if not retention.make_reserve(path):
+            log.warning("%s: no room for its reserve file", self._source)
+        with self._raw() as cursor:
+            incremental = cursor.execute("PRAGMA auto_vacuum").fetchone()[0]
+        if incremental:
+            return
+        problem: str | None = "the file is too large to be rewritten at a start"
+        if path.stat().st_size <= MAX_CONVERSION_BYTES:
+            try:
+                problem = self._convert()
+            except StorageError as error:
+                problem = str(error)
+        if problem is not None:
+            log.warning("%s: %s; see `slipstream db prune` in operations.md", self._source, problem)
 
     def close(self) -> None:
         """Close all connections; the last one checkpoints the write-ahead log."""
-        self._engine.dispose()
+        with self._lock:
+            self._engine.dispose()
+            if self._owner is not None:
+                self._owner.close()
+                self._owner = None
 
     def __enter__(self) -> Self:
         return self
@@ -146,33 +287,155 @@ class Database:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def _is_sqlite(self) -> bool:
+        return self._engine.dialect.name == "sqlite"
+
     @contextmanager
     def _write_session(self) -> Iterator[Session]:
-        try:
-            with Session(self._engine) as session, session.begin():
-                yield session
-        except IntegrityError:
-            raise
-        except DBAPIError as error:
-            raise StorageError(f"{self._source}: {error.orig}") from error
+        with self._lock:
+            self._check_place()
+            try:
+                with Session(self._engine) as session, session.begin():
+                    yield session
+                    session.flush()
+                    self._check_place()
+            except IntegrityError:
+                raise
+            except DBAPIError as error:
+                raise self._fault(error.orig) from error
+            # Once more: what was committed to a file that was deleted meanwhile is lost.
+            self._check_place()
+
+    def _check_place(self) -> None:
+        """Check that commits go to where others read them."""
+        if self._lost is None and self._owner is not None:
+            self._lost = self._owner.lost()
+        if self._lost is not None:
+            raise StorageError(self._lost)
+
+    def _fault(self, error: BaseException | None) -> StorageError:
+        """The error for a fault of the driver's; a damaged file has to be opened anew."""
+        line = f"{self._source}: {error}"
+        if self._owner is not None and str(error) in (DAMAGED, NO_DATABASE):
+            self._lost = line
+        return StorageError(line)
+
+    def _open_anew(self) -> None:
+        with self._lock:
+            if self._lost is None:
+                return
+            self._engine.dispose()
+            if self._owner is not None:
+                self._owner.set_log_aside()
+            self.close()
+            try:
+                self._engine, self._owner = self._open_path()
+            except InputError as error:
+                raise StorageError(str(error)) from None
+            log.warning("%s; it was opened anew", self._lost)
+            self._lost = self._used_pages = None
+
+    @contextmanager
+    def _raw(self) -> Iterator[sqlite3.Cursor]:
+        """A cursor outside of transactions, for statements that cannot be in one."""
+        with self._lock:
+            self._check_place()
+            try:
+                with (
+                    closing(self._engine.raw_connection()) as connection,
+                    closing(connection.cursor()) as cursor,
+                ):
+                    yield cursor  # type: ignore[misc]
+            except DBAPIError as error:
+                raise self._fault(error.orig) from error
+            except sqlite3.Error as error:
+                raise self._fault(error) from error
+            except UnicodeDecodeError as error:
+                raise self._fault(sqlite3.DatabaseError(DAMAGED)) from error
+
+    def _pages(self) -> retention.Pages:
+        with self._raw() as cursor:
+            return retention.read_pages(cursor)
+
+    def _batch(self) -> int:
+        """Number of cycles to delete in one transaction."""
+        if not self._is_sqlite:
+            return PRUNE_BATCH
+        pages = self._pages()
+        with self._write_session() as session:
+            cycles = session.scalar(select(func.count()).select_from(CycleRow)) or 0
+        mean_bytes = pages.used * pages.size / max(1, cycles)
+        return max(1, min(PRUNE_BATCH, int(retention.BATCH_BYTES / mean_bytes)))
+
+    def _give_back(self) -> bool:
+        """Give one step of free pages back to the file system; False if there was none."""
+        pages = self._pages()
+        with self._raw() as cursor:
+            number = retention.BATCH_BYTES // pages.size
+            # `execute` would do its first step only, which is one page.
+            cursor.executescript(f"PRAGMA incremental_vacuum({number})")
+        return self._pages().free < pages.free
+
+    def _give_all_back(self) -> None:
+        """Give all free pages back, with room for one step in the log."""
+        if self._is_sqlite:
+            self._empty_log()
+            while self._give_back():
+                self._empty_log()
+
+    def _empty_log(self) -> None:
+        """Copy the write-ahead log into the file and truncate it, if no reader is in the way."""
+        with self._raw() as cursor:
+            cursor.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+
+    def _convert(self) -> str | None:
+        """Rewrite a file of a version before so that it can shrink; see `shrink`."""
+        path = sqlite_path(self._engine.url)
+        pages = self._pages()
+        needed = 2.2 * pages.used * pages.size
+        if shutil.disk_usage(path.parent).free < needed:
+            return f"the file cannot shrink: that needs {needed / 1e6:.0f} MB of free disk once"
+        with ExitStack() as stack:
+            if self._owner is None:
+                try:
+                    stack.callback(FileOwner(path).close)
+                except InputError as error:
+                    return f"the file cannot shrink: {error.problem}; stop it and prune again"
+            with self._raw() as cursor:
+                cursor.execute("VACUUM")
+            self._empty_log()
+        return None
 
 
-def open_database(url: str, *, create: bool = True) -> Database:
-    """Open the database for its one writer, and upgrade its schema if it is older.
+def open_database(url: str, *, create: bool = True, owned: bool = False) -> Database:
+    """Open the database for writing, and upgrade its schema if it is older.
 
     Args:
         url: such as ``sqlite:////var/lib/slipstream/slipstream.db``.
         create: create a missing database; if False, a missing one is an error.
+        owned: for the one dispatcher that writes its cycles: no other process may own it, and a
+            commit to a file that was deleted or replaced is an error.
 
     Raises:
         InputError: the URL is invalid, or the database is missing (with ``create`` False), a
-            directory, not writable, no database, damaged, another program's, or written by a
-            newer version.
+            directory, not writable, no database, damaged, another program's, written by a
+            newer version, or owned by another process (with ``owned`` True).
+        StorageError: there is no room, or the disk has a fault.
     """
     parsed = parse_url(url)
-    source = display_name(parsed)
-    if is_sqlite(parsed):
-        path = sqlite_path(parsed)
+    database = Database(
+        display_name(parsed), lambda: _open_path(parsed, create=create, owned=owned)
+    )
+    if owned and is_sqlite(parsed):
+        database.prepare_files()
+    return database
+
+
+def _open_path(url: URL, *, create: bool, owned: bool) -> tuple[Engine, Owner | None]:
+    source = display_name(url)
+    if is_sqlite(url):
+        path = sqlite_path(url)
         if path.is_dir():
             raise InputError(source, "is a directory", "give a file in it")
         if not create and not path.exists():
@@ -183,23 +446,31 @@ def open_database(url: str, *, create: bool = True) -> Database:
             raise InputError(
                 path.parent, f"cannot make this folder: {error.strerror}", "choose another place"
             ) from None
-    engine = writer_engine(parsed)
-    try:
-        if not is_sqlite(parsed) or sqlite_path(parsed).exists():
-            # Read-only first: the writer's pragmas would already change another program's file.
-            with _read_connection(parsed) as connection:
-                schema.check_ownership(connection, source)
-                if not create and schema.current(connection) is None:
-                    raise InputError(source, "holds no Slipstream database", "check the path")
-        with engine.begin() as connection:
-            schema.upgrade(connection)
-    except DBAPIError as error:
-        engine.dispose()
-        raise open_error(source, error) from None
-    except BaseException:
-        engine.dispose()
-        raise
-    return Database(engine, source)
+    with ExitStack() as stack:
+        engine = writer_engine(url)
+        stack.callback(engine.dispose)
+        owner: Owner | None = None
+        try:
+            if owned:
+                owner = FileOwner(path) if is_sqlite(url) else ServerOwner(engine, source)
+                stack.callback(owner.close)
+            if not is_sqlite(url) or sqlite_path(url).exists():
+                # Read-only first: the writer's pragmas would already change another program's file.
+                with _read_connection(url) as connection:
+                    schema.check_ownership(connection, source)
+                    if not create and schema.current(connection) is None:
+                        raise InputError(source, "holds no Slipstream database", "check the path")
+                    if is_sqlite(url) and (faults := sqlite_faults(connection)):
+                        raise damaged(source, faults[0])
+            with engine.begin() as connection:
+                if schema.current(connection) != schema.head():
+                    schema.upgrade(connection)
+        except DBAPIError as error:
+            raise open_error(source, error) from None
+        if owner is not None:
+            owner.watch()
+        stack.pop_all()
+    return engine, owner
 
 
 @contextmanager
@@ -212,12 +483,19 @@ def _read_connection(url: URL) -> Iterator[Connection]:
         engine.dispose()
 
 
-def open_error(source: str, error: DBAPIError) -> InputError:
-    """The error for a database that cannot be opened, with its remedy."""
+def damaged(source: str, fault: str) -> InputError:
+    """The error for a database with faults, with its remedy."""
+    return InputError(source, f"is damaged: {fault}", "restore it from a backup, or move it away")
+
+
+def open_error(source: str, error: DBAPIError) -> InputError | StorageError:
+    """The error for a database that cannot be opened, with its remedy if there is one."""
     reason = str(error.orig).strip()
+    if reason in ("database or disk is full", "disk I/O error"):
+        return StorageError(f"{source}: {reason}")
     mend = {
-        "file is not a database": "give another file, or move this one away",
-        "database disk image is malformed": "restore it from a backup, or move it away",
+        NO_DATABASE: "give another file, or move this one away",
+        DAMAGED: "restore it from a backup, or move it away",
         "unable to open database file": "check the path and its permissions",
         "attempt to write a readonly database": "make the file and its folder writable",
         "database is locked": "stop the other program that is writing to it",

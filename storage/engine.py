@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import sqlite3
+from itertools import islice
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from sqlalchemy import Engine, create_engine, event
-from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import ArgumentError, NoSuchModuleError
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.engine import URL, ExceptionContext, make_url
+from sqlalchemy.exc import ArgumentError, DatabaseError, NoSuchModuleError
 from sqlalchemy.pool import NullPool
 
 from slipstream.errors import InputError
 
 BUSY_TIMEOUT_MS: Final = 10_000
+LOG_LIMIT_BYTES: Final = 4 * 2**20
+"""A write-ahead log that has grown beyond this is cut back to it once it has been copied."""
+DAMAGED: Final = "database disk image is malformed"
+NO_DATABASE: Final = "file is not a database"
+"""What SQLite says of a damaged file."""
+MAX_FAULTS: Final = 100
+"""Number of faults after which a check stops to look for more."""
 
 
 class StorageError(OSError):
@@ -77,6 +85,7 @@ def writer_engine(url: URL) -> Engine:
     """
     engine = _create(url)
     if is_sqlite(url):
+        _report_undecodable_text(engine)
 
         @event.listens_for(engine, "connect")
         def _prepare(connection: sqlite3.Connection, _record: object) -> None:
@@ -85,7 +94,10 @@ def writer_engine(url: URL) -> Engine:
             _pragmas(
                 connection,
                 f"busy_timeout={BUSY_TIMEOUT_MS}",
+                # Before WAL, which writes the file's first page. Older files are left as they are.
+                "auto_vacuum=INCREMENTAL",
                 "journal_mode=WAL",
+                f"journal_size_limit={LOG_LIMIT_BYTES}",
                 "synchronous=FULL",
                 "foreign_keys=ON",
             )
@@ -114,6 +126,7 @@ def reader_engine(url: URL) -> Engine:
         return connection
 
     engine = create_engine("sqlite://", creator=connect, poolclass=NullPool)
+    _report_undecodable_text(engine)
 
     @event.listens_for(engine, "begin")
     def _begin(connection: object) -> None:
@@ -121,6 +134,17 @@ def reader_engine(url: URL) -> Engine:
         connection.exec_driver_sql("BEGIN")  # type: ignore[attr-defined]
 
     return engine
+
+
+def sqlite_faults(connection: Connection) -> list[str]:
+    """Faults of an SQLite file, at most `MAX_FAULTS` of each kind; reads the whole file."""
+    faults: list[str] = []
+    for row in connection.exec_driver_sql(f"PRAGMA integrity_check({MAX_FAULTS})"):
+        faults += [line for line in str(row[0]).splitlines() if line != "ok"]
+    with connection.exec_driver_sql("PRAGMA foreign_key_check") as rows:
+        for row in islice(rows, MAX_FAULTS):
+            faults.append(f"row {row[1]} of {row[0]} belongs to no row of {row[2]}")
+    return faults
 
 
 def _create(url: URL) -> Engine:
@@ -132,6 +156,16 @@ def _create(url: URL) -> Engine:
             f"no driver for it: {error}",
             "use sqlite:///FILE, or install slipstream[postgres] for postgresql://",
         ) from None
+
+
+def _report_undecodable_text(engine: Engine) -> None:
+    """Have damaged names, which the driver cannot decode, reported as other damage is."""
+
+    @event.listens_for(engine, "handle_error")
+    def _handle(context: ExceptionContext) -> BaseException | None:
+        if not isinstance(context.original_exception, UnicodeDecodeError):
+            return None
+        return DatabaseError(context.statement, None, sqlite3.DatabaseError(DAMAGED))
 
 
 def _pragmas(connection: sqlite3.Connection, *settings: str) -> None:

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import func, select
 from sqlalchemy.exc import DBAPIError
 
 from slipstream.errors import InputError
 from storage import schema
 from storage.database import open_error
-from storage.engine import display_name, is_sqlite, parse_url, reader_engine, sqlite_path
+from storage.engine import (
+    display_name,
+    is_sqlite,
+    parse_url,
+    reader_engine,
+    sqlite_faults,
+    sqlite_path,
+)
 from storage.models import CycleRow
 
 
@@ -67,7 +74,7 @@ def check(url: str) -> CheckReport:
             schema.check_ownership(connection, source)
             version = schema.current(connection)
             if is_sqlite(parsed):
-                faults = _sqlite_faults(connection)
+                faults = sqlite_faults(connection)
             if version is not None and not faults:
                 cycles, first, last = connection.execute(
                     select(
@@ -81,12 +88,3 @@ def check(url: str) -> CheckReport:
     finally:
         engine.dispose()
     return CheckReport(source, version, schema.head(), tuple(faults), cycles, first, last, size)
-
-
-def _sqlite_faults(connection: Connection) -> list[str]:
-    faults: list[str] = []
-    for row in connection.exec_driver_sql("PRAGMA integrity_check"):
-        faults += [line for line in str(row[0]).splitlines() if line != "ok"]
-    for row in connection.exec_driver_sql("PRAGMA foreign_key_check"):
-        faults.append(f"row {row[1]} of {row[0]} belongs to no row of {row[2]}")
-    return faults

@@ -1,4 +1,4 @@
-"""The tables: cycles with their solver runs, gates, plans and segment states; and quantum jobs.
+"""The tables: cycles with their solver runs, gates, plans and segment states; jobs; the clock.
 
 Times are UTC nanoseconds. Parts that are only read together with their row (a plan's stops and
 segments, a state's features, a cycle's unserved stops) are JSON as in `slipstream.messages`.
@@ -146,6 +146,15 @@ class StateRow(Base):
     frames: Mapped[int]
     coverage: Mapped[float]
     features: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class ClockRow(Base):
+    """The one row of the time up to which the dispatcher's clock was to be trusted, UTC ns."""
+
+    __tablename__ = "clock"
+
+    id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    trusted_ns: Mapped[int]
 
 
 class QuantumJobRow(Base):

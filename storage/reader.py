@@ -103,6 +103,9 @@ class Reader:
         except (DBAPIError, InputError) as error:
             reason = error.orig if isinstance(error, DBAPIError) else error
             raise StorageError(f"{source}: {reason}") from error
+        except (ValueError, TypeError) as error:
+            # Damage inside a value: the file is sound, but it is no message any more.
+            raise StorageError(f"{source}: a row cannot be read: {str(error)[:200]}") from error
 
 
 def _all(session: Session | None, query: Select[Any]) -> Sequence[Any]:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import random
+import sqlite3
+from collections import Counter
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 import storage
 from slipstream.errors import InputError
+from slipstream_cli.main import main
 
 
 @pytest.mark.slow
@@ -58,3 +63,136 @@ def test_never_set_up(tmp_path):
     report = storage.check(f"sqlite:///{path}")
     assert not report.ok
     assert report.schema_version is None
+
+
+PAGE = 4096
+
+
+def _damage(data: bytearray, seed: int) -> str:
+    """Damage a database's bytes in place in one of five ways; returns which."""
+    moments = random.Random(seed)
+    kind = moments.choice(("bits", "bytes", "cut", "swap", "zeros"))
+    if kind == "bits":
+        for _ in range(moments.choice((1, 1, 2, 8, 64))):
+            data[moments.randrange(len(data))] ^= 1 << moments.randrange(8)
+    elif kind == "bytes":
+        for _ in range(moments.choice((1, 4, 64))):
+            data[moments.randrange(len(data))] = moments.randrange(256)
+    elif kind == "cut":
+        del data[moments.randrange(len(data)) :]
+    else:
+        first, second = (PAGE * n for n in moments.sample(range(len(data) // PAGE), 2))
+        page = bytes(data[first : first + PAGE])
+        data[first : first + PAGE] = data[second : second + PAGE] if kind == "swap" else bytes(PAGE)
+        if kind == "swap":
+            data[second : second + PAGE] = page
+    return kind
+
+
+def _read_all(url: str) -> None:
+    """Read as the dashboard does; what cannot be read is a StorageError of one line."""
+    with storage.open_reader(url) as reader:
+        for read in (
+            reader.latest_cycle,
+            reader.latest_plans,
+            lambda: reader.cycles(limit=50),
+            lambda: reader.states(3),
+            lambda: reader.jobs(limit=9),
+        ):
+            try:
+                read()
+            except storage.StorageError as error:
+                assert "\n" not in str(error)  # noqa: PT017
+
+
+def _start(url: str, cycle) -> bool:
+    """Start on a database and record a cycle as the dispatcher does; False if it is refused."""
+    try:
+        database = storage.open_database(url, owned=True)
+    except (InputError, storage.StorageError) as error:
+        assert "\n" not in str(error)  # noqa: PT017
+        return False
+    with database:
+        try:
+            report, plans, states = cycle
+            number = database.next_cycle_number()
+            report = report.model_copy(update={"cycle": number})
+            plans = [plan.model_copy(update={"cycle": number}) for plan in plans]
+            database.jobs_since(0)
+            database.record_cycle(report, plans, states)
+            database.trim(100.0, limit=50)
+        except (storage.StorageError, ValueError):
+            # Content that is no cycle's, in a file that is sound: it costs the cycle.
+            pass
+    return True
+
+
+def _quick_check(path: Path) -> bool:
+    """What SQLite's shorter check would have said."""
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
+            return [row[0] for row in connection.execute("PRAGMA quick_check")] == ["ok"]
+    except (sqlite3.Error, UnicodeDecodeError):
+        return False
+
+
+@pytest.mark.attack
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_no_damage_is_a_traceback(tmp_path, make_cycle, capsys, full_size, figure):
+    """Nothing starts on what the check calls bad; check, prune, start and readers say one line."""
+    whole = tmp_path / "whole.db"
+    with storage.open_database(f"sqlite:///{whole}") as database:
+        for number in range(1, 31):
+            database.record_cycle(*make_cycle(number))
+    sound = whole.read_bytes()
+    folder = tmp_path / "damaged"
+    folder.mkdir()
+    path = folder / "slipstream.db"
+    url = f"sqlite:///{path}"
+    found: Counter[str] = Counter()
+    for seed in range(2000 if full_size else 60):
+        for file in folder.iterdir():
+            file.unlink()
+        data = bytearray(sound)
+        kind = _damage(data, seed)
+        path.write_bytes(data)
+        _read_all(url)
+        bad = main(["db", "check", "--url", url]) != 0
+        quick = _quick_check(path)
+        started = _start(url, make_cycle(31))
+        assert not (bad and started), f"seed {seed}: started on what the check calls bad"
+        assert main(["db", "prune", "--url", url, "--keep-mb", "0"]) in (0, 1, 2)
+        _read_all(url)
+        found[f"{kind} found" if bad else f"{kind} not found"] += 1
+        found["not found by quick_check"] += bad and quick
+    lines = capsys.readouterr().err.splitlines()
+    assert all(line.startswith("slipstream: ") for line in lines)
+    assert sum(count for what, count in found.items() if what.endswith(" found")) > 30
+    figure(", ".join(f"{what}: {count}" for what, count in sorted(found.items())))
+
+
+def test_a_value_that_is_no_message_is_one_line(url, make_cycle):
+    """Damage inside a value passes the check of the file; readers say so in one line."""
+    with storage.open_database(url) as database:
+        database.record_cycle(*make_cycle(1))
+        path = Path(url.removeprefix("sqlite:///"))
+        for change in ("plans SET stops = '[{'", "plans SET vehicle = ''", "plans SET stops = 5"):
+            with closing(sqlite3.connect(path)) as connection:
+                connection.execute(f"UPDATE {change} WHERE vehicle = 'van-a'")
+                connection.commit()
+            assert storage.check(url).ok
+            with (
+                storage.open_reader(url) as reader,
+                pytest.raises(storage.StorageError, match="a row cannot be read") as caught,
+            ):
+                reader.latest_plans()
+            assert "\n" not in str(caught.value)
+            with closing(sqlite3.connect(path)) as connection:
+                connection.execute("DELETE FROM cycles")
+                connection.execute("DELETE FROM plans")
+                connection.execute("DELETE FROM solver_runs")
+                connection.execute("DELETE FROM gates")
+                connection.execute("DELETE FROM segment_states")
+                connection.commit()
+            database.record_cycle(*make_cycle(1))
