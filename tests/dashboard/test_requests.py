@@ -211,6 +211,7 @@ BAD_FRAMES = [
     msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": [], "updates": {}}),
     msgspec.msgpack.encode({**CAMERA, "image_width": "wide", "image_height": None}),
     msgspec.msgpack.encode({**CAMERA, "image_width": float("nan"), "image_height": 0}),
+    msgspec.msgpack.encode({**CAMERA, "image_width": 1, "image_height": "9" * 400}),
 ]
 
 
@@ -240,6 +241,8 @@ def test_bad_frames_write_no_traceback(
                     pass
         # asyncio tells of a task that failed when the task is collected.
         gc.collect()
+        # The last of them were a camera's, whose connection is one all the same.
+        assert page.client_connected.wait(60)
         assert until(lambda: page.clients() == 0)
     printed = "".join(capfd.readouterr())
     assert "Traceback" not in caplog.text + printed
