@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 FIT_CAMERA_FOR_S: Final = 10.0
 """Time after a browser connects in which its camera is fitted to its canvas, s."""
+MAX_CANVAS_PX: Final = 65536
+"""Sides of a canvas that a camera is fitted to, px; larger ones are no browser's."""
 RESTART_AFTER_UPDATES: Final = 500_000
 """Updates after which the server is replaced; about three days with a browser connected."""
 RETRY_AFTER_S: Final = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
@@ -85,7 +87,8 @@ class Page:
 
     def _build(self) -> None:
         self._updates = 0
-        self._server = start_server(self._settings.host, self._settings.port)
+        settings = self._settings
+        self._server = start_server(settings.host, settings.port, settings.allowed_hosts)
         try:
             self._map = RoadMap(self._server, self._network, self._settings.depots)
             self._panels = PanelLayout(self._server)
@@ -129,6 +132,9 @@ class Page:
             nonlocal fitted
             canvas = (camera.image_width, camera.image_height)
             if canvas == fitted or time.monotonic() - arrived > FIT_CAMERA_FOR_S:
+                return
+            # A client may send any number of digits; viser would print the traceback.
+            if max(canvas) > MAX_CANVAS_PX:
                 return
             fitted = canvas
             position, look_at = self._map.fit(*canvas)

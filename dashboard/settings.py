@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
 from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import STALE_AFTER_S
 from slipstream.roads import DEMO_NETWORK
+
+HOST_NAME = r"^([A-Za-z0-9._-]+|[0-9A-Fa-f:.]+)$"
+"""A DNS name or an IP address."""
 
 
 class DashboardSettings(Settings):
@@ -36,6 +41,12 @@ class DashboardSettings(Settings):
         description="Address to serve on. The page has no login: share it through a proxy.",
     )
     port: int = Field(default=8080, ge=1, le=65535, description="TCP port to serve on.")
+    allowed_hosts: tuple[Annotated[str, Field(pattern=HOST_NAME)], ...] = Field(
+        default=(),
+        description="Names or addresses under which a reverse proxy serves the page, without "
+        "scheme and port. Requests for other names than these, the served address and loopback "
+        "get HTTP 403, and so do those that other sites' pages send.",
+    )
     stale_after_s: float = Field(
         default=STALE_AFTER_S,
         gt=0,

@@ -31,6 +31,30 @@ run() {
     fi
 }
 
+# A user of the bus: a line among the router's users, and its password in a file of its own. The line
+# counts; who has none gets a random password.
+set_password() (
+    umask 077
+    touch "$bus/users"
+    password=$(user=$1 awk -F: '$1 == ENVIRON["user"] { sub(/^[^:]*:/, ""); print; exit }' "$bus/users")
+    if [ -z "$password" ]; then
+        password=$(od -An -N24 -tx1 /dev/urandom | tr -d ' \n')
+        printf '%s:%s\n' "$1" "$password" >>"$bus/users"
+    fi
+    printf '%s\n' "$password" >"$bus/$1"
+)
+
+# The unit's User=edge-NAME has to be a user's name; for another one a drop-in gives a number.
+name_user() {
+    case $1 in
+        *[!A-Za-z0-9_-]* | ????????????????????????????????*) ;;
+        *) return 0 ;;
+    esac
+    drop_in=$root/etc/systemd/system/slipstream-edge@${1#edge-}.service.d
+    install -d -m 755 "$drop_in"
+    printf '[Service]\nUser=edge-%s\n' "$(printf %s "$1" | cksum | cut -d ' ' -f 1)" >"$drop_in/user.conf"
+}
+
 umask 022 # the daemons are not root and have to read what is installed
 dry_run=no venv=yes root='' python=python3 role=''
 while [ $# -gt 0 ]; do
@@ -100,16 +124,30 @@ if [ "$venv" = yes ]; then
     case $("$python" -c 'import sys; print(sys.base_prefix)') in
         /home/* | /root/*) fail "$python: below a home, where the daemons cannot look; give /usr/bin/python3" ;;
     esac
-    if [ ! -x "$release/bin/python" ]; then
+    before=$(basename -- "$(readlink "$opt/current" || echo none)")
+    # One that was killed half-way has no mark, and never became the current one: it is made anew.
+    if [ ! -e "$release/.complete" ] && [ "$before" != "$version" ]; then
+        run rm -rf "$release"
         run install -d -m 755 "$opt/releases"
         run "$python" -m venv "$release"
     fi
+    run rm -f "$release/.complete"
     # A folder is installed anew each time, also where its version is the one that is there.
     run "$release/bin/python" -m pip install --quiet --disable-pip-version-check \
         "${source}[$extras]"
+    run touch "$release/.complete"
     # One rename: whoever starts now gets the old release or the new one.
     run ln -sfn "releases/$version" "$opt/current.new"
     run mv -T "$opt/current.new" "$opt/current"
+    # The release before stays for the way back, older ones go.
+    if [ "$before" != "$version" ]; then
+        for old in "$opt"/releases/*; do
+            case $(basename -- "$old") in
+                "$version" | "$before" | '*') ;;
+                *) run rm -rf "$old" ;;
+            esac
+        done
+    fi
 fi
 
 for unit in $units; do
@@ -122,18 +160,32 @@ for file in "$here"/config/*.toml "$here"/zenoh/*.json5 "$here"/proxy/nginx.conf
 done
 run install -D -m 644 "$source/docs/operations.md" "$opt/share/doc/operations.md"
 
-# Settings may hold passwords of cameras: root writes, the daemons read, nobody else.
+# Settings may hold passwords of cameras: root writes and reads them, systemd hands each daemon its
+# own. A calibration holds none, and the daemons read it by its path.
 # shellcheck disable=SC2086 # $group is two words or none
 run install -d -m 750 $group "$etc"
 for name in $settings; do
-    if [ ! -e "$etc/$name.toml" ]; then
-        # shellcheck disable=SC2086
-        run install -m 640 $group "$here/config/$name.toml" "$etc/$name.toml"
-    fi
+    [ ! -e "$etc/$name.toml" ] || continue
+    # shellcheck disable=SC2086
+    case $name in
+        camera-*) run install -m 640 $group "$here/config/$name.toml" "$etc/$name.toml" ;;
+        *) run install -m 600 "$here/config/$name.toml" "$etc/$name.toml" ;;
+    esac
 done
 if [ ! -e "$etc/router.json5" ]; then
-    # shellcheck disable=SC2086
-    run install -m 640 $group "$here/zenoh/router.json5" "$etc/router.json5"
+    run install -m 600 "$here/zenoh/router.json5" "$etc/router.json5"
+fi
+
+# Who the daemons are on the bus: each camera's daemon that has settings, and those of the server.
+bus=$etc/bus
+run install -d -m 700 "$bus"
+for file in "$etc"/edge-*.toml; do
+    [ -e "$file" ] || continue
+    run set_password "$(basename -- "$file" .toml)"
+    run name_user "$(basename -- "$file" .toml)"
+done
+if [ "$role" != edge ]; then
+    for user in dispatcher dashboard fleet; do run set_password "$user"; done
 fi
 
 if [ "$live" = yes ] && [ -d /run/systemd/system ]; then
@@ -150,7 +202,8 @@ Slipstream $version is in place ($role). Next:
 TEXT
 if [ "$role" != server ]; then
     cat <<'TEXT'
-- For each camera NAME write edge-NAME.toml and its calibration, then
+- For each camera NAME write edge-NAME.toml and its calibration, run this again for its password on
+  the bus, give it its keys in router.json5, then
     /opt/slipstream/current/bin/slipstream check /etc/slipstream/edge-NAME.toml
     systemctl enable --now slipstream-router slipstream-edge@NAME
 TEXT
@@ -162,6 +215,12 @@ if [ "$role" != edge ]; then
     systemctl enable --now slipstream-router slipstream-dispatcher slipstream-dashboard
   and open http://127.0.0.1:8080 on this machine; for other machines see examples/nginx.conf.
 TEXT
+fi
+shared=$(find "$etc" -maxdepth 2 -type f -perm /077 \
+    \( -name 'edge-*.toml' -o -name 'd*.toml' -o -name router.json5 -o -name '*.key' \))
+if [ -n "$shared" ]; then
+    printf '%s\n' "- Each daemon can read these, as before version 0.2; see 'Passwords and keys' in" \
+        "  operations.md:" "$shared"
 fi
 cat <<'TEXT'
 - After an upgrade: systemctl restart 'slipstream-*'

@@ -13,7 +13,7 @@ from typing import Any, Final, Self
 
 import zenoh
 
-from slipstream.config import BusSettings
+from slipstream.config import BusSettings, read_secret
 from slipstream.errors import InputError
 from slipstream.inbox import Handler, Inbox
 from slipstream.messages import Message
@@ -195,8 +195,18 @@ def free_port() -> int:
 
 
 def _client_config(settings: BusSettings) -> Any:
-    if settings.config_file is not None:
-        return _config_from(settings.config_file)
+    if settings.config_file is None:
+        config = _leaf_config(settings)
+    else:
+        config = _config_from(settings.config_file)
+    if settings.user is not None and settings.password_file is not None:
+        # Both at once: zenoh refuses one without the other.
+        identity = {"user": settings.user, "password": read_secret(settings.password_file)}
+        config.insert_json5("transport/auth/usrpwd", json.dumps(identity))
+    return config
+
+
+def _leaf_config(settings: BusSettings) -> Any:
     config = zenoh.Config()
     for key, value in {
         # A client's open() blocks until a router answers, and a router does not pass messages

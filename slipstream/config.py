@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, Final, TypeVar, get_args
+from typing import ClassVar, Final, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from slipstream.errors import InputError
 
@@ -48,6 +49,22 @@ class BusSettings(Settings):
         default=None,
         description="A zenoh configuration (JSON5) used instead: for TLS or several sites.",
     )
+    user: str | None = Field(
+        default=None,
+        pattern=r"^[^:\s]+$",
+        description="Name that the router knows this daemon by; with `password_file`.",
+    )
+    password_file: Path | None = Field(
+        default=None,
+        description="File with the password of `user`; a plain name is first looked for among "
+        "systemd's credentials.",
+    )
+
+    @model_validator(mode="after")
+    def _user_has_password(self) -> Self:
+        if (self.user is None) != (self.password_file is None):
+            raise ValueError("user and password_file go together; give both or none")
+        return self
 
 
 class ServiceSettings(Settings):
@@ -61,6 +78,24 @@ class ServiceSettings(Settings):
         pattern="^(DEBUG|INFO|WARNING|ERROR)$",
         description="Lowest level of messages that are logged.",
     )
+
+
+def read_secret(path: Path) -> str:
+    """The text of a file with a secret, without blanks at its ends.
+
+    A plain name is first looked for in ``$CREDENTIALS_DIRECTORY``, where systemd puts files for
+    one service only.
+
+    Raises:
+        InputError: the file is missing, not readable or empty.
+    """
+    folder = os.environ.get("CREDENTIALS_DIRECTORY")
+    if folder and path.name == str(path) and (Path(folder) / path).exists():
+        path = Path(folder) / path
+    secret = _read(path, str.strip, "text", "utf-8")
+    if not secret:
+        raise InputError(path, "empty", "write the secret into it")
+    return secret
 
 
 def read_toml(path: Path) -> dict[str, object]:

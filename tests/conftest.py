@@ -139,7 +139,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("slow")
 
 
-CHROMIUM = "/usr/bin/chromium"
+REQUIRED = "CI_REQUIRES"
+"""Programs, by name, that have to be there: without them tests fail instead of being skipped."""
+
+
+@pytest.fixture(scope="session")
+def tool() -> Callable[[str], str]:
+    """Path of a program; without it the test is skipped, or fails if it is `REQUIRED`."""
+
+    def find(name: str) -> str:
+        path = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
+        if path is None and name in os.environ.get(REQUIRED, "").split():
+            pytest.fail(f"{name} is not installed, but {REQUIRED} names it")
+        if path is None:
+            pytest.skip(f"{name} is not installed")
+        return path
+
+    return find
+
+
 _CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -154,12 +172,11 @@ _CHROMIUM_ARGUMENTS = [
 
 
 @pytest.fixture
-def browser() -> Iterator[Any]:
+def browser(tool: Callable[[str], str]) -> Iterator[Any]:
     """A headless Chromium that draws WebGL in software."""
-    if shutil.which(CHROMIUM) is None:
-        pytest.skip(f"no browser at {CHROMIUM}")
+    chromium = tool("chromium")
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=_CHROMIUM_ARGUMENTS)
+        running = playwright.chromium.launch(executable_path=chromium, args=_CHROMIUM_ARGUMENTS)
         yield running
         running.close()

@@ -1,28 +1,14 @@
-"""Where the files to deploy are, and the tools that judge them."""
+"""Where the files to deploy are, and the example settings installed."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
-
-
-@pytest.fixture
-def tool() -> Callable[[str], str]:
-    """Path of a program; the test is skipped where it is not installed."""
-
-    def find(name: str) -> str:
-        path = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
-        if path is None:
-            pytest.skip(f"{name} is not installed")
-        return path
-
-    return find
 
 
 @pytest.fixture

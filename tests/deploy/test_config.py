@@ -26,7 +26,9 @@ def test_the_examples_fit_together() -> None:
         tomllib.loads((DEPLOY / "config" / f"{name}.toml").read_text())
         for name in ("edge-rsu-1", "dispatcher", "dashboard")
     )
-    assert edge["bus"] == dispatcher["bus"] == dashboard["bus"]
+    assert edge["bus"]["connect"] == dispatcher["bus"]["connect"] == dashboard["bus"]["connect"]
+    users = [settings["bus"]["user"] for settings in (edge, dispatcher, dashboard)]
+    assert users == [f"edge-{edge['rsu']}", "dispatcher", "dashboard"]
     assert dispatcher["database_url"] == dashboard["database_url"]
     assert dispatcher["network"] == dashboard["network"]
     ports = [s["service"]["metrics_port"] for s in (edge, dispatcher, dashboard)]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import signal
 import stat
 import subprocess
 from collections.abc import Callable
@@ -48,10 +51,181 @@ def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
     assert f"{units}edge@.service" not in server
     for files in (box, server):
         assert f"{units}router.service" in files
-        assert files["etc/slipstream/router.json5"][1] == 0o640
+        assert files["etc/slipstream/router.json5"][1] == 0o600
         assert "opt/slipstream/share/doc/operations.md" in files
         # What the router's unit runs is there.
         assert "opt/slipstream/share/router.py" in files
+
+
+@pytest.mark.attack
+def test_only_root_reads_what_is_secret(tmp_path: Path) -> None:
+    """Settings, router file and passwords are root's alone; a calibration is the daemons'."""
+    assert install("--root", tmp_path, "all").returncode == 0
+    etc = tmp_path / "etc" / "slipstream"
+    shared = {name for name, (_, mode) in tree(etc).items() if mode & 0o077}
+    assert shared == {"camera-rsu-1.toml"}
+    assert stat.S_IMODE((etc / "bus").stat().st_mode) == 0o700
+    assert stat.S_IMODE(etc.stat().st_mode) == 0o750
+
+
+def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
+    """Long and different ones; a camera that is added gets its own, others keep theirs."""
+    assert install("--root", tmp_path, "all").returncode == 0
+    etc = tmp_path / "etc" / "slipstream"
+
+    def users() -> dict[str, str]:
+        lines = (etc / "bus" / "users").read_text().splitlines()
+        return dict(line.split(":", 1) for line in lines)
+
+    before = users()
+    assert before.keys() == {"edge-rsu-1", "dispatcher", "dashboard", "fleet"}
+    assert len(set(before.values())) == len(before)
+    assert min(map(len, before.values())) >= 32
+    with (etc / "bus" / "users").open("a") as file:
+        file.write("box-1:given:by hand\n")
+    for name in ("north", "n.rth", "a-name-that-is-too-long-for-a-user"):
+        (etc / f"edge-{name}.toml").write_text("")
+    assert install("--root", tmp_path, "edge").returncode == 0
+    after = users()
+    assert before.items() < after.items()
+    assert after["box-1"] == "given:by hand"
+    for user in after.keys() - {"box-1"}:
+        assert (etc / "bus" / user).read_text() == after[user] + "\n"
+    # The unit's user is edge-NAME: where that is no user's name, a drop-in gives another.
+    units = tmp_path / "etc" / "systemd" / "system"
+    drop_ins = {path.parent.name: path.read_text() for path in units.glob("*.d/user.conf")}
+    assert drop_ins.keys() == {
+        "slipstream-edge@n.rth.service.d",
+        "slipstream-edge@a-name-that-is-too-long-for-a-user.service.d",
+    }
+    assert all(re.fullmatch(r"\[Service\]\nUser=edge-\d+\n", text) for text in drop_ins.values())
+    assert len(set(drop_ins.values())) == 2
+
+
+def test_settings_of_the_version_before_stay_and_are_named(tmp_path: Path) -> None:
+    """Their content and permissions do not change; the summary names those that all can read."""
+    etc = tmp_path / "etc" / "slipstream"
+    etc.mkdir(parents=True)
+    for name in ("edge-rsu-1.toml", "dispatcher.toml", "router.json5"):
+        (etc / name).write_text("# of version 0.1\n")
+        (etc / name).chmod(0o640)
+    before = tree(etc)
+    done = install("--root", tmp_path, "all")
+    assert done.returncode == 0
+    assert before.items() <= tree(etc).items()
+    for name in before:
+        assert str(etc / name) in done.stdout
+    assert "dashboard.toml\n" not in done.stdout.split("Each daemon can read")[1]
+
+
+_PYTHON = """#!/bin/sh
+# Stands in for Python: makes environments, and dies where the test says.
+case "$*" in
+    "-m venv "*)
+        mkdir -p "$3/bin"
+        cp "$0" "$3/bin/python"
+        [ ! -e "{folder}/die-in-venv" ] || kill -9 $PPID
+        echo pip >"$3/pip"
+        ;;
+    "-m pip "*)
+        [ -e "$(dirname "$0")/../pip" ] || exit 1
+        [ ! -e "{folder}/die-in-pip" ] || kill -9 $PPID
+        echo installed >"$(dirname "$0")/../slipstream"
+        ;;
+    *sys.base_prefix*) echo /usr ;;
+esac
+"""
+
+
+class Machine:
+    """Installs environments below a folder, with a stand-in for Python."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.releases = folder / "root" / "opt" / "slipstream" / "releases"
+        self.source = folder / "source"
+        shutil.copytree(DEPLOY, self.source / "deploy")
+        (self.source / "docs").mkdir()
+        (self.source / "docs" / "operations.md").touch()
+        script = self.source / "deploy" / "install.sh"
+        text = script.read_text()
+        # An environment below a folder cannot run elsewhere, which does not matter here.
+        assert "root=$2 venv=no" in text
+        script.write_text(text.replace("root=$2 venv=no", "root=$2"))
+        self.python = folder / "python"
+        self.python.write_text(_PYTHON.format(folder=folder))
+        self.python.chmod(0o755)
+
+    def install(self, version: str, die_in: str | None = None) -> int:
+        """Install a version; returns the exit status."""
+        (self.source / "pyproject.toml").write_text(f'version = "{version}"\n')
+        if die_in is not None:
+            (self.folder / f"die-in-{die_in}").touch()
+        arguments = ("--root", self.folder / "root", "--python", self.python, "edge")
+        done = subprocess.run(
+            ["sh", self.source / "deploy" / "install.sh", *arguments],
+            capture_output=True,
+            timeout=60,
+        )
+        if die_in is not None:
+            (self.folder / f"die-in-{die_in}").unlink()
+        return done.returncode
+
+    def current(self) -> str:
+        """The version that would start now, with all that belongs to it."""
+        release = (self.releases.parent / "current").resolve()
+        assert {path.name for path in release.iterdir()} > {"bin", "pip", "slipstream"}
+        return release.name
+
+    def kept(self) -> set[str]:
+        """Releases on the disk."""
+        return {path.name for path in self.releases.iterdir()}
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    """A machine without Slipstream."""
+    return Machine(tmp_path)
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("where", ["venv", "pip"])
+def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: str) -> None:
+    """Killed while it makes the first environment, or a newer one: run again, it is there."""
+    assert machine.install("1.0", die_in=where) == -signal.SIGKILL
+    assert machine.install("1.0") == 0
+    assert machine.current() == "1.0"
+    assert machine.install("1.1", die_in=where) == -signal.SIGKILL
+    assert machine.current() == "1.0"
+    assert machine.install("1.1") == 0
+    assert machine.current() == "1.1"
+    assert machine.install("1.1", die_in="pip") == -signal.SIGKILL
+    assert machine.install("1.1") == 0
+    assert machine.current() == "1.1"
+
+
+def test_an_environment_of_the_installer_before_is_not_removed(machine: Machine) -> None:
+    """The current release has daemons running from it, with the mark or without."""
+    assert machine.install("1.0") == 0
+    (machine.releases / "1.0" / ".complete").unlink()
+    (machine.releases / "1.0" / "in use").touch()
+    assert machine.install("1.0") == 0
+    assert (machine.releases / "1.0" / "in use").exists()
+
+
+def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
+    """Two are kept: after each upgrade, the same version again, and a way back by hand."""
+    for version in ("1.0", "1.1", "1.2"):
+        assert machine.install(version) == 0
+    assert machine.kept() == {"1.1", "1.2"}
+    assert machine.install("1.2") == 0
+    assert machine.kept() == {"1.1", "1.2"}
+    current = machine.releases.parent / "current"
+    current.unlink()
+    current.symlink_to(machine.releases / "1.1")
+    assert machine.install("1.3") == 0
+    assert machine.kept() == {"1.1", "1.3"}
+    assert machine.current() == "1.3"
 
 
 def test_a_second_run_changes_nothing(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import http.client
+import logging
+import socket
 import ssl
 import subprocess
 import time
@@ -11,8 +13,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin, Subprotocol
 
 from dashboard.server import start_server, stop_server
 from slipstream.bus import free_port
@@ -36,9 +39,15 @@ def _self_signed(openssl: str, folder: Path) -> None:
     )
 
 
-@pytest.fixture
-def proxy(tool: Callable[[str], str], tmp_path: Path) -> Iterator[int]:
-    """Port of nginx with the shipped configuration before a viser server."""
+NAME = "slipstream.example.org"
+"""The server name in the shipped configuration."""
+
+
+@pytest.fixture(params=[(NAME,)])
+def proxy(
+    request: pytest.FixtureRequest, tool: Callable[[str], str], tmp_path: Path
+) -> Iterator[int]:
+    """Port of nginx with the shipped configuration before a viser server that allows a name."""
     nginx, openssl = tool("nginx"), tool("openssl")
     _self_signed(openssl, tmp_path)
     hashed = subprocess.run(
@@ -71,7 +80,7 @@ def proxy(tool: Callable[[str], str], tmp_path: Path) -> Iterator[int]:
     checked = subprocess.run([nginx, "-t", "-c", str(main)], capture_output=True, text=True)
     assert checked.returncode == 0, checked.stderr
     assert "warn" not in checked.stderr
-    server = start_server("127.0.0.1", page)
+    server = start_server("127.0.0.1", page, request.param)
     process = subprocess.Popen([nginx, "-c", str(main)], stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 10
@@ -111,14 +120,42 @@ def test_only_who_logs_in_sees_the_page(proxy: int) -> None:
     assert _get(proxy, {}) == 401
     wrong = "Basic " + base64.b64encode(b"anna:guess").decode()
     assert _get(proxy, {"Authorization": wrong}) == 401
-    assert _get(proxy, LOGIN) == 200
+    assert _get(proxy, {**LOGIN, "Host": NAME}) == 200
+    with _open_socket(proxy, f"https://{NAME}") as page:
+        assert isinstance(page.recv(timeout=10), bytes)
+
+
+@pytest.mark.attack
+def test_other_sites_are_kept_out_behind_the_proxy_too(proxy: int) -> None:
+    """With a browser's login: a rebound name and a script of another site get 403."""
+    assert _get(proxy, {**LOGIN, "Host": "rebound.example"}) == 403
+    assert _get(proxy, {**LOGIN, "Host": NAME, "Origin": "https://foreign.example"}) == 403
+    with pytest.raises(InvalidStatus, match="403"):
+        _open_socket(proxy, "https://foreign.example")
+
+
+@pytest.mark.parametrize("proxy", [()], indirect=True)
+def test_settings_of_the_version_before_are_told_which_key_is_missing(
+    proxy: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A page whose proxy's name is not allowed answers 403, and the log says what to set."""
+    with caplog.at_level(logging.WARNING):
+        assert [_get(proxy, {**LOGIN, "Host": NAME}) for _ in range(5)] == [403] * 5
+    (line,) = caplog.messages
+    assert f"'{NAME}'" in line
+    assert "allowed_hosts" in line
+
+
+def _open_socket(proxy: int, origin: str) -> ClientConnection:
     from viser import __version__
 
-    with connect(
-        f"wss://127.0.0.1:{proxy}",
+    return connect(
+        f"wss://{NAME}",
+        sock=socket.create_connection(("127.0.0.1", proxy), timeout=10),
+        server_hostname=NAME,
         ssl=_trusting(),
+        origin=Origin(origin),
         additional_headers=LOGIN,
         subprotocols=[Subprotocol(f"viser-v{__version__}")],
         proxy=None,
-    ) as socket:
-        assert isinstance(socket.recv(timeout=10), bytes)
+    )

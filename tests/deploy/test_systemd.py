@@ -84,7 +84,41 @@ def test_the_command_is_one_that_exists(unit: Path) -> None:
     (start,) = values(unit, "ExecStart")
     options = parser().parse_args(start.split()[1:])
     assert options.command in unit.name
-    assert str(options.config).startswith("/etc/slipstream/")
+    folder, name = str(options.config).split("/")
+    assert folder == "${CREDENTIALS_DIRECTORY}"
+    assert credentials(unit)[name] == f"/etc/slipstream/{name}"
+    assert values(unit, "AssertPathExists") == [f"/etc/slipstream/{name}"]
+
+
+def credentials(unit: Path) -> dict[str, str]:
+    """Files that systemd hands a unit, by the name that they have for it."""
+    return dict(value.split(":", 1) for value in values(unit, "LoadCredential"))
+
+
+HANDED = {
+    "slipstream-dashboard.service": {"bus/dashboard", "dashboard.toml"},
+    "slipstream-dispatcher.service": {"bus/dispatcher", "dispatcher.toml"},
+    "slipstream-edge@.service": {"bus/edge-%i", "edge-%i.toml"},
+    "slipstream-router.service": {"bus/users", "router.json5", "tls/router.key"},
+}
+"""The secrets below /etc/slipstream that each unit may have."""
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_each_unit_gets_its_own_secrets_only(unit: Path) -> None:
+    """No other daemon's settings, key or password; none runs as a user that another runs as."""
+    sources = {path.removeprefix("/etc/slipstream/") for path in credentials(unit).values()}
+    assert sources == HANDED[unit.name]
+    # Without a default, a machine of version 0.1 that has no such file would not start.
+    defaults = {value.split(":")[0] for value in values(unit, "SetCredential")}
+    assert defaults == {
+        n for n, path in credentials(unit).items() if "bus/" in path or "tls/" in path
+    }
+    # Instances of a template share a user, and so their secrets, unless they are told not to.
+    if "@" in unit.name:
+        assert values(unit, "User") == ["edge-%i"]
+    assert values(unit, "DynamicUser") == ["yes"] or "dispatcher" in unit.name
 
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)

@@ -14,9 +14,20 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from slipstream.bus import Bus, free_port
+from slipstream.bus import RECEIVE_LIMIT_BYTES, Bus, free_port
 from slipstream.config import BusSettings
-from slipstream.messages import ALL_PLANS, ALL_STATES, plan_key, state_key
+from slipstream.messages import (
+    ALL_PLANS,
+    ALL_STATES,
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+    plan_key,
+    position_key,
+    preview_key,
+    rsu_health_key,
+    state_key,
+)
+from slipstream.roads import load_network
 
 from .conftest import DEPLOY
 
@@ -40,6 +51,21 @@ class Seen:
         return payload in self.payloads
 
 
+USERS = ("dispatcher", "dashboard", "fleet", "edge-rsu-1", "box-1", "box-2")
+CREDENTIALS = "/run/credentials/slipstream-router.service"
+
+
+@pytest.fixture
+def users(tmp_path: Path) -> Path:
+    """A folder with the router's dictionary and a password file for each user."""
+    folder = tmp_path / "users"
+    folder.mkdir()
+    (folder / "bus-users").write_text("".join(f"{user}:secret of {user}\n" for user in USERS))
+    for user in USERS:
+        (folder / user).write_text(f"secret of {user}\n")
+    return folder
+
+
 def open_router(name: str, target: Path, replacements: dict[str, str]) -> zenoh.Session:
     """Open a router on a shipped configuration whose addresses and paths are replaced."""
     text = (ZENOH / name).read_text()
@@ -50,9 +76,13 @@ def open_router(name: str, target: Path, replacements: dict[str, str]) -> zenoh.
     return zenoh.open(zenoh.Config.from_file(str(target)))
 
 
-def open_bus(port: int) -> Bus:
-    """A daemon's session."""
-    return Bus.open(BusSettings(connect=(f"tcp/127.0.0.1:{port}",)))
+def open_bus(port: int, password_file: Path | None, user: str | None = None) -> Bus:
+    """A daemon's session; its user is the password file's name, or another."""
+    if password_file is not None and user is None:
+        user = password_file.name
+    return Bus.open(
+        BusSettings(connect=(f"tcp/127.0.0.1:{port}",), user=user, password_file=password_file)
+    )
 
 
 @pytest.mark.parametrize("path", sorted(ZENOH.glob("*.json5")), ids=lambda path: path.name)
@@ -67,18 +97,206 @@ def test_every_configuration_is_private(path: Path) -> None:
     assert endpoints.count("tcp/") == 1
 
 
+@pytest.mark.attack
+@pytest.mark.parametrize("path", sorted(ZENOH.glob("*.json5")), ids=lambda path: path.name)
+def test_what_a_session_sends_is_limited(path: Path) -> None:
+    """Sessions and their messages are bounded, and everybody has a password."""
+    config = zenoh.Config.from_file(str(path))
+    assert int(config.get_json("transport/unicast/max_sessions")) == 64
+    assert int(config.get_json("transport/link/rx/max_message_size")) == RECEIVE_LIMIT_BYTES
+    assert f"{CREDENTIALS}/bus-users" in config.get_json("transport/auth/usrpwd/dictionary_file")
+    assert config.get_json("access_control/default_permission") == '"deny"'
+
+
+@pytest.fixture
+def machine(users: Path, tmp_path: Path) -> Iterator[int]:
+    """The router of a single machine; its port."""
+    port = free_port()
+    replaced = {"127.0.0.1:7447": f"127.0.0.1:{port}", CREDENTIALS: str(users)}
+    with open_router("router.json5", tmp_path / "router.json5", replaced):
+        yield port
+
+
+PROBES = {
+    "state": state_key("rsu-1", "avenue_east"),
+    "another segment's state": state_key("rsu-1", "avenue_west"),
+    "another RSU's state": state_key("rsu-2", "avenue_east"),
+    "health": rsu_health_key("rsu-1"),
+    "picture": preview_key("rsu-1"),
+    "plan": plan_key("van"),
+    "cycle": CYCLE_KEY,
+    "dispatcher's health": DISPATCHER_HEALTH_KEY,
+    "position": position_key("van"),
+}
+MAY = {
+    "dispatcher": {"plan", "cycle", "dispatcher's health"},
+    "dashboard": set(),
+    "fleet": {"position"},
+    "edge-rsu-1": {"state", "health", "picture"},
+}
+
+
+@pytest.mark.attack
+@pytest.mark.slow(long=True)
 @pytest.mark.process
-def test_the_service_carries_messages(tmp_path: Path) -> None:
+def test_each_daemon_publishes_its_own_keys_only(
+    machine: int, users: Path, figure: Callable[[str], None]
+) -> None:
+    """Everything by everybody: what is a user's own arrives early and live, nothing else does."""
+    with ExitStack() as stack:
+        publishers = {}
+        for user in MAY:
+            bus = stack.enter_context(open_bus(machine, users / user))
+            for what, key in PROBES.items():
+                publisher = bus.publisher(key, best_effort=what == "picture")
+                publisher.put(f"{user}: {what} early".encode())
+                publishers[user, what] = publisher
+        seen, overheard = Seen(), Seen()
+        ears = stack.enter_context(open_bus(machine, users / "dashboard"))
+        ears.subscribe("slipstream/v1/**", seen)
+        camera = stack.enter_context(open_bus(machine, users / "edge-rsu-1"))
+        camera.subscribe("slipstream/v1/**", overheard)
+        own = [(user, what) for user, allowed in MAY.items() for what in allowed]
+        for user, what in own:
+            if what != "picture":
+                assert seen.wait_for(f"{user}: {what} early".encode(), 20), (user, what)
+        for (user, what), publisher in publishers.items():
+            publisher.put(f"{user}: {what} live".encode())
+        for user, what in own:
+            assert seen.wait_for(f"{user}: {what} live".encode()), (user, what)
+        time.sleep(0.5)
+        arrived = {payload.decode().rsplit(" ", 1)[0] for payload in seen.payloads}
+        assert arrived == {f"{user}: {what}" for user, what in own}
+        assert overheard.payloads == []
+        figure(f"{len(publishers) - len(own)} of {len(publishers)} pairs of user and key denied")
+
+
+@pytest.mark.attack
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+@pytest.mark.parametrize("role", ["nobody", "wrong password", "unknown user"])
+def test_a_plan_without_the_dispatchers_password_is_denied(
+    machine: int, users: Path, tmp_path: Path, role: str
+) -> None:
+    """Without a user, with a user's name and another's password, or as a new user: no session."""
+    guess = tmp_path / "guess"
+    guess.write_text("secret of dashboard")
+    password_file, user = {
+        "nobody": (None, None),
+        "wrong password": (guess, "dispatcher"),
+        "unknown user": (guess, "mallory"),
+    }[role]
+    with (
+        open_bus(machine, password_file, user) as forger,
+        open_bus(machine, users / "dispatcher") as dispatcher,
+        open_bus(machine, users / "fleet") as fleet,
+    ):
+        plans, overheard = Seen(), Seen()
+        fleet.subscribe(ALL_PLANS, plans)
+        forger.subscribe(ALL_PLANS, overheard)
+        publisher = dispatcher.publisher(plan_key("van"))
+        forged = forger.publisher(plan_key("van"))
+        forged.put(b"forged")
+        publisher.put(b"plan")
+        assert plans.wait_for(b"plan", 20)
+        # The forger tries to connect once a second, if not more often.
+        time.sleep(3.0)
+        forged.put(b"forged")
+        publisher.put(b"next plan")
+        assert plans.wait_for(b"next plan")
+        time.sleep(0.5)
+        assert b"forged" not in plans.payloads
+        assert overheard.payloads == [b"forged"] * len(overheard.payloads)
+
+
+@pytest.mark.attack
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+def test_a_message_beyond_the_limit_is_dropped(machine: int, users: Path) -> None:
+    """More than 4 MiB does not come through, nor harm what does."""
+    with (
+        open_bus(machine, users / "edge-rsu-1") as edge,
+        open_bus(machine, users / "dashboard") as dashboard,
+    ):
+        seen = Seen()
+        dashboard.subscribe(ALL_STATES, seen)
+        publisher = edge.publisher(PROBES["state"])
+        publisher.put(b"small")
+        assert seen.wait_for(b"small", 20)
+        publisher.put(bytes(RECEIVE_LIMIT_BYTES + 2**16))
+        publisher.put(b"after")
+        assert seen.wait_for(b"after", 20)
+        assert {len(payload) for payload in seen.payloads} == {5}
+
+
+@pytest.mark.process
+def test_an_identity_goes_with_a_configuration_file_too(
+    machine: int, users: Path, tmp_path: Path
+) -> None:
+    """Settings with `config_file` need no password in that file."""
+    file = tmp_path / "session.json5"
+    endpoint = f"tcp/127.0.0.1:{machine}"
+    file.write_text(
+        f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}, '
+        "scouting: {multicast: {enabled: false}}, timestamping: {enabled: true}}"
+    )
+    identity = {"user": "dashboard", "password_file": users / "dashboard"}
+    with (
+        Bus.open(BusSettings(config_file=file, **identity)) as dashboard,
+        open_bus(machine, users / "edge-rsu-1") as edge,
+    ):
+        seen = Seen()
+        dashboard.subscribe(ALL_STATES, seen)
+        publisher = edge.publisher(PROBES["state"])
+        publisher.put(b"state")
+        assert seen.wait_for(b"state", 20)
+
+
+OLD_ROUTER = """
+{
+  mode: "router",
+  listen: { endpoints: ["tcp/127.0.0.1:7447"], exit_on_failure: true },
+  scouting: { multicast: { enabled: false }, gossip: { enabled: false } },
+  timestamping: { enabled: true },
+  transport: { shared_memory: { enabled: false } },
+}
+"""
+"""The router.json5 of version 0.1.0."""
+
+
+@pytest.mark.process
+def test_settings_of_the_version_before_still_connect(tmp_path: Path) -> None:
+    """A daemon without a user, and a router without a dictionary, as installed before."""
+    port = free_port()
+    (tmp_path / "router.json5").write_text(OLD_ROUTER.replace(":7447", f":{port}"))
+    with (
+        zenoh.open(zenoh.Config.from_file(str(tmp_path / "router.json5"))),
+        open_bus(port, None) as edge,
+        open_bus(port, None) as dispatcher,
+    ):
+        seen = Seen()
+        dispatcher.subscribe(ALL_STATES, seen)
+        publisher = edge.publisher(PROBES["state"])
+        publisher.put(b"state")
+        assert seen.wait_for(b"state", 20)
+
+
+@pytest.mark.process
+def test_the_service_carries_messages(tmp_path: Path, users: Path) -> None:
     """router.py carries a state, and ends on SIGTERM with status 0."""
     port = free_port()
     config = tmp_path / "router.json5"
-    config.write_text((ZENOH / "router.json5").read_text().replace(":7447", f":{port}"))
+    text = (ZENOH / "router.json5").read_text().replace(":7447", f":{port}")
+    config.write_text(text.replace(CREDENTIALS, str(users)))
     process = subprocess.Popen([sys.executable, str(ZENOH / "router.py"), str(config)])
     try:
-        with open_bus(port) as edge, open_bus(port) as dispatcher:
+        with (
+            open_bus(port, users / "edge-rsu-1") as edge,
+            open_bus(port, users / "dispatcher") as dispatcher,
+        ):
             seen = Seen()
             dispatcher.subscribe(ALL_STATES, seen)
-            publisher = edge.publisher(state_key("rsu", "road"))
+            publisher = edge.publisher(PROBES["state"])
             publisher.put(b"state")
             assert seen.wait_for(b"state", 20)
         process.send_signal(signal.SIGTERM)
@@ -127,7 +345,7 @@ def certificates(tool: Callable[[str], str], tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def sites(certificates: Path, tmp_path: Path) -> Iterator[dict[str, int]]:
+def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str, int]]:
     """Routers of the server and two boxes over mutual TLS; the local port of each."""
     ports = {name: free_port() for name in ("server", "box-1", "box-2")}
     tls = free_port()
@@ -136,6 +354,9 @@ def sites(certificates: Path, tmp_path: Path) -> Iterator[dict[str, int]]:
             "router-server.json5",
             tmp_path / "server.json5",
             {
+                f"{CREDENTIALS}/router.key": str(certificates / "server.key"),
+                CREDENTIALS: str(users),
+                "/etc/slipstream/tls/router.pem": str(certificates / "server.pem"),
                 "/etc/slipstream/tls": str(certificates),
                 "tcp/127.0.0.1:7447": f"tcp/127.0.0.1:{ports['server']}",
                 "tls/0.0.0.0:7448": f"tls/127.0.0.1:{tls}",
@@ -147,51 +368,118 @@ def sites(certificates: Path, tmp_path: Path) -> Iterator[dict[str, int]]:
                 "router-rsu.json5",
                 tmp_path / f"{box}.json5",
                 {
-                    "/etc/slipstream/tls/box": str(certificates / box),
+                    f"{CREDENTIALS}/router.key": str(certificates / f"{box}.key"),
+                    CREDENTIALS: str(users),
+                    "/etc/slipstream/tls/router.pem": str(certificates / f"{box}.pem"),
                     "/etc/slipstream/tls": str(certificates),
                     "tcp/127.0.0.1:7447": f"tcp/127.0.0.1:{ports[box]}",
                     "tls/SERVER:7448": f"tls/localhost:{tls}",
+                    'user: "box-1"': f'user: "{box}"',
+                    'password: "PASSWORD"': f'password: "secret of {box}"',
                 },
             )
             stack.callback(router.close)
         yield ports
 
 
+@pytest.mark.attack
 @pytest.mark.slow(long=True)
 @pytest.mark.process
-def test_a_box_publishes_its_own_keys_only(sites: dict[str, int]) -> None:
-    """Its states arrive, early and live; another's name, a plan, or an unknown box's do not."""
+def test_a_box_publishes_its_own_keys_only(
+    sites: dict[str, int], users: Path, tmp_path: Path, figure: Callable[[str], None]
+) -> None:
+    """Its states arrive, early and live; others' names, plans, or an unknown box's do not.
+
+    The box is in a thief's hands: its router passes everything on, with its certificate and its
+    password.
+    """
+    stolen = free_port()
+    text = (tmp_path / "box-1.json5").read_text().replace(f":{sites['box-1']}", f":{stolen}")
+    open_access = text.replace('default_permission: "deny"', 'default_permission: "allow"')
+    assert open_access != text
+    (tmp_path / "stolen.json5").write_text(open_access)
     with (
-        open_bus(sites["box-1"]) as box,
-        open_bus(sites["box-2"]) as stranger,
-        open_bus(sites["server"]) as server,
+        zenoh.open(zenoh.Config.from_file(str(tmp_path / "stolen.json5"))),
+        open_bus(stolen, users / "edge-rsu-1") as box,
+        open_bus(sites["box-2"], users / "edge-rsu-1") as stranger,
+        open_bus(sites["server"], users / "dispatcher") as server,
     ):
-        state = box.publisher(state_key("rsu-1", "road"))
+        state = box.publisher(PROBES["state"])
         state.put(b"before anybody listened")
-        forged_state = box.publisher(state_key("rsu-9", "road"))
-        forged_plan = box.publisher(plan_key("van"))
-        unknown_box = stranger.publisher(state_key("rsu-1", "road"))
-        states, plans, plans_at_box = Seen(), Seen(), Seen()
-        server.subscribe(ALL_STATES, states)
-        server.subscribe(ALL_PLANS, plans)
+        others = load_network("demo").segments.keys() - {"avenue_east"}
+        forged = [
+            *(box.publisher(state_key("rsu-1", segment)) for segment in others),
+            box.publisher(PROBES["another RSU's state"]),
+            box.publisher(plan_key("van")),
+            box.publisher(CYCLE_KEY),
+            stranger.publisher(PROBES["state"]),
+        ]
+        for publisher in forged:
+            publisher.put(b"forged early")
+        everything, plans_at_box = Seen(), Seen()
+        for key_expression in (ALL_STATES, ALL_PLANS, CYCLE_KEY):
+            server.subscribe(key_expression, everything)
         box.subscribe(ALL_PLANS, plans_at_box)
-        assert states.wait_for(b"before anybody listened", 15)
-        for publisher in (forged_state, forged_plan, unknown_box):
+        assert everything.wait_for(b"before anybody listened", 15)
+        for publisher in forged:
             publisher.put(b"forged")
-        server.publisher(plan_key("van")).put(b"plan")
+        # One message for all segments at once.
+        for pattern in ("slipstream/v1/rsu/rsu-1/segment/*/state", "slipstream/v1/**"):
+            box._session.put(pattern, b"forged")
+        plan = server.publisher(plan_key("van"))
+        plan.put(b"plan")
         state.put(b"live")
-        assert states.wait_for(b"live")
-        assert plans.wait_for(b"plan")
+        assert everything.wait_for(b"live")
+        assert everything.wait_for(b"plan")
         time.sleep(0.5)
-        assert b"forged" not in states.payloads + plans.payloads
+        assert set(everything.payloads) == {b"before anybody listened", b"live", b"plan"}
         assert b"plan" not in plans_at_box.payloads
+        figure(f"with a box's keys 1 of {1 + len(others)} segments gets its states")
+
+
+@pytest.mark.attack
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+def test_a_box_is_known_by_certificate_and_password(
+    sites: dict[str, int], users: Path, tmp_path: Path
+) -> None:
+    """Its certificate with another's password, and the reverse, carry nothing; both carry it."""
+    texts = {box: (tmp_path / f"{box}.json5").read_text() for box in ("box-1", "box-2")}
+    mixed = {}
+    for box, other in (("box-1", "box-2"), ("box-2", "box-1")):
+        mixed[box] = free_port()
+        text = texts[box].replace(f":{sites[box]}", f":{mixed[box]}")
+        text = text.replace(f'user: "{box}"', f'user: "{other}"')
+        (tmp_path / f"mixed-{box}.json5").write_text(
+            text.replace(f"secret of {box}", f"secret of {other}")
+        )
+    with ExitStack() as stack:
+        seen, publishers = Seen(), []
+        server = stack.enter_context(open_bus(sites["server"], users / "dispatcher"))
+        server.subscribe(ALL_STATES, seen)
+        for box, port in mixed.items():
+            config = zenoh.Config.from_file(str(tmp_path / f"mixed-{box}.json5"))
+            stack.enter_context(zenoh.open(config))
+            bus = stack.enter_context(open_bus(port, users / "edge-rsu-1"))
+            publishers.append(bus.publisher(PROBES["state"]))
+            publishers[-1].put(b"forged")
+        box = stack.enter_context(open_bus(sites["box-1"], users / "edge-rsu-1"))
+        own = box.publisher(PROBES["state"])
+        own.put(b"own")
+        assert seen.wait_for(b"own", 15)
+        # The mixed routers try to connect once a second at first.
+        time.sleep(3.0)
+        assert seen.payloads == [b"own"]
 
 
 @pytest.mark.slow(long=True)
 @pytest.mark.process
-def test_pictures_are_asked_for_through_the_wall(sites: dict[str, int]) -> None:
+def test_pictures_are_asked_for_through_the_wall(sites: dict[str, int], users: Path) -> None:
     """An RSU behind TLS and access control knows whether somebody looks at its pictures."""
-    with open_bus(sites["box-1"]) as box, open_bus(sites["server"]) as server:
+    with (
+        open_bus(sites["box-1"], users / "edge-rsu-1") as box,
+        open_bus(sites["server"], users / "dashboard") as server,
+    ):
         pictures = box.publisher("slipstream/v1/rsu/rsu-1/preview", best_effort=True)
         assert not pictures.has_subscribers()
         seen = Seen()

@@ -70,13 +70,14 @@ pytestmark = [pytest.mark.attack, pytest.mark.process]
 
 _SENDER = """
 import json, sys, time, zenoh
-endpoint, key, messages = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
+endpoint, password, key, messages = *sys.argv[1:4], json.loads(sys.argv[4])
 config = zenoh.Config()
 for name, value in {
     "mode": "client",
     "connect/endpoints": [endpoint],
     "scouting/multicast/enabled": False,
     "transport/shared_memory/enabled": False,
+    "transport/auth/usrpwd": {"user": "edge-rsu-1", "password": password},
 }.items():
     config.insert_json5(name, json.dumps(value))
 with zenoh.open(config) as session:
@@ -155,44 +156,53 @@ def started(*command: str) -> Iterator[subprocess.Popen[bytes]]:
         process.wait()
 
 
+USERS = ("dispatcher", "dashboard", "edge-rsu-1")
+
+
+def identity(folder: Path, port: int, user: str) -> BusSettings:
+    """How a user of the bus reaches the router of a `server`."""
+    connect = (f"tcp/127.0.0.1:{port}",)
+    return BusSettings(connect=connect, user=user, password_file=folder / "password")
+
+
 @contextmanager
 def server(
     folder: Path,
     dispatcher: Mapping[str, object],
     names: Sequence[str] = ("dispatcher", "dashboard"),
-) -> Iterator[tuple[str, dict[str, Daemon]]]:
-    """Router and daemons of a server; gives the endpoint and the daemons."""
-    port, page = free_port(), free_port()
-    endpoint = f"tcp/127.0.0.1:{port}"
+) -> Iterator[tuple[int, dict[str, Daemon]]]:
+    """Router and daemons of a server, each with its identity; gives the router's port and them."""
+    port = free_port()
+    (folder / "bus-users").write_text("".join(f"{user}:secret\n" for user in USERS))
+    (folder / "password").write_text("secret")
     router = folder / "router.json5"
-    router.write_text(
-        (DEPLOY / "zenoh" / "router.json5").read_text().replace("127.0.0.1:7447", endpoint[4:])
-    )
-    commands = {
-        "router": (str(DEPLOY / "zenoh" / "router.py"), str(router)),
-    }
+    text = (DEPLOY / "zenoh" / "router.json5").read_text()
+    for shipped, here in {
+        "127.0.0.1:7447": f"127.0.0.1:{port}",
+        "/run/credentials/slipstream-router.service": str(folder),
+        # One sender stands for the RSUs.
+        "rsu/rsu-1/segment/avenue_east/state": "rsu/*/segment/*/state",
+    }.items():
+        assert shipped in text
+        text = text.replace(shipped, here)
+    router.write_text(text)
+    commands = {"router": (str(DEPLOY / "zenoh" / "router.py"), str(router))}
     ports = {"router": 0}
     for name, settings in {
         "dispatcher": {"database_url": f"sqlite:///{folder / 'slipstream.db'}", **dispatcher},
-        "dashboard": {"port": page},
+        "dashboard": {"port": free_port()},
     }.items():
         if name not in names:
             continue
         ports[name] = free_port()
         path = folder / f"{name}.toml"
-        path.write_text(
-            tomli_w.dumps(
-                {
-                    **settings,
-                    "bus": {"connect": [endpoint]},
-                    "service": {"metrics_port": ports[name]},
-                }
-            )
-        )
+        service = {"metrics_port": ports[name]}
+        bus = identity(folder, port, name).model_dump(mode="json", exclude_none=True)
+        path.write_text(tomli_w.dumps({**settings, "bus": bus, "service": service}))
         commands[name] = ("-m", "slipstream_cli", name, "--config", str(path))
     with ExitStack() as stack:
         yield (
-            endpoint,
+            port,
             {
                 name: Daemon(stack.enter_context(started(*command)), ports[name])
                 for name, command in commands.items()
@@ -207,14 +217,14 @@ def test_messages_too_large_are_refused_in_bounded_memory(
     """300 messages of 20 MB and one of 900 MB: memory, cycles and what is counted."""
     number, huge = (300, 900_000_000) if full_size else (30, 100_000_000)
     settings = {"interval_s": INTERVAL_S, "deadline_s": 1.0, "solvers": ["exact"]}
-    with server(tmp_path, settings) as (endpoint, daemons):
+    with server(tmp_path, settings) as (port, daemons):
         cycles = Reports(CycleReport)
-        with Bus.open(BusSettings(connect=(endpoint,))) as bus:
+        with Bus.open(identity(tmp_path, port, "dashboard")) as bus:
             bus.subscribe(CYCLE_KEY, cycles.take, every=True)
             cycles.wait_for(2, 120)
             key = state_key("rsu-1", "avenue_east")
             sent = json.dumps([[number, 20_000_000], [1, huge]])
-            with started("-c", _SENDER, endpoint, key, sent) as sender:
+            with started("-c", _SENDER, f"tcp/127.0.0.1:{port}", "secret", key, sent) as sender:
                 while sender.poll() is None:
                     for daemon in daemons.values():
                         daemon.sample()
@@ -299,10 +309,11 @@ import json, sys, time
 from slipstream.bus import Bus
 from slipstream.config import BusSettings
 from slipstream.messages import SegmentState, state_key
-endpoint, seconds, pairs = sys.argv[1], float(sys.argv[2]), json.loads(sys.stdin.read())
+settings = BusSettings.model_validate_json(sys.argv[1])
+seconds, pairs = float(sys.argv[2]), json.loads(sys.stdin.read())
 state = SegmentState.model_validate_json(sys.argv[3])
 MARK = 1234567890123456789
-with Bus.open(BusSettings(connect=(endpoint,))) as bus:
+with Bus.open(settings) as bus:
     outlets = []
     for rsu, segment in pairs:
         mine = state.model_copy(update={"rsu": rsu, "segment": segment, "time_ns": MARK})
@@ -343,14 +354,21 @@ def test_many_rsus_are_all_heard(
     }
     cycles, health = Reports(CycleReport), Reports(DispatcherHealth)
     with (
-        server(tmp_path, settings, ("dispatcher",)) as (endpoint, daemons),
-        Bus.open(BusSettings(connect=(endpoint,))) as bus,
+        server(tmp_path, settings, ("dispatcher",)) as (port, daemons),
+        Bus.open(identity(tmp_path, port, "dashboard")) as bus,
     ):
         bus.subscribe(CYCLE_KEY, cycles.take, every=True)
         bus.subscribe(DISPATCHER_HEALTH_KEY, health.take, every=True)
         cycles.wait_for(1, 120)
         sender = subprocess.Popen(
-            [sys.executable, "-c", _RSUS, endpoint, str(seconds), STATE.model_dump_json()],
+            [
+                sys.executable,
+                "-c",
+                _RSUS,
+                identity(tmp_path, port, "edge-rsu-1").model_dump_json(),
+                str(seconds),
+                STATE.model_dump_json(),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

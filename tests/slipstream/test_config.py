@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import pytest
 
-from slipstream.config import BusSettings, ServiceSettings, Settings, load
+from slipstream.config import BusSettings, ServiceSettings, Settings, load, read_secret
 from slipstream.errors import InputError
 
 
@@ -120,3 +120,35 @@ def test_both_names_of_a_key_are_refused(tmp_path: Path) -> None:
     path.write_text("most_frames = 3\nmax_frames = 4")
     with pytest.raises(InputError, match="most_frames: the former name of max_frames"):
         load(path, Watch)
+
+
+@pytest.mark.parametrize("given", ["user = 'edge-north'", "password_file = 'bus-password'"])
+def test_a_user_without_a_password_is_one_line(tmp_path: Path, given: str) -> None:
+    """Neither makes sense without the other."""
+    path = tmp_path / "edge.toml"
+    path.write_text(f"name = 'x'\n[bus]\n{given}\n")
+    with pytest.raises(InputError, match=r"edge.toml: bus: user and password_file go together"):
+        load(path, Example)
+
+
+def test_a_secret_is_looked_for_among_the_services_credentials(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plain name is systemd's credential where there is one; other paths are paths."""
+    credentials = tmp_path / "credentials"
+    credentials.mkdir()
+    (credentials / "bus-password").write_text("from systemd\n")
+    (tmp_path / "bus-password").write_text("from the folder\n")
+    (tmp_path / "other").write_text("other\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CREDENTIALS_DIRECTORY", raising=False)
+    assert read_secret(Path("bus-password")) == "from the folder"
+    monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(credentials))
+    assert read_secret(Path("bus-password")) == "from systemd"
+    assert read_secret(tmp_path / "bus-password") == "from the folder"
+    assert read_secret(Path("other")) == "other"
+    (credentials / "bus-password").write_text("\n")
+    with pytest.raises(InputError, match="credentials/bus-password: empty"):
+        read_secret(Path("bus-password"))
+    with pytest.raises(InputError, match="no such file"):
+        read_secret(Path("missing"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import os
 import stat
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import resources
 from itertools import pairwise
@@ -30,7 +31,13 @@ from slipstream.roads import RoadNetwork, Segment, build_network
 
 DATA = Path(str(resources.files("simulation.scenarios") / "data"))
 SIGNAL = '<tag k="highway" v="traffic_signals"/>'
-NEEDS_TOOL = pytest.mark.skipif(find_netconvert() is None, reason="netconvert is not installed")
+
+
+@pytest.fixture
+def netconvert(tool: Callable[[str], str]) -> None:
+    """netconvert is installed, or the test is skipped."""
+    if find_netconvert() is None:
+        tool("netconvert")
 
 
 def test_troy_plan_has_the_sources_roads_in_their_directions() -> None:
@@ -62,7 +69,7 @@ def test_shipped_nets_are_in_one_piece_with_signals(
     assert len(network.signals) >= signals
 
 
-@NEEDS_TOOL
+@pytest.mark.usefixtures("netconvert")
 @pytest.mark.parametrize("name", ["troy", "corridor"])
 def test_rebuilt_net_is_the_shipped_one(name: str, tmp_path: Path) -> None:
     """Where netconvert is installed, the sources give the net that ships."""
@@ -72,7 +79,7 @@ def test_rebuilt_net_is_the_shipped_one(name: str, tmp_path: Path) -> None:
     assert gzip.decompress((tmp_path / "again.net.xml.gz").read_bytes()) == shipped
 
 
-@NEEDS_TOOL
+@pytest.mark.usefixtures("netconvert")
 def test_an_openstreetmap_extract_becomes_a_net_that_a_day_can_run_on(tmp_path: Path) -> None:
     """Roads for cars are kept with their lanes and limits, footways and loose ends are not."""
     nodes = [
