@@ -20,6 +20,7 @@ import zenoh
 
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
+from slipstream.files import check_file
 from slipstream.messages import Message
 from slipstream.service import LogLimiter
 
@@ -29,6 +30,7 @@ Handler = Callable[[str, bytes], None]
 
 _HEARTBEAT_S = 1.0
 _QUEUE_SAMPLES = 256
+_MAX_CONFIG_BYTES = 1_000_000
 
 
 class Publisher:
@@ -242,6 +244,7 @@ def _client_config(settings: BusSettings) -> Any:
 
 
 def _config_from(path: Path) -> Any:
+    check_file(path, _MAX_CONFIG_BYTES)
     try:
         return zenoh.Config.from_file(str(path))
     except zenoh.ZError as error:
