@@ -7,6 +7,9 @@ import sys
 # streams would flood standard error; the daemon logs one line each.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
+# A picture of a few kB may claim to be of 30,000 x 30,000 pixels, 2.7 GB; a camera's are of 33
+# million at most.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(2**26))
 
 # OpenVINO's telemetry writes an identity into the home folder and connects to a server; it does
 # neither where its module cannot be imported.

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from slipstream.files import silent_libraries
+
 Image = npt.NDArray[np.uint8]
+
+MAX_PIXELS: Final = 2**26
+"""Of a picture or a video frame; `edge_daemon` tells OpenCV so."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +42,11 @@ class Frame:
 
 def read_image(path: Path) -> Image | None:
     """An image file as BGR; None where it is missing, no image, or claims to be too large."""
+    if not path.is_file():  # a pipe would be waited for
+        return None
     try:
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        with silent_libraries():
+            image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     except cv2.error:  # a size beyond its limits, true or forged
         return None
     return None if image is None else np.asarray(image, dtype=np.uint8)

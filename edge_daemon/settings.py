@@ -77,7 +77,7 @@ class DetectorSettings(Settings):
         default=0.45,
         description="Intersection over union with a better box, above which a box is suppressed.",
     )
-    threads: Annotated[int, Field(ge=0)] = Field(
+    threads: Annotated[int, Field(ge=0, le=1024)] = Field(
         default=0, description="Inference threads; 0: one per CPU core."
     )
     requests: Annotated[int, Field(ge=0, le=16)] = Field(
@@ -256,19 +256,19 @@ class CalibrationPoint(Settings):
 class ImageSize(Settings):
     """Size of the picture that the calibration was made on."""
 
-    width: Annotated[int, Field(gt=0)] = Field(description="Width, px.")
-    height: Annotated[int, Field(gt=0)] = Field(description="Height, px.")
+    width: Annotated[int, Field(gt=0, le=65535)] = Field(description="Width, px.")
+    height: Annotated[int, Field(gt=0, le=65535)] = Field(description="Height, px.")
 
 
 class SegmentSettings(Settings):
     """The part of a road segment that the camera watches."""
 
     id: Identifier = Field(description="The road segment.")
-    polygon: Annotated[tuple[Pair, ...], Field(min_length=3)] = Field(
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=200)] = Field(
         description="Outline on the road plane, m."
     )
     direction: Pair = Field(description="Direction of travel on the road plane, of any length.")
-    lanes: Annotated[int, Field(ge=1)] = Field(default=1, description="Number of lanes.")
+    lanes: Annotated[int, Field(ge=1, le=100)] = Field(default=1, description="Number of lanes.")
     lane_width_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(
         default=3.5, description="Width of a lane, m."
     )
@@ -276,7 +276,7 @@ class SegmentSettings(Settings):
 
 Points = Annotated[
     tuple[CalibrationPoint, ...],
-    Field(min_length=4, description="Points known in the picture and on the road."),
+    Field(min_length=4, max_length=500, description="Points known in the picture and on the road."),
 ]
 
 
@@ -288,7 +288,9 @@ class PointsSettings(Settings):
     reference: Path | None = Field(default=None, description="Picture that the points are in.")
     image: ImageSize | None = Field(default=None, description="Size of that picture.")
     points: Points
-    segments: tuple[SegmentSettings, ...] = Field(default=(), description="Watched segments.")
+    segments: Annotated[tuple[SegmentSettings, ...], Field(max_length=32)] = Field(
+        default=(), description="Watched segments."
+    )
 
 
 class CameraSettings(Settings):
@@ -302,6 +304,6 @@ class CameraSettings(Settings):
     )
     image: ImageSize = Field(description="Size of that picture.")
     points: Points
-    segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1)] = Field(
+    segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1, max_length=32)] = Field(
         description="Watched segments."
     )

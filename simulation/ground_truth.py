@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from array import array
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,9 @@ import numpy.typing as npt
 from edge_daemon.camera import Array, WatchedSegment
 from edge_daemon.settings import StabilitySettings
 from slipstream.errors import InputError
+from slipstream.files import check_file
+
+_MAX_BYTES: Final = 512_000_000
 
 _COLUMNS: Final = (
     "frame",
@@ -72,6 +76,8 @@ def load_truth(path: Path) -> Truth:
     Raises:
         InputError: it cannot be read, a column is missing, or a value is no number.
     """
+    check_file(path, _MAX_BYTES)
+    table = array("d")
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file)
@@ -80,16 +86,20 @@ def load_truth(path: Path) -> Truth:
                 raise InputError(
                     path, "no such column", "give a truth.csv of `slipstream clip`", key=missing[0]
                 )
-            rows = [[row[name] for name in _COLUMNS] for row in reader]
+            for row in reader:
+                table.extend(float(row[name]) for name in _COLUMNS)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read ({error})", "give a CSV file") from None
-    try:
-        table = np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
     except (ValueError, TypeError):
         raise InputError(path, "a value is no number", "give a complete CSV file") from None
-    if not np.isfinite(table).all():
+    values: Array = np.array(table).reshape(-1, len(_COLUMNS))
+    # Numbers of frames and vehicles become integers.
+    if not (np.abs(values) < 2**53).all():
         raise InputError(path, "a value is not finite", "give a complete CSV file")
-    table = table[np.argsort(table[:, 0], kind="stable")]
+    return _truth(values[np.argsort(values[:, 0], kind="stable")])
+
+
+def _truth(table: Array) -> Truth:
     return Truth(
         table[:, 0].astype(np.int64),
         table[:, 1],

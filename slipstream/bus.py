@@ -15,6 +15,7 @@ import zenoh
 
 from slipstream.config import BusSettings, read_secret
 from slipstream.errors import InputError
+from slipstream.files import check_file
 from slipstream.inbox import Handler, Inbox
 from slipstream.messages import Message
 
@@ -27,6 +28,7 @@ large. What a sender can make a receiver hold grows with it.
 
 _HEARTBEAT_S = 1.0
 _RECEIVE_LIMIT = "transport/link/rx/max_message_size"
+_MAX_CONFIG_BYTES = 1_000_000
 
 
 class Publisher:
@@ -234,6 +236,7 @@ def _leaf_config(settings: BusSettings) -> Any:
 
 
 def _config_from(path: Path) -> Any:
+    check_file(path, _MAX_CONFIG_BYTES)
     try:
         config = zenoh.Config.from_file(str(path))
         limit = min(RECEIVE_LIMIT_BYTES, int(config.get_json(_RECEIVE_LIMIT)))

@@ -1,20 +1,44 @@
-"""Settings files: TOML or JSON is read and validated here only."""
+"""Settings files: TOML or JSON is read and validated here only.
+
+A file may be anything: hostile ones end in an InputError as mistaken ones do, before they cost more
+than some seconds and some hundred MB.
+"""
 
 from __future__ import annotations
 
 import json
 import logging
 import os
+import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, Final, Self, TypeVar, get_args
+from typing import Any, ClassVar, Final, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import CoreSchema
 
 from slipstream.errors import InputError
+from slipstream.files import read_file
 
 log = logging.getLogger(__name__)
+
+
+def _stop_at_first_faulty_row(schema: Any) -> None:
+    if isinstance(schema, dict):
+        if schema.get("type") in ("list", "tuple"):
+            schema["fail_fast"] = True
+        schema = list(schema.values())
+    if isinstance(schema, list):
+        for part in schema:
+            _stop_at_first_faulty_row(part)
 
 
 class Settings(BaseModel):
@@ -29,10 +53,33 @@ class Settings(BaseModel):
 
     renamed: ClassVar[Mapping[str, str]] = {}
 
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        # Of a million faulty rows the first one is told; the faults of all would fill the memory.
+        schema = handler(source)
+        _stop_at_first_faulty_row(schema)
+        return schema
+
 
 S = TypeVar("S", bound=Settings)
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
+
+MAX_TOML_BYTES: Final = 2_000_000
+MAX_JSON_BYTES: Final = 8_000_000
+MAX_JSON_LISTS: Final = 500_000
+"""Lists and objects of one file."""
+
+_MAX_KEY_PARTS: Final = 50
+_TOML_STRING: Final = re.compile(
+    r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|"(?:[^"\\\n]|\\.)*+"?'
+    r"|'''(?:[^']|'(?!''))*+(?:''')?|'[^'\n]*+'?|#[^\n]*+",
+    re.DOTALL,
+)
+"""A string or a comment, also one without an end: so that one pass suffices."""
+_LONG_KEY: Final = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MAX_KEY_PARTS}}}")
+_MAX_SECRET_BYTES: Final = 10_000
+_NUL: Final = re.compile(r"(?<!\\)(?:\\\\)*\\u0000")
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
 _NAMING: Final = ("id", "segment", "vehicle")
@@ -92,7 +139,7 @@ def read_secret(path: Path) -> str:
     folder = os.environ.get("CREDENTIALS_DIRECTORY")
     if folder and path.name == str(path) and (Path(folder) / path).exists():
         path = Path(folder) / path
-    secret = _read(path, str.strip, "text", "utf-8")
+    secret = _read(path, str.strip, "text", "utf-8", _MAX_SECRET_BYTES)
     if not secret:
         raise InputError(path, "empty", "write the secret into it")
     return secret
@@ -104,7 +151,7 @@ def read_toml(path: Path) -> dict[str, object]:
     Raises:
         InputError: the file is missing, not readable or not TOML.
     """
-    return _read(path, tomllib.loads, "TOML", "utf-8")
+    return _read(path, _parse_toml, "TOML", "utf-8", MAX_TOML_BYTES)
 
 
 def read_data(path: Path) -> object:
@@ -115,22 +162,30 @@ def read_data(path: Path) -> object:
     """
     if path.suffix != ".json":
         return read_toml(path)
-    return _read(
-        path, lambda text: json.loads(text, object_pairs_hook=_unique_keys), "JSON", "utf-8-sig"
-    )
+    return _read(path, _parse_json, "JSON", "utf-8-sig", MAX_JSON_BYTES)
 
 
-def _read(path: Path, parse: Callable[[str], T], form: str, encoding: str) -> T:
+def _read(path: Path, parse: Callable[[str], T], form: str, encoding: str, max_bytes: int) -> T:
+    data = read_file(path, max_bytes)
     try:
-        return parse(path.read_text(encoding=encoding))
-    except FileNotFoundError:
-        raise InputError(path, "no such file", "check the path") from None
-    except OSError as error:
-        raise InputError(path, error.strerror or "not readable", "check the path") from None
+        return parse(data.decode(encoding).replace("\r\n", "\n").replace("\r", "\n"))
     except RecursionError:
         raise InputError(path, "nested too deeply", "mend the file") from None
     except ValueError as error:
         raise InputError(path, f"not {form}: {error}", "mend the file") from None
+
+
+def _parse_toml(text: str) -> dict[str, object]:
+    # A dotted key costs tomllib the square of its parts.
+    if _LONG_KEY.search(_TOML_STRING.sub("s", text)):
+        raise ValueError(f"a key of more than {_MAX_KEY_PARTS} parts")
+    return tomllib.loads(text)
+
+
+def _parse_json(text: str) -> object:
+    if text.count("{") + text.count("[") > MAX_JSON_LISTS:
+        raise ValueError(f"more than {MAX_JSON_LISTS} lists and objects")
+    return json.loads(text, object_pairs_hook=_unique_keys)
 
 
 def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
@@ -150,8 +205,16 @@ def check(data: object, model: type[S], source: str | Path) -> S:
     """
     data = _with_present_names(data, model, source)
     try:
+        text = json.dumps(data, default=str)
+    except RecursionError:
+        raise InputError(source, "nested too deeply", "mend the file") from None
+    except ValueError as error:
+        raise InputError(source, f"{error}".partition(";")[0], "mend the file") from None
+    if _NUL.search(text):
+        raise InputError(source, "a NUL character in a text", "remove it")
+    try:
         # JSON's strict rules are TOML's types: "60" is no number, yet a text may be a path.
-        return model.model_validate_json(json.dumps(data, default=str), strict=True)
+        return model.model_validate_json(text, strict=True)
     except ValidationError as error:
         raise _as_input_error(error, model, source, data) from None
 
@@ -177,10 +240,11 @@ def _with_present_names(
         (inner, *_) = get_args(annotation) or (None,)
         if model_of(inner, Settings) is None:
             return data
-        names = list(_names_of_rows(data))
         return [
-            _with_present_names(row, inner, source, (*path, name))
-            for name, row in zip(names, data, strict=True)
+            _with_present_names(row, inner, source, (*path, _name_of_row(row, number)))
+            if isinstance(row, Mapping)
+            else row
+            for number, row in enumerate(data)
         ]
     model = model_of(annotation, Settings)
     if model is None or not isinstance(data, Mapping):
@@ -216,10 +280,9 @@ def model_of(annotation: object, base: type[M]) -> type[M] | None:
     return None
 
 
-def _names_of_rows(rows: Sequence[object]) -> Iterator[str]:
-    for number, row in enumerate(rows):
-        names = [row.get(key) for key in _NAMING] if isinstance(row, Mapping) else []
-        yield next((name for name in names if isinstance(name, str) and name), str(number))
+def _name_of_row(row: object, number: int) -> str:
+    names = [row.get(key) for key in _NAMING] if isinstance(row, Mapping) else []
+    return next((name for name in names if isinstance(name, str) and name), str(number))
 
 
 def _as_input_error(
@@ -249,7 +312,7 @@ def _names(location: Sequence[int | str], data: object) -> Iterator[str]:
             continue
         rows = data if isinstance(data, list | tuple) else ()
         if isinstance(part, int) and part < len(rows):
-            yield list(_names_of_rows(rows))[part]
+            yield _name_of_row(rows[part], part)
             data = rows[part]
         else:
             yield str(part)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
+
+_MAX_LENGTH: Final = 600
 
 
 class InputError(Exception):
@@ -27,12 +30,18 @@ class InputError(Exception):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        where = f"{self.source}: {self.key}" if self.key else self.source
-        line = f"{where}: {self.problem}; {self.mend}"
-        return " ".join(line.split())
+        where = f"{self.source}: {_short(self.key)}" if self.key else self.source
+        line = " ".join(f"{where}: {_short(self.problem)}; {self.mend}".split())
+        # What a file holds must not steer the terminal that shows its fault.
+        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         return (_rebuild, (self.source, self.problem, self.mend, self.key))
+
+
+def _short(text: str) -> str:
+    """What a file holds, where it would fill a screen."""
+    return text if len(text) <= _MAX_LENGTH else f"{text[: _MAX_LENGTH - 3]}..."
 
 
 def _rebuild(source: str, problem: str, mend: str, key: str | None) -> InputError:

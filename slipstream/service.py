@@ -44,7 +44,7 @@ def configure_logging(name: str, level: str) -> None:
 
 
 def notify(state: str) -> None:
-    """Tell systemd (sd_notify protocol); nothing happens where no socket is named."""
+    """Tell systemd, or `slipstream run` (sd_notify protocol); without a socket nothing happens."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return
@@ -52,6 +52,8 @@ def notify(state: str) -> None:
         address = "\0" + address[1:]
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sock:
+            # A manager that does not read, itself stopped perhaps, must not hold up the work.
+            sock.settimeout(1.0)
             sock.sendto(state.encode(), address)
     except OSError as error:
         log.warning("sd_notify: %s", error)
@@ -132,7 +134,7 @@ class Service:
     def progress(self, status: str | None = None) -> None:
         """Report progress of the pipeline; call it from the work itself, at any rate.
 
-        It feeds systemd's watchdog, so a pipeline that is stuck is restarted.
+        It feeds the watchdog of systemd or `slipstream run`: a stuck pipeline is restarted.
 
         Args:
             status: one line for ``systemctl status``.

@@ -438,6 +438,8 @@ def _open_path(url: URL, *, create: bool, owned: bool) -> tuple[Engine, Owner | 
         path = sqlite_path(url)
         if path.is_dir():
             raise InputError(source, "is a directory", "give a file in it")
+        if path.exists() and not path.is_file():  # SQLite would wait for a pipe's writer
+            raise InputError(source, "a pipe, device or socket, no file", "give a file")
         if not create and not path.exists():
             raise InputError(source, "no such file", "check the path")
         try:

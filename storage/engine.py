@@ -44,7 +44,7 @@ def parse_url(url: str) -> URL:
     """
     try:
         parsed = make_url(url)
-    except ArgumentError:
+    except (ArgumentError, ValueError):  # such as a port that is no number
         raise InputError(
             url, "not a database URL", "write it like sqlite:////var/lib/slipstream/slipstream.db"
         ) from None

@@ -86,7 +86,7 @@ class Reader:
     @contextmanager
     def _read_session(self) -> Iterator[Session | None]:
         """A session in one read transaction; None while there is no schema yet."""
-        if is_sqlite(self._url) and not sqlite_path(self._url).exists():
+        if is_sqlite(self._url) and not sqlite_path(self._url).is_file():
             yield None
             return
         source = display_name(self._url)

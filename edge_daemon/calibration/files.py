@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from pathlib import Path
 from typing import Final
@@ -12,10 +13,12 @@ import numpy as np
 import tomli_w
 
 from edge_daemon.calibration.calibration import Calibration
-from edge_daemon.frame import Image, read_image
+from edge_daemon.frame import MAX_PIXELS, Image, read_image
 from edge_daemon.settings import PointsSettings, SegmentSettings
-from slipstream.config import check, load
+from edge_daemon.sources.clip import first_frame
+from slipstream.config import MAX_TOML_BYTES, check, load
 from slipstream.errors import InputError
+from slipstream.files import read_file
 
 _COLUMNS: Final = ("u", "v", "x", "y")
 
@@ -30,12 +33,11 @@ def read_points(path: Path) -> PointsSettings:
 
 
 def _read_csv(path: Path) -> PointsSettings:
+    data = read_file(path, MAX_TOML_BYTES)
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-    except FileNotFoundError:
-        raise InputError(path, "no such file", "check the path") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = data.decode("utf-8-sig")
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"not readable: {error}", "check the file") from None
     points = []
     for line, row in enumerate(rows, start=2):
@@ -60,14 +62,15 @@ def read_picture(path: Path) -> tuple[Image, bool]:
     picture = read_image(path)
     if picture is not None:
         return picture, False
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    try:
-        ok, frame = capture.read() if capture.isOpened() else (False, None)
-    finally:
-        capture.release()
-    if not ok or frame is None:
-        raise InputError(path, "neither a picture nor a readable video", "give a PNG, JPEG or clip")
-    return np.asarray(frame, dtype=np.uint8), True
+    # FFmpeg would read pictures too, however large.
+    frame = None if cv2.haveImageReader(str(path)) else first_frame(path)
+    if frame is None:
+        raise InputError(
+            path,
+            f"neither a picture nor a readable video of at most {MAX_PIXELS / 1e6:.0f} megapixels",
+            "give a PNG, JPEG or clip",
+        )
+    return frame, True
 
 
 def camera_toml(

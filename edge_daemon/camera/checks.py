@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -38,18 +37,20 @@ def check_points(
                 "mend its pixel or the picture's size",
                 key="points",
             )
-    for i, j in combinations(range(len(points)), 2):
-        for where, places, same in (
-            ("in the picture", image, _SAME_PX),
-            ("on the road", road, _SAME_M),
-        ):
-            if np.hypot(*(places[i] - places[j])) < same:
-                raise InputError(
-                    source,
-                    f"points {i + 1} and {j + 1} share one place {where}",
-                    "mend or remove one",
-                    key="points",
-                )
+    for where, places, same in (
+        ("in the picture", image, _SAME_PX),
+        ("on the road", road, _SAME_M),
+    ):
+        between = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+        pairs = np.argwhere(np.triu(between < same, k=1))
+        if len(pairs):
+            i, j = pairs[0]
+            raise InputError(
+                source,
+                f"points {i + 1} and {j + 1} share one place {where}",
+                "mend or remove one",
+                key="points",
+            )
     return road, image
 
 
@@ -152,25 +153,19 @@ def area_m2(polygon: Array) -> float:
 def is_self_intersecting(polygon: Array) -> bool:
     """Whether two edges of a polygon (n, 2) that are not neighbours meet."""
     n = len(polygon)
-    edges = [(polygon[i], polygon[(i + 1) % n]) for i in range(n)]
-    return any(
-        _intersect(*edges[i], *edges[j])
-        for i, j in combinations(range(n), 2)
-        if j - i not in (1, n - 1)
-    )
+    first, second = np.triu_indices(n, k=2)
+    apart = second - first < n - 1
+    ends = np.roll(polygon, -1, axis=0)
+    a, b = polygon[first[apart]], ends[first[apart]]
+    c, d = polygon[second[apart]], ends[second[apart]]
 
+    def side(p: Array, q: Array, r: Array) -> Array:
+        (x1, y1), (x2, y2) = (q - p).T, (r - p).T
+        return np.asarray(np.sign(x1 * y2 - y1 * x2))
 
-def _intersect(a: Array, b: Array, c: Array, d: Array) -> bool:
-    def side(p: Array, q: Array, r: Array) -> float:
-        (x1, y1), (x2, y2) = q - p, r - p
-        return float(np.sign(x1 * y2 - y1 * x2))
-
-    def overlaps(axis: int) -> bool:
-        low, high = sorted((a[axis], b[axis])), sorted((c[axis], d[axis]))
-        return bool(low[0] <= high[1] and high[0] <= low[1])
-
-    apart = side(a, b, c) * side(a, b, d) > 0 or side(c, d, a) * side(c, d, b) > 0
-    return not apart and overlaps(0) and overlaps(1)
+    separate = (side(a, b, c) * side(a, b, d) > 0) | (side(c, d, a) * side(c, d, b) > 0)
+    overlap = (np.minimum(a, b) <= np.maximum(c, d)) & (np.minimum(c, d) <= np.maximum(a, b))
+    return bool((~separate & overlap.all(axis=1)).any())
 
 
 def visible_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:

@@ -22,9 +22,11 @@ from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
 from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
+from slipstream.files import check_file, silent_libraries
 
 _GREY = 114  # what YOLO's letterbox is padded with in training
 _DEFAULT_SHAPE = (640, 640)
+_MAX_XML_BYTES = 64_000_000
 
 
 class OpenVinoDetector:
@@ -43,8 +45,10 @@ class OpenVinoDetector:
             InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
         """
         self._core = _runtime()
+        check_file(path, _MAX_XML_BYTES, "give an OpenVINO model")
         try:
-            self._model = self._core.read_model(path)
+            with silent_libraries():
+                self._model = self._core.read_model(path)
         except RuntimeError:
             raise InputError(path, "not an OpenVINO model", "export one from YOLO11") from None
         self._static, self._trained, names = _check(self._model, path)

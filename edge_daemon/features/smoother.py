@@ -71,11 +71,11 @@ def bin_positions(
         variance_m2: of one position, shape (n,).
 
     Returns:
-        One vehicle after the other.
+        One vehicle after the other; none without positions.
     """
     first = np.diff(vehicle, prepend=-1) != 0
     begins, of = np.flatnonzero(first), np.cumsum(first) - 1
-    begin_s, end_s = time_s[begins], time_s[np.append(begins[1:], len(time_s)) - 1]
+    begin_s, end_s = time_s[begins], time_s[np.diff(vehicle, append=-1) != 0]
     alike = np.exp(-np.diff(time_s, prepend=-np.inf).clip(0) / NOISE_CORRELATION_S)
     alike[begins] = 0.0
     weight = (1 - alike) / (1 + alike) / variance_m2

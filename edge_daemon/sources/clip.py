@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from edge_daemon.frame import Frame, Image
+from edge_daemon.frame import MAX_PIXELS, Frame, Image
 from edge_daemon.sources.image_pool import ImagePool
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
@@ -149,26 +149,35 @@ def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) ->
     """
     if not path.is_file():
         raise InputError(path, "no such video", "check the path")
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    first = capture.read()[1] if capture.isOpened() else None
+    first = first_frame(path)
     if first is None:
-        capture.release()
         raise InputError(
             path, "not a readable video (truncated, or no video stream)", "record or copy it again"
         )
     height, width = first.shape[:2]
     if size not in (None, (width, height)):
-        capture.release()
         raise InputError(
             path,
             f"its pictures are {width}×{height} px, the calibration is for {size[0]}×{size[1]}",
             "calibrate this camera",
         )
-    # Going back to the start would lose the first frame of a file without an index.
-    capture.release()
+    # Opened again: going back to the start would lose the first frame of a file without an index.
     # Decoding overlaps with everything else as it is: more threads would only hold frames back.
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     return ClipReader(path, capture, first.shape, loop=loop)
+
+
+def first_frame(path: Path) -> Image | None:
+    """The first readable frame of a video file; None where there is none, or a huge one."""
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    try:
+        pixels = capture.get(cv2.CAP_PROP_FRAME_WIDTH) * capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
+        image = capture.read()[1] if capture.isOpened() and pixels <= MAX_PIXELS else None
+    except cv2.error:  # such as a frame that is not of the size that the file says
+        return None
+    finally:
+        capture.release()
+    return None if image is None else np.asarray(image, dtype=np.uint8)
 
 
 class FastClip:

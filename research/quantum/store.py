@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Any, Self
 
 from slipstream.errors import InputError
+from slipstream.files import read_file
+
+_MAX_BYTES = 256_000_000
 
 Record = dict[str, Any]
 """One row's result on one instance, as plain data."""
@@ -95,6 +98,9 @@ class Store:
             data = _read(path)
             # What was cut short must not stay in front of the next record.
             os.ftruncate(file, data.rfind(b"\n") + 1)
+        except InputError:
+            os.close(file)
+            raise
         except OSError as error:
             os.close(file)
             if error.errno in (errno.EAGAIN, errno.EACCES):
@@ -110,10 +116,7 @@ class Store:
 
 
 def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return b""
+    return read_file(path, _MAX_BYTES) if path.exists() else b""
 
 
 def _parse(path: Path, data: bytes) -> Iterator[Record]:

@@ -20,11 +20,13 @@ import numpy.typing as npt
 from dispatcher_daemon.traffic import Expectations, Movement
 from slipstream.energy import PAPER_CAR, steady_energy_kwh
 from slipstream.errors import InputError
+from slipstream.files import read_file
 from slipstream.roads import RoadNetwork
 
 Array = npt.NDArray[np.float64]
 
 HOURS: Final = 24
+_MAX_BYTES: Final = 256_000_000
 _KIND: Final = "slipstream movements 1"
 _OF_DAY: Final = 8.0
 """So many passages at the mean that is drawn towards are added to a movement's and a segment's."""
@@ -136,7 +138,7 @@ class History:
         """
         mend = "delete it, so that it is recorded again"
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
+            data = json.loads(read_file(path, _MAX_BYTES, mend))
             if data["kind"] != _KIND:
                 raise InputError(path, f"not of the kind {_KIND!r}", mend)
             rows = data["movements"]
@@ -146,9 +148,7 @@ class History:
             count, loss, seconds, stops = table
             pairs = tuple((str(a), str(b)) for a, b, *_ in rows)
             return cls(pairs, count, loss / 1e6, seconds, stops)
-        except OSError as error:
-            raise InputError(path, f"cannot be read: {error.strerror}", mend) from None
-        except (ValueError, KeyError, TypeError, IndexError) as error:
+        except (ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
             raise InputError(path, f"not a history: {error}", mend) from None
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import gzip
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 from xml.etree import ElementTree
 
 from slipstream.errors import InputError
+from slipstream.files import open_unpacked
+
+MAX_SUMO_BYTES: Final = 512_000_000
+MAX_SUMO_ELEMENTS: Final = 2_000_000
+"""Of a SUMO file, unpacked: some million vehicles."""
 
 
 def check_files(net: Path, others: tuple[Path, ...]) -> None:
@@ -37,13 +41,25 @@ def check_vehicle_files(paths: tuple[Path, ...]) -> None:
 def elements(path: Path, event: Literal["start", "end"] = "end") -> Iterator[ElementTree.Element]:
     """Elements of a file, packed or not, each when it begins or ends.
 
+    What stands in the root is dropped when it has ended: memory does not grow with the file.
+
     Raises:
-        InputError: the file cannot be read, is no XML, or ends in the middle.
+        InputError: the file cannot be read, is no XML, too large, or ends in the middle.
     """
+    depth, count, root = 0, 0, None
     try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            for _, element in ElementTree.iterparse(file, events=(event,)):
-                yield element
+        with open_unpacked(path, MAX_SUMO_BYTES) as file:
+            for kind, element in ElementTree.iterparse(file, events=("start", "end")):
+                depth += 1 if kind == "start" else -1
+                count += kind == "start"
+                if count > MAX_SUMO_ELEMENTS:
+                    problem = f"more than {MAX_SUMO_ELEMENTS} elements"
+                    raise InputError(path, problem, "give a smaller file")
+                root = element if root is None else root
+                if kind == event:
+                    yield element
+                if kind == "end" and depth == 1:
+                    root.clear()
     except OSError as error:
         problem = error.strerror or str(error)
         raise InputError(path, f"not readable: {problem}", "check the path") from None

@@ -1,12 +1,18 @@
-"""Process supervisor of one machine's daemons: start, prefix logs, restart, stop."""
+"""Process supervisor of one machine's daemons: start, prefix logs, watch, restart, stop.
+
+It is to the daemons what systemd is: each tells that it is ready and that its work goes on
+(sd_notify). One that is silent for too long is ended and started again.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections import deque
@@ -17,6 +23,12 @@ from typing import Final, TextIO
 from slipstream.service import SUPERVISED
 
 RESTARTS_A_MINUTE: Final = 5
+WATCHDOG_S: Final = 20.0
+"""A daemon that is ready reports every 5 to 10 s; the rest is for a machine that stalls."""
+_START_LIMIT_S: Final = 180.0
+"""Until it is ready: the longest TimeoutStartSec of the units in deploy/systemd."""
+_MAX_STEP_S: Final = 3.0
+"""Of a longer time between two polls no more counts: the machine stalled, the daemons with it."""
 _FIRST_WAIT_S: Final = 0.5
 _STOP_S: Final = 7.0
 _EXIT_BAD_INPUT: Final = 2
@@ -26,6 +38,9 @@ _EXIT_BAD_INPUT: Final = 2
 class _Child:
     name: str
     command: Sequence[str]
+    notifications: socket.socket
+    ready: bool = False
+    silent_s: float = 0.0
     process: subprocess.Popen[str] | None = None
     printer: threading.Thread | None = None
     restarts: deque[float] = field(default_factory=deque)
@@ -49,6 +64,8 @@ class Supervisor:
         self._log = log
         self._log_lock = threading.Lock()
         self._children: list[_Child] = []
+        self._sockets: tempfile.TemporaryDirectory[str] | None = None
+        self._polled_s = time.monotonic()
 
     def say(self, name: str, line: str) -> None:
         """Write one log line."""
@@ -58,7 +75,13 @@ class Supervisor:
 
     def start(self, name: str, arguments: Sequence[str]) -> None:
         """Start ``slipstream ARGUMENTS`` under a name."""
-        child = _Child(name, (sys.executable, "-m", "slipstream_cli", *arguments))
+        if self._sockets is None:
+            self._sockets = tempfile.TemporaryDirectory(prefix="slipstream-")
+        notifications = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        notifications.setblocking(False)
+        notifications.bind(f"{self._sockets.name}/{len(self._children)}")
+        command = (sys.executable, "-m", "slipstream_cli", *arguments)
+        child = _Child(name, command, notifications)
         self._children.append(child)
         self._spawn(child)
 
@@ -67,15 +90,32 @@ class Supervisor:
         return {c.name: c.process.pid for c in self._children if c.process is not None}
 
     def poll(self) -> None:
-        """Restart children that have ended, up to a limit."""
+        """End children that are silent for too long; restart what has ended, up to a limit."""
         now = time.monotonic()
+        step_s = min(now - self._polled_s, _MAX_STEP_S)
+        self._polled_s = now
         for child in self._children:
             process = child.process
+            if process is not None and process.poll() is None:
+                self._watch(child, process, step_s)
             if process is not None and process.poll() is not None:
                 self._ended(child, process.returncode, now)
             if child.process is None and not child.given_up and now >= child.due_s:
                 self.restarted += 1
                 self._spawn(child)
+
+    def _watch(self, child: _Child, process: subprocess.Popen[str], step_s: float) -> None:
+        """Count the time without a notification; end the child where it becomes too long."""
+        if _has_reported(child):
+            child.silent_s = 0.0
+            return
+        child.silent_s += step_s
+        limit_s = WATCHDOG_S if child.ready else _START_LIMIT_S
+        if child.silent_s > limit_s:
+            child.silent_s = 0.0
+            what = "no progress" if child.ready else "not ready"
+            self.say(child.name, f"{what} for {limit_s:g} s; killed")
+            process.kill()
 
     def _ended(self, child: _Child, status: int, now: float) -> None:
         self._reap(child)
@@ -97,6 +137,8 @@ class Supervisor:
         self.say(child.name, f"ended with status {status}; started again in {wait_s:g} s")
 
     def _spawn(self, child: _Child) -> None:
+        _has_reported(child)  # what the process before it has left
+        child.ready, child.silent_s = False, 0.0
         # A session of its own keeps Ctrl-C on the terminal from reaching it before we ask it.
         child.process = subprocess.Popen(
             child.command,
@@ -107,7 +149,13 @@ class Supervisor:
             errors="replace",
             bufsize=1,
             start_new_session=True,
-            env=os.environ | {SUPERVISED: str(os.getpid()), "PYTHONUNBUFFERED": "1"},
+            env=os.environ
+            | {
+                SUPERVISED: str(os.getpid()),
+                "PYTHONUNBUFFERED": "1",
+                "NOTIFY_SOCKET": child.notifications.getsockname(),
+                "WATCHDOG_USEC": str(int(1e6 * WATCHDOG_S)),
+            },
         )
         child.printer = threading.Thread(
             target=self._print, args=(child.name, child.process), daemon=True
@@ -147,3 +195,16 @@ class Supervisor:
                 if child.process.poll() is None:
                     self.say(child.name, "does not stop; killed")
             self._reap(child)
+            child.notifications.close()
+        if self._sockets is not None:
+            self._sockets.cleanup()
+
+
+def _has_reported(child: _Child) -> bool:
+    """Whether notifications have come since the last call; `ready` is set by READY=1."""
+    reported = False
+    with contextlib.suppress(BlockingIOError):
+        while words := child.notifications.recv(4096).split(b"\n"):
+            reported = True
+            child.ready = child.ready or b"READY=1" in words
+    return reported

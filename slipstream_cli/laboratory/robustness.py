@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipstream.errors import InputError
+from slipstream.files import check_file
 from slipstream.messages import SegmentState, decode
 
 if TYPE_CHECKING:
     from research.perception.noise import NoiseTable
 
+_MAX_BYTES = 256_000_000
 _FIRST = "make them with: slipstream track VIDEO --camera camera.toml --out states.jsonl"
 
 
@@ -74,13 +76,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(path: Path) -> Iterator[SegmentState]:
+    check_file(path, _MAX_BYTES, _FIRST)
     try:
         with path.open("rb") as file:
             for number, line in enumerate(file, start=1):
                 if line.strip():
                     yield decode(SegmentState, line, f"{path}, line {number}")
-    except FileNotFoundError:
-        raise InputError(path, "no such file", _FIRST) from None
     except OSError as error:
         raise InputError(path, error.strerror or "not readable", "check the path") from None
 

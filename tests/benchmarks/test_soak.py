@@ -210,7 +210,7 @@ class Soak:
         self.observer = Observer(clock=lambda: 0.0)
         self.observer.states["r/a"] = [StateArrival(t, 0.1) for t in np.arange(0.5, 120.0)]
         self.observer.rsus["r"] = [
-            (t, rsu_health(int(20 * t), int(10 * t))) for t in np.arange(0.0, 120.0)
+            (t, rsu_health(int(20 * t), int(t))) for t in np.arange(0.0, 120.0)
         ]
         self.observer.dispatcher = [(60.0, dispatcher_health())]
         self.restarted = 0
@@ -228,8 +228,8 @@ def test_a_sound_soak_is_green_and_its_figures_are_right() -> None:
     assert soak.faults() == ()
     verdict = judge(soak.samples, soak.observer, (), ["r"], Window(60.0, 119.0), 0)
     (rsu,) = verdict.rsus
-    assert (rsu.frames, rsu.frames_skipped) == (20 * 59, 10 * 59)
-    assert rsu.skipped_share == pytest.approx(1 / 3)
+    assert (rsu.frames, rsu.frames_skipped) == (20 * 59, 59)
+    assert rsu.skipped_share == pytest.approx(1 / 21)
     assert rsu.fps == pytest.approx(20.0)
     assert (rsu.latency_ms_p50, rsu.latency_ms_p95) == (10.0, 20.0)
     (segment,) = verdict.segments
@@ -241,7 +241,7 @@ def test_a_sound_soak_is_green_and_its_figures_are_right() -> None:
 
 
 def test_each_fault_is_named() -> None:
-    """Growth, restarts, absence, silence, bad messages, failed cycles, an early end."""
+    """Growth, restarts, absence, silence, skipped frames, bad messages, failed cycles, an end."""
     soak = Soak()
     soak.samples = [
         replace(s, rss_mb=s.rss_mb + 0.1 * s.at_s) if s.name == "r" else s for s in soak.samples
@@ -272,6 +272,10 @@ def test_each_fault_is_named() -> None:
     assert soak.faults() == ("r/a: no state for 7.5 s",)
     soak.observer.states = {}
     assert soak.faults() == ("r: no segment state was heard",)
+
+    soak = Soak()
+    soak.observer.rsus["r"] = [(t, rsu_health(47 * t, 53 * t)) for t in range(120)]
+    assert soak.faults() == ("r: 53% of its frames were skipped",)
 
     soak = Soak()
     soak.observer.dispatcher = [(60.0, dispatcher_health(bad=2, failed=1))]

@@ -186,6 +186,40 @@ def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[...
     assert left_over(run.state) == []
 
 
+@pytest.mark.attack
+@pytest.mark.slow(long=True)
+@pytest.mark.usefixtures("rendered")
+def test_a_stopped_daemon_is_started_again_within_30_s(
+    start: Callable[..., Run], figure: Callable[[str], None], full_size: bool
+) -> None:
+    """SIGSTOP, as a fault that leaves the process there; the other daemons are left alone."""
+    run = start("--json")
+    run.says(lambda line: "the dashboard is at" in line, 600)
+    for name in ("rsu-east", "dispatcher", "dashboard") if full_size else ("rsu-east",):
+        run.says(lambda line, n=name: f" {n} " in line and line.endswith("INFO ready"), 600)
+        stopped = run.daemon(name)
+        began = time.monotonic()
+        stopped.send_signal(signal.SIGSTOP)
+        run.says(lambda line, n=name: f" {n} " in line and "no progress for" in line, 60)
+        deadline = began + 60
+        while stopped.is_running() or not _is_up(run, name):
+            assert time.monotonic() < deadline, "\n".join(run.log)
+            time.sleep(0.1)
+        took_s = time.monotonic() - began
+        figure(f"{name} stopped by SIGSTOP: started again after {took_s:.1f} s")
+        assert took_s < 30
+    os.kill(run.process.pid, signal.SIGINT)
+    output, _ = run.process.communicate(timeout=120)
+    assert json.loads(output)["processes_restarted"] == (3 if full_size else 1), "\n".join(run.log)
+
+
+def _is_up(run: Run, name: str) -> bool:
+    try:
+        return run.daemon(name).is_running()
+    except (AssertionError, psutil.NoSuchProcess):
+        return False
+
+
 @pytest.mark.slow(long=True)
 @pytest.mark.usefixtures("rendered")
 def test_a_killed_supervisor_leaves_nothing_behind(start: Callable[..., Run]) -> None:

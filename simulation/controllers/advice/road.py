@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from simulation.controllers.vehicle import VehicleState
+from slipstream.roads import read_sumo_net
 
 YIELDING_MPS: Final = 4.0
 """A vehicle that must give way sees crossing traffic 4.5 m before the line, SUMO's value, and must
@@ -63,10 +64,15 @@ class Roads:
 
 
 def read_roads(net: Path) -> Roads:
-    """Read a SUMO net with the lanes inside its junctions."""
-    import sumolib
+    """Read a SUMO net with the lanes inside its junctions.
 
-    read = sumolib.net.readNet(str(net.absolute()), withInternal=True)
+    Raises:
+        InputError: as `slipstream.roads.read_sumo_net`.
+    """
+    return read_sumo_net(net.absolute(), _roads, internal=True)
+
+
+def _roads(read: Any) -> Roads:
     edges = [edge for edge in read.getEdges() if not edge.isSpecial()]
     crossings: dict[tuple[str, str], dict[int, Crossing]] = {}
     for edge in edges:

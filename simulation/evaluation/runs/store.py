@@ -17,7 +17,9 @@ from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.runs.provenance import Provenance
 from slipstream.errors import InputError
+from slipstream.files import read_file
 
+_MAX_BYTES: Final = 256_000_000
 _NEW_FOLDER: Final = "give another folder, or empty this one to simulate all anew"
 
 
@@ -98,12 +100,9 @@ class Store:
             InputError: its file is damaged, or of another evaluation.
         """
         path = self._path(policy.name, seed)
-        try:
-            data = path.read_bytes()
-        except FileNotFoundError:
+        if not path.exists():
             return None
-        except OSError as error:
-            raise InputError(path, error.strerror or "not readable", "check the path") from None
+        data = read_file(path, _MAX_BYTES)
         try:
             document = json.loads(data)
             provenance, code = document["ground"], str(document["code"])
@@ -117,7 +116,7 @@ class Store:
                 )
             # Not from the parsed document: there numbers would be checked as Python's.
             result = _RESULT.validate_json(json.dumps(document["result"]))
-        except (ValueError, KeyError, TypeError, ValidationError):
+        except (ValueError, KeyError, TypeError, RecursionError, ValidationError):
             raise InputError(
                 path, "this is no arm's result", "delete the file, it is simulated again"
             ) from None

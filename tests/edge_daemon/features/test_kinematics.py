@@ -13,7 +13,7 @@ from edge_daemon.camera import Camera
 from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.features.kinematics import SegmentKinematics, WindowFeatures
 from edge_daemon.features.smoother import NOISE_CORRELATION_S, SLOW_SHARE
-from edge_daemon.features.trajectories import NOMINAL_LENGTH_M
+from edge_daemon.features.trajectories import NOMINAL_LENGTH_M, group_by_vehicle
 from edge_daemon.tracking import Sightings
 
 FPS = 30
@@ -99,6 +99,28 @@ def test_stop_and_go_shows_its_acceleration_variance(camera: Camera) -> None:
     assert measured is not None
     assert measured.features.speed_std_mps.value == pytest.approx(np.sqrt(8), rel=0.2)
     assert measured.features.acceleration_variance_m2ps4.value == pytest.approx(4.93, rel=0.3)
+
+
+@pytest.mark.attack
+def test_a_vehicle_seen_before_the_segment_only_gives_no_features(camera: Camera) -> None:
+    """Ten sightings far before the segment, two within: too few to measure, and no fault.
+
+    An overloaded machine, which skips most frames, may have no other vehicle in the window.
+    """
+    times = np.append(np.arange(10) / 10, [1.8, 1.9])
+    x = np.append(np.linspace(99.0, 97.0, 10), [77.0, 75.5])  # the outline begins at 80 m
+    n = len(x)
+    sightings = Sightings(
+        np.ones(n, dtype=np.int64),
+        times,
+        np.column_stack([x, np.full(n, 1.7)]),
+        np.tile(np.eye(2) * 0.04, (n, 1, 1)),
+        np.tile([1.0, 0.0], (n, 1)),
+        np.zeros(n, dtype=np.int64),
+        np.zeros((n, 4), dtype=np.float32),
+    )
+    assert len(group_by_vehicle(sightings, camera.segments[0]).keys()) == 1
+    assert measure(sightings, camera) is None
 
 
 @pytest.mark.slow(long=True)

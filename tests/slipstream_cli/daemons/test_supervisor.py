@@ -107,6 +107,71 @@ def test_stop_ends_even_what_ignores_signals_and_what_was_left_behind(
     assert not any(runs(pid) for pid in pids)
 
 
+WORKS = """
+import sys, time
+from slipstream.config import ServiceSettings
+from slipstream.service import Service
+time.sleep(float("%s"))
+with Service("works", ServiceSettings()) as service:
+    service.ready()
+    while not service.wait(0.1):
+        service.progress()
+"""
+
+
+@pytest.mark.attack
+def test_a_stopped_process_is_started_again_and_what_works_is_left_alone(
+    started: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SIGSTOP is noticed by silence; one that reports, and one slow to start, go on."""
+    monkeypatch.setattr(module, "WATCHDOG_S", 3.0)
+    supervisor, log = started(WORKS % 0, WORKS % 0, WORKS % 8, SLEEP)  # type: ignore[misc]
+    before = supervisor.pids()
+    try:
+        assert poll_until(supervisor, lambda: all(c.ready for c in supervisor._children[:2]), 60)
+        os.kill(before["p0"], signal.SIGSTOP)
+        assert poll_until(supervisor, lambda: supervisor.restarted == 1, 60)
+        assert poll_until(supervisor, lambda: supervisor._children[2].ready, 60)
+    finally:
+        supervisor.stop()
+    assert "p0          | no progress for 3 s; killed" in log.getvalue()
+    assert supervisor.restarted == 1
+    assert log.getvalue().count("killed") == 1
+
+
+def test_a_process_that_is_never_ready_is_started_again(
+    started: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The start has a limit of its own."""
+    monkeypatch.setattr(module, "_START_LIMIT_S", 0.5)
+    supervisor, log = started(SLEEP)  # type: ignore[misc]
+    assert poll_until(supervisor, lambda: supervisor.restarted == 1)
+    supervisor.stop()
+    assert "p0          | not ready for 0.5 s; killed" in log.getvalue()
+
+
+@pytest.mark.attack
+def test_a_machine_that_stalls_is_no_reason_to_restart(
+    started: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Supervisor and daemon stand still together for longer than the limit."""
+    monkeypatch.setattr(module, "WATCHDOG_S", 2.0)
+    monkeypatch.setattr(module, "_MAX_STEP_S", 0.5)
+    supervisor, log = started(WORKS % 0)  # type: ignore[misc]
+    try:
+        (pid,) = supervisor.pids().values()
+        assert poll_until(supervisor, lambda: supervisor._children[0].ready, 60)
+        assert poll_until(supervisor, lambda: supervisor._children[0].silent_s == 0.0, 60)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(3.0)
+        supervisor.poll()
+        os.kill(pid, signal.SIGCONT)
+        assert poll_until(supervisor, lambda: supervisor._children[0].silent_s == 0.0, 10)
+        assert supervisor.restarted == 0, log.getvalue()
+    finally:
+        supervisor.stop()
+
+
 def runs(pid: int) -> bool:
     """True unless the process is gone or only waits to be reaped."""
     try:

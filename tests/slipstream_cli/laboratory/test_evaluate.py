@@ -193,7 +193,7 @@ def test_without_libsumo_the_line_says_what_to_install(
         (("--scenario", "utopia"), "utopia: no such scenario"),
         (("--scenario", "own", "--net", "missing.net.xml"), "missing.net.xml"),
         (("--rsus", "missing.toml"), "missing.toml: no such file"),
-        (("--routes", "missing.rou.xml"), "missing.rou.xml: not readable"),
+        (("--routes", "missing.rou.xml"), "missing.rou.xml: no such file"),
         (("--seeds", "1,x"), "--seeds"),
         (("--seeds", "-1"), "--seeds"),
         (("--seeds", ","), "--seeds"),
