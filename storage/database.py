@@ -11,29 +11,25 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, Self
 
-from sqlalchemy import Connection, Engine, func, select
-from sqlalchemy.engine import URL
+from sqlalchemy import Engine, func, select
 from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from storage import jobs, retention, schema
+from storage import jobs, retention
 from storage.engine import (
     DAMAGED,
     NO_DATABASE,
     StorageError,
     display_name,
-    is_sqlite,
     parse_url,
-    reader_engine,
-    sqlite_faults,
     sqlite_path,
-    writer_engine,
 )
 from storage.jobs import QuantumJob
 from storage.models import CycleRow
-from storage.ownership import FileOwner, Owner, ServerOwner
+from storage.opening import open_path
+from storage.ownership import FileOwner, Owner
 from storage.rows import cycle_row
 
 log = logging.getLogger(__name__)
@@ -53,19 +49,20 @@ class Database:
 
     Args:
         source: its name in messages.
-        open_path: opens it; called again where it was deleted or replaced.
+        reopen: opens it; called again where it was deleted or replaced.
 
     Raises:
         InputError: as `open_database`.
     """
 
-    def __init__(self, source: str, open_path: Callable[[], tuple[Engine, Owner | None]]) -> None:
+    def __init__(self, source: str, reopen: Callable[[], tuple[Engine, Owner | None]]) -> None:
         self._source = source
-        self._open_path = open_path
+        self._reopen = reopen
         self._lock = threading.RLock()
         self._lost: str | None = None
         self._used_pages: int | None = None
-        self._engine, self._owner = open_path()
+        self._engine, self._owner = reopen()
+        self._prepare_files()
 
     def record_cycle(
         self,
@@ -216,7 +213,7 @@ class Database:
         while pages.used > wanted:
             if limit is not None and trimmed >= limit and began.used - pages.used >= 2 * grown:
                 break
-            batch = batch or self._batch()
+            batch = batch or min(self._batch(), limit or PRUNE_BATCH)
             with self._write_session() as session:
                 latest = session.scalar(select(func.max(CycleRow.cycle))) or 0
                 count = retention.delete_cycles(session, batch, latest)
@@ -255,24 +252,6 @@ class Database:
         self._give_all_back()
         return None
 
-    def prepare_files(self) -> None:
-        """Make the reserve file, and a small file of a version before able to shrink."""
-        path = sqlite_path(self._engine.url)
-        if not retention.make_reserve(path):
-            log.warning("%s: no room for its reserve file", self._source)
-        with self._raw() as cursor:
-            incremental = cursor.execute("PRAGMA auto_vacuum").fetchone()[0]
-        if incremental:
-            return
-        problem: str | None = "the file is too large to be rewritten at a start"
-        if path.stat().st_size <= MAX_CONVERSION_BYTES:
-            try:
-                problem = self._convert()
-            except StorageError as error:
-                problem = str(error)
-        if problem is not None:
-            log.warning("%s: %s; see `slipstream db prune` in operations.md", self._source, problem)
-
     def close(self) -> None:
         """Close all connections; the last one checkpoints the write-ahead log."""
         with self._lock:
@@ -290,6 +269,26 @@ class Database:
     @property
     def _is_sqlite(self) -> bool:
         return self._engine.dialect.name == "sqlite"
+
+    def _prepare_files(self) -> None:
+        """Make an owner's reserve file, and a small file of a version before able to shrink."""
+        if self._owner is None or not self._is_sqlite:
+            return
+        path = sqlite_path(self._engine.url)
+        if not retention.make_reserve(path):
+            log.warning("%s: no room for its reserve file", self._source)
+        with self._raw() as cursor:
+            incremental = cursor.execute("PRAGMA auto_vacuum").fetchone()[0]
+        if incremental:
+            return
+        problem: str | None = "the file is too large to be rewritten at a start"
+        if path.stat().st_size <= MAX_CONVERSION_BYTES:
+            try:
+                problem = self._convert()
+            except StorageError as error:
+                problem = str(error)
+        if problem is not None:
+            log.warning("%s: %s; see `slipstream db prune` in operations.md", self._source, problem)
 
     @contextmanager
     def _write_session(self) -> Iterator[Session]:
@@ -330,11 +329,12 @@ class Database:
                 self._owner.set_log_aside()
             self.close()
             try:
-                self._engine, self._owner = self._open_path()
+                self._engine, self._owner = self._reopen()
             except InputError as error:
                 raise StorageError(str(error)) from None
             log.warning("%s; it was opened anew", self._lost)
             self._lost = self._used_pages = None
+            self._prepare_files()
 
     @contextmanager
     def _raw(self) -> Iterator[sqlite3.Cursor]:
@@ -424,82 +424,4 @@ def open_database(url: str, *, create: bool = True, owned: bool = False) -> Data
         StorageError: there is no room, or the disk has a fault.
     """
     parsed = parse_url(url)
-    database = Database(
-        display_name(parsed), lambda: _open_path(parsed, create=create, owned=owned)
-    )
-    if owned and is_sqlite(parsed):
-        database.prepare_files()
-    return database
-
-
-def _open_path(url: URL, *, create: bool, owned: bool) -> tuple[Engine, Owner | None]:
-    source = display_name(url)
-    if is_sqlite(url):
-        path = sqlite_path(url)
-        if path.is_dir():
-            raise InputError(source, "is a directory", "give a file in it")
-        if path.exists() and not path.is_file():  # SQLite would wait for a pipe's writer
-            raise InputError(source, "a pipe, device or socket, no file", "give a file")
-        if not create and not path.exists():
-            raise InputError(source, "no such file", "check the path")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                path.parent, f"cannot make this folder: {error.strerror}", "choose another place"
-            ) from None
-    with ExitStack() as stack:
-        engine = writer_engine(url)
-        stack.callback(engine.dispose)
-        owner: Owner | None = None
-        try:
-            if owned:
-                owner = FileOwner(path) if is_sqlite(url) else ServerOwner(engine, source)
-                stack.callback(owner.close)
-            if not is_sqlite(url) or sqlite_path(url).exists():
-                # Read-only first: the writer's pragmas would already change another program's file.
-                with _read_connection(url) as connection:
-                    schema.check_ownership(connection, source)
-                    if not create and schema.current(connection) is None:
-                        raise InputError(source, "holds no Slipstream database", "check the path")
-                    if is_sqlite(url) and (faults := sqlite_faults(connection)):
-                        raise damaged(source, faults[0])
-            with engine.begin() as connection:
-                if schema.current(connection) != schema.head():
-                    schema.upgrade(connection)
-        except DBAPIError as error:
-            raise open_error(source, error) from None
-        if owner is not None:
-            owner.watch()
-        stack.pop_all()
-    return engine, owner
-
-
-@contextmanager
-def _read_connection(url: URL) -> Iterator[Connection]:
-    engine = reader_engine(url)
-    try:
-        with engine.begin() as connection:
-            yield connection
-    finally:
-        engine.dispose()
-
-
-def damaged(source: str, fault: str) -> InputError:
-    """The error for a database with faults, with its remedy."""
-    return InputError(source, f"is damaged: {fault}", "restore it from a backup, or move it away")
-
-
-def open_error(source: str, error: DBAPIError) -> InputError | StorageError:
-    """The error for a database that cannot be opened, with its remedy if there is one."""
-    reason = str(error.orig).strip()
-    if reason in ("database or disk is full", "disk I/O error"):
-        return StorageError(f"{source}: {reason}")
-    mend = {
-        NO_DATABASE: "give another file, or move this one away",
-        DAMAGED: "restore it from a backup, or move it away",
-        "unable to open database file": "check the path and its permissions",
-        "attempt to write a readonly database": "make the file and its folder writable",
-        "database is locked": "stop the other program that is writing to it",
-    }.get(reason, "check the database")
-    return InputError(source, reason, mend)
+    return Database(display_name(parsed), lambda: open_path(parsed, create=create, owned=owned))

@@ -9,7 +9,6 @@ from sqlalchemy.exc import DBAPIError
 
 from slipstream.errors import InputError
 from storage import schema
-from storage.database import open_error
 from storage.engine import (
     display_name,
     is_sqlite,
@@ -19,6 +18,7 @@ from storage.engine import (
     sqlite_path,
 )
 from storage.models import CycleRow
+from storage.opening import open_error
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -18,7 +19,7 @@ import pytest
 import tomli_w
 from prometheus_client import REGISTRY
 
-from dispatcher_daemon.daemon import Dispatcher, failed_report
+from dispatcher_daemon.daemon import Dispatcher, failed_report, open_checked_database
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -236,6 +237,20 @@ def test_a_full_disk_costs_cycles_until_there_is_room(demo: RoutingProblem, tmp_
 def failed_cycles(dispatcher: Dispatcher) -> int:
     """Cycles that its health calls failed."""
     return dispatcher.cycles_failed
+
+
+def test_systemd_waits_for_the_check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The start of a large database is given an hour, and the rest of the start its usual time."""
+    url = f"sqlite:///{tmp_path}/cycles.db"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(10)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        open_checked_database(url).close()
+        heard = [manager.recv(100).decode() for _ in range(2)]
+    assert heard == ["EXTEND_TIMEOUT_USEC=3600000000", "EXTEND_TIMEOUT_USEC=180000000"]
+    unit = Path(__file__).parents[2] / "deploy" / "systemd" / "slipstream-dispatcher.service"
+    assert "TimeoutStartSec=180\n" in unit.read_text()
 
 
 @pytest.fixture

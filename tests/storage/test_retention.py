@@ -67,6 +67,7 @@ def _stored(url: str) -> list[int]:
 
 
 @pytest.mark.attack
+@pytest.mark.slow
 def test_a_clock_that_jumped_ahead_deletes_nothing(url, make_cycle):
     """Neither at once, nor when its own cycles are the newest ones, nor after a restart."""
     right_ns = make_cycle(1)[0].started_ns
@@ -221,6 +222,7 @@ def test_size_is_bounded(url, make_cycle, tmp_path, monkeypatch, full_size, figu
 
 
 @pytest.mark.attack
+@pytest.mark.slow
 def test_a_lower_limit_is_reached_in_small_steps(url, make_cycle, monkeypatch):
     """A file that is far too large loses a bounded number of cycles a call, and then shrinks."""
     monkeypatch.setattr(retention, "LOG_BYTES", 0)
