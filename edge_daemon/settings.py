@@ -264,7 +264,7 @@ class SegmentSettings(Settings):
     """The part of a road segment that the camera watches."""
 
     id: Identifier = Field(description="The road segment.")
-    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=200)] = Field(
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=100)] = Field(
         description="Outline on the road plane, m."
     )
     direction: Pair = Field(description="Direction of travel on the road plane, of any length.")
@@ -288,7 +288,7 @@ class PointsSettings(Settings):
     reference: Path | None = Field(default=None, description="Picture that the points are in.")
     image: ImageSize | None = Field(default=None, description="Size of that picture.")
     points: Points
-    segments: Annotated[tuple[SegmentSettings, ...], Field(max_length=32)] = Field(
+    segments: Annotated[tuple[SegmentSettings, ...], Field(max_length=16)] = Field(
         default=(), description="Watched segments."
     )
 
@@ -304,6 +304,6 @@ class CameraSettings(Settings):
     )
     image: ImageSize = Field(description="Size of that picture.")
     points: Points
-    segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1, max_length=32)] = Field(
+    segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1, max_length=16)] = Field(
         description="Watched segments."
     )
