@@ -19,9 +19,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
-import dashboard.server as web
 from dashboard.page import Page
-from dashboard.server import check_headers, start_server, stop_server
+from dashboard.requests import ONE_LINE, check_headers
+from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
 from slipstream.bus import free_port
 from slipstream.config import check
@@ -37,8 +37,8 @@ pytestmark = pytest.mark.attack
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[viser.ViserServer]:
     """A running server behind a proxy of one name, which has written nothing yet."""
-    monkeypatch.setattr(web, "_SHARE_LIMITER", LogLimiter())
-    monkeypatch.setattr(web._ONE_LINE, "_limiter", LogLimiter())
+    monkeypatch.setattr("dashboard.server._SHARE_LIMITER", LogLimiter())
+    monkeypatch.setattr(ONE_LINE, "_limiter", LogLimiter())
     running = start_server("127.0.0.1", free_port(), (PROXIED,))
     yield running
     stop_server(running)

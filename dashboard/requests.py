@@ -1,0 +1,186 @@
+"""Requests to the web server: only those for its own page, from its own page; a line a minute."""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import logging
+import re
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any, Final
+
+import viser
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from slipstream.service import LogLimiter
+
+log = logging.getLogger(__name__)
+
+AUTHORITY: Final = re.compile(
+    r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::(?P<port>\d{1,5}))?"
+)
+"""A host name or address, IPv6 in brackets, and a port."""
+
+_REFUSAL: Final = "Not served under this name. The dashboard's log says which setting allows it.\n"
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Why a request is refused.
+
+    Attributes:
+        header: the header that is not the page's own, Host or Origin.
+        value: what it says; empty if it is missing.
+    """
+
+    header: str
+    value: str
+
+
+def check_headers(
+    headers: Headers, served: str, allowed: frozenset[str], local_address: str
+) -> Refused | None:
+    """Check that a request is addressed to the page, and not sent by another site's page.
+
+    A site whose name resolves to this address (DNS rebinding) is found by the Host, one whose
+    scripts open a connection to this address by the Origin.
+
+    Args:
+        headers: of the request.
+        served: address or name that is served on, in lower case.
+        allowed: further names of the page, in lower case.
+        local_address: IP address that the request came in on.
+
+    Returns:
+        None for a request of the page's own.
+    """
+    hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+    host = AUTHORITY.fullmatch(hosts[0]) if len(hosts) == 1 else None
+    if host is None or not _is_own(_name(host), allowed | {served}, local_address):
+        return Refused("Host", ", ".join(hosts))
+    if not origins:
+        return None
+    scheme, _, authority = origins[0].partition("://")
+    origin = AUTHORITY.fullmatch(authority)
+    if len(origins) > 1 or scheme not in ("http", "https") or origin is None:
+        return Refused("Origin", ", ".join(origins))
+    # A proxy may put its own address in the Host, or leave the port out.
+    same_port = host["port"] in (None, origin["port"])
+    if _name(origin) in allowed or (_name(origin) == _name(host) and same_port):
+        return None
+    return Refused("Origin", origins[0])
+
+
+def _name(authority: re.Match[str]) -> str:
+    return authority["name"].lower().strip("[]")
+
+
+def _is_own(name: str, names: frozenset[str], local_address: str) -> bool:
+    if name in names or name == "localhost":
+        return True
+    with contextlib.suppress(ValueError):
+        address = ipaddress.ip_address(name)
+        return address.is_loopback or address == ipaddress.ip_address(local_address)
+    return False
+
+
+class Guard:
+    """Examines the requests of one server, before viser does."""
+
+    def __init__(self, served: str, allowed: frozenset[str], logger: logging.Logger) -> None:
+        self.serving = False
+        self._served = served
+        self._allowed = allowed
+        self._logger = logger
+        self._limiter = LogLimiter()
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """While viser starts, its call of websockets' `serve` gets this guard.
+
+        viser passes no hook of its own on, and websockets has one for each request.
+        """
+        serve = websockets.asyncio.server.serve
+
+        def guarded_serve(
+            handler: Callable[[ServerConnection], Awaitable[None]],
+            *arguments: Any,
+            process_request: Callable[[ServerConnection, Request], Any],
+            **options: Any,
+        ) -> Any:
+            def process(connection: ServerConnection, request: Request) -> Any:
+                return self._refuse(connection, request) or process_request(connection, request)
+
+            async def handle(connection: ServerConnection) -> None:
+                if not await self._reject_other_version(connection):
+                    await handler(connection)
+
+            self.serving = True
+            return serve(
+                handle, *arguments, process_request=process, logger=self._logger, **options
+            )
+
+        websockets.asyncio.server.serve = guarded_serve  # type: ignore[assignment,misc]
+        try:
+            yield
+        finally:
+            websockets.asyncio.server.serve = serve  # type: ignore[misc]
+
+    def _refuse(self, connection: ServerConnection, request: Request) -> Response | None:
+        local_address = connection.local_address[0]
+        refused = check_headers(request.headers, self._served, self._allowed, local_address)
+        if refused is None:
+            return None
+        if self._limiter.allow(refused.header):
+            log.warning(
+                "refused a request for %s %.100a (and %d before): if this is where your proxy "
+                "serves the page, add the name to allowed_hosts in the dashboard's settings",
+                refused.header,
+                refused.value,
+                self._limiter.suppressed(refused.header),
+            )
+        return connection.respond(HTTPStatus.FORBIDDEN, _REFUSAL)
+
+    async def _reject_other_version(self, connection: ServerConnection) -> bool:
+        """True if the browser's page is of another viser, which viser would print each time."""
+        if connection.subprotocol == f"viser-v{viser.__version__}":
+            return False
+        if self._limiter.allow("version"):
+            log.warning(
+                "rejected a page of another version (and %d before); reload it in the browser",
+                self._limiter.suppressed("version"),
+            )
+        await connection.close(1002, f"Version mismatch. Server: {viser.__version__}")
+        return True
+
+
+class OneLine(logging.Filter):
+    """Makes one line of a traceback, and lets one a minute through.
+
+    What a client sends is no fault of ours: viser raises for it in a connection's handler, and in
+    tasks of its own.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._limiter = LogLimiter()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Rewrite a record that has an exception."""
+        error = record.exc_info[1] if record.exc_info else None
+        if error is None:
+            return True
+        if not self._limiter.allow(record.name):
+            return False
+        said, before = record.getMessage().partition("\n")[0], self._limiter.suppressed(record.name)
+        record.msg, record.exc_info, record.exc_text = "%s (and %d before): %.200a", None, None
+        record.args = (said, before, f"{type(error).__name__}: {error}")
+        return True
+
+
+ONE_LINE: Final = OneLine()
