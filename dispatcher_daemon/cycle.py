@@ -8,6 +8,8 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
+import numpy as np
+
 from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
 from dispatcher_daemon.planning import route_cycle, servable_part
@@ -149,3 +151,8 @@ def _choose(found: FormResult) -> tuple[Candidate | None, str, str | None]:
     if isinstance(found.fallback, Refusal):
         return None, "failed", f"no valid plan ({answers}; baseline: {found.fallback.reason})"
     return found.fallback, "baseline", f"no solver gave a valid plan ({answers})"
+
+
+def cycle_seed(seed: int, cycle: int) -> int:
+    """Seed of one cycle, from the dispatcher's seed and the cycle's number."""
+    return int(np.random.SeedSequence([seed, cycle]).generate_state(1)[0])

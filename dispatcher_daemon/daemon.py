@@ -5,27 +5,27 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from typing import Protocol
 
-import numpy as np
-
 from dispatcher_daemon import metrics
-from dispatcher_daemon.cycle import form_of, run_cycle
+from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.reports import error_text, failed_report, idle_report
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
-from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
+from dispatcher_daemon.store import CyclePruner, CycleStore, open_checked_database
+from dispatcher_daemon.traffic import take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
@@ -44,41 +44,11 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.roads import RoadNetwork, load_network
-from slipstream.service import LogLimiter, Service, configure_logging, notify, rss_mb
-from storage import Database, UntrustedClockError, open_database
+from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 
 log = logging.getLogger(__name__)
 
-PRUNE_EVERY_S = 3600.0
-PRUNE_BATCH = 50
-"""Maximum number of cycles deleted at once; a backlog is deleted in several cycles."""
-CHECK_LIMIT_S = 3600.0
-"""How long the check of the database may hold up the start, s; it takes some seconds a GB."""
-START_LIMIT_S = 180.0
-"""Time to be ready after that, s: as TimeoutStartSec= of the unit."""
 HEALTH_EVERY_S = 1.0
-
-
-class CycleStore(Protocol):
-    """What the dispatcher needs of the database."""
-
-    def record_cycle(
-        self, report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
-    ) -> None:
-        """Store one cycle durably, or raise."""
-        ...
-
-    def next_cycle_number(self) -> int:
-        """Number of the next cycle; opens the database anew where it was replaced."""
-        ...
-
-    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
-        """Delete old cycles, at most ``limit``."""
-        ...
-
-    def trim(self, keep_mb: float, *, limit: int) -> int:
-        """Delete the oldest cycles until the others fit, at most about ``limit``."""
-        ...
 
 
 class MessagePublisher(Protocol):
@@ -146,8 +116,7 @@ class Dispatcher:
         self._cycle_publisher = bus.publisher(CYCLE_KEY)
         self._health_publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._cycle = store.next_cycle_number()
-        self._pruned_at = -PRUNE_EVERY_S
-        self._clock_trusted = True
+        self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._storage_fault = False
         self.stopping = threading.Event()
         self.cycle_began: float | None = None
@@ -234,7 +203,7 @@ class Dispatcher:
             report = failed_report(number, now_ns, time.monotonic() - began, str(error)[:500])
         except Exception as error:
             log.exception("cycle %d failed", number)
-            report = failed_report(number, now_ns, time.monotonic() - began, _error_text(error))
+            report = failed_report(number, now_ns, time.monotonic() - began, error_text(error))
         if self.stopping.is_set():
             log.info("cycle %d abandoned: stopping", number)
             return
@@ -248,7 +217,7 @@ class Dispatcher:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
         self._count(report)
-        self._prune(now_ns)
+        self._pruner.after_cycle(now_ns)
 
     def _current_problem(self) -> RoutingProblem | None:
         """The problem of the fleet's file as it is now; None: nothing to dispatch.
@@ -273,7 +242,7 @@ class Dispatcher:
 
     def _report_storage_fault(self, report: CycleReport, error: Exception) -> None:
         """Publish a failed report for a cycle that could not be stored; its plans are not sent."""
-        reason = f"not stored, so no plan was sent: {_error_text(error)}"
+        reason = f"not stored, so no plan was sent: {error_text(error)}"
         self._warn("storage", f"cycle {report.cycle} {reason}")
         self._storage_fault = True
         self.cycles_failed += 1
@@ -318,32 +287,6 @@ class Dispatcher:
             f" ({report.reason})" if report.reason else "",
         )
 
-    def _prune(self, now_ns: int) -> None:
-        """Delete what is too much after each cycle, and what is too old once an hour."""
-        try:
-            trimmed = self._store.trim(self._settings.keep_mb, limit=PRUNE_BATCH)
-            if trimmed and self._limiter.allow("trim"):
-                log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
-            if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
-                return
-            pruned = self._store.prune(self._settings.keep_days, now_ns, limit=PRUNE_BATCH)
-        except UntrustedClockError as error:
-            if self._clock_trusted:
-                log.warning("%s", error)
-            self._clock_trusted = False
-            metrics.CLOCK_UNTRUSTED.set(1)
-            return
-        except Exception as error:
-            self._warn("prune", f"old cycles could not be deleted: {error}")
-            self._pruned_at = time.monotonic()
-            return
-        self._clock_trusted = True
-        metrics.CLOCK_UNTRUSTED.set(0)
-        if pruned:
-            log.info("%d old cycles deleted", pruned)
-        if pruned < PRUNE_BATCH:
-            self._pruned_at = time.monotonic()
-
     def publish_health(self, next_cycle_ns: int | None) -> None:
         """Publish a DispatcherHealth; errors are logged and do not stop the dispatcher."""
         try:
@@ -387,42 +330,6 @@ class Dispatcher:
             log.warning("%s%s", line, more)
 
 
-def cycle_seed(seed: int, cycle: int) -> int:
-    """Seed of one cycle, from the dispatcher's seed and the cycle's number."""
-    return int(np.random.SeedSequence([seed, cycle]).generate_state(1)[0])
-
-
-def idle_report(
-    cycle: int, started_ns: int, wall_s: float, snapshot: TrafficSnapshot
-) -> CycleReport:
-    """The report of a cycle that had nothing to dispatch."""
-    return failed_report(cycle, started_ns, wall_s, "no open order, or no free vehicle").model_copy(
-        update={"status": "ok", "gates": snapshot.gates()}
-    )
-
-
-def failed_report(cycle: int, started_ns: int, wall_s: float, reason: str) -> CycleReport:
-    """The report of a failed cycle."""
-    return CycleReport(
-        cycle=cycle,
-        started_ns=started_ns,
-        wall_s=wall_s,
-        status="failed",
-        reason=reason,
-        solver=None,
-        objective_kwh=None,
-        variables=0,
-        solvers=(),
-        gates=(),
-        energy=None,
-        plans=0,
-    )
-
-
-def _error_text(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:500]
-
-
 def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Service) -> None:
     """The periodic work: follow the clock, publish the health, feed the watchdog."""
     scheduler.follow_clock()
@@ -430,18 +337,6 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
     dispatcher.publish_health(next_cycle_ns)
     if dispatcher.is_live(next_cycle_ns):
         service.progress(f"{dispatcher.cycles} cycles")
-
-
-def open_checked_database(url: str) -> Database:
-    """Open the database as its one dispatcher; systemd gives the check of a large one its time.
-
-    Raises:
-        InputError: it cannot be used, or another dispatcher writes it.
-    """
-    notify(f"EXTEND_TIMEOUT_USEC={CHECK_LIMIT_S * 1e6:.0f}")
-    database = open_database(url, owned=True)
-    notify(f"EXTEND_TIMEOUT_USEC={START_LIMIT_S * 1e6:.0f}")
-    return database
 
 
 def run_dispatcher(settings: DispatcherSettings) -> None:

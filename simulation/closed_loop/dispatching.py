@@ -8,8 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
-from dispatcher_daemon.cycle import run_cycle
-from dispatcher_daemon.daemon import cycle_seed
+from dispatcher_daemon.cycle import cycle_seed, run_cycle
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.platooning import on_road

@@ -15,8 +15,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from dispatcher_daemon.cycle import run_cycle
-from dispatcher_daemon.daemon import cycle_seed
+from dispatcher_daemon.cycle import cycle_seed, run_cycle
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.problem import RoutingProblem

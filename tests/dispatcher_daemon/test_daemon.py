@@ -16,12 +16,14 @@ from pathlib import Path
 import pytest
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.daemon import PRUNE_BATCH, Dispatcher, check_health, cycle_seed
+from dispatcher_daemon.cycle import cycle_seed
+from dispatcher_daemon.daemon import Dispatcher, check_health
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_in_process
+from dispatcher_daemon.store import PRUNE_BATCH
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import (

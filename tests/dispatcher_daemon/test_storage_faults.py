@@ -19,11 +19,13 @@ import pytest
 import tomli_w
 from prometheus_client import REGISTRY
 
-from dispatcher_daemon.daemon import Dispatcher, failed_report, open_checked_database
+from dispatcher_daemon.daemon import Dispatcher
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.reports import failed_report
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
+from dispatcher_daemon.store import open_checked_database
 from slipstream.bus import Router
 from slipstream.messages import CycleReport, Message, VehiclePlan
 from storage import Database, open_database, open_reader

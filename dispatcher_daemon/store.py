@@ -1,0 +1,103 @@
+"""The dispatcher's use of the database: open it, record cycles, delete what is old or too much."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+from dispatcher_daemon import metrics
+from slipstream.messages import CycleReport, SegmentState, VehiclePlan
+from slipstream.service import LogLimiter, notify
+from storage import Database, UntrustedClockError, open_database
+
+log = logging.getLogger(__name__)
+
+PRUNE_EVERY_S = 3600.0
+PRUNE_BATCH = 50
+"""Maximum number of cycles deleted at once; a backlog is deleted in several cycles."""
+CHECK_LIMIT_S = 3600.0
+"""How long the check of the database may hold up the start, s; it takes some seconds a GB."""
+START_LIMIT_S = 180.0
+"""Time to be ready after that, s: as TimeoutStartSec= of the unit."""
+
+
+class CycleStore(Protocol):
+    """What the dispatcher needs of the database."""
+
+    def record_cycle(
+        self, report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
+    ) -> None:
+        """Store one cycle durably, or raise."""
+        ...
+
+    def next_cycle_number(self) -> int:
+        """Number of the next cycle; opens the database anew where it was replaced."""
+        ...
+
+    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
+        """Delete old cycles, at most ``limit``."""
+        ...
+
+    def trim(self, keep_mb: float, *, limit: int) -> int:
+        """Delete the oldest cycles until the others fit, at most about ``limit``."""
+        ...
+
+
+class CyclePruner:
+    """Deletes cycles while the dispatcher runs: what is too much after each one, what is too old
+    once an hour. A fault is logged and does not stop the dispatcher.
+
+    Args:
+        store: the database.
+        keep_days: age limit, days.
+        keep_mb: limit of the database's size, MB.
+    """
+
+    def __init__(self, store: CycleStore, keep_days: float, keep_mb: float) -> None:
+        self._store = store
+        self._keep_days = keep_days
+        self._keep_mb = keep_mb
+        self._limiter = LogLimiter()
+        self._pruned_at = -PRUNE_EVERY_S
+        self._clock_trusted = True
+
+    def after_cycle(self, now_ns: int) -> None:
+        """Delete what is too much after each cycle, and what is too old once an hour."""
+        try:
+            trimmed = self._store.trim(self._keep_mb, limit=PRUNE_BATCH)
+            if trimmed and self._limiter.allow("trim"):
+                log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
+            if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
+                return
+            pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH)
+        except UntrustedClockError as error:
+            if self._clock_trusted:
+                log.warning("%s", error)
+            self._clock_trusted = False
+            metrics.CLOCK_UNTRUSTED.set(1)
+            return
+        except Exception as error:
+            if self._limiter.allow("prune"):
+                log.warning("old cycles could not be deleted: %s", error)
+            self._pruned_at = time.monotonic()
+            return
+        self._clock_trusted = True
+        metrics.CLOCK_UNTRUSTED.set(0)
+        if pruned:
+            log.info("%d old cycles deleted", pruned)
+        if pruned < PRUNE_BATCH:
+            self._pruned_at = time.monotonic()
+
+
+def open_checked_database(url: str) -> Database:
+    """Open the database as its one dispatcher; systemd gives the check of a large one its time.
+
+    Raises:
+        InputError: it cannot be used, or another dispatcher writes it.
+    """
+    notify(f"EXTEND_TIMEOUT_USEC={CHECK_LIMIT_S * 1e6:.0f}")
+    database = open_database(url, owned=True)
+    notify(f"EXTEND_TIMEOUT_USEC={START_LIMIT_S * 1e6:.0f}")
+    return database
