@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, Self
 
-from sqlalchemy import Engine, func, select
+from sqlalchemy import Engine, func, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.orm import Session
 
@@ -27,10 +27,10 @@ from storage.engine import (
     sqlite_path,
 )
 from storage.jobs import QuantumJob
-from storage.models import CycleRow
+from storage.models import CycleRow, StateRow
 from storage.opening import open_path
 from storage.ownership import FileOwner, Owner
-from storage.rows import cycle_row
+from storage.rows import cycle_row, state_rows
 
 log = logging.getLogger(__name__)
 
@@ -79,10 +79,13 @@ class Database:
         misplaced = [plan.vehicle for plan in plans if plan.cycle != report.cycle]
         if misplaced:
             raise ValueError(f"plans of another cycle than {report.cycle}: {misplaced}")
-        row = cycle_row(report, plans, states)
+        row = cycle_row(report, plans)
         try:
             with self._write_session() as session:
                 session.add(row)
+                session.flush()
+                if states:
+                    session.execute(insert(StateRow), state_rows(report.cycle, states))
                 retention.note_time(session, report.started_ns)
         except IntegrityError as error:
             raise ValueError(f"cycle {report.cycle} is refused: {error.orig}") from None

@@ -29,10 +29,8 @@ _PLAN_FIELDS = tuple(VehiclePlan.model_fields)
 _STATE_FIELDS = tuple(SegmentState.model_fields)
 
 
-def cycle_row(
-    report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
-) -> CycleRow:
-    """Build the row of a cycle with its child rows."""
+def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
+    """Build the row of a cycle with its child rows but the states: see `state_rows`."""
     energy = report.energy.model_dump() if report.energy else {}
     return CycleRow(
         **report.model_dump(include=set(_CYCLE_FIELDS)),
@@ -48,8 +46,12 @@ def cycle_row(
             for position, gate in enumerate(report.gates)
         ],
         plans=[PlanRow(**plan.model_dump(mode="json")) for plan in plans],
-        states=[StateRow(**state.model_dump(mode="json")) for state in states],
     )
+
+
+def state_rows(cycle: int, states: Sequence[SegmentState]) -> list[dict[str, object]]:
+    """The rows of a cycle's states as plain values: a city has 10,000 of them each cycle."""
+    return [{"cycle": cycle, **state.model_dump(mode="json")} for state in states]
 
 
 def cycle_report(row: CycleRow) -> CycleReport:
