@@ -57,6 +57,7 @@ def check(url: str) -> CheckReport:
     Raises:
         InputError: there is no such file, it is not a Slipstream database, or a newer version wrote
             it.
+        StorageError: there is no room for the log's index, or the disk has a fault.
     """
     parsed = parse_url(url)
     source = display_name(parsed)

@@ -93,7 +93,8 @@ def open_error(source: str, error: DBAPIError) -> InputError | StorageError:
     """The error for a database that cannot be opened, with its remedy if there is one."""
     reason = str(error.orig).strip()
     if reason in ("database or disk is full", "disk I/O error"):
-        return StorageError(f"{source}: {reason}")
+        # SQLite has the second one for its log's index on a full disk.
+        return StorageError(f"{source}: {reason}; is there room on the disk?")
     mend = {
         NO_DATABASE: "give another file, or move this one away",
         DAMAGED: "restore it from a backup, or move it away",
