@@ -28,6 +28,14 @@ from storage.jobs import QuantumJob
 from storage.models import CycleRow
 from storage.rows import cycle_row
 
+MALFORMED: Final = "database disk image is malformed"
+_MENDS: Final = {
+    "file is not a database": "give another file, or move this one away",
+    MALFORMED: "restore it from a backup, or move it away",
+    "unable to open database file": "check the path and its permissions",
+    "attempt to write a readonly database": "make the file and its folder writable",
+    "database is locked": "stop the other program that is writing to it",
+}
 PRUNE_BATCH: Final = 200
 """Cycles deleted in one transaction. A cycle to be recorded waits for at most one of these."""
 MIN_JOB_DAYS: Final = 2.0
@@ -198,6 +206,9 @@ def open_database(url: str, *, create: bool = True) -> Database:
     except DBAPIError as error:
         engine.dispose()
         raise open_error(source, error) from None
+    except UnicodeDecodeError:  # SQLite's own words of a damaged schema
+        engine.dispose()
+        raise InputError(source, MALFORMED, _MENDS[MALFORMED]) from None
     except BaseException:
         engine.dispose()
         raise
@@ -217,11 +228,4 @@ def _read_connection(url: URL) -> Iterator[Connection]:
 def open_error(source: str, error: DBAPIError) -> InputError:
     """The error for a database that cannot be opened, with its remedy."""
     reason = str(error.orig).strip()
-    mend = {
-        "file is not a database": "give another file, or move this one away",
-        "database disk image is malformed": "restore it from a backup, or move it away",
-        "unable to open database file": "check the path and its permissions",
-        "attempt to write a readonly database": "make the file and its folder writable",
-        "database is locked": "stop the other program that is writing to it",
-    }.get(reason, "check the database")
-    return InputError(source, reason, mend)
+    return InputError(source, reason, _MENDS.get(reason, "check the database"))

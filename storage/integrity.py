@@ -9,7 +9,7 @@ from sqlalchemy.exc import DBAPIError
 
 from slipstream.errors import InputError
 from storage import schema
-from storage.database import open_error
+from storage.database import MALFORMED, open_error
 from storage.engine import display_name, is_sqlite, parse_url, reader_engine, sqlite_path
 from storage.models import CycleRow
 
@@ -78,6 +78,8 @@ def check(url: str) -> CheckReport:
         if "malformed" not in str(error.orig):
             raise open_error(source, error) from None
         faults = [str(error.orig)]
+    except UnicodeDecodeError:
+        faults = [MALFORMED]
     finally:
         engine.dispose()
     return CheckReport(source, version, schema.head(), tuple(faults), cycles, first, last, size)
