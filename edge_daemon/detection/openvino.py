@@ -49,7 +49,7 @@ class OpenVinoDetector:
         try:
             with silent_libraries():
                 self._model = self._core.read_model(path)
-        except RuntimeError:
+        except (RuntimeError, ValueError):
             raise InputError(path, "not an OpenVINO model", "export one from YOLO11") from None
         self._static, self._trained, names = _check(self._model, path)
         self._path = path
@@ -192,7 +192,7 @@ def _check(model: ov.Model, path: Path) -> tuple[bool, tuple[int, int], list[str
     """
     try:
         names = str(model.get_rt_info(["model_info", "labels"]).astype(str)).split()
-    except RuntimeError:
+    except (RuntimeError, ValueError):  # none, or no text
         raise InputError(path, "the model names no classes", "export it with Ultralytics") from None
     shape = model.input(0).partial_shape
     known = shape.rank.is_static and len(shape) == 4 and shape[1] == 3

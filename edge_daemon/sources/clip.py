@@ -17,6 +17,7 @@ from edge_daemon.sources.image_pool import ImagePool
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
 from slipstream.errors import InputError
+from slipstream.files import silent_libraries
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -169,14 +170,15 @@ def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) ->
 
 def first_frame(path: Path) -> Image | None:
     """The first readable frame of a video file; None where there is none, or a huge one."""
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    try:
-        pixels = capture.get(cv2.CAP_PROP_FRAME_WIDTH) * capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
-        image = capture.read()[1] if capture.isOpened() and pixels <= MAX_PIXELS else None
-    except cv2.error:  # such as a frame that is not of the size that the file says
-        return None
-    finally:
-        capture.release()
+    with silent_libraries():
+        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        try:
+            pixels = capture.get(cv2.CAP_PROP_FRAME_WIDTH) * capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
+            image = capture.read()[1] if capture.isOpened() and pixels <= MAX_PIXELS else None
+        except cv2.error:  # such as a frame that is not of the size that the file says
+            return None
+        finally:
+            capture.release()
     return None if image is None else np.asarray(image, dtype=np.uint8)
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from research.perception.noise import NoiseTable
 
 _MAX_BYTES = 256_000_000
+_MAX_LINE = 100_000
 _FIRST = "make them with: slipstream track VIDEO --camera camera.toml --out states.jsonl"
 
 
@@ -80,6 +81,8 @@ def _read(path: Path) -> Iterator[SegmentState]:
     try:
         with path.open("rb") as file:
             for number, line in enumerate(file, start=1):
+                if len(line) > _MAX_LINE:
+                    raise InputError(path, "too long for a state", _FIRST, key=f"line {number}")
                 if line.strip():
                     yield decode(SegmentState, line, f"{path}, line {number}")
     except OSError as error:
