@@ -8,6 +8,7 @@ from storage.database import Database, open_database
 from storage.engine import StorageError
 from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
+from storage.ownership import check_free
 from storage.reader import Reader, open_reader
 from storage.retention import UntrustedClockError, headroom
 
@@ -20,6 +21,7 @@ __all__ = [
     "StorageError",
     "UntrustedClockError",
     "check",
+    "check_free",
     "headroom",
     "open_database",
     "open_reader",

@@ -16,6 +16,7 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from slipstream.errors import InputError
+from storage.engine import is_sqlite, parse_url, sqlite_path
 
 _ADVISORY_LOCK: Final = 0x51195712EA4
 """Key of the PostgreSQL lock; such locks belong to one database of a server."""
@@ -54,7 +55,7 @@ class FileOwner:
 
     def __init__(self, path: Path) -> None:
         place = path.resolve()
-        lock = place.with_name(place.name + "-lock")
+        lock = _lock_path(path)
         # Without any of these, commits are lost, or not seen by others. The path itself is watched
         # and not its place: a link may lead elsewhere later.
         self._watched = (
@@ -67,23 +68,21 @@ class FileOwner:
             self._descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
         except OSError as error:
             raise InputError(
-                lock, f"cannot be made: {error.strerror}", "make the folder writable"
+                lock, f"cannot be opened: {error.strerror}", "make it and its folder writable"
             ) from None
         try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            holder = os.pread(self._descriptor, 20, 0).decode(errors="replace").strip()
+            _take(self._descriptor, path)
+        except InputError:
             os.close(self._descriptor)
-            if not isinstance(error, BlockingIOError):
-                raise InputError(
-                    lock, f"cannot be locked: {error.strerror}", "use a local file system"
-                ) from None
-            raise InputError(
-                path, f"is written by another dispatcher (process {holder})", _MEND
-            ) from None
+            raise
         with suppress(OSError):  # A full disk: the number is for the other's message only.
             os.ftruncate(self._descriptor, 0)
             os.pwrite(self._descriptor, f"{os.getpid()}\n".encode(), 0)
+        with suppress(OSError):
+            if os.geteuid() == 0:
+                # As SQLite does for its log: the dispatcher is another user than root.
+                status = path.stat()
+                os.fchown(self._descriptor, status.st_uid, status.st_gid)
         self._seen = self._identities()
 
     def watch(self) -> None:
@@ -158,6 +157,45 @@ class ServerOwner:
             # Not back into the pool, where the connection would keep the lock.
             self._connection.invalidate()
             self._connection.close()
+
+
+def check_free(url: str) -> None:
+    """Check that no process owns an SQLite database at present; changes and makes nothing.
+
+    Raises:
+        InputError: the URL is invalid, or a process owns it.
+    """
+    parsed = parse_url(url)
+    if not is_sqlite(parsed):
+        return
+    path = sqlite_path(parsed)
+    try:
+        descriptor = os.open(_lock_path(path), os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return  # Never owned; or what is wrong is said when it is opened.
+    try:
+        _take(descriptor, path)
+    finally:
+        os.close(descriptor)
+
+
+def _lock_path(path: Path) -> Path:
+    place = path.resolve()
+    return place.with_name(place.name + "-lock")
+
+
+def _take(descriptor: int, path: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        holder = os.pread(descriptor, 20, 0).decode(errors="replace").strip()
+        raise InputError(
+            path, f"is written by another dispatcher (process {holder})", _MEND
+        ) from None
+    except OSError as error:
+        raise InputError(
+            _lock_path(path), f"cannot be locked: {error.strerror}", "use a local file system"
+        ) from None
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

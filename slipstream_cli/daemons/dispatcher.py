@@ -17,8 +17,13 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Run the daemon until it is stopped."""
-    from dispatcher_daemon.daemon import run_dispatcher
     from dispatcher_daemon.settings import DispatcherSettings
+    from storage import check_free
 
-    run_dispatcher(load(options.config, DispatcherSettings))
+    settings = load(options.config, DispatcherSettings)
+    # A second dispatcher ends before it loads the solvers, which takes seconds.
+    check_free(settings.database_url)
+    from dispatcher_daemon.daemon import run_dispatcher
+
+    run_dispatcher(settings)
     return 0

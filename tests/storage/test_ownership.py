@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
 import subprocess
@@ -47,6 +48,30 @@ def test_the_lock_ends_with_its_process(url):
         process.kill()
         process.wait()
     storage.open_database(url, owned=True).close()
+
+
+def test_looking_for_an_owner_makes_nothing(url):
+    """It refuses what is owned, by the owner's number, and leaves the rest alone."""
+    storage.check_free(url)
+    assert not _path(url).parent.exists()
+    with (
+        storage.open_database(url, owned=True),
+        pytest.raises(InputError, match=rf"another dispatcher \(process {os.getpid()}\)"),
+    ):
+        storage.check_free(url)
+    storage.check_free(url)
+    storage.check_free("postgresql://nobody@127.0.0.1:1/none")
+    storage.open_database(url, owned=True).close()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+def test_a_lock_that_root_made_belongs_to_the_user_of_the_database(url):
+    """A command that an administrator ran does not keep the dispatcher's user out."""
+    storage.open_database(url).close()
+    os.chown(_path(url), 4711, 4712)
+    storage.open_database(url, owned=True).close()
+    status = _path(url).with_name("slipstream.db-lock").stat()
+    assert (status.st_uid, status.st_gid) == (4711, 4712)
 
 
 def test_a_link_leads_to_the_same_lock(url, tmp_path):
