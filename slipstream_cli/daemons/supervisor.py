@@ -12,7 +12,6 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections import deque
@@ -64,7 +63,6 @@ class Supervisor:
         self._log = log
         self._log_lock = threading.Lock()
         self._children: list[_Child] = []
-        self._sockets: tempfile.TemporaryDirectory[str] | None = None
         self._polled_s = time.monotonic()
 
     def say(self, name: str, line: str) -> None:
@@ -75,11 +73,10 @@ class Supervisor:
 
     def start(self, name: str, arguments: Sequence[str]) -> None:
         """Start ``slipstream ARGUMENTS`` under a name."""
-        if self._sockets is None:
-            self._sockets = tempfile.TemporaryDirectory(prefix="slipstream-")
         notifications = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         notifications.setblocking(False)
-        notifications.bind(f"{self._sockets.name}/{len(self._children)}")
+        # Linux names it, by no file: nothing is left behind, and no path is too long.
+        notifications.bind("")
         command = (sys.executable, "-m", "slipstream_cli", *arguments)
         child = _Child(name, command, notifications)
         self._children.append(child)
@@ -153,7 +150,7 @@ class Supervisor:
             | {
                 SUPERVISED: str(os.getpid()),
                 "PYTHONUNBUFFERED": "1",
-                "NOTIFY_SOCKET": child.notifications.getsockname(),
+                "NOTIFY_SOCKET": "@" + child.notifications.getsockname()[1:].decode(),
                 "WATCHDOG_USEC": str(int(1e6 * WATCHDOG_S)),
             },
         )
@@ -196,8 +193,6 @@ class Supervisor:
                     self.say(child.name, "does not stop; killed")
             self._reap(child)
             child.notifications.close()
-        if self._sockets is not None:
-            self._sockets.cleanup()
 
 
 def _has_reported(child: _Child) -> bool:

@@ -184,6 +184,7 @@ def test_what_is_no_file_is_refused(attack: Attack, kinds: tuple[list[Kind], Pat
     assert attack.faults == []
 
 
+@pytest.mark.slow(long=True)
 def test_known_attacks_are_refused(
     attack: Attack, kinds: tuple[list[Kind], Path], figure: Callable[[str], None]
 ) -> None:
