@@ -75,7 +75,7 @@ def stored(path: Path) -> list[int]:
 
 
 @pytest.mark.attack
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_a_start_with_the_clock_ahead_deletes_nothing(
     demo: RoutingProblem,
     tmp_path: Path,

@@ -167,6 +167,7 @@ def attack(run: Run, kinds: tuple[list[Kind], Path], tmp_path: Path) -> Attack:
     return Attack(run, tmp_path)
 
 
+@pytest.mark.slow(long=True)
 def test_valid_files_are_accepted(attack: Attack, kinds: tuple[list[Kind], Path]) -> None:
     """So that what refuses hostile ones is not the command line."""
     for kind in kinds[0]:
@@ -176,6 +177,7 @@ def test_valid_files_are_accepted(attack: Attack, kinds: tuple[list[Kind], Path]
     assert attack.outcomes[0] >= 0.6 * attack.outcomes.total()
 
 
+@pytest.mark.slow(long=True)
 def test_what_is_no_file_is_refused(attack: Attack, kinds: tuple[list[Kind], Path]) -> None:
     """Pipes, devices, directories, sockets, links to nowhere, 20 GB."""
     for kind in kinds[0]:
