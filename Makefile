@@ -28,15 +28,15 @@ PYTEST := -m pytest -n $(JOBS) --dist worksteal
 check: lint
 	$(BIN)/python $(PYTEST) -m "not process and not slow"
 
-# The real processes and the browser too; the whole product beside no other test.
+# The real processes and the browser too; the whole product (tests/e2e) beside no other test.
 test: lint
 	$(BIN)/python $(PYTEST) -m "not slow(long=True) and not alone"
-	$(BIN)/python -m pytest -m "not slow(long=True) and alone"
+	$(BIN)/python -m pytest tests/e2e -m "not slow(long=True) and alone"
 
 # What `make test` leaves out.
 test-rest: setup
 	$(BIN)/python $(PYTEST) -m "slow(long=True) and not alone"
-	$(BIN)/python -m pytest -m "slow(long=True) and alone"
+	$(BIN)/python -m pytest tests/e2e -m "slow(long=True) and alone"
 
 # What attackers and faults do to the daemons, in full size; the figures stand at the end.
 attack: setup

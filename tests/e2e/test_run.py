@@ -138,7 +138,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     )
     page.screenshot(path=os.environ.get("SLIPSTREAM_SCREENSHOT", str(tmp_path / "page.png")))
     page.close()
-    time.sleep(max(0.0, began + 60 - time.monotonic()))
+    time.sleep(max(0.0, began + 40 - time.monotonic()))
     run.process.send_signal(signal.SIGINT)
     output, _ = run.process.communicate(timeout=120)
     assert run.process.returncode == 0, "\n".join(run.log)
@@ -147,8 +147,8 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     assert figures["processes_restarted"] == 0, "\n".join(run.log)
     assert figures["y_e"] == {"avenue_east": 1, "avenue_west": 0}
     assert figures["frames"] >= 300
-    assert figures["segment_states"] >= 60
-    assert figures["cycles"] >= 3
+    assert figures["segment_states"] >= 50
+    assert figures["cycles"] >= 2
     assert figures["plans"] >= 2 * figures["cycles"]
     energy = figures["energy_kwh"]
     assert 0 < energy["cooperative"] < energy["baseline"]
