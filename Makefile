@@ -1,4 +1,5 @@
-# `make run` shows the whole chain; `make test` proves it. Both set up by themselves.
+# `make run` shows the whole chain; `make test-all` proves it, `make test` its parts. All set up by
+# themselves.
 # `make check` while working, `make test` before a commit, `make test-all` is all that there is.
 PYTHON ?= python3
 VENV := .venv
@@ -28,15 +29,14 @@ PYTEST := -m pytest -n $(JOBS) --dist worksteal
 check: lint
 	$(BIN)/python $(PYTEST) -m "not process and not slow"
 
-# The real processes and the browser too; the whole product (tests/e2e) beside no other test.
+# The real processes and the browser too.
 test: lint
-	$(BIN)/python $(PYTEST) -m "not slow(long=True) and not alone"
-	$(BIN)/python -m pytest tests/e2e -m "not slow(long=True) and alone"
+	$(BIN)/python $(PYTEST) -m "not slow(long=True)"
 
-# What `make test` leaves out.
+# What `make test` leaves out; the whole product (tests/e2e) beside no other test.
 test-rest: setup
 	$(BIN)/python $(PYTEST) -m "slow(long=True) and not alone"
-	$(BIN)/python -m pytest tests/e2e -m "slow(long=True) and alone"
+	$(BIN)/python -m pytest tests/e2e -m "alone"
 
 # What attackers and faults do to the daemons, in full size; the figures stand at the end.
 attack: setup

@@ -117,6 +117,7 @@ def left_over(state: Path) -> list[str]:
     return found
 
 
+@pytest.mark.slow(long=True)
 def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     start: Callable[..., Run], browser: Any, tmp_path: Path
 ) -> None:
