@@ -66,7 +66,7 @@ FLEET = {
 }
 M = TypeVar("M", bound=Message)
 
-pytestmark = [pytest.mark.attack, pytest.mark.process]
+pytestmark = [pytest.mark.attack, pytest.mark.process, pytest.mark.alone]
 
 _SENDER = """
 import json, sys, time, zenoh
