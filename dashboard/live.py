@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final, TypeVar
 from urllib.parse import unquote
 
+from slipstream.admission import Refusal
 from slipstream.errors import InputError
 from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
 from slipstream.messages import (
@@ -82,7 +83,7 @@ class LiveData:
         self,
         history_cycles: int,
         clock_ns: Callable[[], int],
-        refusal: Callable[[SegmentState], str | None] = lambda _: None,
+        refusal: Callable[[SegmentState], Refusal | None] = lambda _: None,
     ) -> None:
         self._refusal = refusal
         self._clock_ns = clock_ns
@@ -109,7 +110,7 @@ class LiveData:
         state = decode(SegmentState, payload, key)
         _check_key(key, state_key(state.rsu, state.segment))
         if (refusal := self._refusal(state)) is not None:
-            raise InputError(key, f"state refused: {refusal}", "check the sender")
+            raise InputError(key, f"state refused: {refusal.text}", "check the sender")
         name = (state.segment, state.rsu)
         with self._lock:
             tolerance_s = published_tolerance_s(self._dispatcher)

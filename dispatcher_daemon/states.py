@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import Final
 
 from slipstream import freshness
-from slipstream.admission import implausibility, is_listed
+from slipstream.admission import refusal
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import SegmentState
 from slipstream.roads import RoadNetwork
@@ -64,13 +64,9 @@ class LatestStates:
 
     def accept(self, state: SegmentState, now_ns: int) -> Verdict:
         """Take in one state, unless a verdict speaks against it."""
-        segment = self._network.segments.get(state.segment)
-        if segment is None:
-            return Verdict.UNKNOWN_SEGMENT
-        if not is_listed(state, self._rsus):
-            return Verdict.UNLISTED
-        if implausibility(state, segment) is not None:
-            return Verdict.IMPLAUSIBLE
+        refused = refusal(state, self._network, self._rsus)
+        if refused is not None:
+            return Verdict(refused.kind)
         if self._is_ahead(state, now_ns):
             return Verdict.FUTURE
         with self._lock:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -35,11 +35,6 @@ _SPEEDING_MPS: Final = 15.0
 """A mean speed above so many times the limit, and so much above it, belongs to another road."""
 
 
-def is_listed(state: SegmentState, rsus: Mapping[str, tuple[str, ...]] | None) -> bool:
-    """True if the RSU may report on the segment; None: any RSU may report on any segment."""
-    return rsus is None or state.segment in rsus.get(state.rsu, ())
-
-
 def check_rsus(
     rsus: Mapping[str, tuple[str, ...]] | None, network: RoadNetwork, source: str | Path
 ) -> None:
@@ -59,16 +54,33 @@ def check_rsus(
                 )
 
 
+class Refusal(NamedTuple):
+    """Why a state is not admitted.
+
+    Attributes:
+        kind: the check that it failed.
+        text: the reason, for people.
+    """
+
+    kind: Literal["unknown_segment", "unlisted", "implausible"]
+    text: str
+
+
 def refusal(
     state: SegmentState, network: RoadNetwork, rsus: Mapping[str, tuple[str, ...]] | None
-) -> str | None:
-    """Why a state is not admitted; None if it is."""
+) -> Refusal | None:
+    """Why a state is not admitted; None if it is.
+
+    Args:
+        rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
+    """
     segment = network.segments.get(state.segment)
     if segment is None:
-        return "unknown segment"
-    if not is_listed(state, rsus):
-        return "its RSU is not listed for this segment"
-    return implausibility(state, segment)
+        return Refusal("unknown_segment", "unknown segment")
+    if rsus is not None and state.segment not in rsus.get(state.rsu, ()):
+        return Refusal("unlisted", "its RSU is not listed for this segment")
+    impossible = implausibility(state, segment)
+    return None if impossible is None else Refusal("implausible", impossible)
 
 
 def implausibility(state: SegmentState, segment: Segment) -> str | None:

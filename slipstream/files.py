@@ -12,10 +12,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 from slipstream.errors import InputError
 
+MAX_RESULTS_BYTES: Final = 256_000_000
+"""Size of a file of results that the laboratory has stored and reads again."""
 _GZIP = b"\x1f\x8b"
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from slipstream.config import load, read_data
 from slipstream.errors import InputError
+
+if TYPE_CHECKING:
+    from slipstream.roads import RoadNetwork
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -80,7 +83,8 @@ def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
     from slipstream.roads import load_network
 
     settings = load(path, DispatcherSettings)
-    check_rsus(settings.rsus, load_network(settings.network), path)
+    roads = load_network(settings.network)
+    check_rsus(settings.rsus, roads, path)
     service, _, device = settings.hardware.backend.partition(":")
     if service == "fake":
         from dispatcher_daemon.solvers.quantum.backends.aer import fake_target
@@ -89,7 +93,7 @@ def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
             fake_target(device)
         except InputError as error:
             raise InputError(path, error.problem, error.mend, key="hardware.backend") from None
-    return _check_fleet(Path(settings.fleet), settings.network)
+    return _unservable(Path(settings.fleet), roads)
 
 
 def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
@@ -103,14 +107,18 @@ def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
 
 
 def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
+    from slipstream.roads import load_network
+
+    return _unservable(path, load_network(network))
+
+
+def _unservable(path: Path, roads: RoadNetwork) -> Mapping[str, str]:
     from dispatcher_daemon.fleet_file import FleetFile
     from dispatcher_daemon.planning import unservable
     from dispatcher_daemon.problem import RoutingProblem
     from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
-    from slipstream.roads import load_network
 
-    roads = load_network(network)
     fleet = FleetFile(str(path), roads).current()
     if fleet is None:
         return {}

@@ -100,7 +100,7 @@ class Reader:
                     raise StorageError(f"{source}: its writer has not upgraded it yet")
                 else:
                     yield session
-        except (DBAPIError, InputError, UnicodeDecodeError) as error:
+        except (DBAPIError, InputError) as error:
             reason = error.orig if isinstance(error, DBAPIError) else error
             raise StorageError(f"{source}: {reason}") from error
         except (ValueError, TypeError) as error:

@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from slipstream.errors import InputError
-from slipstream.files import read_file
-
-_MAX_BYTES = 256_000_000
+from slipstream.files import MAX_RESULTS_BYTES, read_file
 
 Record = dict[str, Any]
 """One row's result on one instance, as plain data."""
@@ -116,7 +114,7 @@ class Store:
 
 
 def _read(path: Path) -> bytes:
-    return read_file(path, _MAX_BYTES) if path.exists() else b""
+    return read_file(path, MAX_RESULTS_BYTES) if path.exists() else b""
 
 
 def _parse(path: Path, data: bytes) -> Iterator[Record]:

@@ -20,13 +20,12 @@ import numpy.typing as npt
 from dispatcher_daemon.traffic import Expectations, Movement
 from slipstream.energy import PAPER_CAR, steady_energy_kwh
 from slipstream.errors import InputError
-from slipstream.files import read_file
+from slipstream.files import MAX_RESULTS_BYTES, read_file
 from slipstream.roads import RoadNetwork
 
 Array = npt.NDArray[np.float64]
 
 HOURS: Final = 24
-_MAX_BYTES: Final = 256_000_000
 _KIND: Final = "slipstream movements 1"
 _OF_DAY: Final = 8.0
 """So many passages at the mean that is drawn towards are added to a movement's and a segment's."""
@@ -138,7 +137,7 @@ class History:
         """
         mend = "delete it, so that it is recorded again"
         try:
-            data = json.loads(read_file(path, _MAX_BYTES, mend))
+            data = json.loads(read_file(path, MAX_RESULTS_BYTES, mend))
             if data["kind"] != _KIND:
                 raise InputError(path, f"not of the kind {_KIND!r}", mend)
             rows = data["movements"]

@@ -17,9 +17,8 @@ from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.runs.provenance import Provenance
 from slipstream.errors import InputError
-from slipstream.files import read_file
+from slipstream.files import MAX_RESULTS_BYTES, read_file
 
-_MAX_BYTES: Final = 256_000_000
 _NEW_FOLDER: Final = "give another folder, or empty this one to simulate all anew"
 
 
@@ -102,7 +101,7 @@ class Store:
         path = self._path(policy.name, seed)
         if not path.exists():
             return None
-        data = read_file(path, _MAX_BYTES)
+        data = read_file(path, MAX_RESULTS_BYTES)
         try:
             document = json.loads(data)
             provenance, code = document["ground"], str(document["code"])
