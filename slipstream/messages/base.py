@@ -1,0 +1,61 @@
+"""The base of all messages: units, identifiers, encoding, decoding."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, TypeVar
+from urllib.parse import quote
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from slipstream.errors import InputError
+
+ROOT: Final = "slipstream/v1"
+
+Identifier = Annotated[str, Field(min_length=1, max_length=200)]
+"""A name of an RSU, road segment, vehicle or order; any characters, percent-encoded in keys."""
+
+TimeNs = Annotated[int, Field(ge=0, lt=2**63)]
+Count = Annotated[int, Field(ge=0, lt=2**63)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class Message(BaseModel):
+    """Base of everything on the bus."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    def to_bytes(self) -> bytes:
+        """Encode as UTF-8 JSON."""
+        return self.model_dump_json().encode()
+
+
+M = TypeVar("M", bound=Message)
+
+
+def decode(model: type[M], payload: bytes, source: str) -> M:
+    """Read one message.
+
+    Args:
+        model: the message type that the key promises.
+        payload: UTF-8 JSON.
+        source: the key it came on, for the error line.
+
+    Raises:
+        InputError: the payload is not such a message.
+    """
+    try:
+        return model.model_validate_json(payload)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        key = ".".join(str(part) for part in first["loc"]) or None
+        raise InputError(
+            source, f"not a {model.__name__}: {first['msg']}", "check the sender's version", key=key
+        ) from None
+
+
+def chunk(name: str) -> str:
+    """One chunk of a key expression: percent-encoded, as zenoh forbids ``* $ ? # /`` in chunks."""
+    return quote(name, safe="")

@@ -1,0 +1,129 @@
+"""What the dispatcher tells of its cycles and of itself."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from slipstream.messages.base import ROOT, Count, Finite, Identifier, Message, NonNegative, TimeNs
+
+
+class SolverReport(Message):
+    """What one solver did in one cycle; its objective is re-evaluated, never taken over."""
+
+    solver: Identifier
+    status: Literal["optimal", "feasible", "infeasible", "timeout", "failed"]
+    objective_kwh: Finite | None = Field(description="H_cost − H_platoon of the plan it led to.")
+    repaired: bool = Field(description="True if post-processing was needed to get a valid plan.")
+    p_feasible_raw: Annotated[float, Field(ge=0, le=1)] | None = None
+    p_optimal_raw: Annotated[float, Field(ge=0, le=1)] | None = None
+    p_feasible_repaired: Annotated[float, Field(ge=0, le=1)] | None = None
+    qubits: Count | None = None
+    shots: Count | None = None
+    wall_s: NonNegative
+    reason: str | None = None
+    backend: str | None = Field(default=None, description="Where its quantum circuit ran.")
+    backend_kind: Literal["simulated", "noise-model", "hardware"] | None = None
+    fallback: str | None = Field(
+        default=None, description="Why it is not the device that was asked for."
+    )
+    two_qubit_depth: Count | None = None
+
+
+class Gate(Message):
+    """Why platooning was open or closed on one watched segment in one cycle."""
+
+    segment: Identifier
+    y_e: Literal[0, 1] | None = Field(description="Flag that it was judged by; None: unknown.")
+    reason: str | None = Field(
+        description="Code of why it is closed. Senders of version 0.1 put 'unknown: ' before the "
+        "code of an unknown flag."
+    )
+    age_s: NonNegative | None
+    speed_mps: NonNegative | None
+    open: bool
+
+
+class EnergySummary(Message):
+    """Physical energy of a plan set against the named baseline, and where the saving comes from."""
+
+    baseline: str
+    baseline_kwh: NonNegative
+    cooperative_kwh: NonNegative
+    saved_distance_kwh: Finite
+    saved_drag_kwh: Finite
+    saved_acceleration_kwh: Finite
+    platooned_distance_m: NonNegative
+
+
+class Unserved(Message):
+    """A stop that no vehicle visits in this cycle's plans, and why, in words for people."""
+
+    stop: Identifier
+    reason: str
+
+
+class CycleReport(Message):
+    """One dispatch cycle as the dashboard and the supervisor see it."""
+
+    cycle: Count
+    started_ns: TimeNs
+    wall_s: NonNegative
+    status: Literal["ok", "baseline", "failed"]
+    reason: str | None
+    solver: Identifier | None
+    objective_kwh: Finite | None
+    variables: Count
+    solvers: tuple[SolverReport, ...]
+    gates: tuple[Gate, ...]
+    energy: EnergySummary | None
+    plans: Count = Field(description="Plans stored and published.")
+    unserved: tuple[Unserved, ...] = Field(
+        default=(), description="Stops that no plan visits; senders before this field left none."
+    )
+
+
+class HardwareHealth(Message):
+    """How the dispatcher stands with its quantum device."""
+
+    backend: str
+    pending: Count = Field(description="Jobs that the service has, or may have.")
+    used_s: NonNegative = Field(description="Device time charged or reserved in the last day.")
+    budget_s: NonNegative
+    breaker: Literal["closed", "open", "half-open"]
+    line: str | None = Field(description="Why no job would be submitted now; null: one would.")
+
+
+class DispatcherHealth(Message):
+    """How the dispatcher is doing; counters run from its start."""
+
+    time_ns: TimeNs
+    started_ns: TimeNs
+    cycles: Count
+    cycles_failed: Count
+    states_received: Count
+    bad_messages: Count
+    states_refused: Count = Field(
+        default=0, description="States that were read and not admitted; senders before: 0."
+    )
+    messages_lost: Count = Field(
+        default=0, description="Messages too large, or too many to handle; senders before: 0."
+    )
+    next_cycle_ns: TimeNs | None
+    rss_mb: NonNegative
+    hardware: HardwareHealth | None = Field(default=None, description="Null without a device.")
+    stale_after_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
+        default=None,
+        description="Age above which its gates ignore a SegmentState, s; senders before this field "
+        "left null.",
+    )
+    future_tolerance_s: NonNegative | None = Field(
+        default=None,
+        description="How far ahead of its clock a SegmentState may be dated for its gates to use "
+        "it, s; senders before this field left null.",
+    )
+
+
+CYCLE_KEY: Final = f"{ROOT}/dispatcher/cycle"
+DISPATCHER_HEALTH_KEY: Final = f"{ROOT}/dispatcher/health"

@@ -1,0 +1,127 @@
+"""What the dispatcher tells a vehicle: route, stops, platoons, and how to drive."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Self
+
+from pydantic import Field, model_validator
+
+from slipstream.messages.base import (
+    ROOT,
+    Count,
+    Identifier,
+    Message,
+    NonNegative,
+    Positive,
+    TimeNs,
+    chunk,
+)
+
+
+class PlannedCrossing(Message):
+    """The junction at a planned segment's end, on the way to the next one."""
+
+    length_m: NonNegative = Field(description="Of the lanes through the junction.")
+    speed_mps: Positive = Field(description="Allowed there: the turn's.")
+    yields: bool = Field(description="Gives way by the rules of the road, without signals.")
+    intersection: Identifier | None = Field(
+        default=None, description="Whose signals it obeys; None: none."
+    )
+    signal_groups: tuple[tuple[Count, Count], ...] = Field(
+        default=(), description="(lane, signal group) of each lane that leads there."
+    )
+
+    @model_validator(mode="after")
+    def _groups_have_an_intersection(self) -> Self:
+        if (self.intersection is None) != (not self.signal_groups):
+            raise ValueError("signal_groups are given exactly when intersection is")
+        return self
+
+
+class PlannedSegment(Message):
+    """One road segment of a vehicle's route."""
+
+    segment: Identifier
+    entry_ns: TimeNs
+    exit_ns: TimeNs
+    speed_mps: NonNegative
+    platoon: Identifier | None = Field(description="Platoon to drive in here; None: alone.")
+    place: Count | None = Field(description="0 is the leader.")
+    gap_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
+        description="Advised gap to the vehicle ahead; None for the leader and for vehicles alone."
+    )
+    leg: Count = Field(description="Which leg between two stops it belongs to.")
+    length_m: Positive | None = Field(
+        default=None, description="Of the segment; senders before this field left null."
+    )
+    speed_limit_mps: Positive | None = Field(
+        default=None, description="Allowed on it; senders before this field left null."
+    )
+    lanes: Count | None = Field(
+        default=None, description="Of the segment; senders before this field left null."
+    )
+    crossing: PlannedCrossing | None = Field(
+        default=None, description="None at a leg's end, and where the network does not know it."
+    )
+
+
+class PlannedStop(Message):
+    """One stop of a vehicle's route."""
+
+    stop: Identifier
+    node: Identifier
+    arrival_ns: TimeNs
+    departure_ns: TimeNs
+
+
+class DrivingAdvice(Message):
+    """How to drive a plan's legs, beside where and when: each part a lever of its own."""
+
+    eco_approach: bool = Field(
+        default=False, description="Time the approach to signals by what their RSU broadcasts."
+    )
+    coasting_budget: Annotated[float, Field(ge=0, le=0.5)] = Field(
+        default=0.0,
+        description="Share of a leg's planned time that coasting to turns and stops may add.",
+    )
+    signal_priority: bool = Field(
+        default=False, description="Ask signals for green where the city allows it."
+    )
+    departure_window_s: Annotated[float, Field(ge=0, le=600)] = Field(
+        default=0.0,
+        description="A leg driven alone may begin so much later than planned, at the second that "
+        "suits the signals best, s. The simulated fleet tries nine, 4 s apart.",
+    )
+
+
+class VehiclePlan(Message):
+    """The advice that one vehicle gets from one dispatch cycle.
+
+    Its version is its cycle: of two plans the one of the later cycle holds. A plan that continues
+    another one begins with the place that the vehicle left last, and its first segment is the one
+    that the vehicle was on.
+    """
+
+    vehicle: Identifier
+    cycle: Count
+    issued_ns: TimeNs
+    valid_until_ns: TimeNs
+    depart_ns: TimeNs
+    stops: tuple[PlannedStop, ...]
+    segments: tuple[PlannedSegment, ...]
+    distance_m: NonNegative
+    energy_kwh: NonNegative
+    advice: DrivingAdvice = DrivingAdvice()
+    continues: Count | None = Field(
+        default=None,
+        description="Cycle of the plan that it replaces while the vehicle is under way; None: it "
+        "begins at a depot.",
+    )
+
+
+def plan_key(vehicle: str) -> str:
+    """Key of a VehiclePlan."""
+    return f"{ROOT}/fleet/{chunk(vehicle)}/plan"
+
+
+ALL_PLANS: Final = f"{ROOT}/fleet/*/plan"

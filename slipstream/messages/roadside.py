@@ -1,0 +1,133 @@
+"""What a roadside unit tells: the state of its segments, its own health, its pictures."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal, Self, get_args
+
+from pydantic import Field, model_validator
+
+from slipstream.messages.base import (
+    ROOT,
+    Count,
+    Finite,
+    Identifier,
+    Message,
+    NonNegative,
+    TimeNs,
+    chunk,
+)
+
+
+class Estimate(Message):
+    """A measured quantity with its standard error, in the unit that its field names."""
+
+    value: Finite
+    standard_error: NonNegative | None = None
+
+
+class KinematicFeatures(Message):
+    """The paper's six features of a road segment over one window (paper, section V-A)."""
+
+    mean_speed_mps: Estimate
+    mean_acceleration_mps2: Estimate
+    density_veh_per_m: Estimate
+    speed_std_mps: Estimate
+    acceleration_variance_m2ps4: Estimate
+    mean_gap_m: Estimate | None = Field(
+        default=None, description="None where no vehicle followed another in its lane."
+    )
+
+
+CameraFault = Literal[
+    "stale",
+    "dark",
+    "bright",
+    "obscured",
+    "frozen",
+    "corrupt",
+    "camera_moved",
+    "clock_jump",
+]
+"""Faults of a camera; its pictures are not used while one lasts."""
+
+CAMERA_FAULTS: Final[tuple[CameraFault, ...]] = get_args(CameraFault)
+
+UnknownReason = (
+    Literal["no_frames", "too_few_vehicles", "window_not_covered", "uncertain"] | CameraFault
+)
+"""Why a flag is unknown."""
+
+
+class SegmentState(Message):
+    """What an RSU saw on one road segment in the last window.
+
+    ``y_e`` is 1 (stable), 0 (turbulent) or None (unknown, with ``reason``). Unknown gates like 0.
+    1 with fewer vehicles than a flag takes, or with none and no features, is the flag of an earlier
+    window that the RSU is set to keep (`stability.keep_s`).
+    """
+
+    rsu: Identifier
+    segment: Identifier
+    sequence: Count
+    time_ns: TimeNs = Field(description="UTC at the end of the window.")
+    window_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    features: KinematicFeatures | None
+    y_e: Literal[0, 1] | None
+    reason: UnknownReason | None
+    vehicles: Count = Field(description="Vehicles with a usable track.")
+    frames: Count = Field(description="Frames processed in the window.")
+    coverage: Annotated[float, Field(ge=0, le=1, description="Share of the window with frames.")]
+
+    @model_validator(mode="after")
+    def _flag_and_reason_agree(self) -> Self:
+        if (self.y_e is None) != (self.reason is not None):
+            raise ValueError("reason is given exactly when y_e is null")
+        if self.features is None and (self.y_e == 0 or (self.y_e == 1 and self.vehicles > 0)):
+            raise ValueError("y_e needs features, but for a stable segment that nobody came by on")
+        return self
+
+
+class RsuHealth(Message):
+    """How an edge daemon is doing; counters run from its start."""
+
+    rsu: Identifier
+    time_ns: TimeNs
+    started_ns: TimeNs
+    source: str
+    segments: tuple[Identifier, ...]
+    status: Literal["ok", "no_signal", "ended"]
+    fault: CameraFault | None = Field(
+        default=None, description="Why its camera cannot be trusted now; its flags are unknown."
+    )
+    frames: Count
+    frames_skipped: Count
+    decode_errors: Count
+    reconnects: Count
+    states: Count
+    fps: NonNegative
+    latency_ms_p50: NonNegative | None = Field(
+        description="Frame captured to tracks updated, over the last ten seconds."
+    )
+    latency_ms_p95: NonNegative | None
+    vehicles_in_view: Count
+    rss_mb: NonNegative
+
+
+def state_key(rsu: str, segment: str) -> str:
+    """Key of a SegmentState."""
+    return f"{ROOT}/rsu/{chunk(rsu)}/segment/{chunk(segment)}/state"
+
+
+def rsu_health_key(rsu: str) -> str:
+    """Key of an RsuHealth."""
+    return f"{ROOT}/rsu/{chunk(rsu)}/health"
+
+
+def preview_key(rsu: str) -> str:
+    """Key of an RSU's annotated preview picture (JPEG bytes)."""
+    return f"{ROOT}/rsu/{chunk(rsu)}/preview"
+
+
+ALL_STATES: Final = f"{ROOT}/rsu/*/segment/*/state"
+ALL_RSU_HEALTH: Final = f"{ROOT}/rsu/*/health"
+ALL_PREVIEWS: Final = f"{ROOT}/rsu/*/preview"
