@@ -28,6 +28,7 @@ def vehicle_plans(
     *,
     cycle: int,
     issued_ns: int,
+    reference_s: float,
     valid_s: float,
     gap_m: float,
     advice: DrivingAdvice,
@@ -36,6 +37,7 @@ def vehicle_plans(
 
     Args:
         issued_ns: UTC that the routes' times count from.
+        reference_s: on the routes' clock, the moment that the fleet's times count from.
         valid_s: how long the plan may be followed without a newer one.
         gap_m: gap advised to followers, m.
         advice: given to every vehicle.
@@ -44,7 +46,13 @@ def vehicle_plans(
     def utc_ns(seconds: float) -> int:
         return issued_ns + round(seconds * 1e9)
 
-    network = problem.network
+    network, stops = problem.network, problem.fleet.stop_by_id
+
+    def latest_ns(place: str) -> int | None:
+        stop = stops.get(place)
+        return (
+            None if stop is None or stop.latest_s is None else utc_ns(reference_s + stop.latest_s)
+        )
 
     def segments(route: Route) -> tuple[PlannedSegment, ...]:
         planned = []
@@ -83,6 +91,7 @@ def vehicle_plans(
                     node=problem.fleet.node(visit.place),
                     arrival_ns=utc_ns(visit.arrival_s),
                     departure_ns=utc_ns(visit.departure_s),
+                    latest_ns=latest_ns(visit.place),
                 )
                 for visit in route.visits
             ),
