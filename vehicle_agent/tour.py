@@ -56,6 +56,7 @@ class Tour:
         driving: whether it is on the road.
         state: where it is on that leg; None while it stands, and off its way.
         ready_ns: since when it could leave, UTC: since its last stop ended, or it came home.
+        revision: changes with everything that a restart needs.
     """
 
     def __init__(self, vehicle: str) -> None:
@@ -65,6 +66,7 @@ class Tour:
         self.driving = False
         self.state: VehicleState | None = None
         self.ready_ns = 0
+        self.revision = 0
         self._legs: tuple[Leg | None, ...] = ()
         self._left_depot = False
         self._newest = -1
@@ -138,6 +140,7 @@ class Tour:
             return
         if sensing.on_road:
             at_least = self.state.number if self.driving and self.state is not None else 0
+            self.revision += not self.driving
             self.driving = True
             self.state = leg.locate(sensing, at_least)
         elif self.driving and sensing.segment == leg.path[-1]:
@@ -243,6 +246,7 @@ class Tour:
 
     def _follow(self, plan: VehiclePlan) -> None:
         state, driving, under_way = self.state, self.driving, self.under_way
+        self.revision += 1
         self.plan = plan
         self._legs = legs_of(plan.cycle, plan.segments, len(plan.stops) - 1)
         self.leg = 0
@@ -260,6 +264,7 @@ class Tour:
     def _arrive(self, time_ns: int) -> None:
         """At the leg's end; also at each further stop at the same junction."""
         assert self.plan is not None
+        self.revision += 1
         self.driving, self.state = False, None
         self._left_depot = True
         self.leg += 1
@@ -300,12 +305,14 @@ class Tour:
             self._arrive(report.time_ns)
 
     def _note(self, visit: Visit) -> None:
+        self.revision += 1
         self._visits.pop(visit.stop, None)
         self._visits[visit.stop] = visit
         while len(self._visits) > MAX_VISITS:
             del self._visits[next(iter(self._visits))]
 
     def _forget(self) -> None:
+        self.revision += 1
         self.plan, self._legs, self.leg = None, (), 0
         self._left_depot = False
 
