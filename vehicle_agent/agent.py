@@ -299,7 +299,7 @@ class Agent:
 
     def _position(self, sensing: VehicleSensing) -> VehiclePosition:
         tour = self.tour
-        share = 0.0 if tour.plan is not None else 1.0
+        share = 1.0  # it stands at the end of the segment that it came by
         if sensing.on_road:
             leg, state = tour.current, tour.state
             if leg is not None and state is not None:

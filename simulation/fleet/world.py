@@ -21,6 +21,7 @@ from slipstream.messages import (
     VehiclePlan,
     VehicleSensing,
 )
+from slipstream.roads import RoadNetwork
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
 _ARRIVED_M: Final = 5.0
@@ -360,6 +361,11 @@ class FleetWorld:
     def _time_s(self, time_ns: int) -> float:
         """The simulation's time of a moment, s."""
         return self._session.time_s + (time_ns - self._clock_ns()) / 1e9
+
+
+def yard(network: RoadNetwork, node: str) -> str:
+    """A segment that ends at a depot's junction, for a vehicle that stands in its yard."""
+    return min(segment.id for segment in network.segments.values() if segment.end == node)
 
 
 def _planned(plan: VehiclePlan, leg: int) -> tuple[PlannedSegment, ...]:
