@@ -168,8 +168,8 @@ class Database:
         """Delete cycles that began more than ``keep_days`` before ``now_ns``.
 
         The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
-        finished before then are deleted too, but none of the last `MIN_JOB_DAYS`; so are orders that
-        ended before then and are in no fleet file any more.
+        finished before then are deleted too, but none of the last `MIN_JOB_DAYS`; so are orders
+        that ended before then and are in no fleet file any more.
 
         Args:
             keep_days: age limit, days.
