@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from simulation.closed_loop.losses import drive_losses
-from simulation.closed_loop.record import ArmResult, DrivenLeg
+from simulation.closed_loop.record import ArmResult
 from simulation.controllers.advice import Roads
+from simulation.fleet.driven_leg import DrivenLeg
+from simulation.fleet.losses import drive_losses
 from simulation.sumo import TYPES
 from slipstream.drive import Drive, DrivingStyle, drive_energies, plan_drive
 from slipstream.energy import ETA_FOLLOWER, PAPER_CAR, VehicleParameters, steady_energy_kwh

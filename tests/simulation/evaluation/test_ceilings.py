@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from simulation.closed_loop.losses import drive_losses, losses
-from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
+from simulation.closed_loop.record import ArmResult, Others
 from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
 from simulation.evaluation.measures.ceilings import (
@@ -22,6 +21,8 @@ from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.report.ceilings import ceiling_tables
 from simulation.evaluation.report.proximity import proximity_kwh
 from simulation.evaluation.runs.store import Store
+from simulation.fleet.driven_leg import DrivenLeg
+from simulation.fleet.losses import drive_losses, losses
 from slipstream.drive import DrivingStyle, drive_energies, plan_drive
 from slipstream.energy import ETA_FOLLOWER, steady_energy_kwh, stop_energy_kwh, trace_energy
 from tests.simulation.evaluation.fakes import GROUND, make_arm
