@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 
 from simulation.closed_loop.record import Service
-from simulation.controllers.vehicle import LegOrder
-from simulation.exogenous.tours import Tours, free_s
+from simulation.exogenous.tours import LegOrder, Tours, free_s
 from simulation.fleet.driven_leg import DrivenLeg
 from simulation.fleet.losses import Losses
 from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
