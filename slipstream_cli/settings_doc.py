@@ -19,10 +19,12 @@ from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
 from slipstream.config import model_of
 from slipstream.tables import markdown_table
+from vehicle_agent.settings import AgentSettings
 
 DAEMONS: Final[Mapping[str, type[BaseModel]]] = {
     "edge": EdgeSettings,
     "dispatcher": DispatcherSettings,
+    "agent": AgentSettings,
     "dashboard": DashboardSettings,
 }
 """The settings of each daemon, by its sub-command."""
@@ -33,7 +35,7 @@ _HEAD: Final = """\
 Generated from the settings models; do not edit. `make settings-doc` writes this page and a test
 holds it to the models.
 
-A daemon reads one TOML file: `slipstream edge|dispatcher|dashboard --config FILE.toml`.
+A daemon reads one TOML file: `slipstream edge|dispatcher|agent|dashboard --config FILE.toml`.
 `slipstream check FILE.toml` validates it. Unknown keys are refused by name. A former name of a key
 is read for one more version, with a warning in the log; a key may not be given under both names.
 "required" stands for a key that has to be given, "–" for no default value or no bound.
