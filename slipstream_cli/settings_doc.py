@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from pydantic import BaseModel
 
@@ -109,6 +109,9 @@ def sections(model: type[BaseModel], path: str = "", values: object = None) -> I
             instance = default if isinstance(default, below) else None
             nested.extend(sections(below, inner, instance))
             continue
+        rows = next(iter(get_args(field.annotation)), None)
+        if isinstance(rows, type) and issubclass(rows, BaseModel):
+            nested.extend(sections(rows, f"[{inner}]"))
         schema = properties[key]
         keys.append(
             Key(
@@ -157,7 +160,9 @@ def _options(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _type(schema: Mapping[str, Any]) -> str:
     names = []
     for option in _options(schema):
-        if "const" in option or "enum" in option:
+        if "$ref" in option:
+            names.append("table")
+        elif "const" in option or "enum" in option:
             choices = option.get("enum", [option.get("const")])
             names.append(", ".join(f"`{choice}`" for choice in choices))
         elif option.get("type") == "array":

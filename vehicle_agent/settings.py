@@ -16,7 +16,7 @@ from slipstream.messages import Identifier
 class AgentVehicle(Settings):
     """One vehicle that has its agent in this process (``[[vehicles]]``)."""
 
-    id: Identifier
+    id: Identifier = Field(description="As in the fleet's file.")
     length_m: Annotated[float, Field(gt=0, le=30, allow_inf_nan=False)] = Field(
         default=4.6, description="Bumper to bumper, m."
     )
