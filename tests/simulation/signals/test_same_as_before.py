@@ -21,8 +21,9 @@ from simulation.signals import SignalController
 from simulation.sumo.session import Session
 from simulation.sumo.vehicle_types import TYPES
 from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.messages import DrivingAdvice, PlannedCrossing, PlannedSegment, SensedVehicle
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.messages import DrivingAdvice, SensedVehicle
+from slipstream.roads import load_network
+from tests.simulation.signals.driving import leg_of
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.signals import (
     DepartureOptimizer,
@@ -36,38 +37,6 @@ libsumo = pytest.importorskip("libsumo")
 
 ADVICE = DrivingAdvice(eco_approach=True, coasting_budget=0.06, signal_priority=True)
 MINUTES = 10
-
-
-def leg_of(network: RoadNetwork, path: tuple[str, ...]) -> Leg:
-    """A leg as the dispatcher would send it."""
-    planned = []
-    for i, name in enumerate(path):
-        segment = network.segments[name]
-        known = network.crossings[name, path[i + 1]] if i + 1 < len(path) else None
-        crossing = known and PlannedCrossing(
-            length_m=known.length_m,
-            speed_mps=known.speed_mps,
-            yields=known.yields,
-            intersection=known.intersection,
-            signal_groups=tuple(sorted(known.signal_groups.items())),
-        )
-        planned.append(
-            PlannedSegment(
-                segment=name,
-                entry_ns=0,
-                exit_ns=0,
-                speed_mps=segment.speed_limit_mps,
-                platoon=None,
-                place=None,
-                gap_m=None,
-                leg=0,
-                length_m=segment.length_m,
-                speed_limit_mps=segment.speed_limit_mps,
-                lanes=segment.lanes,
-                crossing=crossing,
-            )
-        )
-    return Leg(1, 0, tuple(planned))
 
 
 def agent_state(state: FormerState) -> VehicleState:
