@@ -223,8 +223,9 @@ class Tour:
         if again:
             return f"stop {again[0]} is served"
         if not self.under_way:
-            if plan.continues is not None:
-                return "the vehicle is at its depot, with nothing to continue"
+            followed = None if self.plan is None else self.plan.cycle
+            if plan.continues not in (None, followed):
+                return f"the vehicle is at its depot and does not follow cycle {plan.continues}"
             if plan.depart_ns < self.ready_ns - _LATE_NS:
                 return "its departure was before the vehicle was back"
             return None
@@ -234,32 +235,46 @@ class Tour:
         assert self.plan is not None
         if plan.continues != self.plan.cycle:
             return f"the vehicle is under way on the plan of cycle {self.plan.cycle}"
-        if plan.stops[0].stop != self.plan.stops[self.leg].stop:
+        number = self._number_in(plan)
+        if number is None:
             return f"the vehicle left {self.plan.stops[self.leg].stop} last"
         if self.driving:
-            if plan.stops[1].stop != self.plan.stops[self.leg + 1].stop:
+            if plan.stops[number + 1].stop != self.plan.stops[self.leg + 1].stop:
                 return f"the vehicle is on its way to {self.plan.stops[self.leg + 1].stop}"
-            leg = legs[0]
+            leg = legs[number]
             if leg is None or (self.state is not None and self.state.segment not in leg.path):
                 return "the vehicle is not on the plan's way"
         return None
 
+    def _number_in(self, plan: VehiclePlan) -> int | None:
+        """Number of its present leg in a plan that continues its own; None: it does not fit.
+
+        It is 0, or 1 where the vehicle came to a stop while the plan was made.
+        """
+        assert self.plan is not None
+        here = self.plan.stops[self.leg].stop
+        for number, stop in enumerate(plan.stops[:2]):
+            if stop.stop == here and number < len(plan.stops) - 1:
+                return number
+        return None
+
     def _follow(self, plan: VehiclePlan) -> None:
         state, driving, under_way = self.state, self.driving, self.under_way
+        number = (self._number_in(plan) or 0) if under_way else 0
         self.revision += 1
         self.plan = plan
         self._legs = legs_of(plan.cycle, plan.segments, len(plan.stops) - 1)
-        self.leg = 0
+        self.leg = number
         self._left_depot = under_way
         self.state = None
         for stop in plan.stops:
             visit = self._visits.get(stop.stop)
             if visit is not None and visit.status == "failed":
                 del self._visits[stop.stop]  # it is tried again
-        leg = self._legs[0]
+        leg = self._legs[number]
         if driving and leg is not None and state is not None:
-            number = leg.path.index(state.segment)
-            self.state = replace(state, number=number)
+            at = leg.path.index(state.segment)
+            self.state = replace(state, number=at)
 
     def _arrive(self, time_ns: int) -> None:
         """At the leg's end; also at each further stop at the same junction."""

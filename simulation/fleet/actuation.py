@@ -101,7 +101,7 @@ class Driver:
         if advice is None or advice.mode != "cruise" or advice.partner is None:
             return self.pace
         assert advice.speed_mps is not None
-        limit_mps = libsumo.lane.getMaxSpeed(f"{segment}_0")
+        limit_mps = float(libsumo.lane.getMaxSpeed(f"{segment}_0"))
         return min(self.pace, max(0.1, advice.speed_mps / limit_mps))
 
     def _change_lane(self, lane: int) -> None:
