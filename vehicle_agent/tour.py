@@ -160,7 +160,7 @@ class Tour:
         if report.event == "arrived":
             if self.driving and report.stop == plan.stops[self.leg + 1].stop:
                 self._arrive(report.time_ns)
-        elif report.stop in [stop.stop for stop in plan.stops[1:-1]]:
+        elif report.stop in self._visits or report.stop in [s.stop for s in plan.stops[1:-1]]:
             self._end_visit(report)
         return None
 
