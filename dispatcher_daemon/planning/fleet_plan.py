@@ -16,7 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.planning.base_routes import base_routes
+from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
+from dispatcher_daemon.planning.bound_part import bound_routes, drivable, unbound
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.servability import unservable, without
@@ -34,6 +35,7 @@ from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.execution.pool import Solve
 
 NO_ROOM: Final = "no vehicle has room and time for it"
+NO_VEHICLE: Final = "no vehicle is free"
 _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
 
@@ -43,6 +45,8 @@ class FleetPlan:
     """The plan of a fleet.
 
     Attributes:
+        cycle: as it was planned, without bound vehicles that no way leads on for: they keep the
+            plans that they have.
         choice: the plan.
         base: the same fleet routed without platooning, all vehicles leaving when ready.
         greedy: base routes, departures chosen one vehicle after the other.
@@ -52,6 +56,7 @@ class FleetPlan:
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
     """
 
+    cycle: Cycle
     choice: Choice
     base: Choice
     greedy: Choice
@@ -86,11 +91,11 @@ def plan_fleet(
         limit_s = max(0.01, share * (ends - clock()))
         return search.model_copy(update={"time_limit_s": min(search.time_limit_s, limit_s)})
 
-    cycle, travel, missing = servable(cycle)
-    stops = stops_but(cycle, missing)
+    whole, travel = with_ways(cycle)
+    cycle, travel, missing = servable(whole, travel)
     stage("roads")
     search = limited(settings.search, settings.base_share)
-    routes = base_routes(cycle.problem, travel, stops, search, executor, seed, cycle.start)
+    routes = first_routes(cycle, travel, missing, search, executor)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     stage("base")
     first = initial_plans(cycle, travel, routes.stops, missing)
@@ -100,22 +105,19 @@ def plan_fleet(
     if settings.second_rounds:
         rounds = {"rounds": settings.second_rounds}
         search = limited(settings.search.model_copy(update=rounds), settings.base_share)
-        second = base_routes(
-            cycle.problem,
-            first.planner.travels[1],
-            stops_but(cycle, missing),
-            search,
-            executor,
-            seed + 1,
-            routes.stops,
-        )
-        timed_out |= second.timed_out
-        if not second.unassigned:
-            descent.adopt(second.stops, seed, ends, clock)
+        part = unbound(cycle)
+        if part is not None:
+            discounted = first.planner.travels[1]
+            left = stops_but(part, missing)
+            second = base_routes(part, discounted, left, search, executor, seed + 1, routes.stops)
+            timed_out |= second.timed_out
+            if not second.unassigned:
+                descent.adopt(routes.stops | second.stops, seed, ends, clock)
     stage("second")
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
     return FleetPlan(
+        whole,
         choice_of(first.planner, descent.present),
         first.base,
         first.greedy,
@@ -134,24 +136,49 @@ def city_settings(cycle: Cycle) -> CitySettings:
     return city
 
 
-def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
+def with_ways(cycle: Cycle) -> tuple[Cycle, Travel]:
+    """(the cycle without bound vehicles that no way leads on for, paths between its places)."""
+    travel = Travel(cycle.problem, roads_of(cycle.problem, cycle.snapshot))
+    return drivable(cycle, travel), travel
+
+
+def servable(cycle: Cycle, travel: Travel) -> tuple[Cycle, Travel, dict[str, str]]:
     """(the cycle, paths between its places, reason by stop that no vehicle can serve).
 
     Where a vehicle's first stop is among these, the cycle has none of them.
     """
-    problem = cycle.problem
-    travel = Travel(problem, roads_of(problem, cycle.snapshot))
-    missing = unservable(problem, cycle.snapshot, travel)
-    lost = any(v.first_stop in missing for v in problem.fleet.vehicles)
+    problem, part = cycle.problem, unbound(cycle)
+    loaded = {stop for own in cycle.commitments for stop in own.stops}
+    if part is None:
+        pooled = [stop.id for stop in problem.fleet.stops if stop.id not in loaded]
+        return cycle, travel, dict.fromkeys(pooled, NO_VEHICLE)
+    missing = unservable(part, cycle.snapshot, travel)
+    lost = any(v.first_stop in missing for v in part.fleet.vehicles)
     if lost and len(missing) < len(problem.fleet.stops):
         cycle = replace(cycle, problem=without(problem, missing))
         travel = Travel(cycle.problem, travel.roads)
     return cycle, travel, missing
 
 
-def stops_but(cycle: Cycle, missing: Collection[str]) -> list[str]:
-    """Ids of the cycle's stops without the missing ones."""
-    return [stop.id for stop in cycle.problem.fleet.stops if stop.id not in missing]
+def first_routes(
+    cycle: Cycle,
+    travel: Travel,
+    missing: Collection[str],
+    search: SearchSettings,
+    executor: Executor,
+) -> BaseRoutes:
+    """Routes of the free vehicles by a search, and of the bound ones in their best order."""
+    bound, part = bound_routes(cycle, travel), unbound(cycle)
+    if part is None:
+        return BaseRoutes(bound, (), False)
+    stops = stops_but(part, missing)
+    routes = base_routes(part, travel, stops, search, executor, cycle.seed, cycle.start)
+    return replace(routes, stops=bound | routes.stops)
+
+
+def stops_but(problem: RoutingProblem, missing: Collection[str]) -> list[str]:
+    """Ids of a problem's stops without the missing ones."""
+    return [stop.id for stop in problem.fleet.stops if stop.id not in missing]
 
 
 @dataclass(frozen=True)
@@ -186,6 +213,7 @@ def initial_plans(
         cycle.settings.sync_window_s,
         cycle.reference_s,
         on_road=cycle.on_road,
+        commitments=cycle.commitments,
     )
     base = departing_when_ready(planner, routes, missing)
     planner.travels += (discounted_travel(problem, travel, planner),)

@@ -76,7 +76,8 @@ def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
     if itinerary.route is None or planner.paths_per_leg < 2:
         return
     legs = list(itinerary.route.legs)
-    for at, leg in enumerate(legs):
+    fixed = len(planner.fixed_legs(itinerary.number) or ())
+    for at, leg in enumerate(legs[fixed:], fixed):
         for other in planner.travels[0].paths(leg.start, leg.end, planner.paths_per_leg):
             if other.path != leg.path:
                 changed = [*legs[:at], other, *legs[at + 1 :]]

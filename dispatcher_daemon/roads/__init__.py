@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dispatcher_daemon.roads.costs import segment_cost_kwh
+from dispatcher_daemon.roads.onward import leg_from, leg_onward, unhindered_s
 from dispatcher_daemon.roads.routes import (
     Leg,
     Route,
@@ -23,8 +24,11 @@ __all__ = [
     "candidate_arcs",
     "lateness_s",
     "least_energy_legs",
+    "leg_from",
+    "leg_onward",
     "roads_of",
     "segment_cost_kwh",
     "timed",
     "timetable",
+    "unhindered_s",
 ]

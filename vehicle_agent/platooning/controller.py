@@ -72,7 +72,7 @@ class Platooning:
         self._drop_back = False
         self._cruise_mps: float | None = None
         self._now_ns = self._seen_ns = self._look_ns = 0
-        self._left_ns = -_SETTLE_NS
+        self._left_ns = self._parted_ns = -_SETTLE_NS
 
     @staticmethod
     def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
@@ -103,7 +103,8 @@ class Platooning:
         """End platooning: the plan is superseded, or advice ends. The gap opens at once.
 
         While the mode is not yet alone, go on with `step`, on the former leg if there is no other,
-        with gates that are closed. It does not join again within 2 s.
+        with gates that are closed. It does not join again within 2 s. It may be called as often as
+        the reason holds.
 
         Returns:
             What partners must be told now.
@@ -118,7 +119,7 @@ class Platooning:
         agreements.joining.end()
         for partner in sorted(name for name in told if name is not None):
             agreements.send(self._now_ns, "leave", partner, reason=reason)
-        self._reason, self._left_ns = reason, self._now_ns
+        self._reason, self._parted_ns = reason, self._now_ns
         self._lane, self._drop_back = None, False
         return agreements.take()
 
@@ -187,7 +188,8 @@ class Platooning:
             if not (found == NONE_AHEAD and heard and seen):
                 self._leave(found)
         elif self._mode == "leaving":
-            if not self._has_just_left and (s.motion is None or has_left(s.own, s.motion)):
+            settled = not 0 <= s.now_ns - self._left_ns < _SETTLE_NS
+            if settled and (s.motion is None or has_left(s.own, s.motion)):
                 self._mode, self._partner = "alone", None
         else:
             self._reason = None if s.partner is None else found
@@ -203,14 +205,14 @@ class Platooning:
             if self._disengaged_on in s.leg.path[s.state.number :]:
                 return f"the traffic on {self._disengaged_on} was turbulent"
             self._disengaged_on = None
-        if self._mode != "following" and self._has_just_left:
+        if self._mode != "following" and self._has_just_parted:
             return self._reason
         return obstacle(s, keeps=keeps)
 
     def _catch_up(self, s: Situation) -> None:
         """Look for a vehicle to catch up with, and ask it, or its leader, to wait."""
         found, joining = None, self._agreements.joining
-        if self._disengaged_on is None and s.sensing_in_time and not self._has_just_left:
+        if self._disengaged_on is None and s.sensing_in_time and not self._has_just_parted:
             found = find_catch_up(s, self._vehicle, self._neighbours)
         if found is None or not joining.may_ask(found.asked, s.now_ns):
             joining.end()
@@ -261,7 +263,8 @@ class Platooning:
             self._leave(f"{name} has left")
 
     def _leave(self, reason: str | None, *, tell: bool = True) -> None:
-        self._mode, self._reason, self._left_ns = "leaving", reason, self._now_ns
+        self._mode, self._reason = "leaving", reason
+        self._left_ns = self._parted_ns = self._now_ns
         if tell:
             asked = self._agreements.joining.asked
             for partner in sorted({name for name in (self._partner, asked) if name is not None}):
@@ -269,8 +272,9 @@ class Platooning:
         self._agreements.joining.end()
 
     @property
-    def _has_just_left(self) -> bool:
-        return 0 <= self._now_ns - self._left_ns < _SETTLE_NS
+    def _has_just_parted(self) -> bool:
+        """Whether it has left a platoon, or was told to end platooning."""
+        return 0 <= self._now_ns - self._parted_ns < _SETTLE_NS
 
     def _followers(self) -> list[Heard]:
         return [heard for heard in self._neighbours if heard.message.ahead == self._vehicle]
@@ -283,7 +287,9 @@ class Platooning:
         front, state = self._neighbours.get(self._partner), s.state
         if front is None or state.crossing or front.crossing or front.front_m < state.front_m:
             return None
-        if self._mode == "leaving" and not (self._has_just_left and s.gates.is_open(state.segment)):
+        if self._mode == "leaving" and not (
+            self._has_just_parted and s.gates.is_open(state.segment)
+        ):
             return None
         alike = front.path[:2] == s.leg.path[state.number : state.number + 2]
         return front.lane if alike else None

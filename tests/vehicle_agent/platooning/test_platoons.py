@@ -211,6 +211,22 @@ def test_a_plan_that_is_superseded_opens_the_gap_at_once() -> None:
     assert (rear.last.mode, rear.last.reason) == ("leaving", "v0 has left")
 
 
+def test_a_reason_that_lasts_keeps_a_vehicle_alone_once_its_gap_is_open() -> None:
+    """Told in every interval to end platooning, it opens its gap, drives alone and joins nobody."""
+    world = pair()
+    rear = world.car("v1")
+    assert rear.platooning is not None
+    begin = len(world.modes["v1"])
+    for _ in range(600):
+        rear.platooning.reset("the clock is in doubt")
+        world.step()
+    modes = world.modes["v1"][begin:]
+    assert "following" not in modes
+    assert modes[-1] == "alone"
+    assert rear.last is not None
+    assert rear.last.partner is None
+
+
 def test_a_sensor_that_loses_the_front_vehicle_for_a_moment_parts_nobody() -> None:
     """For less than a second the follower drives no faster than that one tells; then it leaves."""
     world = pair()
