@@ -7,18 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from simulation.closed_loop.alternative_routes import AlternativeRoutes
+from simulation.closed_loop.world import FleetWorld
+from simulation.controllers.fleet_controller import Drafting
+from simulation.controllers.vehicle import LegOrder, VehicleState
 
 from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.travel import roads_of
 from dispatcher_daemon.traffic import take_snapshot
 from research.resources.scaling import least_cost_paths
-from simulation.closed_loop.alternative_routes import AlternativeRoutes
-from simulation.closed_loop.record import DrivenLeg
-from simulation.closed_loop.tours import free_s
-from simulation.closed_loop.world import FleetWorld
-from simulation.controllers.fleet_controller import Drafting
-from simulation.controllers.vehicle import LegOrder, VehicleState
+from simulation.exogenous.tours import free_s
+from simulation.fleet.driven_leg import DrivenLeg
 from simulation.scenarios.scenario import Scenario, load_scenario
 from simulation.sumo.session import Session
 from simulation.sumo.vehicle_types import TYPES

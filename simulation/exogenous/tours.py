@@ -7,11 +7,40 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from simulation.closed_loop.record import Service
-from simulation.controllers import LegOrder
 from simulation.scenarios.demand import Deliveries, Order
 from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
+
+
+@dataclass(frozen=True)
+class LegOrder:
+    """One leg as its vehicle is to drive it.
+
+    Attributes:
+        vehicle: of the fleet.
+        round: number of the tour in the vehicle's day, from 0.
+        leg: number in the tour, from 0.
+        path: segments, the first one left from its beginning, the last one driven to its end.
+        ready_s: from when on it could have left, s since midnight; travel time counts from then.
+        due_s: when to leave, later where the plan has it wait to meet others.
+        free_s: what the leg takes at the limit on an empty road.
+        planned: the plan's segments of this leg, in order, with platoons and entry times.
+    """
+
+    vehicle: str
+    round: int
+    leg: int
+    path: tuple[str, ...]
+    ready_s: float
+    due_s: float
+    free_s: float
+    planned: tuple[PlannedSegment, ...]
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+        return f"{self.vehicle}/{self.round}/{self.leg}"
 
 
 class Arrival(Protocol):
@@ -147,7 +176,6 @@ class Tours:
             due_s,
             free_s(self.network, path),
             planned,
-            own.plan.advice,
         )
 
 

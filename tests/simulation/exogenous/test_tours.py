@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from simulation.closed_loop.losses import Losses
-from simulation.closed_loop.record import DrivenLeg, Service
-from simulation.closed_loop.tours import Tours, free_s
-from simulation.controllers.vehicle import LegOrder
+from simulation.closed_loop.record import Service
+from simulation.exogenous.tours import LegOrder, Tours, free_s
+from simulation.fleet.driven_leg import DrivenLeg
+from simulation.fleet.losses import Losses
 from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
 from slipstream.energy import Energy
 from slipstream.messages import PlannedSegment, PlannedStop, VehiclePlan
