@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Final, Self
+from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
@@ -15,6 +16,7 @@ from slipstream.config import Settings, check, read_data
 from slipstream.errors import InputError
 from slipstream.messages import Identifier
 from slipstream.roads import RoadNetwork
+from slipstream.vehicle_types import PRESETS, RoutingProfile, VehicleType
 
 DEMO_FLEET = "demo"
 
@@ -22,6 +24,9 @@ DEPOT: Final = "depot"
 """In the arc form this place stands for each vehicle's own depot; no stop may have its name."""
 
 _DAY_S: Final = 86400.0
+_TOLERANCE_KG: Final = 1e-6
+
+_PowerKw = Annotated[float, Field(gt=0, le=1e5, allow_inf_nan=False)]
 
 
 class Depot(Settings):
@@ -29,6 +34,23 @@ class Depot(Settings):
 
     id: Identifier = DEPOT
     node: Identifier = Field(description="Junction of the road network.")
+    charging_power_kw: _PowerKw | None = Field(
+        default=None, description="Vehicles charge while they wait there; None: they cannot."
+    )
+
+
+class ChargingStop(Settings):
+    """Where vehicles may charge on their way."""
+
+    id: Identifier
+    node: Identifier = Field(description="Junction of the road network.")
+    power_kw: _PowerKw
+
+
+class NamedVehicleType(VehicleType):
+    """A vehicle type of a fleet, for its vehicles to name."""
+
+    id: Identifier
 
 
 class Stop(Settings):
@@ -43,6 +65,13 @@ class Stop(Settings):
     service_s: float = Field(default=60.0, ge=0, le=_DAY_S, allow_inf_nan=False)
     demand: int = Field(
         default=0, ge=0, le=10**9, description="What it takes of a vehicle's capacity."
+    )
+    mass_kg: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="What it takes of a vehicle's payload.",
     )
     earliest_s: float = Field(
         default=0.0, ge=0, le=_DAY_S, allow_inf_nan=False, description="Service starts no sooner."
@@ -97,6 +126,26 @@ class Vehicle(Settings):
         allow_inf_nan=False,
         description="Is back at its depot by then; None: whenever.",
     )
+    type: Identifier | None = Field(
+        default=None,
+        description="A preset or one of `vehicle_types`; None: the paper's car.",
+    )
+    own_type: VehicleType | None = Field(
+        default=None, description="Data of this vehicle alone, instead of `type`."
+    )
+    charge_kwh: float | None = Field(
+        default=None,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="In its battery when the fleet's times begin; None: it is full.",
+    )
+
+    @model_validator(mode="after")
+    def _one_type(self) -> Self:
+        if self.type is not None and self.own_type is not None:
+            raise ValueError("give type or own_type, not both")
+        return self
 
     @model_validator(mode="after")
     def _times_are_in_order(self) -> Self:
@@ -114,6 +163,8 @@ class Fleet(Settings):
     depots: tuple[Depot, ...] = Field(min_length=1)
     stops: tuple[Stop, ...] = Field(min_length=1)
     vehicles: tuple[Vehicle, ...] = Field(min_length=1)
+    vehicle_types: tuple[NamedVehicleType, ...] = ()
+    charging_stops: tuple[ChargingStop, ...] = ()
 
     @cached_property
     def stop_by_id(self) -> dict[str, Stop]:
@@ -126,6 +177,20 @@ class Fleet(Settings):
         return {depot.id: depot for depot in self.depots}
 
     @cached_property
+    def charging_stop_by_id(self) -> dict[str, ChargingStop]:
+        """Charging stops by their id."""
+        return {stop.id: stop for stop in self.charging_stops}
+
+    @cached_property
+    def vehicle_by_id(self) -> dict[str, Vehicle]:
+        """Vehicles by their id."""
+        return {vehicle.id: vehicle for vehicle in self.vehicles}
+
+    @cached_property
+    def _types(self) -> dict[str, VehicleType]:
+        return {**PRESETS, **{kind.id: kind for kind in self.vehicle_types}}
+
+    @cached_property
     def pooled(self) -> tuple[str, ...]:
         """Ids of the stops that any vehicle may serve."""
         taken = {vehicle.first_stop for vehicle in self.vehicles}
@@ -135,14 +200,39 @@ class Fleet(Settings):
         """Where a vehicle starts and ends."""
         return self.depots[0] if vehicle.depot is None else self.depot_by_id[vehicle.depot]
 
+    def type_of(self, vehicle: Vehicle) -> VehicleType | None:
+        """A vehicle's data; None: none are given."""
+        if vehicle.own_type is not None:
+            return vehicle.own_type
+        return None if vehicle.type is None else self._types[vehicle.type]
+
+    def overload(self, vehicle: Vehicle, stops: Iterable[Stop]) -> str | None:
+        """By what the load of some stops is more than a vehicle carries; None: it is not."""
+        served = list(stops)
+        demand = sum(stop.demand for stop in served)
+        if vehicle.capacity is not None and demand > vehicle.capacity:
+            return f"{demand}, more than its capacity of {vehicle.capacity}"
+        kind = self.type_of(vehicle)
+        payload_kg = None if kind is None else kind.payload_kg
+        mass_kg = math.fsum(stop.mass_kg for stop in served)
+        if payload_kg is not None and mass_kg > payload_kg + _TOLERANCE_KG:
+            return f"{mass_kg:g} kg, more than its payload of {payload_kg:g} kg"
+        return None
+
     def node(self, place: str) -> str:
-        """Junction of a stop or of a depot."""
-        depot = self.depot_by_id.get(place)
-        return self.stop_by_id[place].node if depot is None else depot.node
+        """Junction of a stop, a depot or a charging stop."""
+        places: tuple[Mapping[str, Depot | Stop | ChargingStop], ...] = (
+            self.depot_by_id,
+            self.charging_stop_by_id,
+        )
+        for known in places:
+            if place in known:
+                return known[place].node
+        return self.stop_by_id[place].node
 
     def service_s(self, place: str) -> float:
-        """Time spent at a stop; none at a depot."""
-        return 0.0 if place in self.depot_by_id else self.stop_by_id[place].service_s
+        """Time that service takes at a stop; none elsewhere."""
+        return self.stop_by_id[place].service_s if place in self.stop_by_id else 0.0
 
     def legs(self, vehicle: Vehicle) -> tuple[tuple[str, str], ...]:
         """Candidate arcs (from, to) of one vehicle over its depot and stops.
@@ -163,10 +253,16 @@ class Fleet(Settings):
 def arc_form_obstacle(fleet: Fleet) -> str | None:
     """Why the arc form (the paper's) cannot express a fleet; None if it can.
 
-    In it every vehicle drives, stops have no times, and no load is counted. A capacity that no
-    set of stops can exceed is no obstacle, nor is a departure window: vehicles then leave when
-    they are ready.
+    In it every vehicle drives, stops have no times, no load or charge is counted, and all vehicles
+    share one set of paths. A capacity that no set of stops can exceed is no obstacle, nor is a
+    departure window: vehicles then leave when they are ready.
     """
+    kinds = {vehicle.id: fleet.type_of(vehicle) for vehicle in fleet.vehicles}
+    if len({RoutingProfile() if kind is None else kind.profile for kind in kinds.values()}) > 1:
+        return "its vehicles are of different types"
+    for name, kind in kinds.items():
+        if kind is not None and kind.battery_kwh is not None:
+            return f"vehicle {name!r} has a battery"
     for stop in fleet.stops:
         if stop.earliest_s > 0 or stop.latest_s is not None:
             return f"stop {stop.id!r} has a time window"
@@ -175,6 +271,8 @@ def arc_form_obstacle(fleet: Fleet) -> str | None:
     for vehicle in fleet.vehicles:
         if vehicle.return_by_s is not None:
             return f"vehicle {vehicle.id!r} has to be back in time"
+        if fleet.overload(vehicle.model_copy(update={"capacity": None}), fleet.stops) is not None:
+            return f"vehicle {vehicle.id!r} cannot carry the mass of all stops"
         most = pooled + (0 if vehicle.first_stop is None else demand[vehicle.first_stop])
         if vehicle.capacity is not None and most > vehicle.capacity:
             return (
@@ -224,20 +322,31 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
         prefix: put before the keys in errors, where the fleet is part of a larger file.
 
     Raises:
-        InputError: a duplicate id, an unknown node or depot, or a first stop that does not exist
-            or is claimed twice.
+        InputError: a duplicate id, an unknown node, depot or vehicle type, a charge that does not
+            fit the battery, or a first stop that does not exist or is claimed twice.
     """
     _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
     _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
     _no_duplicates(source, f"{prefix}vehicles", "id", (v.id for v in fleet.vehicles))
+    _no_duplicates(source, f"{prefix}vehicle_types", "id", (t.id for t in fleet.vehicle_types))
+    _no_duplicates(source, f"{prefix}charging_stops", "id", (c.id for c in fleet.charging_stops))
     for name in (DEPOT, *fleet.depot_by_id):
         if name in fleet.stop_by_id:
             raise InputError(
                 source, "a stop has a depot's id", "rename it", key=f"{prefix}stops.{name}"
             )
+    for name in fleet.charging_stop_by_id:
+        if name == DEPOT or name in fleet.stop_by_id or name in fleet.depot_by_id:
+            problem = "a charging stop has the id of a stop or depot"
+            raise InputError(source, problem, "rename it", key=f"{prefix}charging_stops.{name}")
+    for kind in fleet.vehicle_types:
+        if kind.id in PRESETS:
+            key = f"{prefix}vehicle_types.{kind.id}"
+            raise InputError(source, "a vehicle type has a preset's id", "rename it", key=key)
     for place, node in (
         *((f"depots.{d.id}", d.node) for d in fleet.depots),
         *((f"stops.{s.id}", s.node) for s in fleet.stops),
+        *((f"charging_stops.{c.id}", c.node) for c in fleet.charging_stops),
     ):
         if node not in network.junctions:
             raise InputError(
@@ -259,9 +368,27 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
                 "name one of the stops",
                 key=f"{key}.first_stop",
             )
+        _check_type(fleet, vehicle, source, key)
     first = [v.first_stop for v in fleet.vehicles if v.first_stop is not None]
     mend = "give each vehicle a stop of its own"
     _no_duplicates(source, f"{prefix}vehicles", "first_stop", first, mend)
+
+
+def _check_type(fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str) -> None:
+    known = [*PRESETS, *(kind.id for kind in fleet.vehicle_types)]
+    if vehicle.type is not None and vehicle.type not in known:
+        mend = f"use one of {', '.join(known)}"
+        raise InputError(source, f"no vehicle type {vehicle.type!r}", mend, key=f"{key}.type")
+    kind = fleet.type_of(vehicle)
+    capacity_kwh = None if kind is None else kind.battery_kwh
+    if vehicle.charge_kwh is None:
+        return
+    if capacity_kwh is None:
+        problem, mend = "a charge without a battery", "give its type a battery_kwh"
+        raise InputError(source, problem, mend, key=f"{key}.charge_kwh")
+    if vehicle.charge_kwh > capacity_kwh:
+        problem = f"{vehicle.charge_kwh:g} kWh in a battery of {capacity_kwh:g} kWh"
+        raise InputError(source, problem, "give what is in it", key=f"{key}.charge_kwh")
 
 
 def _no_duplicates(
