@@ -21,6 +21,9 @@ from slipstream.files import open_unpacked
 T = TypeVar("T")
 
 DEMO_NETWORK = "demo"
+_YIELDING: Final = "msw="
+"""Letters of SUMO's connections that give way: minor, stop, all-way stop, equal."""
+
 MAX_NET_BYTES: Final = 64_000_000
 MAX_NET_ELEMENTS: Final = 300_000
 """Of a SUMO net, unpacked. Troy's has 0.9 MB and 7,100 elements; one costs sumolib some 15 µs and
@@ -56,11 +59,32 @@ class Segment:
 
 
 @dataclass(frozen=True)
+class Crossing:
+    """The way through a junction, from the end of one segment to the begin of the next.
+
+    Attributes:
+        length_m: of the lane through it, ≥ 0.
+        speed_mps: allowed there, > 0; on several lanes the lowest.
+        yields: whether one gives way by the rules of the road, without signals.
+        intersection: id of the signals that it obeys (SUMO's tlLogic); None: none.
+        signal_groups: by lane of the first segment that leads there, its movement's number at these
+            signals (SUMO's link index).
+    """
+
+    length_m: float
+    speed_mps: float
+    yields: bool = False
+    intersection: str | None = None
+    signal_groups: Mapping[int, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class RoadNetwork:
     """Segments by id and junction positions in m; immutable.
 
     ``follows`` maps a segment to the segments that a vehicle may turn into at its end; ``signals``
-    are the junctions with traffic lights.
+    are the junctions with traffic lights; ``crossings`` are the ways through junctions, by the
+    segments before and behind, as far as they are known.
     """
 
     name: str
@@ -68,6 +92,7 @@ class RoadNetwork:
     junctions: Mapping[str, tuple[float, float]]
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     signals: frozenset[str] = frozenset()
+    crossings: Mapping[tuple[str, str], Crossing] = field(default_factory=dict)
 
     @cached_property
     def leaving(self) -> Mapping[str, tuple[Segment, ...]]:
@@ -148,11 +173,58 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
 
 
 def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
-    parts = read_sumo_net(path, _parts)
+    parts, crossings = read_sumo_net(
+        path, lambda net: (_parts(net), _crossings(net)), internal=True
+    )
     if not parts[0]:
         raise InputError(path, "no road segment in it", "build one with netconvert")
     segments, junctions, follows, signals = parts
-    return build_network(name, segments, junctions, follows, signals=signals, source=str(path))
+    return build_network(
+        name,
+        segments,
+        junctions,
+        follows,
+        signals=signals,
+        crossings=crossings,
+        source=str(path),
+    )
+
+
+def _crossings(net: Any) -> dict[tuple[str, str], Crossing]:
+    """Ways through the junctions of sumolib's net, which must have been read with its internals."""
+    found: dict[tuple[str, str], Crossing] = {}
+    for edge in net.getEdges():
+        if edge.isSpecial():
+            continue
+        for following, connections in edge.getOutgoing().items():
+            if following.isSpecial():
+                continue
+            by_lane = sorted(connections, key=lambda c: int(c.getFromLane().getIndex()))
+            first = by_lane[0]
+            inside = [_lanes_through(net, connection) for connection in by_lane]
+            speeds = [float(lane.getSpeed()) for lanes in inside for lane in lanes]
+            signals = first.getTLSID() or None
+            found[edge.getID(), following.getID()] = Crossing(
+                sum(float(lane.getLength()) for lane in inside[0]),
+                min(speeds, default=float(following.getSpeed())),
+                yields=signals is None and first.getState() in _YIELDING,
+                intersection=signals,
+                signal_groups={}
+                if signals is None
+                else {int(c.getFromLane().getIndex()): int(c.getTLLinkIndex()) for c in by_lane},
+            )
+    return found
+
+
+def _lanes_through(net: Any, connection: Any) -> list[Any]:
+    """The lanes inside a junction that a connection leads over, one behind another."""
+    lanes = []
+    via = connection.getViaLaneID()
+    while via:
+        lane = net.getLane(via)
+        lanes.append(lane)
+        via = next((onward.getViaLaneID() for onward in lane.getOutgoing()), "")
+    return lanes
 
 
 def _parts(
@@ -194,6 +266,7 @@ def build_network(
     follows: Mapping[str, tuple[str, ...]] | None = None,
     *,
     signals: Iterable[str] = (),
+    crossings: Mapping[tuple[str, str], Crossing] | None = None,
     source: str = "network",
     prefix: str = "",
 ) -> RoadNetwork:
@@ -202,6 +275,7 @@ def build_network(
     Args:
         follows: allowed turns; None allows every turn but the U-turn onto the way back.
         signals: junctions with traffic lights.
+        crossings: ways through junctions; those of turns that `follows` has not are left out.
         source: what errors name.
         prefix: put before the segments' ids in errors, where they are part of a larger file.
 
@@ -251,4 +325,11 @@ def build_network(
         MappingProxyType(dict(junctions)),
         MappingProxyType(dict(follows)),
         frozenset(signals),
+        MappingProxyType(
+            {
+                (a, b): crossing
+                for (a, b), crossing in (crossings or {}).items()
+                if b in follows.get(a, ())
+            }
+        ),
     )

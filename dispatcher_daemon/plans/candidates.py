@@ -150,6 +150,7 @@ class Cycle:
             energies,
             cycle=self.number,
             issued_ns=self.now_ns,
+            reference_s=self.reference_s,
             valid_s=2 * settings.interval_s,
             gap_m=settings.gap_m,
             advice=settings.advice,

@@ -9,7 +9,14 @@ from dispatcher_daemon.platooning import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.messages import DrivingAdvice, PlannedSegment, PlannedStop, VehiclePlan
+from slipstream.messages import (
+    DrivingAdvice,
+    PlannedCrossing,
+    PlannedSegment,
+    PlannedStop,
+    VehiclePlan,
+)
+from slipstream.roads import RoadNetwork
 
 
 def vehicle_plans(
@@ -21,6 +28,7 @@ def vehicle_plans(
     *,
     cycle: int,
     issued_ns: int,
+    reference_s: float,
     valid_s: float,
     gap_m: float,
     advice: DrivingAdvice,
@@ -29,6 +37,7 @@ def vehicle_plans(
 
     Args:
         issued_ns: UTC that the routes' times count from.
+        reference_s: on the routes' clock, the moment that the fleet's times count from.
         valid_s: how long the plan may be followed without a newer one.
         gap_m: gap advised to followers, m.
         advice: given to every vehicle.
@@ -37,10 +46,20 @@ def vehicle_plans(
     def utc_ns(seconds: float) -> int:
         return issued_ns + round(seconds * 1e9)
 
+    network, stops = problem.network, problem.fleet.stop_by_id
+
+    def latest_ns(place: str) -> int | None:
+        stop = stops.get(place)
+        return (
+            None if stop is None or stop.latest_s is None else utc_ns(reference_s + stop.latest_s)
+        )
+
     def segments(route: Route) -> tuple[PlannedSegment, ...]:
         planned = []
         for leg, position, segment, entry, leaving in route.entries_s():
             place = places.get((route.vehicle, leg, position))
+            road = network.segments[segment]
+            onward = route.legs[leg].path[position + 1 : position + 2]
             planned.append(
                 PlannedSegment(
                     segment=segment,
@@ -51,6 +70,10 @@ def vehicle_plans(
                     place=None if place is None else place.number,
                     gap_m=gap_m if place is not None and place.number > 0 else None,
                     leg=leg,
+                    length_m=road.length_m,
+                    speed_limit_mps=road.speed_limit_mps,
+                    lanes=road.lanes,
+                    crossing=None if not onward else _crossing(network, segment, onward[0]),
                 )
             )
         return tuple(planned)
@@ -68,6 +91,7 @@ def vehicle_plans(
                     node=problem.fleet.node(visit.place),
                     arrival_ns=utc_ns(visit.arrival_s),
                     departure_ns=utc_ns(visit.departure_s),
+                    latest_ns=latest_ns(visit.place),
                 )
                 for visit in route.visits
             ),
@@ -77,4 +101,18 @@ def vehicle_plans(
             advice=advice,
         )
         for route, energy in zip(routes, energies, strict=True)
+    )
+
+
+def _crossing(network: RoadNetwork, segment: str, following: str) -> PlannedCrossing | None:
+    """The junction between two segments; None where the network does not know it."""
+    known = network.crossings.get((segment, following))
+    if known is None:
+        return None
+    return PlannedCrossing(
+        length_m=known.length_m,
+        speed_mps=known.speed_mps,
+        yields=known.yields,
+        intersection=known.intersection,
+        signal_groups=tuple(sorted(known.signal_groups.items())),
     )

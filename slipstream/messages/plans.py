@@ -72,6 +72,9 @@ class PlannedStop(Message):
     node: Identifier
     arrival_ns: TimeNs
     departure_ns: TimeNs
+    latest_ns: TimeNs | None = Field(
+        default=None, description="Service begins no later; null: whenever."
+    )
 
 
 class DrivingAdvice(Message):

@@ -96,3 +96,30 @@ def test_turns_must_lead_on(follows: dict[str, tuple[str, ...]], problem: str) -
     segment = Segment("ab", "a", "b", 10.0, 10.0, 1, ((0.0, 0.0), (10.0, 0.0)))
     with pytest.raises(InputError, match=problem):
         build_network("n", [segment], {"a": (0, 0), "b": (10, 0)}, follows)
+
+
+def test_ways_through_junctions_are_read() -> None:
+    """Each allowed turn has a crossing; a turn is slower than its road."""
+    network = load_network("demo")
+    turns = {(a, b) for a, following in network.follows.items() for b in following}
+    assert set(network.crossings) == turns
+    crossing = network.crossings["avenue_east", "quay_link_east"]
+    assert 5 < crossing.length_m < 20
+    assert crossing.speed_mps < network.segments["avenue_east"].speed_limit_mps
+    assert crossing.intersection is None
+    assert not crossing.signal_groups
+
+
+def test_a_crossing_with_signals_names_its_groups() -> None:
+    """Troy's: the signals that stand at the segment's end, and a number a lane."""
+    from simulation.scenarios.scenario import load_scenario
+
+    network = load_scenario("troy").network
+    signalled = {pair: c for pair, c in network.crossings.items() if c.intersection is not None}
+    assert len(signalled) > 100
+    for (segment, following), crossing in signalled.items():
+        assert network.segments[segment].end in network.signals
+        assert network.segments[following].start == network.segments[segment].end
+        assert crossing.signal_groups
+        assert max(crossing.signal_groups) < network.segments[segment].lanes
+        assert not crossing.yields

@@ -67,6 +67,7 @@ def largest_part(network: RoadNetwork, source: str | Path) -> RoadNetwork:
         {name: place for name, place in network.junctions.items() if name in ends},
         {name: tuple(b for b in network.follows.get(name, ()) if b in kept) for name in kept},
         signals=network.signals & ends,
+        crossings=network.crossings,
         source=str(source),
     )
 
