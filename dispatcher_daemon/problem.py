@@ -45,7 +45,7 @@ class RoutingProblem:
 
     @cached_property
     def _profiles(self) -> dict[tuple[object, object], RoutingProfile]:
-        found = {}
+        found: dict[tuple[object, object], RoutingProfile] = {}
         for vehicle in self.fleet.vehicles:
             kind = self.fleet.type_of(vehicle)
             key = vehicle.type, vehicle.own_type

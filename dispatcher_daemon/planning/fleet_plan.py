@@ -29,7 +29,8 @@ from dispatcher_daemon.planning.sweeps import (
 )
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Travel, roads_of
+from dispatcher_daemon.roads import Roads, Travel, fleet_travel, searched_again
+from dispatcher_daemon.roads.weights import Floats
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.execution.pool import Solve
 
@@ -140,12 +141,12 @@ def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
     Where a vehicle's first stop is among these, the cycle has none of them.
     """
     problem = cycle.problem
-    travel = Travel(problem, roads_of(problem, cycle.snapshot))
+    travel = fleet_travel(problem, cycle.snapshot)
     missing = unservable(problem, cycle.snapshot, travel)
     lost = any(v.first_stop in missing for v in problem.fleet.vehicles)
     if lost and len(missing) < len(problem.fleet.stops):
         cycle = replace(cycle, problem=without(problem, missing))
-        travel = Travel(cycle.problem, travel.roads)
+        travel = searched_again(travel, cycle.problem)
     return cycle, travel, missing
 
 
@@ -234,6 +235,10 @@ def _feasible_part(
 
 def discounted_travel(problem: RoutingProblem, travel: Travel, planner: Planner) -> Travel:
     """Paths with each open segment cheaper by a follower's saving."""
-    saving = {name: shares.follower_kwh for name, shares in planner.shares.items()}
-    discount = np.array([saving.get(name, 0.0) for name in travel.roads.ids])
-    return Travel(problem, travel.roads, discount)
+
+    def discount_kwh(roads: Roads) -> Floats:
+        shares = planner.shares_by_profile[roads.profile]
+        saving = {name: share.follower_kwh for name, share in shares.items()}
+        return np.array([saving.get(name, 0.0) for name in roads.ids])
+
+    return searched_again(travel, problem, discount_kwh)

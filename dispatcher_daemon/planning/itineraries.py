@@ -59,7 +59,9 @@ class Planner:
 
     Attributes:
         travels: paths between places; the first are those of least energy, others alternatives.
-        shares: saving of a leader and of a follower on each open segment.
+        shares: saving of a leader and of a follower of the fleet's first profile on each open
+            segment.
+        shares_by_profile: those of all its profiles.
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
         paths_per_leg: number of cheapest paths of each leg that options may contain.
@@ -81,13 +83,25 @@ class Planner:
         self.problem, self.snapshot = problem, snapshot
         self.sync_window_s = sync_window_s
         self.travels = tuple(travels)
-        self.shares: Mapping[str, Shares] = open_shares(problem, snapshot)
+        first, *others = problem.profiles
+        self.shares: Mapping[str, Shares] = open_shares(problem, snapshot, first)
+        self.shares_by_profile = {
+            first: self.shares,
+            **{other: open_shares(problem, snapshot, other) for other in others},
+        }
         self.reference_s = reference_s
         self.on_road = traversals_on_road(on_road, self.shares)
+        # A vehicle on the road that has left the fleet counts as one of its first profile.
+        users = [(-n, user.vehicle) for n, user in enumerate(on_road, 1)]
+        self._own_shares = {
+            number: self.shares_by_profile[problem.profile_of(name)]
+            for number, name in (*enumerate(v.id for v in problem.fleet.vehicles), *users)
+            if name in problem.fleet.vehicle_by_id and problem.profile_of(name) != first
+        }
 
     def meetings(self) -> Meetings:
         """Passages of the vehicles on the road only; their savings are part of no change."""
-        meetings = Meetings(self.shares, self.sync_window_s)
+        meetings = Meetings(self.shares, self.sync_window_s, self._own_shares)
         for vehicle in self.on_road:
             meetings.add(vehicle)
         return meetings
@@ -101,10 +115,11 @@ class Planner:
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
         """Legs of a route; None if one of them has no path."""
         fleet = self.problem.fleet
-        depot = fleet.depot_of(fleet.vehicles[number]).id
+        vehicle = fleet.vehicles[number]
+        depot, own = fleet.depot_of(vehicle).id, self.travels[travel].of(vehicle)
         legs = []
         for start, end in pairwise((depot, *stops, depot)):
-            leg = self.travels[travel].leg(start, end)
+            leg = own.leg(start, end)
             if leg is None:
                 return None
             legs.append(leg)

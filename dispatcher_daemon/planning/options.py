@@ -76,8 +76,9 @@ def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
     if itinerary.route is None or planner.paths_per_leg < 2:
         return
     legs = list(itinerary.route.legs)
+    travel = planner.travels[0].of(planner.problem.fleet.vehicles[itinerary.number])
     for at, leg in enumerate(legs):
-        for other in planner.travels[0].paths(leg.start, leg.end, planner.paths_per_leg):
+        for other in travel.paths(leg.start, leg.end, planner.paths_per_leg):
             if other.path != leg.path:
                 changed = [*legs[:at], other, *legs[at + 1 :]]
                 detour = planner.itinerary(

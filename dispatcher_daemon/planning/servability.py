@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Travel, roads_of
+from dispatcher_daemon.roads import Travel, fleet_travel
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 _TOLERANCE_S = 2.0
@@ -73,7 +73,7 @@ def unservable(
         back in time.
     """
     fleet = problem.fleet
-    travel = travel or Travel(problem, roads_of(problem, snapshot))
+    travel = travel or fleet_travel(problem, snapshot)
     loaded = {v.first_stop: v for v in fleet.vehicles if v.first_stop is not None}
     found: dict[str, str] = {}
     lost: set[str] = set()
@@ -104,7 +104,9 @@ def _kinds(vehicles: Iterable[Vehicle], lost: set[str]) -> list[Vehicle]:
 
     def kind(vehicle: Vehicle) -> tuple[object, ...]:
         first = None if vehicle.first_stop in lost else vehicle.first_stop
-        return vehicle.depot, first, vehicle.capacity, vehicle.ready_s, vehicle.return_by_s
+        times = vehicle.ready_s, vehicle.return_by_s
+        data = vehicle.type, vehicle.own_type, vehicle.charge_kwh
+        return vehicle.depot, first, vehicle.capacity, *times, *data
 
     return list({kind(vehicle): vehicle for vehicle in vehicles}.values())
 
@@ -114,6 +116,7 @@ def _refusal(
 ) -> _Refusal | None:
     """Why a vehicle cannot serve the last of some stops after the others; None if it can."""
     depot, last = problem.fleet.depot_of(vehicle), stops[-1]
+    travel = travel.of(vehicle)
     places = [depot.id, *(stop.id for stop in stops)]
     rows = [travel.row[place] for place in places]
     seconds = [float(travel.duration_s[i, j]) for i, j in pairwise(rows)]
@@ -129,6 +132,11 @@ def _refusal(
         with_first = "" if len(stops) == 1 else f" (with {stops[-2].id!r} loaded)"
         nearest = f"above every capacity (nearest: {vehicle.capacity} of {vehicle.id!r})"
         return _Refusal(2, short, f"its demand of {demand}{with_first} is {nearest}")
+    overload = problem.fleet.overload(vehicle, stops)
+    if overload is not None:
+        return _Refusal(
+            2, -last.mass_kg, f"above every payload ({vehicle.id!r} carries {overload})"
+        )
     clock = vehicle.ready_s
     for stop, driven_s in zip(stops, seconds, strict=True):
         arrival = clock + driven_s

@@ -39,8 +39,9 @@ def route_energy(
     reductions = drag_reductions(route, places)
     none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
     drives = [leg.drive for leg in route.legs]
-    driven = drive_energies(drives, reductions, problem.vehicle).sum()
-    by_leg = drive_energies(drives, none, problem.vehicle)
+    physics = problem.profile_of(route.vehicle).physics
+    driven = drive_energies(drives, reductions, physics).sum()
+    by_leg = drive_energies(drives, none, physics)
     undrafted = by_leg.sum()
     beyond = sum(
         leg.expected_kwh - float(profile_kwh)

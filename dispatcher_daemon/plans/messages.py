@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dispatcher_daemon.plans.energy import RouteEnergy
 from dispatcher_daemon.platooning import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Route
+from dispatcher_daemon.roads import Route, planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import (
     DrivingAdvice,
@@ -56,6 +56,7 @@ def vehicle_plans(
 
     def segments(route: Route) -> tuple[PlannedSegment, ...]:
         planned = []
+        profile = problem.profile_of(route.vehicle)
         for leg, position, segment, entry, leaving in route.entries_s():
             place = places.get((route.vehicle, leg, position))
             road = network.segments[segment]
@@ -65,7 +66,7 @@ def vehicle_plans(
                     segment=segment,
                     entry_ns=utc_ns(entry),
                     exit_ns=utc_ns(leaving),
-                    speed_mps=snapshot.segments[segment].speed_mps,
+                    speed_mps=planning_speed_mps(snapshot.segments[segment], profile),
                     platoon=None if place is None else place.platoon,
                     place=None if place is None else place.number,
                     gap_m=gap_m if place is not None and place.number > 0 else None,
