@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import socket
+from collections.abc import Set
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -50,12 +51,48 @@ class Publisher:
         self._declared.undeclare()
 
 
+class Listener:
+    """Subscriptions that share one inbox and its handler; open it with `Bus.listener`."""
+
+    def __init__(self, session: Any, samples: Inbox) -> None:
+        self._session, self._samples = session, samples
+        self._subscribers: dict[str, Any] = {}
+
+    def listen(self, key_expressions: Set[str], *, history: bool = False) -> None:
+        """Receive samples of these key expressions, and of no others from now on.
+
+        Args:
+            key_expressions: wanted.
+            history: for new ones, also what publishers sent before, and repair gaps.
+        """
+        for key in self._subscribers.keys() - key_expressions:
+            self._subscribers.pop(key).undeclare()
+        for key in sorted(key_expressions - self._subscribers.keys()):
+            self._subscribers[key] = self._declare(key, history=history)
+
+    def _declare(self, key: str, *, history: bool) -> Any:
+        if not history:
+            return self._session.declare_subscriber(key, self._samples.accept)
+        return zenoh.ext.declare_advanced_subscriber(
+            self._session,
+            key,
+            self._samples.accept,
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+        )
+
+    def close(self) -> None:
+        """Receive no more; no handler runs once it has returned."""
+        self.listen(frozenset())
+        self._samples.close()
+
+
 class Bus:
     """A zenoh session; open it with `Bus.open`, close it or use it as a context manager."""
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._subscriptions: list[tuple[Any, Inbox]] = []
+        self._listeners: list[Listener] = []
 
     @classmethod
     def open(cls, settings: BusSettings) -> Self:
@@ -125,24 +162,28 @@ class Bus:
             every: each sample is wanted; otherwise a later one of the same key replaces one that
                 still waits.
         """
-        samples = Inbox(key_expression, handler, every=every)
-        if history:
-            subscriber = zenoh.ext.declare_advanced_subscriber(
-                self._session,
-                key_expression,
-                samples.accept,
-                history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-                recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-            )
-        else:
-            subscriber = self._session.declare_subscriber(key_expression, samples.accept)
-        self._subscriptions.append((subscriber, samples))
+        listener = self.listener(key_expression, handler, every=every)
+        listener.listen({key_expression}, history=history)
+
+    def listener(self, name: str, handler: Handler, *, every: bool = False) -> Listener:
+        """One handler, as of `subscribe`, for key expressions that change.
+
+        Args:
+            name: for the counter of samples.
+            handler: as for `subscribe`, with `every`.
+        """
+        listener = Listener(self._session, Inbox(name, handler, every=every))
+        self._listeners.append(listener)
+        return listener
+
+    def put(self, key: str, message: Message) -> None:
+        """Publish once on a key that changes too often to be declared; not cached, not repaired."""
+        self._session.put(key, message.to_bytes(), congestion_control=zenoh.CongestionControl.DROP)
 
     def close(self) -> None:
         """Close the session; no handler runs once it has returned."""
-        for subscriber, samples in self._subscriptions:
-            subscriber.undeclare()
-            samples.close()
+        for listener in self._listeners:
+            listener.close()
         self._session.close()
 
     def __enter__(self) -> Self:

@@ -59,6 +59,7 @@ from slipstream.messages.roadside import (
     UnknownReason,
     preview_key,
     rsu_health_key,
+    segment_states_key,
     state_key,
 )
 from slipstream.messages.signals import (
@@ -157,6 +158,7 @@ __all__ = [
     "preview_key",
     "progress_key",
     "rsu_health_key",
+    "segment_states_key",
     "sensing_key",
     "signal_request_key",
     "signal_status_key",

@@ -93,7 +93,11 @@ class DrivingAdvice(Message):
     departure_window_s: Annotated[float, Field(ge=0, le=600)] = Field(
         default=0.0,
         description="A leg driven alone may begin so much later than planned, at the second that "
-        "suits the signals best, s. The simulated fleet tries nine, 4 s apart.",
+        "suits the signals best, s. Nine are tried, 4 s apart.",
+    )
+    value_of_time_kw: NonNegative = Field(
+        default=10.0,
+        description="Price of the time until it arrives, by which that second is chosen.",
     )
 
 

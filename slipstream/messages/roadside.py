@@ -118,6 +118,11 @@ def state_key(rsu: str, segment: str) -> str:
     return f"{ROOT}/rsu/{chunk(rsu)}/segment/{chunk(segment)}/state"
 
 
+def segment_states_key(segment: str) -> str:
+    """Key expression of the SegmentStates of one segment, from any RSU."""
+    return f"{ROOT}/rsu/*/segment/{chunk(segment)}/state"
+
+
 def rsu_health_key(rsu: str) -> str:
     """Key of an RsuHealth."""
     return f"{ROOT}/rsu/{chunk(rsu)}/health"

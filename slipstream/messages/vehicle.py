@@ -86,6 +86,7 @@ class VehicleAdvice(Message):
     time_ns: TimeNs
     valid_until_ns: TimeNs
     cycle: Count | None = Field(description="Of the plan that it comes from; null: no plan holds.")
+    leg: Count | None = Field(description="Of that plan, driven or to be driven next.")
     mode: AdviceMode
     speed_mps: NonNegative | None = Field(description="Null exactly without advice.")
     gap_m: NonNegative | None = Field(description="Wanted gap to the vehicle ahead; null: its own.")

@@ -1,0 +1,362 @@
+"""The agent of one vehicle as a pure object: messages and sensing in, advice and messages out.
+
+Time is what the caller says, so that the same code runs on the bus and in a simulated day.
+
+Fail safe. Close gaps end, and the gap opens, as soon as the segment's state is stale or not stable,
+the partner has been silent for half a second, the plan has been superseded or has lapsed, the
+vehicle has left its way, or the clock is in doubt; the way to the next stop stays. Each advice ends
+by itself after half a second: a vehicle whose agent is gone opens its gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from slipstream import freshness
+from slipstream.energy import PAPER_CAR, VehicleParameters
+from slipstream.messages import (
+    AdviceMode,
+    DriverReport,
+    Message,
+    PlatoonControl,
+    PlatoonManagement,
+    SegmentState,
+    SignalPhaseAndTiming,
+    SignalStatus,
+    VehicleAdvice,
+    VehiclePlan,
+    VehiclePosition,
+    VehicleSensing,
+    acknowledgement_key,
+    plan_key,
+    platoon_control_key,
+    platoon_controls_on,
+    platoon_management_key,
+    platoon_managements_to,
+    position_key,
+    progress_key,
+    segment_states_key,
+    signal_request_key,
+    signal_status_key,
+    spat_key,
+)
+from vehicle_agent.departure import LegDeparture
+from vehicle_agent.leg import Leg, VehicleState
+from vehicle_agent.platooning import Platooning, PlatoonStep
+from vehicle_agent.roadside import Roadside
+from vehicle_agent.signals import (
+    HORIZON_M,
+    SignalRequests,
+    SignalTimings,
+    intersections_ahead,
+)
+from vehicle_agent.speed import SpeedAdvisor, ceiling_mps
+from vehicle_agent.tour import Tour
+
+VALID_NS: Final = 500_000_000
+CLOCK_ERROR_S: Final = 0.1
+"""Largest error of a clock that platooning trusts."""
+
+_SENSING_AGE_S: Final = 0.5
+_POSITION_NS: Final = 1_000_000_000
+_PROGRESS_NS: Final = 5_000_000_000
+
+Outgoing = tuple[str, Message]
+
+
+@dataclass(frozen=True)
+class AgentParameters:
+    """What an agent knows of its vehicle.
+
+    Attributes:
+        vehicle: physical data.
+        length_m: bumper to bumper.
+        interval_s: from one advice to the next.
+        stale_after_s: age limit of a SegmentState.
+    """
+
+    vehicle: VehicleParameters = PAPER_CAR
+    length_m: float = 4.6
+    interval_s: float = 0.1
+    stale_after_s: float = freshness.STALE_AFTER_S
+
+
+class Agent:
+    """One vehicle's agent.
+
+    Args:
+        vehicle: its id.
+        parameters: of the vehicle.
+        timings: of signals; agents of one process may share it.
+        roadside: states of segments, likewise.
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        parameters: AgentParameters | None = None,
+        timings: SignalTimings | None = None,
+        roadside: Roadside | None = None,
+    ) -> None:
+        own = parameters or AgentParameters()
+        self.vehicle = vehicle
+        self.tour = Tour(vehicle)
+        self._timings = timings or SignalTimings()
+        self._roadside = roadside or Roadside(own.stale_after_s)
+        self._platooning = Platooning(vehicle, own.vehicle, own.length_m, own.interval_s)
+        self._speed = SpeedAdvisor(self._timings, own.interval_s, own.vehicle)
+        self._requests = SignalRequests(vehicle, self._timings)
+        self._departure = LegDeparture(self._timings, own.vehicle)
+        self._interval_s = own.interval_s
+        self._green_at: str | None = None
+        self._position_ns = self._progress_ns = 0
+        self._outgoing: list[Outgoing] = []
+        self._topics: tuple[object, frozenset[str]] | None = None
+
+    def take_outgoing(self) -> list[Outgoing]:
+        """Keys and messages to send, in order."""
+        sent, self._outgoing = self._outgoing, []
+        return sent
+
+    def topics(self) -> frozenset[str]:
+        """Key expressions that it listens to now; they follow the vehicle."""
+        leg, state = self.tour.current, self.tour.state
+        place = (leg, None if state is None else state.number)
+        if self._topics is None or self._topics[0] != place:
+            self._topics = place, self._listen(leg, state)
+        return self._topics[1]
+
+    def receive(self, message: Message, now_ns: int) -> None:
+        """Take in a message; what is for others, late or of no use is left out.
+
+        Args:
+            message: from the bus, or from the vehicle's driver.
+            now_ns: UTC.
+        """
+        match message:
+            case PlatoonControl() | PlatoonManagement():
+                self._platooning.receive(message, now_ns)
+            case SegmentState():
+                self._roadside.receive(message)
+            case SignalPhaseAndTiming():
+                self._timings.receive(message)
+            case SignalStatus():
+                self._note_status(message)
+            case VehiclePlan():
+                self._take_plan(message, now_ns)
+            case DriverReport():
+                answer = self.tour.report(message, now_ns)
+                if answer is not None:
+                    self._send(acknowledgement_key(self.vehicle), answer)
+                self._tell_progress(now_ns)
+
+    def advise(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
+        """The advice for the coming control interval; called once an interval.
+
+        Args:
+            sensing: the latest.
+            now_ns: UTC.
+        """
+        tour = self.tour
+        before = (tour.leg, tour.driving, tour.plan is None)
+        tour.sense(sensing)
+        if not sensing.on_road and tour.plan is not None and tour.current is None:
+            due_ns = tour.due_ns()
+            if due_ns is not None and due_ns <= now_ns:
+                tour.skip(now_ns)
+        changed = before != (tour.leg, tour.driving, tour.plan is None)
+        self._tell(sensing, now_ns, changed=changed)
+        if not sensing.on_road:
+            return self._standing(sensing, now_ns)
+        return self._driving(sensing, now_ns)
+
+    def _listen(self, leg: Leg | None, state: VehicleState | None) -> frozenset[str]:
+        wanted = {plan_key(self.vehicle), platoon_managements_to(self.vehicle)}
+        if leg is None:
+            return frozenset(wanted)
+        if state is None:  # the departure second depends on all signals of the leg
+            near, ahead = intersections_ahead(leg, 0.0, leg.length_m), leg.path
+        else:
+            begin_m, length_m = leg.begins_m[state.number], leg.lengths_m[state.number]
+            near = intersections_ahead(leg, begin_m, HORIZON_M + length_m)
+            ahead = leg.path[state.number :]
+            around = self._platooning.segments_of_interest(leg, state)
+            wanted.update(platoon_controls_on(segment) for segment in around)
+        wanted.update(spat_key(name) for name in near)
+        wanted.update(signal_status_key(name) for name in near)
+        wanted.update(segment_states_key(segment) for segment in ahead)
+        return frozenset(wanted)
+
+    def _take_plan(self, plan: VehiclePlan, now_ns: int) -> None:
+        leg = self.tour.current
+        answer = self.tour.offer(plan, now_ns)
+        if answer is None:
+            return
+        self._send(acknowledgement_key(self.vehicle), answer)
+        if answer.accepted and self.tour.current != leg:
+            self._speed.rerouted()
+        elif not answer.accepted and self.tour.plan is not None:
+            self._platooning.reset("the plan is superseded by one that cannot be followed")
+
+    def _note_status(self, status: SignalStatus) -> None:
+        for request in status.requests:
+            if request.vehicle == self.vehicle and request.status == "rejected":
+                self._green_at = None
+
+    def _standing(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
+        self._platooning.reset(None)
+        self._end_requests(now_ns)
+        due_ns = self.tour.due_ns()
+        leg, plan = self.tour.current, self.tour.plan
+        if plan is None:
+            return self._advice(now_ns, "none", text="No plan.", reason="no plan")
+        if due_ns is None or leg is None:
+            stop = self.tour.standing_at
+            where = "" if stop is None else f" {stop.stop}"
+            return self._advice(now_ns, "none", text=f"Serve{where}.")
+        depart_ns = due_ns
+        if due_ns <= now_ns:
+            slack_ns = self.tour.slack_ns(due_ns)
+            depart_ns = self._departure.second_ns(leg, plan.advice, now_ns, slack_ns)
+        seconds = max(0, round((depart_ns - now_ns) / 1e9))
+        text = f"Leave in {seconds} s." if seconds else "Leave now."
+        return self._advice(now_ns, "none", depart_ns=depart_ns, text=text)
+
+    def _driving(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
+        leg, state, plan = self.tour.current, self.tour.state, self.tour.plan
+        if leg is None or state is None or plan is None:
+            self._platooning.reset("off the planned way")
+            self._end_requests(now_ns)
+            return self._advice(
+                now_ns, "none", text="No advice: off the planned way.", reason="off the planned way"
+            )
+        doubt = _doubt(sensing, plan, now_ns)
+        self._roadside.at(now_ns)
+        if doubt is not None:
+            self._platooning.reset(doubt)
+        step = self._platooning.step(now_ns, leg, state, sensing, self._roadside)
+        self._send(platoon_control_key(step.control.path[0], self.vehicle), step.control)
+        for message in step.messages:
+            self._send(platoon_management_key(message.partner, self.vehicle), message)
+        if step.speed_mps is not None:
+            mode: AdviceMode = "follow" if step.mode == "following" else "open_gap"
+            return self._advice(now_ns, mode, step.speed_mps, step=step)
+        if doubt is not None:
+            self._end_requests(now_ns)
+            return self._advice(now_ns, "none", text=f"No advice: {doubt}.", reason=doubt)
+        now_s = now_ns / 1e9
+        cap = self._speed.cap_mps(leg, plan.advice, now_s, state, sensing.ahead, step.tail_m)
+        if plan.advice.signal_priority:
+            self._ask(now_s, leg, state, step.tail_m)
+        set_mps = leg.limits_mps[state.number]
+        if step.cruise_mps is not None:
+            set_mps = min(set_mps, step.cruise_mps)
+        ceiling = ceiling_mps(leg, state, sensing.ahead, self._timings, now_s, self._interval_s)
+        if cap is None:
+            return self._advice(now_ns, "cruise", min(set_mps, ceiling), step=step)
+        return self._advice(now_ns, "speed", min(cap, set_mps, ceiling), step=step)
+
+    def _ask(self, now_s: float, leg: Leg, state: VehicleState, tail_m: float) -> None:
+        for request in self._requests.step(now_s, leg, state, tail_m):
+            asks = request.kind != "priorityCancellation"
+            self._green_at = request.intersection if asks else None
+            self._send(signal_request_key(request.intersection, self.vehicle), request)
+
+    def _end_requests(self, now_ns: int) -> None:
+        self._green_at = None
+        for request in self._requests.end(now_ns / 1e9):
+            self._send(signal_request_key(request.intersection, self.vehicle), request)
+
+    def _tell(self, sensing: VehicleSensing, now_ns: int, *, changed: bool) -> None:
+        """Position once a second, progress every few seconds, both at each change."""
+        if changed or now_ns - self._position_ns >= _POSITION_NS:
+            self._position_ns = now_ns
+            self._send(position_key(self.vehicle), self._position(sensing))
+        if changed or now_ns - self._progress_ns >= _PROGRESS_NS:
+            self._tell_progress(now_ns)
+
+    def _tell_progress(self, now_ns: int) -> None:
+        self._progress_ns = now_ns
+        self._send(progress_key(self.vehicle), self.tour.progress(now_ns))
+
+    def _position(self, sensing: VehicleSensing) -> VehiclePosition:
+        tour = self.tour
+        share = 0.0 if tour.plan is not None else 1.0
+        if sensing.on_road:
+            leg, state = tour.current, tour.state
+            if leg is not None and state is not None:
+                share = 1.0 if state.crossing else state.front_m / leg.lengths_m[state.number]
+        return VehiclePosition(
+            vehicle=self.vehicle,
+            time_ns=sensing.time_ns,
+            segment=sensing.segment,
+            share=min(1.0, max(0.0, share)),
+            speed_mps=sensing.speed_mps,
+            on_road=sensing.on_road,
+            cycle=None if tour.plan is None else tour.plan.cycle,
+            leg=None if tour.plan is None else tour.leg,
+            charge_kwh=sensing.charge_kwh,
+        )
+
+    def _advice(
+        self,
+        now_ns: int,
+        mode: AdviceMode,
+        speed_mps: float | None = None,
+        *,
+        step: PlatoonStep | None = None,
+        depart_ns: int | None = None,
+        text: str | None = None,
+        reason: str | None = None,
+    ) -> VehicleAdvice:
+        plan = self.tour.plan
+        return VehicleAdvice(
+            vehicle=self.vehicle,
+            time_ns=now_ns,
+            valid_until_ns=now_ns + VALID_NS,
+            cycle=None if plan is None else plan.cycle,
+            leg=None if plan is None else self.tour.leg,
+            mode=mode,
+            speed_mps=speed_mps,
+            gap_m=None if step is None else step.gap_m,
+            lane=None if step is None else step.lane,
+            partner=None if step is None else step.partner,
+            depart_ns=depart_ns,
+            green_at=self._green_at,
+            text=text or _text(mode, speed_mps, step),
+            reason=reason or (None if step is None else step.reason),
+        )
+
+    def _send(self, key: str, message: Message) -> None:
+        self._outgoing.append((key, message))
+
+
+def _doubt(sensing: VehicleSensing, plan: VehiclePlan, now_ns: int) -> str | None:
+    """Why close gaps must end; None: nothing speaks against them."""
+    age_s = freshness.age_s(sensing.time_ns, now_ns)
+    if sensing.clock_error_s > CLOCK_ERROR_S or not -CLOCK_ERROR_S <= age_s <= _SENSING_AGE_S:
+        return "the clock is in doubt"
+    if plan.valid_until_ns <= now_ns:
+        return "the plan has lapsed"
+    if plan.issued_ns > now_ns + round(freshness.FUTURE_TOLERANCE_S * 1e9):
+        return "the plan is dated ahead of the clock"
+    return None
+
+
+def _text(mode: AdviceMode, speed_mps: float | None, step: PlatoonStep | None) -> str:
+    """The advice in words for the driver."""
+    speed = "" if speed_mps is None else f"{3.6 * speed_mps:.0f} km/h"
+    partner = None if step is None else step.partner
+    match mode:
+        case "follow":
+            gap = "" if step is None or step.gap_m is None else f", gap {step.gap_m:.1f} m"
+            return f"Following {partner}, {speed}{gap}."
+        case "open_gap":
+            return f"Opening the gap, {speed}."
+        case "speed":
+            return f"Drive {speed}."
+        case "cruise" if partner is not None:
+            return f"Up to {speed}: {partner} joins."
+        case _:
+            return f"Up to {speed}."

@@ -1,0 +1,63 @@
+"""What RSUs have told of the segments ahead: where close gaps are allowed."""
+
+from __future__ import annotations
+
+from slipstream import freshness
+from slipstream.messages import SegmentState
+
+
+class Roadside:
+    """Latest states of segments, judged as the dispatcher judges them.
+
+    A vehicle knows no truth: what its RSU calls turbulent is turbulent to it, and what nobody
+    calls stable is closed.
+
+    Args:
+        stale_after_s: age limit of a state.
+    """
+
+    def __init__(self, stale_after_s: float = freshness.STALE_AFTER_S) -> None:
+        self._stale_after_s = stale_after_s
+        self._states: dict[str, dict[str, SegmentState]] = {}
+        self._now_ns = 0
+        self._judged: dict[str, int | None] = {}
+
+    def receive(self, state: SegmentState) -> None:
+        """Take in a state; one that is older than the known one of its RSU is left out."""
+        known = self._states.setdefault(state.segment, {})
+        before = known.get(state.rsu)
+        if before is None or before.time_ns <= state.time_ns:
+            known[state.rsu] = state
+            self._judged.pop(state.segment, None)
+
+    def at(self, now_ns: int) -> None:
+        """Judge by this time from now on, UTC."""
+        if now_ns != self._now_ns:
+            self._now_ns = now_ns
+            self._judged.clear()
+
+    def keep(self, segments: frozenset[str]) -> None:
+        """Forget the states of all other segments."""
+        for segment in [name for name in self._states if name not in segments]:
+            del self._states[segment]
+        self._judged.clear()
+
+    def is_open(self, segment: str) -> bool:
+        """Whether a fresh state calls it stable, and none turbulent."""
+        return self._flag(segment) == 1
+
+    def is_turbulent(self, segment: str) -> bool:
+        """Whether a fresh state calls it turbulent."""
+        return self._flag(segment) == 0
+
+    def _flag(self, segment: str) -> int | None:
+        states = self._states.get(segment)
+        if states is None:
+            return None
+        if segment not in self._judged:
+            decisive = freshness.decisive(
+                states.values(), self._now_ns, stale_after_s=self._stale_after_s
+            )
+            fresh = decisive is not None and decisive.fault is None
+            self._judged[segment] = decisive.state.y_e if decisive is not None and fresh else None
+        return self._judged[segment]
