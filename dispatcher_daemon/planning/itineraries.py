@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
+from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.planning.charging_stops import with_charging_stops
 from dispatcher_daemon.platooning import (
     Meetings,
     RoadUser,
@@ -19,7 +22,9 @@ from dispatcher_daemon.platooning import (
 )
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Leg, Route, Travel, lateness_s, timed
+from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh, shortfall_kwh
 from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy import VehicleParameters
 
 _S_PER_H: Final = 3600.0
 
@@ -65,6 +70,7 @@ class Planner:
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
         paths_per_leg: number of cheapest paths of each leg that options may contain.
+        batteries: by vehicle number; None: its charge is not looked at.
         on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
             are.
     """
@@ -90,6 +96,8 @@ class Planner:
             **{other: open_shares(problem, snapshot, other) for other in others},
         }
         self.reference_s = reference_s
+        self.batteries = [battery_of(problem.fleet, v) for v in problem.fleet.vehicles]
+        self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...]], float] = {}
         self.on_road = traversals_on_road(on_road, self.shares)
         # A vehicle on the road that has left the fleet counts as one of its first profile.
         users = [(-n, user.vehicle) for n, user in enumerate(on_road, 1)]
@@ -113,7 +121,9 @@ class Planner:
         return self.reference_s + vehicle.ready_s, self.reference_s + latest
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
-        """Legs of a route; None if one of them has no path."""
+        """Legs of a route, over charging stops where the battery needs them; None if one of them
+        has no path or the battery does not last.
+        """
         fleet = self.problem.fleet
         vehicle = fleet.vehicles[number]
         depot, own = fleet.depot_of(vehicle).id, self.travels[travel].of(vehicle)
@@ -123,7 +133,45 @@ class Planner:
             if leg is None:
                 return None
             legs.append(leg)
-        return legs
+        battery = self.batteries[number]
+        if battery is None:
+            return legs
+        energy_kwh = self._energy_kwh(vehicle)
+        ready_kwh = battery.at_departure_kwh(vehicle.ready_s)
+        charged = with_charging_stops(battery, fleet, own, legs, ready_kwh, energy_kwh)
+        # Charged at the depot while it may wait there, it may get along without.
+        return legs if charged is None and battery.depot_power_kw > 0 else charged
+
+    def _energy_kwh(self, vehicle: Vehicle) -> Callable[[Leg], float]:
+        """What a leg takes out of a vehicle's battery."""
+        physics = self.problem.profile_of(vehicle).physics
+
+        def energy_kwh(leg: Leg) -> float:
+            key = physics, leg.path
+            if key not in self._energies_kwh:
+                self._energies_kwh[key] = leg_energy_kwh(leg, physics)
+            return self._energies_kwh[key]
+
+        return energy_kwh
+
+    def lasts(self, number: int, legs: Sequence[Leg]) -> bool:
+        """Whether a vehicle's battery lasts for a route, charged at its depot if need be."""
+        return math.isfinite(self._ready_after_charging_s(number, legs))
+
+    def _ready_after_charging_s(self, number: int, legs: Sequence[Leg]) -> float:
+        """When a vehicle can leave at the earliest, s; inf: its battery does not last."""
+        vehicle, battery = self.problem.fleet.vehicles[number], self.batteries[number]
+        ready_s = self.window_s(number)[0]
+        if battery is None:
+            return ready_s
+        energies_kwh = [self._energy_kwh(vehicle)(leg) for leg in legs]
+        charge_kwh = battery.at_departure_kwh(vehicle.ready_s)
+        short_kwh = shortfall_kwh(battery, legs, energies_kwh, charge_kwh)
+        if short_kwh == 0.0:
+            return ready_s
+        if battery.depot_power_kw == 0 or charge_kwh + short_kwh > battery.capacity_kwh:
+            return math.inf
+        return ready_s + short_kwh / battery.depot_power_kw * _S_PER_H
 
     def idle(self, number: int) -> Itinerary:
         """The vehicle stays at its depot."""
@@ -136,16 +184,21 @@ class Planner:
         legs: Sequence[Leg] | None,
         depart_s: float | None = None,
     ) -> Itinerary | None:
-        """A vehicle's itinerary over given legs; None if a window is missed or a path missing.
+        """A vehicle's itinerary over given legs; None if a window is missed, a path missing, or the
+        charge falls below the reserve.
 
         Args:
-            depart_s: None: as soon as it is ready.
+            depart_s: None: as soon as it is ready, and charged as far as it needs.
         """
         if not stops:
             return self.idle(number)
         if legs is None:
             return None
         vehicle = self.problem.fleet.vehicles[number]
+        earliest_s = self._ready_after_charging_s(number, legs)
+        if math.isinf(earliest_s) or (depart_s is not None and depart_s < earliest_s - 1e-6):
+            return None
+        depart_s = earliest_s if depart_s is None else depart_s
         route = timed(self.problem, legs, vehicle, self.reference_s, depart_s)
         # A departure computed from a meeting may miss its window by rounding.
         if lateness_s(self.problem, vehicle, route, self.reference_s) > 1e-6:

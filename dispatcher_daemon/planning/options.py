@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
     for at, leg in enumerate(legs):
         for other in travel.paths(leg.start, leg.end, planner.paths_per_leg):
             if other.path != leg.path:
-                changed = [*legs[:at], other, *legs[at + 1 :]]
+                changed = [*legs[:at], replace(other, charging=leg.charging), *legs[at + 1 :]]
                 detour = planner.itinerary(
                     itinerary.number, itinerary.stops, changed, itinerary.depart_s
                 )

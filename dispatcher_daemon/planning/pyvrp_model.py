@@ -17,6 +17,7 @@ import pyvrp
 from dispatcher_daemon.fleet import Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel
+from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh
 from slipstream.vehicle_types import RoutingProfile
 
 MWH_PER_KWH = 1e6
@@ -27,6 +28,7 @@ _PRIZE_MWH = 10**8
 """Cost of an unserved stop where not all can be served: 100 kWh, more than any detour."""
 _NO_LIMIT_TENTHS = 10**9
 _UNITS_PER_KG = 1000
+_SAMPLED_LEGS = 50
 
 StopsByVehicle = dict[str, tuple[str, ...]]
 """Stops in order by vehicle."""
@@ -185,6 +187,7 @@ class VrpModel:
         return pyvrp.VehicleType(
             num_available=number,
             capacity=self._free(kind),
+            max_distance=self._range_mwh(kind),
             profile=self._profiles.index(self._problem.profile_of(kind)),
             start_depot=at[place],
             end_depot=at[self._depot(kind)],
@@ -192,6 +195,32 @@ class VrpModel:
             start_late=late,
             tw_late=max(late, back),
         )
+
+    def _range_mwh(self, kind: Vehicle) -> int:
+        """About how far a vehicle's charge takes it without charging stops, as a searched cost.
+
+        Costs are not the energies that its battery gives: legs begin and end at rest, and time may
+        have a value. So they are compared on the ways from its depot, and the longest range counts:
+        hardly a route is lost that the battery lasts for. Finished routes are checked exactly.
+        """
+        battery = battery_of(self._fleet, kind)
+        if battery is None or self._fleet.charging_stops:
+            return int(np.iinfo(np.int64).max)
+        travel, depot = self._travel.of(kind), self._depot(kind)
+        names = [stop.id for stop in self._fleet.stops[:_SAMPLED_LEGS]]
+        legs = {name: travel.leg(depot, name) for name in names}
+        physics = self._problem.profile_of(kind).physics
+        ratios = [
+            leg.cost_kwh / leg_energy_kwh(leg, physics)
+            for leg in legs.values()
+            if leg is not None and leg.path
+        ]
+        latest_s = kind.ready_s if kind.depart_by_s is None else kind.depart_by_s
+        usable_kwh = max(0.0, battery.at_departure_kwh(latest_s) - battery.reserve_kwh)
+        if kind.first_stop is not None:
+            leg = travel.leg(depot, kind.first_stop)
+            usable_kwh -= 0.0 if leg is None else leg_energy_kwh(leg, physics)
+        return max(0, int(usable_kwh * max(ratios, default=1.0) * MWH_PER_KWH))
 
     def visits(self, routes: Mapping[str, Sequence[str]]) -> Visits:
         """Routes by vehicle in PyVRP's numbers; stops that are not asked for are left out."""

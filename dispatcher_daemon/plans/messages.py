@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dispatcher_daemon.plans.energy import RouteEnergy
+from dispatcher_daemon.plans.energy import RouteEnergy, planned_charges_kwh
 from dispatcher_daemon.platooning import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route, planning_speed_mps
@@ -79,6 +79,22 @@ def vehicle_plans(
             )
         return tuple(planned)
 
+    def visits(route: Route) -> tuple[PlannedStop, ...]:
+        charges = planned_charges_kwh(problem, route, reference_s)
+        taken = [0.0, *(leg.charging.energy_kwh if leg.charging else 0.0 for leg in route.legs)]
+        return tuple(
+            PlannedStop(
+                stop=visit.place,
+                node=problem.fleet.node(visit.place),
+                arrival_ns=utc_ns(visit.arrival_s),
+                departure_ns=utc_ns(visit.departure_s),
+                latest_ns=latest_ns(visit.place),
+                charge_kwh=charge_kwh,
+                charged_kwh=charged_kwh,
+            )
+            for visit, charge_kwh, charged_kwh in zip(route.visits, charges, taken, strict=True)
+        )
+
     return tuple(
         VehiclePlan(
             vehicle=route.vehicle,
@@ -86,16 +102,7 @@ def vehicle_plans(
             issued_ns=issued_ns,
             valid_until_ns=utc_ns(valid_s),
             depart_ns=utc_ns(route.visits[0].departure_s),
-            stops=tuple(
-                PlannedStop(
-                    stop=visit.place,
-                    node=problem.fleet.node(visit.place),
-                    arrival_ns=utc_ns(visit.arrival_s),
-                    departure_ns=utc_ns(visit.departure_s),
-                    latest_ns=latest_ns(visit.place),
-                )
-                for visit in route.visits
-            ),
+            stops=visits(route),
             segments=segments(route),
             distance_m=sum(leg.drive.length_m for leg in route.legs),
             energy_kwh=energy.driven.total_kwh,

@@ -5,6 +5,7 @@ It depends only on roads, fleet, open gates and rules, not on the code that made
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -15,6 +16,7 @@ from slipstream.roads import RoadNetwork
 
 _TOLERANCE_NS = 1_000_000
 _SPEED_TOLERANCE = 1e-3
+_TOLERANCE_KWH = 1e-4
 
 
 def verify_plans(
@@ -48,6 +50,11 @@ def verify_plans(
         *(f"{p.vehicle}: {f}" for p in plans for f in _stop_faults(p, fleet, unserved)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _path_faults(p, network)),
         *(f"{p.vehicle}: {f}" for p in plans for f in _time_faults(p, network, fleet)),
+        *(
+            f"{p.vehicle}: {f}"
+            for p in plans
+            for f in _charge_faults(p, network, fleet, reference_s)
+        ),
         *_platoon_faults(plans, open_segments, sync_window_s, joined),
     )
 
@@ -91,9 +98,9 @@ def _window_faults(plan: VehiclePlan, fleet: Fleet, reference_s: float) -> Itera
             yield f"serves {stop.id} before its window"
         if stop.latest_s is not None and late(visit.arrival_ns, stop.latest_s):
             yield f"comes to {stop.id} after its window"
-    load = sum(stop.demand for _, stop in stops)
-    if vehicle.capacity is not None and load > vehicle.capacity:
-        yield f"carries {load}, more than its capacity of {vehicle.capacity}"
+    overload = fleet.overload(vehicle, (stop for _, stop in stops))
+    if overload is not None:
+        yield f"carries {overload}"
 
 
 def _stop_faults(plan: VehiclePlan, fleet: Fleet, unserved: Collection[str]) -> Iterator[str]:
@@ -108,12 +115,13 @@ def _stop_faults(plan: VehiclePlan, fleet: Fleet, unserved: Collection[str]) -> 
             if (stop.stop, stop.node) != (depot.id, depot.node):
                 yield f"does not {where} at its depot"
     for stop in plan.stops[1:-1]:
-        known = fleet.stop_by_id.get(stop.stop)
+        known = fleet.charging_stop_by_id.get(stop.stop, fleet.stop_by_id.get(stop.stop))
         if known is None or known.node != stop.node:
             yield f"no stop {stop.stop} at node {stop.node}"
+    served = [stop.stop for stop in plan.stops[1:-1] if stop.stop in fleet.stop_by_id]
     for vehicle in fleet.vehicles:
         free = vehicle.first_stop is None or vehicle.first_stop in unserved
-        if vehicle.id == plan.vehicle and not free and vehicle.first_stop != plan.stops[1].stop:
+        if vehicle.id == plan.vehicle and not free and [vehicle.first_stop] != served[:1]:
             yield f"does not serve {vehicle.first_stop} first"
 
 
@@ -176,14 +184,58 @@ def _time_faults(plan: VehiclePlan, network: RoadNetwork, fleet: Fleet) -> Itera
         expected = [plan.stops[number].departure_ns, *ends[:-1]]
         if begins != expected or ends[-1] != plan.stops[number + 1].arrival_ns:
             yield f"the times of leg {number} do not join up"
+    vehicle = fleet.vehicle_by_id.get(plan.vehicle)
+    kind = None if vehicle is None else fleet.type_of(vehicle)
+    top_mps = math.inf if kind is None or kind.max_speed_mps is None else kind.max_speed_mps
     for segment in plan.segments:
         road = network.segments.get(segment.segment)
         if road is None:
             continue
-        limit = road.speed_limit_mps * (1 + _SPEED_TOLERANCE)
+        limit = min(road.speed_limit_mps, top_mps) * (1 + _SPEED_TOLERANCE)
         seconds = (segment.exit_ns - segment.entry_ns) * 1e-9
         if segment.speed_mps > limit or seconds <= 0 or road.length_m / seconds > limit:
             yield f"faster than allowed on {segment.segment}"
+
+
+def _charge_faults(
+    plan: VehiclePlan, network: RoadNetwork, fleet: Fleet, reference_s: float
+) -> Iterator[str]:
+    """Charge by the plan's own figures, against what the battery holds, what a place gives in the
+    time, and the work of rolling, below which no leg's energy can be.
+    """
+    vehicle = fleet.vehicle_by_id.get(plan.vehicle)
+    kind = None if vehicle is None else fleet.type_of(vehicle)
+    if vehicle is None or kind is None or kind.battery_kwh is None or not plan.stops:
+        return
+    top_kw = math.inf if kind.charging_power_kw is None else kind.charging_power_kw
+
+    def most_kwh(power_kw: float | None, seconds: float) -> float:
+        return 0.0 if power_kw is None else min(power_kw, top_kw) * max(0.0, seconds) / 3600
+
+    begin_ns = plan.issued_ns + round(reference_s * 1e9)
+    depot_kw = fleet.depot_of(vehicle).charging_power_kw
+    charge = kind.battery_kwh if vehicle.charge_kwh is None else vehicle.charge_kwh
+    charge += most_kwh(depot_kw, (plan.depart_ns - begin_ns) * 1e-9)
+    rolling_n = kind.profile.physics.rolling_force_n
+    legs = [[], *_legs(plan)]
+    for number, (visit, leg) in enumerate(zip(plan.stops, legs, strict=False)):
+        if visit.charge_kwh is None:
+            yield f"no charge is planned for {visit.stop}"
+            return
+        least_kwh = kind.profile.physics.electrical_kwh(
+            rolling_n * sum(network.segments[s.segment].length_m for s in leg)
+        )
+        if visit.charge_kwh > min(charge, kind.battery_kwh) - least_kwh + _TOLERANCE_KWH:
+            yield f"comes to {visit.stop} with more charge than it can have"
+        reserve_kwh = kind.battery_reserve * kind.battery_kwh if number > 0 else 0.0
+        if visit.charge_kwh < reserve_kwh - _TOLERANCE_KWH:
+            yield f"comes to {visit.stop} with less than its reserve of {reserve_kwh:g} kWh"
+        place = fleet.charging_stop_by_id.get(visit.stop)
+        seconds = (visit.departure_ns - visit.arrival_ns) * 1e-9
+        limit_kwh = most_kwh(None if place is None else place.power_kw, seconds)
+        if visit.charged_kwh > limit_kwh + _TOLERANCE_KWH:
+            yield f"cannot take in {visit.charged_kwh:g} kWh at {visit.stop}"
+        charge = visit.charge_kwh + visit.charged_kwh
 
 
 def _platoon_faults(

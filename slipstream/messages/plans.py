@@ -75,6 +75,14 @@ class PlannedStop(Message):
     latest_ns: TimeNs | None = Field(
         default=None, description="Service begins no later; null: whenever."
     )
+    charge_kwh: NonNegative | None = Field(
+        default=None,
+        description="Planned charge of the battery on arrival, at the first stop at departure; "
+        "null: not planned.",
+    )
+    charged_kwh: NonNegative = Field(
+        default=0.0, description="To take in there before it goes on: a charging stop."
+    )
 
 
 class DrivingAdvice(Message):
