@@ -51,7 +51,12 @@ def _kind_of(path: Path) -> str:
     for kind in _CHECKS:
         if kind in path.stem:
             return kind
-    for kind, key in (("edge", "rsu"), ("dispatcher", "fleet"), ("dashboard", "port")):
+    for kind, key in (
+        ("edge", "rsu"),
+        ("dispatcher", "fleet"),
+        ("dashboard", "port"),
+        ("agent", "vehicles"),
+    ):
         if key in keys:
             return kind
     raise InputError(
@@ -96,6 +101,13 @@ def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
     return _unservable(Path(settings.fleet), roads)
 
 
+def _check_agent(path: Path, _: str) -> Mapping[str, str]:
+    from vehicle_agent.settings import AgentSettings
+
+    load(path, AgentSettings)
+    return {}
+
+
 def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
     from dashboard.settings import DashboardSettings
     from slipstream.admission import check_rsus
@@ -137,6 +149,7 @@ def _check_instance(path: Path, _: str) -> Mapping[str, str]:
 _CHECKS: Final[dict[str, Callable[[Path, str], Mapping[str, str]]]] = {
     "edge": _check_edge,
     "dispatcher": _check_dispatcher,
+    "agent": _check_agent,
     "dashboard": _check_dashboard,
     "fleet": _check_fleet,
     "instance": _check_instance,

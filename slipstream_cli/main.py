@@ -19,6 +19,7 @@ COMMANDS: Final = {
     "world": "daemons.world",
     "edge": "daemons.edge",
     "dispatcher": "daemons.dispatcher",
+    "agent": "daemons.agent",
     "dashboard": "daemons.dashboard",
     "check": "check",
     "calibrate": "calibrate",

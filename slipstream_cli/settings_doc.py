@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from pydantic import BaseModel
 
@@ -19,10 +19,12 @@ from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
 from slipstream.config import model_of
 from slipstream.tables import markdown_table
+from vehicle_agent.settings import AgentSettings
 
 DAEMONS: Final[Mapping[str, type[BaseModel]]] = {
     "edge": EdgeSettings,
     "dispatcher": DispatcherSettings,
+    "agent": AgentSettings,
     "dashboard": DashboardSettings,
 }
 """The settings of each daemon, by its sub-command."""
@@ -33,7 +35,7 @@ _HEAD: Final = """\
 Generated from the settings models; do not edit. `make settings-doc` writes this page and a test
 holds it to the models.
 
-A daemon reads one TOML file: `slipstream edge|dispatcher|dashboard --config FILE.toml`.
+A daemon reads one TOML file: `slipstream edge|dispatcher|agent|dashboard --config FILE.toml`.
 `slipstream check FILE.toml` validates it. Unknown keys are refused by name. A former name of a key
 is read for one more version, with a warning in the log; a key may not be given under both names.
 "required" stands for a key that has to be given, "–" for no default value or no bound.
@@ -107,6 +109,9 @@ def sections(model: type[BaseModel], path: str = "", values: object = None) -> I
             instance = default if isinstance(default, below) else None
             nested.extend(sections(below, inner, instance))
             continue
+        rows = next(iter(get_args(field.annotation)), None)
+        if isinstance(rows, type) and issubclass(rows, BaseModel):
+            nested.extend(sections(rows, f"[{inner}]"))
         schema = properties[key]
         keys.append(
             Key(
@@ -155,7 +160,9 @@ def _options(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _type(schema: Mapping[str, Any]) -> str:
     names = []
     for option in _options(schema):
-        if "const" in option or "enum" in option:
+        if "$ref" in option:
+            names.append("table")
+        elif "const" in option or "enum" in option:
             choices = option.get("enum", [option.get("const")])
             names.append(", ".join(f"`{choice}`" for choice in choices))
         elif option.get("type") == "array":

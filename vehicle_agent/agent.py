@@ -51,7 +51,7 @@ from vehicle_agent.signals import (
     SignalTimings,
     intersections_ahead,
 )
-from vehicle_agent.speed import SpeedAdvisor, ceiling_mps
+from vehicle_agent.speed import SpeedAdvisor, ceiling
 from vehicle_agent.tour import Tour
 
 VALID_NS: Final = 500_000_000
@@ -109,6 +109,7 @@ class Agent:
         self._requests = SignalRequests(vehicle, self._timings)
         self._departure = LegDeparture(self._timings, own.vehicle)
         self._interval_s = own.interval_s
+        self._begun: Leg | None = None
         self._green_at: str | None = None
         self._position_ns = self._progress_ns = 0
         self._outgoing: list[Outgoing] = []
@@ -189,14 +190,11 @@ class Agent:
         return frozenset(wanted)
 
     def _take_plan(self, plan: VehiclePlan, now_ns: int) -> None:
-        leg = self.tour.current
         answer = self.tour.offer(plan, now_ns)
         if answer is None:
             return
         self._send(acknowledgement_key(self.vehicle), answer)
-        if answer.accepted and self.tour.current != leg:
-            self._speed.rerouted()
-        elif not answer.accepted and self.tour.plan is not None:
+        if not answer.accepted and self.tour.plan is not None:
             self._platooning.reset("the plan is superseded by one that cannot be followed")
 
     def _note_status(self, status: SignalStatus) -> None:
@@ -206,6 +204,8 @@ class Agent:
 
     def _standing(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
         self._platooning.reset(None)
+        self._speed.end()
+        self._begun = None
         self._end_requests(now_ns)
         due_ns = self.tour.due_ns()
         leg, plan = self.tour.current, self.tour.plan
@@ -231,6 +231,9 @@ class Agent:
             return self._advice(
                 now_ns, "none", text="No advice: off the planned way.", reason="off the planned way"
             )
+        if leg is not self._begun:
+            self._speed.begin(leg, plan.advice)
+            self._begun = leg
         doubt = _doubt(sensing, plan, now_ns)
         self._roadside.at(now_ns)
         if doubt is not None:
@@ -246,16 +249,16 @@ class Agent:
             self._end_requests(now_ns)
             return self._advice(now_ns, "none", text=f"No advice: {doubt}.", reason=doubt)
         now_s = now_ns / 1e9
-        cap = self._speed.cap_mps(leg, plan.advice, now_s, state, sensing.ahead, step.tail_m)
+        cap = self._speed.cap_mps(now_s, state, sensing.ahead, step.tail_m)
         if plan.advice.signal_priority:
             self._ask(now_s, leg, state, step.tail_m)
         set_mps = leg.limits_mps[state.number]
         if step.cruise_mps is not None:
             set_mps = min(set_mps, step.cruise_mps)
-        ceiling = ceiling_mps(leg, state, sensing.ahead, self._timings, now_s, self._interval_s)
-        if cap is None:
-            return self._advice(now_ns, "cruise", min(set_mps, ceiling), step=step)
-        return self._advice(now_ns, "speed", min(cap, set_mps, ceiling), step=step)
+        top = ceiling(leg, state, self._timings, now_s, self._interval_s, sensing.ahead)
+        if cap is None or top.signal_unknown:  # the driver alone sees what the signal shows
+            return self._advice(now_ns, "cruise", min(set_mps, top.speed_mps), step=step)
+        return self._advice(now_ns, "speed", min(cap, set_mps, top.speed_mps), step=step)
 
     def _ask(self, now_s: float, leg: Leg, state: VehicleState, tail_m: float) -> None:
         for request in self._requests.step(now_s, leg, state, tail_m):
@@ -321,7 +324,7 @@ class Agent:
             speed_mps=speed_mps,
             gap_m=None if step is None else step.gap_m,
             lane=None if step is None else step.lane,
-            partner=None if step is None else step.partner,
+            partner=None if step is None else step.partner or step.control.joined_by,
             depart_ns=depart_ns,
             green_at=self._green_at,
             text=text or _text(mode, speed_mps, step),

@@ -56,6 +56,7 @@ class Tour:
         driving: whether it is on the road.
         state: where it is on that leg; None while it stands, and off its way.
         ready_ns: since when it could leave, UTC: since its last stop ended, or it came home.
+        revision: changes with everything that a restart needs.
     """
 
     def __init__(self, vehicle: str) -> None:
@@ -65,6 +66,7 @@ class Tour:
         self.driving = False
         self.state: VehicleState | None = None
         self.ready_ns = 0
+        self.revision = 0
         self._legs: tuple[Leg | None, ...] = ()
         self._left_depot = False
         self._newest = -1
@@ -138,6 +140,7 @@ class Tour:
             return
         if sensing.on_road:
             at_least = self.state.number if self.driving and self.state is not None else 0
+            self.revision += not self.driving
             self.driving = True
             self.state = leg.locate(sensing, at_least)
         elif self.driving and sensing.segment == leg.path[-1]:
@@ -231,35 +234,51 @@ class Tour:
         assert self.plan is not None
         if plan.continues != self.plan.cycle:
             return f"the vehicle is under way on the plan of cycle {self.plan.cycle}"
-        if plan.stops[0].stop != self.plan.stops[self.leg].stop:
+        number = self._number_in(plan)
+        if number is None:
             return f"the vehicle left {self.plan.stops[self.leg].stop} last"
         if self.driving:
-            if plan.stops[1].stop != self.plan.stops[self.leg + 1].stop:
+            if plan.stops[number + 1].stop != self.plan.stops[self.leg + 1].stop:
                 return f"the vehicle is on its way to {self.plan.stops[self.leg + 1].stop}"
-            leg = legs[0]
+            leg = legs[number]
             if leg is None or (self.state is not None and self.state.segment not in leg.path):
                 return "the vehicle is not on the plan's way"
         return None
 
+    def _number_in(self, plan: VehiclePlan) -> int | None:
+        """Number of its present leg in a plan that continues its own; None: it does not fit.
+
+        It is 0, or 1 where the vehicle came to a stop while the plan was made.
+        """
+        assert self.plan is not None
+        here = self.plan.stops[self.leg].stop
+        for number, stop in enumerate(plan.stops[:2]):
+            if stop.stop == here and number < len(plan.stops) - 1:
+                return number
+        return None
+
     def _follow(self, plan: VehiclePlan) -> None:
         state, driving, under_way = self.state, self.driving, self.under_way
+        number = (self._number_in(plan) or 0) if under_way else 0
+        self.revision += 1
         self.plan = plan
         self._legs = legs_of(plan.cycle, plan.segments, len(plan.stops) - 1)
-        self.leg = 0
+        self.leg = number
         self._left_depot = under_way
         self.state = None
         for stop in plan.stops:
             visit = self._visits.get(stop.stop)
             if visit is not None and visit.status == "failed":
                 del self._visits[stop.stop]  # it is tried again
-        leg = self._legs[0]
+        leg = self._legs[number]
         if driving and leg is not None and state is not None:
-            number = leg.path.index(state.segment)
-            self.state = replace(state, number=number)
+            at = leg.path.index(state.segment)
+            self.state = replace(state, number=at)
 
     def _arrive(self, time_ns: int) -> None:
         """At the leg's end; also at each further stop at the same junction."""
         assert self.plan is not None
+        self.revision += 1
         self.driving, self.state = False, None
         self._left_depot = True
         self.leg += 1
@@ -300,12 +319,14 @@ class Tour:
             self._arrive(report.time_ns)
 
     def _note(self, visit: Visit) -> None:
+        self.revision += 1
         self._visits.pop(visit.stop, None)
         self._visits[visit.stop] = visit
         while len(self._visits) > MAX_VISITS:
             del self._visits[next(iter(self._visits))]
 
     def _forget(self) -> None:
+        self.revision += 1
         self.plan, self._legs, self.leg = None, (), 0
         self._left_depot = False
 

@@ -1,0 +1,368 @@
+"""The fleet in the running simulation: each vehicle stands, drives and serves as it is advised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+import libsumo
+
+from simulation.fleet.actuation import Driver
+from simulation.fleet.drafting import Gates, drafting
+from simulation.fleet.driven_leg import DrivenLeg, Measurement, free_s
+from simulation.fleet.sensing import PREFIX, sense, standing
+from simulation.sumo.session import Session
+from slipstream.energy import ETA_ALONE, PAPER_CAR, VehicleParameters
+from slipstream.messages import (
+    DriverReport,
+    PlannedSegment,
+    VehicleAdvice,
+    VehiclePlan,
+    VehicleSensing,
+)
+
+# The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
+_ARRIVED_M: Final = 5.0
+_ARRIVED_MPS: Final = 1.0
+_LOOK_NS: Final = 1_000_000_000
+"""A vehicle that stands asks its agent at least so often."""
+_TELL_S: Final = 1.0
+
+
+class Agents(Protocol):
+    """The vehicles' agents, in this process or over the bus."""
+
+    def advise(self, sensing: VehicleSensing) -> VehicleAdvice | None:
+        """The advice that holds; None: none does."""
+        ...
+
+    def report(self, report: DriverReport) -> None:
+        """A driver says something."""
+        ...
+
+    def plan(self, vehicle: str, cycle: int) -> VehiclePlan | None:
+        """A plan that the vehicle has been sent, for its navigation."""
+        ...
+
+    def is_due(self, vehicle: str) -> bool:
+        """Whether there is something new for a vehicle that stands."""
+        ...
+
+
+@dataclass
+class _Van:
+    """One vehicle of the fleet.
+
+    Attributes:
+        segment: that it stands at an end of.
+        look_ns: when it asks its agent next while it stands.
+        tour: number of its tour, from 0.
+        ready_s: since when it could leave.
+        serves: stop at which it stands, and until when.
+        told_s: when its driver last said that it is served.
+        way: of the leg that it drives, or waits to enter the road for.
+        entering: whether it waits for a gap in the traffic.
+        measured: of the leg, while it is on the road.
+    """
+
+    segment: str
+    look_ns: int = 0
+    tour: int = -1
+    leg: int = 0
+    ready_s: float = 0.0
+    serves: tuple[str, float] | None = None
+    told_s: float = 0.0
+    way: _Way | None = None
+    entering: bool = False
+    measured: Measurement | None = None
+    driver: Driver = field(default_factory=lambda: Driver(""))
+
+
+@dataclass
+class _Way:
+    """A leg that is driven.
+
+    Attributes:
+        plan: that it is of.
+        number: of the leg in that plan.
+        path: its segments.
+        first: number of the first one that was driven on this plan.
+        driven: segments of the leg before that one, on earlier plans.
+        behind: segments of the path that lay behind when SUMO was given its present route.
+        due_s: when it should have begun.
+        free_s: see `DrivenLeg`.
+    """
+
+    plan: VehiclePlan
+    number: int
+    path: tuple[str, ...]
+    due_s: float
+    free_s: float
+    first: int = 0
+    driven: tuple[str, ...] = ()
+    behind: int = 0
+    at: int = 0
+
+
+class FleetWorld:
+    """A simulation with the fleet in it.
+
+    Args:
+        session: running.
+        places: by vehicle, a segment at an end of which it stands at the beginning.
+        lengths_m: of the network's segments.
+        agents: of the vehicles.
+        gates: of the segments, and their true traffic, for the drag reductions.
+        service_s: time that a stop takes, by its id.
+        step_s: of the simulation.
+        close_m: largest gap that counts as close.
+        clock_ns: the moment of the simulation as agents and dispatcher have it.
+        pace: desired speed of the fleet's vehicles over the limit.
+        physics: of the vehicles.
+
+    Attributes:
+        disengagements: close gaps given up because the state of the segment was turbulent.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        places: Mapping[str, str],
+        lengths_m: Mapping[str, float],
+        agents: Agents,
+        gates: Gates,
+        service_s: Callable[[str], float],
+        step_s: float,
+        close_m: float,
+        clock_ns: Callable[[], int],
+        pace: float = 1.0,
+        physics: VehicleParameters = PAPER_CAR,
+    ) -> None:
+        self._session, self._lengths_m, self._agents = session, lengths_m, agents
+        self._gates, self._service_s, self._step_s = gates, service_s, step_s
+        self._close_m, self._clock_ns = close_m, clock_ns
+        self._pace, self._physics = pace, physics
+        self._vans = {name: _Van(segment) for name, segment in sorted(places.items())}
+        self._sensed: dict[str, VehicleSensing] = {}
+        self._following: dict[str, bool] = {}
+        self.disengagements = 0
+
+    @property
+    def unfinished(self) -> int:
+        """Vehicles on the road, or waiting to get onto it."""
+        return sum(van.way is not None for van in self._vans.values())
+
+    @property
+    def on_road(self) -> int:
+        """Vehicles on the road."""
+        return sum(van.measured is not None for van in self._vans.values())
+
+    def step(self) -> list[DrivenLeg]:
+        """Move by one step; the legs that ended in it.
+
+        Raises:
+            InputError: SUMO refuses a vehicle or a route.
+        """
+        now_s, now_ns = self._session.time_s, self._clock_ns()
+        for name, van in self._vans.items():
+            if van.way is None:
+                self._stand(name, van, now_s, now_ns)
+        self._drive(now_ns)
+        drafts = drafting(self._sensed, self._following, self._gates, self._close_m)
+        self._session.advance()
+        after_s, gone = self._session.time_s, set(libsumo.simulation.getArrivedIDList())
+        ended = []
+        for name, van in self._vans.items():
+            if van.way is None or van.measured is None:
+                continue
+            sumo = van.driver.name
+            if sumo not in gone:
+                speed_mps = float(libsumo.vehicle.getSpeed(sumo))
+                van.measured.take(
+                    speed_mps,
+                    float(libsumo.vehicle.getDistance(sumo)),
+                    drafts.eta.get(name, ETA_ALONE),
+                    self._step_s,
+                    turbulent=name in drafts.turbulent,
+                )
+                van.way.at = van.way.behind + max(0, libsumo.vehicle.getRouteIndex(sumo))
+                if self._has_arrived(sumo, van.way, speed_mps):
+                    libsumo.vehicle.remove(sumo)
+                    ended.append(self._end(name, van, after_s))
+            else:
+                ended.append(self._end(name, van, after_s))
+        self._admit(after_s)
+        return ended
+
+    def _stand(self, name: str, van: _Van, now_s: float, now_ns: int) -> None:
+        """Serve; ask the agent; leave when it says so."""
+        if van.serves is not None and now_s >= max(van.serves[1], van.told_s + _TELL_S):
+            # Said again until the agent has taken it in: it may have been restarted.
+            self._agents.report(
+                DriverReport(
+                    vehicle=name, time_ns=now_ns, event="served", stop=van.serves[0], reason=None
+                )
+            )
+            van.ready_s = max(van.ready_s, van.serves[1])
+            van.told_s, van.look_ns = now_s, now_ns
+        if now_ns < van.look_ns and not self._agents.is_due(name):
+            return
+        advice = self._agents.advise(standing(name, van.segment, now_ns))
+        van.look_ns = now_ns + _LOOK_NS
+        if advice is None or advice.cycle is None or advice.leg is None:
+            return
+        plan = self._agents.plan(name, advice.cycle)
+        if plan is None:
+            return
+        if advice.depart_ns is None:
+            stop = plan.stops[advice.leg].stop
+            if van.serves is None or van.serves[0] != stop:  # a further one at the same junction
+                self._serve(van, stop, now_s)
+        elif advice.depart_ns > now_ns:
+            van.look_ns = min(van.look_ns, advice.depart_ns)
+        else:
+            self._enter(name, van, plan, advice.leg, now_s)
+
+    def _serve(self, van: _Van, stop: str, now_s: float) -> None:
+        van.serves, van.told_s = (stop, now_s + self._service_s(stop)), 0.0
+
+    def _enter(self, name: str, van: _Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
+        planned = _planned(plan, leg)
+        begins = plan.continues is None and leg == 0
+        if begins:
+            van.tour, van.leg = van.tour + 1, 0
+            van.ready_s = min(now_s, max(van.ready_s, self._time_s(plan.issued_ns)))
+        due_s = self._time_s(plan.depart_ns) if begins else van.ready_s
+        path = tuple(segment.segment for segment in planned)
+        van.way = _Way(plan, leg, path, due_s, free_s(planned))
+        van.serves, van.entering = None, True
+        sumo = f"{PREFIX}{name}/{van.tour}/{van.leg}"
+        van.driver = Driver(sumo, self._pace)
+
+        def add() -> None:
+            libsumo.route.add(sumo, list(path))
+            libsumo.vehicle.add(
+                sumo,
+                sumo,
+                typeID="cav",
+                depart="now",
+                departLane="best",
+                departPos="base",
+                departSpeed="0",
+                arrivalSpeed="0",
+            )
+
+        self._session.run(add)
+        van.driver.begin()
+
+    def _admit(self, now_s: float) -> None:
+        """Vehicles that SUMO has found a gap for."""
+        waiting = {van.driver.name: van for van in self._vans.values() if van.entering}
+        for sumo in libsumo.simulation.getDepartedIDList() if waiting else ():
+            van = waiting.get(sumo)
+            if van is not None:
+                van.entering, van.measured = False, Measurement(now_s)
+
+    def _drive(self, now_ns: int) -> None:
+        """Each vehicle on the road senses and obeys, those behind after those ahead of them."""
+        self._sensed = {
+            name: sense(
+                van.driver.name,
+                van.way.path[van.way.at],
+                now_ns,
+                float(libsumo.vehicle.getAcceleration(van.driver.name)),
+            )
+            for name, van in self._vans.items()
+            if van.way is not None and van.measured is not None
+        }
+        self._following = {}
+        for name in _front_to_back(self._sensed):
+            van = self._vans[name]
+            assert van.way is not None
+            advice = self._agents.advise(self._sensed[name])
+            self._navigate(name, van, van.way, advice)
+            was_close = van.driver.close
+            van.driver.obey(advice, self._sensed[name].segment)
+            if van.driver.close and advice is not None:
+                self._following[name] = advice.mode == "follow"
+                left = advice.mode == "open_gap" and was_close
+                self.disengagements += left and advice.reason == "turbulent traffic"
+
+    def _navigate(self, name: str, van: _Van, way: _Way, advice: VehicleAdvice | None) -> None:
+        """Take another way to the next stop, as a newer plan has it."""
+        if advice is None or advice.cycle is None or advice.cycle == way.plan.cycle:
+            return
+        plan = self._agents.plan(name, advice.cycle)
+        if plan is None or advice.leg is None:
+            return
+        planned = _planned(plan, advice.leg)
+        path = tuple(segment.segment for segment in planned)
+        present = way.path[way.at]
+        if present not in path:
+            return
+        at = path.index(present)
+        if path[at:] != way.path[way.at :]:
+            sumo = van.driver.name
+            if libsumo.vehicle.getRoadID(sumo).startswith(":"):
+                return  # in a junction, SUMO takes no other route: at the next step
+            self._session.run(lambda: libsumo.vehicle.setRoute(sumo, list(path[at:])))
+            # SUMO may keep the driven segments; both paths end at the same place.
+            way.behind = len(path) - len(libsumo.vehicle.getRoute(sumo))
+        else:
+            way.behind += at - way.at
+        way.driven += way.path[way.first : way.at]
+        way.plan, way.number, way.path, way.at, way.first = plan, advice.leg, path, at, at
+
+    def _has_arrived(self, sumo: str, way: _Way, speed_mps: float) -> bool:
+        if way.at < len(way.path) - 1 or speed_mps > _ARRIVED_MPS:
+            return False
+        if libsumo.vehicle.getRoadID(sumo).startswith(":"):
+            return False
+        left_m = self._lengths_m[way.path[-1]] - libsumo.vehicle.getLanePosition(sumo)
+        return bool(left_m < _ARRIVED_M)
+
+    def _end(self, name: str, van: _Van, now_s: float) -> DrivenLeg:
+        assert van.way is not None
+        assert van.measured is not None
+        way = van.way
+        driven = van.measured.finish(
+            name,
+            van.tour,
+            van.leg,
+            (van.ready_s, way.due_s, now_s),
+            way.free_s,
+            way.driven + way.path[way.first :],
+            self._step_s,
+            self._physics,
+        )
+        van.way, van.measured = None, None
+        van.segment, van.leg, van.ready_s = way.path[-1], van.leg + 1, now_s
+        van.look_ns = 0
+        if way.number + 1 < len(way.plan.stops) - 1:
+            self._serve(van, way.plan.stops[way.number + 1].stop, now_s)
+        return driven
+
+    def _time_s(self, time_ns: int) -> float:
+        """The simulation's time of a moment, s."""
+        return self._session.time_s + (time_ns - self._clock_ns()) / 1e9
+
+
+def _planned(plan: VehiclePlan, leg: int) -> tuple[PlannedSegment, ...]:
+    return tuple(segment for segment in plan.segments if segment.leg == leg)
+
+
+def _front_to_back(sensed: Mapping[str, VehicleSensing]) -> Iterator[str]:
+    """Vehicles, each after the one of the fleet that it is directly behind."""
+    done: set[str] = set()
+    for name in sensed:
+        queue = [name]
+        while (ahead := sensed[queue[-1]].ahead) is not None:
+            if ahead.vehicle not in sensed or ahead.vehicle in done or ahead.vehicle in queue:
+                break
+            assert ahead.vehicle is not None
+            queue.append(ahead.vehicle)
+        for one in reversed(queue):
+            if one not in done:
+                done.add(one)
+                yield one

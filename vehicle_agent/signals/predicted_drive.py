@@ -1,0 +1,220 @@
+"""Predicted time and energy of a leg by its departure second: a drive through known signals.
+
+A vehicle alone on its road follows the IDM, dv/dt = a (1 − (v/v₀)⁴), which has closed forms:
+v² = v₀² tanh(2as/v₀² + c), t = v₀/(2a) [atan x + artanh x] with x = v/v₀, and
+∫v² ds = v₀⁴/(2a) ln cosh(2as/v₀² + c). It brakes at a constant rate before turns and stop lines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from slipstream.energy import PAPER_CAR, VehicleParameters
+from vehicle_agent.signals.timings import Green
+
+
+class Movement(NamedTuple):
+    """A signal group of an intersection."""
+
+    intersection: str
+    group: int
+
+
+Greens = Callable[[Movement], Sequence[Green]]
+"""What is known of a movement, soonest first."""
+
+_NEAR_DESIRED: Final = 0.9995
+"""Of the desired speed: the IDM comes no nearer in finite time."""
+
+_ITERATIONS: Final = 6
+
+
+class RoadPart(NamedTuple):
+    """A part of a path with one desired speed.
+
+    Attributes:
+        length_m: of it.
+        speed_mps: desired, > 0.
+        movement: the movement at the signal at its end; None without one.
+        end_mps: allowed at its end.
+    """
+
+    length_m: float
+    speed_mps: float
+    movement: Movement | None = None
+    end_mps: float = math.inf
+
+
+@dataclass(frozen=True)
+class DriveParameters:
+    """How a vehicle drives in predictions.
+
+    Attributes:
+        acceleration_mps2: the IDM's largest one.
+        braking_mps2: before turns and the end.
+        slowing_mps2: before a signal that turns green while it comes near.
+        startup_s: from green to passing the stop line, where others may stand before.
+        yielding_mps: speed where the vehicle may have to give way.
+        late_s: time after the end of green in which it still passes.
+        unknown_wait_s: wait at a signal whose state at the arrival is unknown.
+    """
+
+    acceleration_mps2: float = 1.8
+    braking_mps2: float = 1.0
+    slowing_mps2: float = 1.5
+    startup_s: float = 1.5
+    yielding_mps: float = 3.0
+    late_s: float = 1.0
+    unknown_wait_s: float = 4.0
+
+
+class PredictedDrive(NamedTuple):
+    """Predicted drive.
+
+    Attributes:
+        duration_s: from rest to rest.
+        energy_kwh: of it.
+        stops: at signals; slowing down counts by the part of the speed that is lost.
+    """
+
+    duration_s: float
+    energy_kwh: float
+    stops: float
+
+
+class Gain(NamedTuple):
+    """Driving on towards a desired speed: speed at the end, time, ∫v² ds."""
+
+    speed_mps: float
+    seconds: float
+    squares_m3ps2: float
+
+
+def drive_on(speed_mps: float, desired_mps: float, length_m: float, a: float) -> Gain:
+    """The IDM alone on a road; a vehicle that is faster than it likes drops to that at once."""
+    if length_m <= 0:
+        return Gain(speed_mps, 0.0, 0.0)
+    v0 = desired_mps
+    x0 = min(speed_mps / v0, _NEAR_DESIRED)
+    c = math.atanh(x0 * x0)
+    rate = 2 * a / (v0 * v0)
+    y = rate * length_m + c
+    x1 = max(x0, min(math.sqrt(math.tanh(y)), _NEAR_DESIRED))
+    seconds = v0 / (2 * a) * (_time_integral(x1) - _time_integral(x0))
+    if x1 == _NEAR_DESIRED:
+        # Beyond the speed that counts as reached, it cruises.
+        left_m = length_m - (math.atanh(x1 * x1) - c) / rate
+        seconds += max(0.0, left_m) / (x1 * v0)
+    squares = v0 * v0 / rate * (_log_cosh(y) - _log_cosh(c))
+    return Gain(x1 * v0, seconds, squares)
+
+
+def _time_integral(x: float) -> float:
+    return math.atan(x) + math.atanh(x)
+
+
+def _log_cosh(y: float) -> float:
+    return y + math.log1p(math.exp(-2 * y)) - math.log(2)
+
+
+def predict_drive(
+    way: Sequence[RoadPart],
+    depart_s: float,
+    greens: Greens,
+    parameters: DriveParameters,
+    vehicle: VehicleParameters = PAPER_CAR,
+) -> PredictedDrive:
+    """A leg from rest to rest.
+
+    Args:
+        way: its stretches.
+        depart_s: when it begins.
+        greens: what is known of movements.
+        parameters: of driving.
+        vehicle: physical data.
+    """
+    rolling_n, drag = vehicle.rolling_force_n, vehicle.drag_factor_kgpm
+    now_s, speed, work_j, stops = depart_s, 0.0, 0.0, 0.0
+    caps = _caps(way, parameters.braking_mps2)
+    for stretch, cap in zip(way, caps, strict=True):
+        gain, braked_m = _towards(speed, stretch, cap, parameters)
+        work_j += 0.5 * vehicle.mass_kg * max(0.0, gain.speed_mps**2 - speed**2)
+        work_j += rolling_n * (stretch.length_m - braked_m) + drag * gain.squares_m3ps2
+        now_s += gain.seconds
+        speed = gain.speed_mps
+        if braked_m > 0:
+            now_s += 2 * braked_m / (speed + cap)
+            speed = cap
+        if stretch.movement is None:
+            continue
+        waiting_s, protected = wait_s(greens(stretch.movement), now_s, parameters)
+        b = parameters.slowing_mps2
+        slowest = max(0.0, speed - math.sqrt(2 * b * speed * waiting_s))
+        if not protected:
+            slowest = min(slowest, parameters.yielding_mps)
+        if slowest < speed:
+            work_j -= _traction_free_j(speed, slowest, b, stretch.length_m, vehicle)
+            stops += 1 - slowest / speed
+            now_s += max(waiting_s, _braking_loss_s(speed, slowest, b))
+            speed = slowest
+    return PredictedDrive(now_s - depart_s, vehicle.electrical_kwh(max(0.0, work_j)), stops)
+
+
+def wait_s(
+    greens: Sequence[Green], arrival_s: float, parameters: DriveParameters
+) -> tuple[float, bool]:
+    """Wait at a stop line, and whether the movement is protected then."""
+    protected = True
+    for green in greens:
+        protected = green.protected
+        if arrival_s <= green.end_s + parameters.late_s:
+            return max(0.0, green.begin_s + parameters.startup_s - arrival_s), protected
+    return parameters.unknown_wait_s, protected
+
+
+def _caps(way: Sequence[RoadPart], braking_mps2: float) -> list[float]:
+    """The highest speed at the end of each stretch from which the next ones can be driven."""
+    caps = [0.0] * len(way)
+    after = 0.0
+    for number in range(len(way) - 1, -1, -1):
+        stretch = way[number]
+        after = caps[number] = min(after, stretch.end_mps)
+        after = min(
+            stretch.speed_mps, math.sqrt(after * after + 2 * braking_mps2 * stretch.length_m)
+        )
+    return caps
+
+
+def _towards(
+    speed_mps: float, stretch: RoadPart, cap_mps: float, parameters: DriveParameters
+) -> tuple[Gain, float]:
+    """Drive on, then brake to a cap: the drive before braking, and the braking distance."""
+    length_m, a = stretch.length_m, parameters.acceleration_mps2
+    gain = drive_on(speed_mps, stretch.speed_mps, length_m, a)
+    if gain.speed_mps <= cap_mps:
+        return gain, 0.0
+    braked_m = 0.0
+    for _ in range(_ITERATIONS):
+        # The later it brakes, the faster it is, the earlier it must: halfway between both.
+        needed_m = (gain.speed_mps**2 - cap_mps**2) / (2 * parameters.braking_mps2)
+        braked_m = min(length_m, 0.5 * (braked_m + needed_m))
+        gain = drive_on(speed_mps, stretch.speed_mps, length_m - braked_m, a)
+    return gain, braked_m
+
+
+def _traction_free_j(
+    speed: float, slower: float, braking_mps2: float, length_m: float, vehicle: VehicleParameters
+) -> float:
+    """Work against rolling and drag that is not needed where a vehicle brakes, J."""
+    braked_m = min(length_m, (speed * speed - slower * slower) / (2 * braking_mps2))
+    return (vehicle.rolling_force_n + vehicle.drag_factor_kgpm * speed * speed) * braked_m
+
+
+def _braking_loss_s(speed: float, slower: float, braking_mps2: float) -> float:
+    """Time that braking takes longer than driving on over the same distance, s."""
+    if speed <= slower:
+        return 0.0
+    return (speed - slower) ** 2 / (2 * braking_mps2 * speed)
