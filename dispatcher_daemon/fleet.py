@@ -204,7 +204,8 @@ class Fleet(Settings):
         """A vehicle's data; None: none are given."""
         if vehicle.own_type is not None:
             return vehicle.own_type
-        return None if vehicle.type is None else self._types[vehicle.type]
+        # A vehicle under way may have a type that the file has no more.
+        return None if vehicle.type is None else self._types.get(vehicle.type)
 
     def overload(self, vehicle: Vehicle, stops: Iterable[Stop]) -> str | None:
         """By what the load of some stops is more than a vehicle carries; None: it is not."""

@@ -1,7 +1,8 @@
 """Drive of a vehicle on a leg from rest to rest: speed profile, entry times, energy.
 
 Every leg starts and ends at a standstill (depot or stop), so a leg's drive does not depend on the
-legs around it: entry times within it are exact once its departure is known.
+legs around it: entry times within it are exact once its departure is known. Of a vehicle that is on
+its leg, the rest of it begins at the vehicle's speed.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Drive:
 
     Attributes:
         times_s: break points from the departure, shape (n,), increasing; only 0 for an empty path.
-        speeds_mps: speed at each, shape (n,); 0 at both ends.
+        speeds_mps: speed at each, shape (n,); 0 at the end.
         entry_s: when each segment is entered.
         length_m: driven distance.
         waiting_s: expected delay by traffic and signals on each segment, s;
@@ -67,9 +68,12 @@ class Drive:
 
 
 def plan_drive(
-    lengths_m: Sequence[float], speeds_mps: Sequence[float], style: DrivingStyle
+    lengths_m: Sequence[float],
+    speeds_mps: Sequence[float],
+    style: DrivingStyle,
+    begin_mps: float = 0.0,
 ) -> Drive:
-    """Fastest drive from rest to rest that keeps to the segment speeds and the style's rates.
+    """Fastest drive to rest that keeps to the segment speeds and the style's rates.
 
     Speed rises after entering a faster segment and falls before a slower one. A segment that is too
     short for its speed is driven as fast as the rates allow.
@@ -77,16 +81,19 @@ def plan_drive(
     Args:
         lengths_m: length of each segment, > 0, at least one.
         speeds_mps: speed to hold on each, > 0.
+        begin_mps: speed at its begin; a lower one counts where it is above the first segment's
+            speed, or too high to stop at the end.
     """
     up, down = style.acceleration_mps2, style.braking_mps2
     count = len(lengths_m)
-    node = [0.0, *(min(a, b) for a, b in pairwise(speeds_mps)), 0.0]
+    begin = min(begin_mps, speeds_mps[0])
+    node = [begin, *(min(a, b) for a, b in pairwise(speeds_mps)), 0.0]
     for i in range(count):
         node[i + 1] = min(node[i + 1], math.sqrt(node[i] ** 2 + 2 * up * lengths_m[i]))
     for i in reversed(range(count)):
         node[i] = min(node[i], math.sqrt(node[i + 1] ** 2 + 2 * down * lengths_m[i]))
 
-    times, speeds, entries = [0.0], [0.0], []
+    times, speeds, entries = [0.0], [node[0]], []
     for i, (length, limit) in enumerate(zip(lengths_m, speeds_mps, strict=True)):
         entries.append(times[-1])
         v0, v1 = node[i], node[i + 1]

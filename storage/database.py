@@ -17,7 +17,8 @@ from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from storage import jobs, retention
+from slipstream.orders import FleetRecords
+from storage import fleet, jobs, retention
 from storage.engine import (
     DAMAGED,
     NO_DATABASE,
@@ -69,8 +70,15 @@ class Database:
         report: CycleReport,
         plans: Sequence[VehiclePlan],
         states: Sequence[SegmentState],
+        records: FleetRecords | None = None,
     ) -> None:
         """Store a cycle with its plans and the segment states it used, all or nothing.
+
+        Args:
+            report: of the cycle.
+            plans: of the cycle, as they are published next.
+            states: that it used.
+            records: what has changed of orders, earlier plans and vehicles.
 
         Raises:
             ValueError: a plan belongs to another cycle, or the cycle is already stored.
@@ -86,6 +94,8 @@ class Database:
                 session.flush()
                 if states:
                     session.execute(insert(StateRow), state_rows(report.cycle, states))
+                if records is not None:
+                    fleet.save(session, records)
                 retention.note_time(session, report.started_ns)
         except IntegrityError as error:
             raise ValueError(f"cycle {report.cycle} is refused: {error.orig}") from None
@@ -102,6 +112,24 @@ class Database:
         self._open_anew()
         with self._write_session() as session:
             return (session.scalar(select(func.max(CycleRow.cycle))) or 0) + 1
+
+    def load_fleet(self, now_ns: int) -> FleetRecords:
+        """Orders, plans in force and vehicles as they were stored last.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        with self._write_session() as session:
+            return fleet.load(session, now_ns)
+
+    def save_fleet(self, records: FleetRecords) -> None:
+        """Store what has changed of orders, plans and vehicles beside a cycle.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        with self._write_session() as session:
+            fleet.save(session, records)
 
     def save_job(self, job: QuantumJob) -> None:
         """Store the present record of a quantum job, durably.
@@ -140,7 +168,8 @@ class Database:
         """Delete cycles that began more than ``keep_days`` before ``now_ns``.
 
         The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
-        finished before then are deleted too, but none of the last `MIN_JOB_DAYS`.
+        finished before then are deleted too, but none of the last `MIN_JOB_DAYS`; so are orders
+        that ended before then and are in no fleet file any more.
 
         Args:
             keep_days: age limit, days.
@@ -168,6 +197,7 @@ class Database:
         with self._write_session() as session:
             retention.check_clock(session, now_ns, self._source)
             jobs.prune(session, jobs_before_ns)
+            fleet.prune(session, before_ns)
             below = retention.first_kept(session, before_ns, now_ns)
         pruned, batch = 0, self._batch()
         while below is not None and pruned != limit:

@@ -1,4 +1,5 @@
-"""The tables: cycles with their solver runs, gates, plans and segment states; jobs; the clock.
+"""The tables: cycles with their solver runs, gates, plans and segment states; orders, vehicles;
+jobs; the clock.
 
 Times are UTC nanoseconds. Parts that are only read together with their row (a plan's stops and
 segments, a state's features, a cycle's unserved stops) are JSON as in `slipstream.messages`.
@@ -113,7 +114,7 @@ class GateRow(Base):
 
 
 class PlanRow(Base):
-    """One vehicle's plan from one cycle (a VehiclePlan)."""
+    """One vehicle's plan from one cycle (a VehiclePlan), and what became of it (a PlanRecord)."""
 
     __tablename__ = "plans"
 
@@ -127,6 +128,10 @@ class PlanRow(Base):
     stops: Mapped[list[Any]]
     segments: Mapped[list[Any]]
     advice: Mapped[dict[str, Any]] = mapped_column(server_default="{}")
+    continues: Mapped[int | None]
+    status: Mapped[str] = mapped_column(server_default="done", index=True)
+    status_ns: Mapped[int] = mapped_column(server_default="0")
+    status_reason: Mapped[str | None]
 
 
 class StateRow(Base):
@@ -146,6 +151,55 @@ class StateRow(Base):
     frames: Mapped[int]
     coverage: Mapped[float]
     features: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class OrderRow(Base):
+    """An order as it is now (a `slipstream.orders.OrderRecord`)."""
+
+    __tablename__ = "orders"
+
+    order: Mapped[str] = mapped_column(primary_key=True)
+    node: Mapped[str]
+    service_s: Mapped[float]
+    demand: Mapped[int]
+    earliest_ns: Mapped[int | None]
+    latest_ns: Mapped[int | None]
+    state: Mapped[str] = mapped_column(index=True)
+    since_ns: Mapped[int]
+    reason: Mapped[str]
+    vehicle: Mapped[str | None]
+    cycle: Mapped[int | None]
+    listed: Mapped[bool]
+
+
+class OrderChangeRow(Base):
+    """One change in an order's life (a `slipstream.orders.OrderChange`), numbered from 0."""
+
+    __tablename__ = "order_changes"
+
+    order: Mapped[str] = mapped_column(
+        ForeignKey("orders.order", ondelete="CASCADE"), primary_key=True
+    )
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    time_ns: Mapped[int]
+    state: Mapped[str]
+    reason: Mapped[str]
+    vehicle: Mapped[str | None]
+    cycle: Mapped[int | None]
+
+
+class VehicleRow(Base):
+    """A vehicle and its last report (a `slipstream.orders.VehicleRecord`)."""
+
+    __tablename__ = "vehicles"
+
+    vehicle: Mapped[str] = mapped_column(primary_key=True)
+    definition: Mapped[dict[str, Any]]
+    depot: Mapped[dict[str, Any]]
+    position: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    reports_progress: Mapped[bool]
+    answered_ns: Mapped[int | None]
+    left_out_until: Mapped[int]
 
 
 class ClockRow(Base):

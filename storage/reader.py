@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Self
 
@@ -12,7 +12,8 @@ from sqlalchemy.orm import Session, selectinload
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from storage import jobs, schema
+from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord, OrderState
+from storage import fleet, jobs, schema
 from storage.engine import (
     StorageError,
     display_name,
@@ -72,6 +73,16 @@ class Reader:
         """The last ``limit`` quantum jobs, latest first."""
         with self._read_session() as session:
             return () if session is None else tuple(jobs.latest(session, limit))
+
+    def orders(self, states: Collection[OrderState] = ORDER_STATES) -> tuple[OrderRecord, ...]:
+        """Orders in some states, those that changed last at the end."""
+        with self._read_session() as session:
+            return () if session is None else tuple(fleet.orders(session, states))
+
+    def order_changes(self, order: str) -> tuple[OrderChange, ...]:
+        """The life of one order; empty if it is not known."""
+        with self._read_session() as session:
+            return () if session is None else tuple(fleet.changes(session, order))
 
     def close(self) -> None:
         """Close all connections."""

@@ -45,7 +45,10 @@ def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
             GateRow(position=position, **gate.model_dump())
             for position, gate in enumerate(report.gates)
         ],
-        plans=[PlanRow(**plan.model_dump(mode="json")) for plan in plans],
+        plans=[
+            PlanRow(**plan.model_dump(mode="json"), status="published", status_ns=report.started_ns)
+            for plan in plans
+        ],
     )
 
 

@@ -10,6 +10,7 @@ by itself after half a second: a vehicle whose agent is gone opens its gap.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,6 +22,7 @@ from slipstream.messages import (
     Message,
     PlatoonControl,
     PlatoonManagement,
+    PlatoonMode,
     SegmentState,
     SignalPhaseAndTiming,
     SignalStatus,
@@ -109,6 +111,7 @@ class Agent:
         self._requests = SignalRequests(vehicle, self._timings)
         self._departure = LegDeparture(self._timings, own.vehicle)
         self._interval_s = own.interval_s
+        self._mode: PlatoonMode = "alone"
         self._begun: Leg | None = None
         self._green_at: str | None = None
         self._position_ns = self._progress_ns = 0
@@ -195,7 +198,7 @@ class Agent:
             return
         self._send(acknowledgement_key(self.vehicle), answer)
         if not answer.accepted and self.tour.plan is not None:
-            self._platooning.reset("the plan is superseded by one that cannot be followed")
+            self._end_platooning("the plan is superseded by one that cannot be followed")
 
     def _note_status(self, status: SignalStatus) -> None:
         for request in status.requests:
@@ -203,7 +206,7 @@ class Agent:
                 self._green_at = None
 
     def _standing(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
-        self._platooning.reset(None)
+        self._end_platooning("the leg has ended")
         self._speed.end()
         self._begun = None
         self._end_requests(now_ns)
@@ -226,7 +229,7 @@ class Agent:
     def _driving(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
         leg, state, plan = self.tour.current, self.tour.state, self.tour.plan
         if leg is None or state is None or plan is None:
-            self._platooning.reset("off the planned way")
+            self._end_platooning("off the planned way")
             self._end_requests(now_ns)
             return self._advice(
                 now_ns, "none", text="No advice: off the planned way.", reason="off the planned way"
@@ -237,28 +240,39 @@ class Agent:
         doubt = _doubt(sensing, plan, now_ns)
         self._roadside.at(now_ns)
         if doubt is not None:
-            self._platooning.reset(doubt)
-        step = self._platooning.step(now_ns, leg, state, sensing, self._roadside)
+            self._end_platooning(doubt)
+        now_s = now_ns / 1e9
+        # In a close gap it is platooning that keeps the gap safe.
+        ahead = sensing.ahead if self._mode == "alone" else None
+        top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
+        step = self._platooning.step(
+            now_ns, leg, state, sensing, self._roadside, cap_mps=top.speed_mps
+        )
+        self._mode = step.mode
         self._send(platoon_control_key(step.control.path[0], self.vehicle), step.control)
-        for message in step.messages:
-            self._send(platoon_management_key(message.partner, self.vehicle), message)
+        self._send_all(step.messages)
         if step.speed_mps is not None:
             mode: AdviceMode = "follow" if step.mode == "following" else "open_gap"
             return self._advice(now_ns, mode, step.speed_mps, step=step)
         if doubt is not None:
             self._end_requests(now_ns)
             return self._advice(now_ns, "none", text=f"No advice: {doubt}.", reason=doubt)
-        now_s = now_ns / 1e9
         cap = self._speed.cap_mps(now_s, state, sensing.ahead, step.tail_m)
         if plan.advice.signal_priority:
             self._ask(now_s, leg, state, step.tail_m)
         set_mps = leg.limits_mps[state.number]
         if step.cruise_mps is not None:
             set_mps = min(set_mps, step.cruise_mps)
-        top = ceiling(leg, state, self._timings, now_s, self._interval_s, sensing.ahead)
         if cap is None or top.signal_unknown:  # the driver alone sees what the signal shows
             return self._advice(now_ns, "cruise", min(set_mps, top.speed_mps), step=step)
         return self._advice(now_ns, "speed", min(cap, set_mps, top.speed_mps), step=step)
+
+    def _end_platooning(self, reason: str) -> None:
+        self._send_all(self._platooning.reset(reason))
+
+    def _send_all(self, messages: Iterable[PlatoonManagement]) -> None:
+        for message in messages:
+            self._send(platoon_management_key(message.partner, self.vehicle), message)
 
     def _ask(self, now_s: float, leg: Leg, state: VehicleState, tail_m: float) -> None:
         for request in self._requests.step(now_s, leg, state, tail_m):
@@ -285,7 +299,7 @@ class Agent:
 
     def _position(self, sensing: VehicleSensing) -> VehiclePosition:
         tour = self.tour
-        share = 0.0 if tour.plan is not None else 1.0
+        share = 1.0  # it stands at the end of the segment that it came by
         if sensing.on_road:
             leg, state = tour.current, tour.state
             if leg is not None and state is not None:

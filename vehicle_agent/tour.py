@@ -223,8 +223,9 @@ class Tour:
         if again:
             return f"stop {again[0]} is served"
         if not self.under_way:
-            if plan.continues is not None:
-                return "the vehicle is at its depot, with nothing to continue"
+            followed = None if self.plan is None else self.plan.cycle
+            if plan.continues not in (None, followed):
+                return f"the vehicle is at its depot and does not follow cycle {plan.continues}"
             if plan.depart_ns < self.ready_ns - _LATE_NS:
                 return "its departure was before the vehicle was back"
             return None

@@ -37,6 +37,7 @@ def with_charging_stops(
     legs: Sequence[Leg],
     departure_kwh: float,
     energy_kwh: Callable[[Leg], float],
+    fixed: int = 0,
 ) -> list[Leg] | None:
     """The legs of a route, over charging stops where the battery needs them.
 
@@ -45,6 +46,7 @@ def with_charging_stops(
         legs: from depot to depot, without charging stops.
         departure_kwh: charge at the departure.
         energy_kwh: what a leg takes out of the battery.
+        fixed: number of legs at the beginning that stay as they are.
 
     Returns:
         None if the charge falls below the reserve in any case.
@@ -60,6 +62,8 @@ def with_charging_stops(
             charge = label.charge_kwh - need
             if charge >= battery.reserve_kwh - TOLERANCE_KWH:
                 found.append(_Label(label.extra_s, charge, (*label.legs, leg)))
+            if number < fixed:
+                continue
             found += _over_charging_stops(battery, fleet, travel, leg, label, after_kwh, energy_kwh)
         labels = _undominated(found)
         if not labels:

@@ -16,7 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.planning.base_routes import base_routes
+from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
+from dispatcher_daemon.planning.bound_part import bound_routes, drivable, unbound
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.servability import unservable, without
@@ -36,6 +37,7 @@ from dispatcher_daemon.solvers.execution.pool import Solve
 
 NO_ROOM: Final = "no vehicle has room and time for it"
 _NO_CHARGE: Final = "has no charge left for it"
+NO_VEHICLE: Final = "no vehicle is free"
 _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
 
@@ -89,10 +91,9 @@ def plan_fleet(
         return search.model_copy(update={"time_limit_s": min(search.time_limit_s, limit_s)})
 
     cycle, travel, missing = servable(cycle)
-    stops = stops_but(cycle, missing)
     stage("roads")
     search = limited(settings.search, settings.base_share)
-    routes = base_routes(cycle.problem, travel, stops, search, executor, seed, cycle.start)
+    routes = first_routes(cycle, travel, missing, search, executor)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     stage("base")
     first = initial_plans(cycle, travel, routes.stops, missing)
@@ -102,18 +103,14 @@ def plan_fleet(
     if settings.second_rounds:
         rounds = {"rounds": settings.second_rounds}
         search = limited(settings.search.model_copy(update=rounds), settings.base_share)
-        second = base_routes(
-            cycle.problem,
-            first.planner.travels[1],
-            stops_but(cycle, missing),
-            search,
-            executor,
-            seed + 1,
-            routes.stops,
-        )
-        timed_out |= second.timed_out
-        if not second.unassigned:
-            descent.adopt(second.stops, seed, ends, clock)
+        part = unbound(cycle)
+        if part is not None:
+            discounted = first.planner.travels[1]
+            left = stops_but(part, missing)
+            second = base_routes(part, discounted, left, search, executor, seed + 1, routes.stops)
+            timed_out |= second.timed_out
+            if not second.unassigned:
+                descent.adopt(routes.stops | second.stops, seed, ends, clock)
     stage("second")
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
@@ -139,21 +136,43 @@ def city_settings(cycle: Cycle) -> CitySettings:
 def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
     """(the cycle, paths between its places, reason by stop that no vehicle can serve).
 
-    Where a vehicle's first stop is among these, the cycle has none of them.
+    Where a vehicle's first stop is among these, the cycle has none of them. Nor has it bound
+    vehicles that no way leads on for: they keep the plans that they have.
     """
-    problem = cycle.problem
-    travel = fleet_travel(problem, cycle.snapshot)
-    missing = unservable(problem, cycle.snapshot, travel)
-    lost = any(v.first_stop in missing for v in problem.fleet.vehicles)
+    travel = fleet_travel(cycle.problem, cycle.snapshot)
+    cycle = drivable(cycle, travel)
+    problem, part = cycle.problem, unbound(cycle)
+    loaded = {stop for own in cycle.commitments for stop in own.stops}
+    if part is None:
+        pooled = [stop.id for stop in problem.fleet.stops if stop.id not in loaded]
+        return cycle, travel, dict.fromkeys(pooled, NO_VEHICLE)
+    missing = unservable(part, cycle.snapshot, travel)
+    lost = any(v.first_stop in missing for v in part.fleet.vehicles)
     if lost and len(missing) < len(problem.fleet.stops):
         cycle = replace(cycle, problem=without(problem, missing))
         travel = searched_again(travel, cycle.problem)
     return cycle, travel, missing
 
 
-def stops_but(cycle: Cycle, missing: Collection[str]) -> list[str]:
-    """Ids of the cycle's stops without the missing ones."""
-    return [stop.id for stop in cycle.problem.fleet.stops if stop.id not in missing]
+def first_routes(
+    cycle: Cycle,
+    travel: Travel,
+    missing: Collection[str],
+    search: SearchSettings,
+    executor: Executor,
+) -> BaseRoutes:
+    """Routes of the free vehicles by a search, and of the bound ones in their best order."""
+    bound, part = bound_routes(cycle, travel), unbound(cycle)
+    if part is None:
+        return BaseRoutes(bound, (), False)
+    stops = stops_but(part, missing)
+    routes = base_routes(part, travel, stops, search, executor, cycle.seed, cycle.start)
+    return replace(routes, stops=bound | routes.stops)
+
+
+def stops_but(problem: RoutingProblem, missing: Collection[str]) -> list[str]:
+    """Ids of a problem's stops without the missing ones."""
+    return [stop.id for stop in problem.fleet.stops if stop.id not in missing]
 
 
 @dataclass(frozen=True)
@@ -188,6 +207,7 @@ def initial_plans(
         cycle.settings.sync_window_s,
         cycle.reference_s,
         on_road=cycle.on_road,
+        commitments=cycle.commitments,
     )
     base = departing_when_ready(planner, routes, missing)
     planner.travels += (discounted_travel(problem, travel, planner),)

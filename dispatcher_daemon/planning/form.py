@@ -12,16 +12,15 @@ from typing import Literal
 import numpy as np
 
 from dispatcher_daemon.formulations import violations
-from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import Block, build_block
 from dispatcher_daemon.planning.cycle import BASE
 from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.fleet_plan import (
     NO_ROOM,
     InitialPlans,
+    first_routes,
     initial_plans,
     servable,
-    stops_but,
 )
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.sweeps import choice_of
@@ -111,8 +110,7 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
     """
     settings = cycle.settings.city
     part, travel, missing = servable(cycle)
-    stops = stops_but(part, missing)
-    routes = base_routes(part.problem, travel, stops, settings.search, executor, cycle.seed)
+    routes = first_routes(part, travel, missing, settings.search, executor)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     first = initial_plans(part, travel, routes.stops, missing)
     planner = first.planner
@@ -124,7 +122,8 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
     options = {
         i.number: options_for(planner, i, driving, meetings, settings.options, rng) for i in driving
     }
-    for one, other in combinations(driving, 2):
+    free = [i for i in driving if i.number not in planner.bound]
+    for one, other in combinations(free, 2):
         for pair in best_exchanges(planner, (one, other), meetings, settings.options - 1, rng):
             for itinerary in pair:
                 of_one = options[itinerary.number]

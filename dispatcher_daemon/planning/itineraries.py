@@ -9,8 +9,10 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
+from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.planning.charging_stops import with_charging_stops
+from dispatcher_daemon.planning.continuing import committed_legs, departure_s
 from dispatcher_daemon.platooning import (
     Meetings,
     RoadUser,
@@ -73,6 +75,7 @@ class Planner:
         batteries: by vehicle number; None: its charge is not looked at.
         on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
             are.
+        bound: commitments by the numbers of their vehicles.
     """
 
     def __init__(
@@ -84,6 +87,7 @@ class Planner:
         reference_s: float = 0.0,
         paths_per_leg: int = 1,
         on_road: Sequence[RoadUser] = (),
+        commitments: Sequence[Commitment] = (),
     ) -> None:
         self.paths_per_leg = paths_per_leg
         self.problem, self.snapshot = problem, snapshot
@@ -97,7 +101,7 @@ class Planner:
         }
         self.reference_s = reference_s
         self.batteries = [battery_of(problem.fleet, v) for v in problem.fleet.vehicles]
-        self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...]], float] = {}
+        self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...], float], float] = {}
         self.on_road = traversals_on_road(on_road, self.shares)
         # A vehicle on the road that has left the fleet counts as one of its first profile.
         users = [(-n, user.vehicle) for n, user in enumerate(on_road, 1)]
@@ -106,6 +110,13 @@ class Planner:
             for number, name in (*enumerate(v.id for v in problem.fleet.vehicles), *users)
             if name in problem.fleet.vehicle_by_id and problem.profile_of(name) != first
         }
+        by_vehicle = {own.vehicle: own for own in commitments}
+        self.bound: Mapping[int, Commitment] = {
+            number: by_vehicle[vehicle.id]
+            for number, vehicle in enumerate(problem.fleet.vehicles)
+            if vehicle.id in by_vehicle
+        }
+        self._committed: dict[tuple[int, int], list[Leg] | None] = {}
 
     def meetings(self) -> Meetings:
         """Passages of the vehicles on the road only; their savings are part of no change."""
@@ -115,7 +126,12 @@ class Planner:
         return meetings
 
     def window_s(self, number: int) -> tuple[float, float]:
-        """First and last moment at which a vehicle may leave."""
+        """First and last moment at which a vehicle may leave; one of a bound vehicle."""
+        own = self.bound.get(number)
+        if own is not None:
+            travel = self.travels[0].of(self.problem.fleet.vehicles[number])
+            begins_s = departure_s(own, travel.roads, self.snapshot.now_ns)
+            return begins_s, begins_s
         vehicle = self.problem.fleet.vehicles[number]
         latest = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
         return self.reference_s + vehicle.ready_s, self.reference_s + latest
@@ -127,8 +143,11 @@ class Planner:
         fleet = self.problem.fleet
         vehicle = fleet.vehicles[number]
         depot, own = fleet.depot_of(vehicle).id, self.travels[travel].of(vehicle)
-        legs = []
-        for start, end in pairwise((depot, *stops, depot)):
+        fixed = self.fixed_legs(number, travel)
+        if fixed is None:
+            return None
+        legs = list(fixed)
+        for start, end in list(pairwise((depot, *stops, depot)))[len(fixed) :]:
             leg = own.leg(start, end)
             if leg is None:
                 return None
@@ -137,17 +156,20 @@ class Planner:
         if battery is None:
             return legs
         energy_kwh = self._energy_kwh(vehicle)
-        ready_kwh = battery.at_departure_kwh(vehicle.ready_s)
-        charged = with_charging_stops(battery, fleet, own, legs, ready_kwh, energy_kwh)
-        # Charged at the depot while it may wait there, it may get along without.
-        return legs if charged is None and battery.depot_power_kw > 0 else charged
+        bound = number in self.bound
+        ready_kwh = battery.charge_kwh if bound else battery.at_departure_kwh(vehicle.ready_s)
+        charged = with_charging_stops(battery, fleet, own, legs, ready_kwh, energy_kwh, len(fixed))
+        # Charged at the depot while it may wait there, it may get along without; and a bound
+        # vehicle goes on as it can.
+        return legs if charged is None and (bound or battery.depot_power_kw > 0) else charged
 
     def _energy_kwh(self, vehicle: Vehicle) -> Callable[[Leg], float]:
         """What a leg takes out of a vehicle's battery."""
         physics = self.problem.profile_of(vehicle).physics
 
         def energy_kwh(leg: Leg) -> float:
-            key = physics, leg.path
+            # The rest of a leg has the path of the whole one.
+            key = physics, leg.path, leg.drive.duration_s
             if key not in self._energies_kwh:
                 self._energies_kwh[key] = leg_energy_kwh(leg, physics)
             return self._energies_kwh[key]
@@ -173,6 +195,20 @@ class Planner:
             return math.inf
         return ready_s + short_kwh / battery.depot_power_kw * _S_PER_H
 
+    def fixed_legs(self, number: int, travel: int = 0) -> list[Leg] | None:
+        """The first legs of a bound vehicle, which are the same whatever it does; of any other
+        vehicle there are none. None: no way leads on.
+        """
+        own = self.bound.get(number)
+        if own is None:
+            return []
+        if (number, travel) not in self._committed:
+            vehicle = self.problem.fleet.vehicles[number]
+            of = self.travels[travel].of(vehicle)
+            legs = committed_legs(self.problem, of, own, vehicle)
+            self._committed[number, travel] = legs
+        return self._committed[number, travel]
+
     def idle(self, number: int) -> Itinerary:
         """The vehicle stays at its depot."""
         return Itinerary(number, (), None, 0.0, {})
@@ -188,13 +224,20 @@ class Planner:
         charge falls below the reserve.
 
         Args:
-            depart_s: None: as soon as it is ready, and charged as far as it needs.
+            depart_s: None: as soon as it is ready, and charged as far as it needs. A bound vehicle
+                goes on as it can.
         """
-        if not stops:
+        bound = number in self.bound
+        if not stops and not bound:
             return self.idle(number)
         if legs is None:
             return None
         vehicle = self.problem.fleet.vehicles[number]
+        if bound:
+            # What it has loaded is delivered, late or not.
+            route = timed(self.problem, legs, vehicle, self.reference_s, self.window_s(number)[0])
+            cost = sum(leg.cost_kwh for leg in legs)
+            return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))
         earliest_s = self._ready_after_charging_s(number, legs)
         if math.isinf(earliest_s) or (depart_s is not None and depart_s < earliest_s - 1e-6):
             return None

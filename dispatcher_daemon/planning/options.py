@@ -77,8 +77,9 @@ def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
     if itinerary.route is None or planner.paths_per_leg < 2:
         return
     legs = list(itinerary.route.legs)
+    fixed = len(planner.fixed_legs(itinerary.number) or ())
     travel = planner.travels[0].of(planner.problem.fleet.vehicles[itinerary.number])
-    for at, leg in enumerate(legs):
+    for at, leg in enumerate(legs[fixed:], fixed):
         for other in travel.paths(leg.start, leg.end, planner.paths_per_leg):
             if other.path != leg.path:
                 changed = [*legs[:at], replace(other, charging=leg.charging), *legs[at + 1 :]]

@@ -230,7 +230,9 @@ class BlockDescent:
 
     def _block(self, group: Sequence[int], max_variables: int, rng: np.random.Generator) -> Block:
         members = [self.present[n] for n in group]
-        exchanges = best_exchanges(self.planner, members, self._meetings, 1, rng)
+        # What is loaded stays where it is.
+        open_to_change = [i for i in members if i.number not in self.planner.bound]
+        exchanges = best_exchanges(self.planner, open_to_change, self._meetings, 1, rng)
         exchange = [itinerary for pair in exchanges for itinerary in pair]
         if 2 * len(group) + len(exchange) > max_variables:
             exchange = []

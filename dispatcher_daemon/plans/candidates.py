@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.plans.energy import RouteEnergy, route_energy
 from dispatcher_daemon.plans.messages import vehicle_plans
 from dispatcher_daemon.plans.verify import verify_plans
@@ -101,6 +102,8 @@ class Cycle:
         on_road: vehicles that earlier cycles sent. The route form plans to meet them; they stay as
             they are, but for their places in platoons.
         start: stops by vehicle that the search for routes starts from, as of the last cycle.
+        commitments: of vehicles that the cycle plans on from where they are, each once. They and
+            their stops are part of the fleet. It takes the route form.
     """
 
     problem: RoutingProblem
@@ -112,6 +115,7 @@ class Cycle:
     reference_delay_s: float | None = None
     on_road: tuple[RoadUser, ...] = ()
     start: Mapping[str, Sequence[str]] | None = None
+    commitments: tuple[Commitment, ...] = ()
 
     @property
     def reference_s(self) -> float:
@@ -151,9 +155,10 @@ class Cycle:
             cycle=self.number,
             issued_ns=self.now_ns,
             reference_s=self.reference_s,
-            valid_s=2 * settings.interval_s,
+            interval_s=settings.interval_s,
             gap_m=settings.gap_m,
             advice=settings.advice,
+            commitments=self.commitments,
         )
         faults = verify_plans(
             plans,
@@ -164,6 +169,7 @@ class Cycle:
             unserved=unserved or {},
             reference_s=self.reference_s,
             joined=joined_segments(self.on_road, places, settings.gap_m),
+            commitments=self.commitments,
         )
         if faults:
             return Refusal(tuple(faults))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
+from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.plans.energy import RouteEnergy, planned_charges_kwh
 from dispatcher_daemon.platooning import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
@@ -18,6 +20,10 @@ from slipstream.messages import (
 )
 from slipstream.roads import RoadNetwork
 
+VALID_INTERVALS: Final = 2
+BOUND_VALID_INTERVALS: Final = 4
+"""A bound vehicle's plan goes out again only when it has changed, or would lapse."""
+
 
 def vehicle_plans(
     problem: RoutingProblem,
@@ -29,19 +35,23 @@ def vehicle_plans(
     cycle: int,
     issued_ns: int,
     reference_s: float,
-    valid_s: float,
+    interval_s: float,
     gap_m: float,
     advice: DrivingAdvice,
+    commitments: Sequence[Commitment] = (),
 ) -> tuple[VehiclePlan, ...]:
     """One plan a route; its stops begin and end with the depot, leg n joins stops n and n + 1.
 
     Args:
         issued_ns: UTC that the routes' times count from.
         reference_s: on the routes' clock, the moment that the fleet's times count from.
-        valid_s: how long the plan may be followed without a newer one.
+        interval_s: between cycles; a plan may be followed for `VALID_INTERVALS` of them without a
+            newer one, that of a bound vehicle for `BOUND_VALID_INTERVALS`.
         gap_m: gap advised to followers, m.
         advice: given to every vehicle.
+        commitments: of bound vehicles.
     """
+    bound = {own.vehicle: own for own in commitments}
 
     def utc_ns(seconds: float) -> int:
         return issued_ns + round(seconds * 1e9)
@@ -53,6 +63,11 @@ def vehicle_plans(
         return (
             None if stop is None or stop.latest_s is None else utc_ns(reference_s + stop.latest_s)
         )
+
+    def node(vehicle: str, number: int, place: str) -> str:
+        if number == 0 and vehicle in bound:
+            return bound[vehicle].node
+        return problem.fleet.node(place)
 
     def segments(route: Route) -> tuple[PlannedSegment, ...]:
         planned = []
@@ -85,22 +100,32 @@ def vehicle_plans(
         return tuple(
             PlannedStop(
                 stop=visit.place,
-                node=problem.fleet.node(visit.place),
+                node=node(route.vehicle, number, visit.place),
                 arrival_ns=utc_ns(visit.arrival_s),
                 departure_ns=utc_ns(visit.departure_s),
                 latest_ns=latest_ns(visit.place),
                 charge_kwh=charge_kwh,
                 charged_kwh=charged_kwh,
             )
-            for visit, charge_kwh, charged_kwh in zip(route.visits, charges, taken, strict=True)
+            for number, (visit, charge_kwh, charged_kwh) in enumerate(
+                zip(route.visits, charges, taken, strict=True)
+            )
         )
+
+    def valid_s(route: Route) -> float:
+        intervals = BOUND_VALID_INTERVALS if route.vehicle in bound else VALID_INTERVALS
+        lasts_s = interval_s * intervals
+        charges = any(leg.charging is not None for leg in route.legs)
+        # It is not planned again until it has charged.
+        return lasts_s + route.visits[-1].arrival_s if charges else lasts_s
 
     return tuple(
         VehiclePlan(
             vehicle=route.vehicle,
             cycle=cycle,
             issued_ns=issued_ns,
-            valid_until_ns=utc_ns(valid_s),
+            valid_until_ns=utc_ns(valid_s(route)),
+            continues=bound[route.vehicle].continues if route.vehicle in bound else None,
             depart_ns=utc_ns(route.visits[0].departure_s),
             stops=visits(route),
             segments=segments(route),

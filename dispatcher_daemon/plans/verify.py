@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
 
+from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
@@ -29,10 +30,12 @@ def verify_plans(
     unserved: Collection[str] = (),
     reference_s: float = 0.0,
     joined: Sequence[tuple[str, PlannedSegment]] = (),
+    commitments: Sequence[Commitment] = (),
 ) -> tuple[str, ...]:
     """Check the plans of one cycle.
 
-    A vehicle without a plan stays idle.
+    A vehicle without a plan stays idle; a bound one has to have one, from where it is. What is late
+    of a bound vehicle is no fault: it is loaded.
 
     Args:
         open_segments: segments whose gate was open in the cycle.
@@ -40,29 +43,54 @@ def verify_plans(
         unserved: stops that are reported as unserved.
         reference_s: from the issue of the plans to the moment that the fleet's times count from.
         joined: segments that vehicles on the road pass in platoons with those of the plans.
+        commitments: of the bound vehicles.
 
     Returns:
         Faults, one line each; empty if the plans may be published.
     """
+    bound = {own.vehicle: own for own in commitments}
+    of_plan = [(plan, bound.get(plan.vehicle)) for plan in plans]
     return (
-        *_fleet_faults(plans, fleet, unserved),
-        *(f"{p.vehicle}: {f}" for p in plans for f in _window_faults(p, fleet, reference_s)),
-        *(f"{p.vehicle}: {f}" for p in plans for f in _stop_faults(p, fleet, unserved)),
-        *(f"{p.vehicle}: {f}" for p in plans for f in _path_faults(p, network)),
-        *(f"{p.vehicle}: {f}" for p in plans for f in _time_faults(p, network, fleet)),
+        *_fleet_faults(plans, fleet, unserved, bound),
         *(
-            f"{p.vehicle}: {f}"
-            for p in plans
-            for f in _charge_faults(p, network, fleet, reference_s)
+            f"{plan.vehicle}: {fault}"
+            for plan, own in of_plan
+            for fault in (
+                *_window_faults(plan, fleet, reference_s, own),
+                *_stop_faults(plan, fleet, unserved, own),
+                *_path_faults(plan, network, own),
+                *_time_faults(plan, network, fleet, own),
+                *_charge_faults(plan, network, fleet, reference_s, own),
+                *_commitment_faults(plan, own),
+            )
         ),
         *_platoon_faults(plans, open_segments, sync_window_s, joined),
     )
 
 
+def _commitment_faults(plan: VehiclePlan, own: Commitment | None) -> Iterator[str]:
+    """What a bound vehicle is bound to."""
+    if plan.continues != (None if own is None else own.continues):
+        yield f"continues the plan of cycle {plan.continues}"
+    if own is None:
+        return
+    stops = [stop.stop for stop in plan.stops[1:-1]]
+    if sorted(stops) != sorted(own.stops) or tuple(stops[: len(own.legs)]) != own.fixed_stops:
+        yield "does not serve what it has loaded, or not in the order that is fixed"
+    for number, (fixed, leg) in enumerate(zip(own.legs, _legs(plan), strict=False)):
+        driven = tuple(segment.segment for segment in leg)
+        if driven[: len(fixed.path)] != fixed.path or (fixed.complete and driven != fixed.path):
+            yield f"leaves the fixed way of leg {number}"
+
+
 def _fleet_faults(
-    plans: Sequence[VehiclePlan], fleet: Fleet, unserved: Collection[str]
+    plans: Sequence[VehiclePlan],
+    fleet: Fleet,
+    unserved: Collection[str],
+    bound: Collection[str],
 ) -> Iterator[str]:
     count = Counter(plan.vehicle for plan in plans)
+    yield from (f"{vehicle}: is bound and has no plan" for vehicle in bound if not count[vehicle])
     for vehicle in fleet.vehicles:
         if count.pop(vehicle.id, 0) > 1:
             yield f"{vehicle.id}: has more than one plan"
@@ -76,7 +104,9 @@ def _fleet_faults(
         yield "plans of different cycles"
 
 
-def _window_faults(plan: VehiclePlan, fleet: Fleet, reference_s: float) -> Iterator[str]:
+def _window_faults(
+    plan: VehiclePlan, fleet: Fleet, reference_s: float, own: Commitment | None
+) -> Iterator[str]:
     begin_ns = plan.issued_ns + round(reference_s * 1e9)
 
     def late(time_ns: int, limit_s: float) -> bool:
@@ -87,33 +117,40 @@ def _window_faults(plan: VehiclePlan, fleet: Fleet, reference_s: float) -> Itera
         return
     leave_by_s = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
     early_ns = begin_ns + round(vehicle.ready_s * 1e9) - _TOLERANCE_NS
-    if plan.depart_ns < early_ns or late(plan.depart_ns, leave_by_s):
+    if own is None and (plan.depart_ns < early_ns or late(plan.depart_ns, leave_by_s)):
         yield "leaves outside its window"
-    if vehicle.return_by_s is not None and late(plan.stops[-1].arrival_ns, vehicle.return_by_s):
+    back_ns = plan.stops[-1].arrival_ns
+    if own is None and vehicle.return_by_s is not None and late(back_ns, vehicle.return_by_s):
         yield "is back too late"
     stops = [(s, fleet.stop_by_id[s.stop]) for s in plan.stops[1:-1] if s.stop in fleet.stop_by_id]
     for visit, stop in stops:
         begins_ns = visit.departure_ns - round(stop.service_s * 1e9)
         if begins_ns < begin_ns + round(stop.earliest_s * 1e9) - _TOLERANCE_NS:
             yield f"serves {stop.id} before its window"
-        if stop.latest_s is not None and late(visit.arrival_ns, stop.latest_s):
+        if own is None and stop.latest_s is not None and late(visit.arrival_ns, stop.latest_s):
             yield f"comes to {stop.id} after its window"
     overload = fleet.overload(vehicle, (stop for _, stop in stops))
     if overload is not None:
         yield f"carries {overload}"
 
 
-def _stop_faults(plan: VehiclePlan, fleet: Fleet, unserved: Collection[str]) -> Iterator[str]:
-    if len(plan.stops) < 3:
+def _stop_faults(
+    plan: VehiclePlan, fleet: Fleet, unserved: Collection[str], own: Commitment | None
+) -> Iterator[str]:
+    if len(plan.stops) < (3 if own is None or own.stops else 2):
         yield "serves no stop"
         return
     for vehicle in fleet.vehicles:
         if vehicle.id != plan.vehicle:
             continue
         depot = fleet.depot_of(vehicle)
-        for where, stop in (("start", plan.stops[0]), ("end", plan.stops[-1])):
-            if (stop.stop, stop.node) != (depot.id, depot.node):
-                yield f"does not {where} at its depot"
+        first, last = plan.stops[0], plan.stops[-1]
+        if own is None and (first.stop, first.node) != (depot.id, depot.node):
+            yield "does not start at its depot"
+        if own is not None and (first.stop, first.node) != (own.place, own.node):
+            yield "does not start at the place that it left last"
+        if (last.stop, last.node) != (depot.id, depot.node):
+            yield "does not end at its depot"
     for stop in plan.stops[1:-1]:
         known = fleet.charging_stop_by_id.get(stop.stop, fleet.stop_by_id.get(stop.stop))
         if known is None or known.node != stop.node:
@@ -133,7 +170,7 @@ def _legs(plan: VehiclePlan) -> list[list[PlannedSegment]]:
     return legs
 
 
-def _path_faults(plan: VehiclePlan, network: RoadNetwork) -> Iterator[str]:
+def _path_faults(plan: VehiclePlan, network: RoadNetwork, own: Commitment | None) -> Iterator[str]:
     numbers = [segment.leg for segment in plan.segments]
     driven_legs = {
         n for n, (a, b) in enumerate(pairwise(plan.stops)) if a.node != b.node or n in numbers
@@ -149,10 +186,9 @@ def _path_faults(plan: VehiclePlan, network: RoadNetwork) -> Iterator[str]:
         if not leg:
             continue
         roads = [network.segments[segment.segment] for segment in leg]
-        if (
-            roads[0].start != plan.stops[number].node
-            or roads[-1].end != plan.stops[number + 1].node
-        ):
+        on_its_way = number == 0 and own is not None and own.moving is not None
+        begins = on_its_way or roads[0].start == plan.stops[number].node
+        if not begins or roads[-1].end != plan.stops[number + 1].node:
             yield f"leg {number} does not join its stops"
         for a, b in pairwise(roads):
             if a.end != b.start or b.id not in network.turns(a.id):
@@ -162,10 +198,14 @@ def _path_faults(plan: VehiclePlan, network: RoadNetwork) -> Iterator[str]:
         yield f"distance is {driven:.0f} m, not {plan.distance_m:.0f} m"
 
 
-def _time_faults(plan: VehiclePlan, network: RoadNetwork, fleet: Fleet) -> Iterator[str]:
+def _time_faults(
+    plan: VehiclePlan, network: RoadNetwork, fleet: Fleet, own: Commitment | None
+) -> Iterator[str]:
     if not plan.stops:
         return
-    if not plan.issued_ns <= plan.depart_ns == plan.stops[0].departure_ns:
+    # One that moves has left already: its first time is that of the segment that it is on.
+    early = plan.depart_ns < plan.issued_ns and (own is None or own.moving is None)
+    if early or plan.depart_ns != plan.stops[0].departure_ns:
         yield "leaves before its plan is issued, or at another time than its first stop says"
     if plan.valid_until_ns <= plan.issued_ns:
         yield "is valid until before it is issued"
@@ -198,10 +238,15 @@ def _time_faults(plan: VehiclePlan, network: RoadNetwork, fleet: Fleet) -> Itera
 
 
 def _charge_faults(
-    plan: VehiclePlan, network: RoadNetwork, fleet: Fleet, reference_s: float
+    plan: VehiclePlan,
+    network: RoadNetwork,
+    fleet: Fleet,
+    reference_s: float,
+    own: Commitment | None,
 ) -> Iterator[str]:
     """Charge by the plan's own figures, against what the battery holds, what a place gives in the
-    time, and the work of rolling, below which no leg's energy can be.
+    time, and the work of rolling, below which no leg's energy can be. A bound vehicle delivers
+    what it has loaded, whatever its reserve.
     """
     vehicle = fleet.vehicle_by_id.get(plan.vehicle)
     kind = None if vehicle is None else fleet.type_of(vehicle)
@@ -222,12 +267,15 @@ def _charge_faults(
         if visit.charge_kwh is None:
             yield f"no charge is planned for {visit.stop}"
             return
+        # A part of a bound vehicle's first leg may lie behind it.
+        ahead = [] if own is not None and number == 1 else leg
         least_kwh = kind.profile.physics.electrical_kwh(
-            rolling_n * sum(network.segments[s.segment].length_m for s in leg)
+            rolling_n * sum(network.segments[s.segment].length_m for s in ahead)
         )
         if visit.charge_kwh > min(charge, kind.battery_kwh) - least_kwh + _TOLERANCE_KWH:
             yield f"comes to {visit.stop} with more charge than it can have"
-        reserve_kwh = kind.battery_reserve * kind.battery_kwh if number > 0 else 0.0
+        is_free = own is None and number > 0
+        reserve_kwh = kind.battery_reserve * kind.battery_kwh if is_free else 0.0
         if visit.charge_kwh < reserve_kwh - _TOLERANCE_KWH:
             yield f"comes to {visit.stop} with less than its reserve of {reserve_kwh:g} kWh"
         place = fleet.charging_stop_by_id.get(visit.stop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dispatcher_daemon.roads.costs import planning_speed_mps, segment_cost_kwh
+from dispatcher_daemon.roads.onward import leg_from, leg_onward, unhindered_s
 from dispatcher_daemon.roads.routes import (
     Leg,
     Route,
@@ -31,10 +32,13 @@ __all__ = [
     "fleet_travel",
     "lateness_s",
     "least_energy_legs",
+    "leg_from",
+    "leg_onward",
     "planning_speed_mps",
     "roads_of",
     "searched_again",
     "segment_cost_kwh",
     "timed",
     "timetable",
+    "unhindered_s",
 ]

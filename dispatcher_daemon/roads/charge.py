@@ -49,7 +49,10 @@ def battery_of(fleet: Fleet, vehicle: Vehicle) -> Battery | None:
     kind = fleet.type_of(vehicle)
     if kind is None or kind.battery_kwh is None:
         return None
-    charge_kwh = kind.battery_kwh if vehicle.charge_kwh is None else vehicle.charge_kwh
+    charge_kwh = kind.battery_kwh
+    if vehicle.charge_kwh is not None:
+        # A vehicle's own measurement may exceed what its type is said to hold.
+        charge_kwh = min(charge_kwh, vehicle.charge_kwh)
     power_kw = math.inf if kind.charging_power_kw is None else kind.charging_power_kw
     place_kw = fleet.depot_of(vehicle).charging_power_kw
     return Battery(

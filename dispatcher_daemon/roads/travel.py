@@ -149,6 +149,7 @@ class Travel:
         energy_kwh: of the path from place i to place j, inf where there is none, shape (n, n).
         search_cost_kwh: the same with the discounts that the search was given, shape (n, n).
         duration_s: of its drive, to about a second, shape (n, n).
+        searched: the costs that the search minimised.
     """
 
     def __init__(
@@ -183,6 +184,7 @@ class Travel:
         searched = roads.objective
         if discount_kwh is not None:
             searched = searched.discounted(discount_kwh, roads.turn)
+        self.searched = searched
         self._before, self._last = self._search(searched)
         pairs = np.ix_(self._node_of, self._node_of)
         self.search_cost_kwh, self.energy_kwh, self.duration_s = (

@@ -17,6 +17,8 @@ from slipstream.messages import VehicleSensing
 MIN_SPEED_MPS: Final = 5.0
 """Below it no drag reduction is credited: there is next to no drag."""
 
+CLOSE_GAP_M: Final = 7.5
+
 
 class Gates(Protocol):
     """Gate and true traffic of a segment."""
@@ -48,7 +50,6 @@ def drafting(
     sensed: Mapping[str, VehicleSensing],
     following: Mapping[str, bool],
     gates: Gates,
-    close_m: float,
 ) -> Drafting:
     """The drag reductions of a step.
 
@@ -56,14 +57,13 @@ def drafting(
         sensed: by vehicle, of all on the road.
         following: by vehicle whose gap its agent keeps: whether it follows, or leaves.
         gates: of the segments.
-        close_m: largest gap that counts as close.
     """
     eta: dict[str, float] = {}
     exposed: set[str] = set()
     for name, follows in following.items():
         own = sensed[name]
         ahead = own.ahead
-        if ahead is None or ahead.vehicle is None or ahead.gap_m > close_m:
+        if ahead is None or ahead.vehicle is None or ahead.gap_m > CLOSE_GAP_M:
             continue
         front = sensed.get(ahead.vehicle)
         if front is None:

@@ -21,6 +21,7 @@ from slipstream.messages import (
     VehiclePlan,
     VehicleSensing,
 )
+from slipstream.roads import RoadNetwork
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
 _ARRIVED_M: Final = 5.0
@@ -116,13 +117,15 @@ class FleetWorld:
         gates: of the segments, and their true traffic, for the drag reductions.
         service_s: time that a stop takes, by its id.
         step_s: of the simulation.
-        close_m: largest gap that counts as close.
         clock_ns: the moment of the simulation as agents and dispatcher have it.
         pace: desired speed of the fleet's vehicles over the limit.
         physics: of the vehicles.
 
     Attributes:
         disengagements: close gaps given up because the state of the segment was turbulent.
+        begun_s: when the service of each stop began.
+        again: stops that were served once more.
+        tours_finished: that ended at the depot.
     """
 
     def __init__(
@@ -134,19 +137,26 @@ class FleetWorld:
         gates: Gates,
         service_s: Callable[[str], float],
         step_s: float,
-        close_m: float,
         clock_ns: Callable[[], int],
         pace: float = 1.0,
         physics: VehicleParameters = PAPER_CAR,
     ) -> None:
         self._session, self._lengths_m, self._agents = session, lengths_m, agents
         self._gates, self._service_s, self._step_s = gates, service_s, step_s
-        self._close_m, self._clock_ns = close_m, clock_ns
+        self._clock_ns = clock_ns
         self._pace, self._physics = pace, physics
         self._vans = {name: _Van(segment) for name, segment in sorted(places.items())}
         self._sensed: dict[str, VehicleSensing] = {}
         self._following: dict[str, bool] = {}
         self.disengagements = 0
+        self.begun_s: dict[str, float] = {}
+        self.again: list[str] = []
+        self.tours_finished = 0
+
+    @property
+    def tours_begun(self) -> int:
+        """Tours so far."""
+        return sum(van.tour + 1 for van in self._vans.values())
 
     @property
     def unfinished(self) -> int:
@@ -169,7 +179,7 @@ class FleetWorld:
             if van.way is None:
                 self._stand(name, van, now_s, now_ns)
         self._drive(now_ns)
-        drafts = drafting(self._sensed, self._following, self._gates, self._close_m)
+        drafts = drafting(self._sensed, self._following, self._gates)
         self._session.advance()
         after_s, gone = self._session.time_s, set(libsumo.simulation.getArrivedIDList())
         ended = []
@@ -225,6 +235,9 @@ class FleetWorld:
             self._enter(name, van, plan, advice.leg, now_s)
 
     def _serve(self, van: _Van, stop: str, now_s: float) -> None:
+        if stop in self.begun_s:
+            self.again.append(stop)
+        self.begun_s.setdefault(stop, now_s)
         van.serves, van.told_s = (stop, now_s + self._service_s(stop)), 0.0
 
     def _enter(self, name: str, van: _Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
@@ -341,11 +354,18 @@ class FleetWorld:
         van.look_ns = 0
         if way.number + 1 < len(way.plan.stops) - 1:
             self._serve(van, way.plan.stops[way.number + 1].stop, now_s)
+        else:
+            self.tours_finished += 1
         return driven
 
     def _time_s(self, time_ns: int) -> float:
         """The simulation's time of a moment, s."""
         return self._session.time_s + (time_ns - self._clock_ns()) / 1e9
+
+
+def yard(network: RoadNetwork, node: str) -> str:
+    """A segment that ends at a depot's junction, for a vehicle that stands in its yard."""
+    return min(segment.id for segment in network.segments.values() if segment.end == node)
 
 
 def _planned(plan: VehiclePlan, leg: int) -> tuple[PlannedSegment, ...]:

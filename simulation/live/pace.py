@@ -13,11 +13,10 @@ as a burst of steps would show vehicles racing."""
 
 @dataclass
 class Pace:
-    """Steps of a simulation that runs at a multiple of real time.
+    """Steps of a simulation that runs in real time.
 
     Attributes:
-        step_s: simulated.
-        speed: simulated seconds a second.
+        step_s: simulated, and by the clock.
         clock: monotonic, s.
         steps: done.
         late: steps that began more than their own length after they were due.
@@ -25,7 +24,6 @@ class Pace:
     """
 
     step_s: float
-    speed: float
     clock: Callable[[], float]
     steps: int = 0
     late: int = 0
@@ -33,27 +31,22 @@ class Pace:
     _began_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        if not (self.step_s > 0 and self.speed > 0):
-            raise ValueError("step_s and speed must be > 0")
+        if not self.step_s > 0:
+            raise ValueError("step_s must be > 0")
         self._began_s = self.clock()
-
-    @property
-    def wall_step_s(self) -> float:
-        """Wall time from one step to the next."""
-        return self.step_s / self.speed
 
     @property
     def due_s(self) -> float:
         """When the last step was due, by the clock: what it shows is of that moment."""
-        return self._began_s + self.steps * self.wall_step_s
+        return self._began_s + self.steps * self.step_s
 
     def wait_s(self) -> float:
         """How long the next step is not yet due, 0 if it is; call it once before each step."""
-        behind_s = self.clock() - self.due_s - self.wall_step_s
+        behind_s = self.clock() - self.due_s - self.step_s
         if behind_s > SLIP_S:
             self.slipped_s += behind_s
             self._began_s += behind_s
-        self.late += behind_s > self.wall_step_s
+        self.late += behind_s > self.step_s
         return max(0.0, -behind_s)
 
     def stepped(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from simulation.live.fleet_file import FleetFile, open_since_s
+from simulation.live.fleet_file import FleetFile
 from simulation.live.world_spec import WorldSpec
 from simulation.scenarios.demand import draw_deliveries
 from simulation.scenarios.perception import Rsu
@@ -31,7 +31,6 @@ def prepare_world(
     rsus: Path | None = None,
     fleet: Path | None = None,
     begin_s: float,
-    speed: float,
     cameras: int,
     fps: float,
     priority: bool = False,
@@ -43,7 +42,6 @@ def prepare_world(
         name: of the scenario; ``net`` to ``fleet`` as for `load_scenario`.
         routes: a route file of the user's instead of any demand.
         begin_s: simulated time that the world opens at, s since midnight.
-        speed: simulated seconds a second.
         cameras: RSUs that get one, the first ones of the scenario.
         fps: pictures a second.
         priority: whether vehicles may ask signals for green.
@@ -57,9 +55,7 @@ def prepare_world(
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, name)
     folder.mkdir(parents=True, exist_ok=True)
     orders = folder / "fleet.json"
-    old = {o.id for o in deliveries.orders if o.release_s < open_since_s(deliveries, begin_s)}
-    idle = dict.fromkeys(deliveries.vehicles, begin_s)
-    if not FleetFile(orders, deliveries).write(begin_s, idle, old):
+    if not FleetFile(orders, deliveries, begin_s).write(begin_s, ()):
         raise InputError("--begin", "no order is open at this time of day", "begin in the daytime")
     if scenario.rsus is not None:
         _check_count(name, scenario.rsus, cameras)
@@ -75,7 +71,6 @@ def prepare_world(
     return WorldSpec(
         day,
         begin_s,
-        speed,
         background.rsus[:cameras],
         deliveries,
         orders,

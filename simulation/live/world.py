@@ -13,25 +13,23 @@ from typing import Final
 
 import libsumo
 
-from simulation.closed_loop.policy import LEVERS, WITHOUT_PRIORITY, Policy
-from simulation.controllers.fleet_controller import FleetController
+from simulation.fleet.world import FleetWorld, yard
+from simulation.live.agents import BusAgents, BusGates
 from simulation.live.camera import Camera, CameraSpec
-from simulation.live.fleet import LiveFleet
 from simulation.live.fleet_file import FleetFile
-from simulation.live.gates import BusGates
 from simulation.live.pace import Pace
-from simulation.live.plans import PlanQueue, in_world_time
+from simulation.live.signals import LiveSignals
 from simulation.live.sites import camera_site
 from simulation.live.views import RADIUS_M, Views
 from simulation.live.world_spec import WorldCounts, WorldSpec
 from simulation.scenarios.day import sumo_options
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.networks import scenario_network
+from simulation.signals import SignalController
 from simulation.sumo.session import Session
 from simulation.sumo_view import SumoClipSettings, draw_pose
 from simulation.sumo_view.net import read_roads
 from slipstream.bus import Bus
-from slipstream.messages import ALL_PLANS, ALL_STATES, position_key
 from slipstream.roads import RoadNetwork
 
 _WARM_STEP_S: Final = 10.0
@@ -76,18 +74,29 @@ class _World:
         self._spec, self._session = spec, session
         self._cameras, self._views = cameras, views
         vehicles = spec.deliveries.vehicles
-        self._mailbox, gates = PlanQueue(vehicles), BusGates()
-        bus.subscribe(ALL_PLANS, self._mailbox.take)
-        bus.subscribe(ALL_STATES, gates.take, history=False)
-        self._outlets = {name: bus.publisher(position_key(name), history=0) for name in vehicles}
         lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
-        policy = Policy("live", frozenset(LEVERS) if spec.priority else WITHOUT_PRIORITY)
-        controller = FleetController(policy.levers, spec.day.net, spec.step_s, lengths_m, gates)
-        self._fleet = LiveFleet(
-            session, spec.deliveries, network, controller, spec.step_s, session.time_s
+        intersections = sorted(
+            {c.intersection for c in network.crossings.values() if c.intersection is not None}
         )
-        self._orders = FleetFile(spec.fleet, spec.deliveries)
-        self._pace = Pace(spec.step_s, spec.speed, time.monotonic)
+        self._signals = LiveSignals(
+            bus, SignalController(intersections, spec.priority), intersections
+        )
+        orders = {order.id: order for order in spec.deliveries.orders}
+        depots = {depot.id: depot.node for depot in spec.deliveries.settings.depots}
+        self._fleet = FleetWorld(
+            session,
+            {name: yard(network, depots[depot]) for name, depot in vehicles.items()},
+            lengths_m,
+            BusAgents(bus, vehicles),
+            BusGates(bus),
+            lambda stop: orders[stop].service_s,
+            spec.step_s,
+            time.time_ns,
+        )
+        self._orders = FleetFile(spec.fleet, spec.deliveries, session.time_s)
+        self._legs, self._driven_m = 0, 0.0
+        self._driven: set[str] = set()
+        self._pace = Pace(spec.step_s, time.monotonic)
         self._gridlock, self._look_s = GridlockWatch(), session.time_s + CHECK_S
 
     def run(self, connection: Connection) -> None:
@@ -98,8 +107,12 @@ class _World:
         """
         reported_s = 0.0
         while not connection.poll(self._pace.wait_s()):
-            self._take_plans()
-            self._fleet.step()
+            now_s = self._session.time_s
+            self._signals.step(now_s, time.time_ns() - round(now_s * 1e9))
+            for leg in self._fleet.step():
+                self._legs += 1
+                self._driven_m += leg.distance_m
+                self._driven.add(leg.vehicle)
             self._pace.stepped()
             self._look_for_gridlock()
             if self._pace.steps % self._spec.steps_a_frame == 0:
@@ -117,18 +130,9 @@ class _World:
             self._look_s += CHECK_S
             self._gridlock.refuse(now_s, self._spec.day.routes)
 
-    def _take_plans(self) -> None:
-        for plan in self._mailbox.drain():
-            age_s = (time.time_ns() - plan.issued_ns) / 1e9
-            issued_s = self._session.time_s - self._spec.speed * age_s
-            self._fleet.plan(in_world_time(plan, issued_s))
-
     def _report_time(self, connection: Connection) -> None:
-        """What vehicles, orders and the world itself have to say twice a second."""
-        for position in self._fleet.positions(time.time_ns()):
-            self._outlets[position.vehicle].put(position)
-        tours = self._fleet.tours
-        waiting = self._orders.write(self._session.time_s, tours.idle, tours.taken)
+        """What orders and the world itself have to say twice a second."""
+        waiting = self._orders.write(self._session.time_s, self._fleet.begun_s)
         connection.send(("counts", self._counts(waiting)))
 
     def _counts(self, waiting: int) -> WorldCounts:
@@ -143,12 +147,14 @@ class _World:
             frames_skipped=sum(camera.skipped for camera in self._cameras),
             vehicles=int(libsumo.vehicle.getIDCount()),
             orders_waiting=waiting,
-            rounds_begun=fleet.begun,
-            rounds_finished=fleet.finished,
-            legs_driven=fleet.legs,
-            fleet_driven_m=fleet.driven_m,
+            tours_begun=fleet.tours_begun,
+            tours_finished=fleet.tours_finished,
+            orders_served=len(fleet.begun_s),
+            orders_served_again=len(fleet.again),
+            legs_driven=self._legs,
+            fleet_driven_m=self._driven_m,
             fleet_on_road=fleet.on_road,
-            fleet_vehicles_driven=len(fleet.driven),
+            fleet_vehicles_driven=len(self._driven),
         )
 
 

@@ -23,7 +23,6 @@ class WorldSpec:
     Attributes:
         day: files, and the time that the background starts at; its step is not used.
         begin_s: simulated time that the world opens at; what comes before fills the roads.
-        speed: simulated seconds a second.
         rsus: that have a camera.
         deliveries: orders and vehicles; plans for others are ignored.
         fleet: the dispatcher's fleet file, kept up to date.
@@ -37,7 +36,6 @@ class WorldSpec:
 
     day: DaySpec
     begin_s: float
-    speed: float
     rsus: tuple[Rsu, ...]
     deliveries: Deliveries
     fleet: Path
@@ -52,14 +50,14 @@ class WorldSpec:
     @property
     def steps_a_frame(self) -> int:
         """Steps of the simulation from one picture to the next."""
-        return max(1, math.ceil(self.speed / self.fps / _MAX_STEP_S - 1e-6))
+        return max(1, math.ceil(1 / self.fps / _MAX_STEP_S - 1e-6))
 
     @property
     def step_s(self) -> float:
         """Simulated time of a step, in SUMO's whole milliseconds: at most 0.1 s, so that a picture
         is due after whole steps.
         """
-        return max(0.001, round(self.speed / self.fps / self.steps_a_frame, 3))
+        return max(0.001, round(1 / self.fps / self.steps_a_frame, 3))
 
 
 @dataclass(frozen=True)
@@ -92,9 +90,11 @@ class WorldCounts:
         frames: pictures served.
         frames_skipped: pictures left out as the camera was still busy with the one before.
         vehicles: on the road now, the fleet's included.
-        orders_waiting: released and not taken.
-        rounds_begun: plans that a vehicle follows or has followed.
-        rounds_finished: of them, ended at the depot.
+        orders_waiting: released and not served.
+        tours_begun: of all vehicles, from their depots.
+        tours_finished: of them, ended at the depot.
+        orders_served: whose service has begun.
+        orders_served_again: times that a vehicle came to an order that was served before.
         legs_driven: of the fleet, to their end.
         fleet_driven_m: on them.
         fleet_on_road: vehicles of the fleet on a leg now.
@@ -110,8 +110,10 @@ class WorldCounts:
     frames_skipped: int
     vehicles: int
     orders_waiting: int
-    rounds_begun: int
-    rounds_finished: int
+    tours_begun: int
+    tours_finished: int
+    orders_served: int
+    orders_served_again: int
     legs_driven: int
     fleet_driven_m: float
     fleet_on_road: int

@@ -133,6 +133,11 @@ class VehiclePlan(Message):
         "begins at a depot.",
     )
 
+    @property
+    def service_stops(self) -> tuple[PlannedStop, ...]:
+        """The stops to serve: those between the ends that are not for charging."""
+        return tuple(stop for stop in self.stops[1:-1] if stop.charged_kwh == 0)
+
 
 def plan_key(vehicle: str) -> str:
     """Key of a VehiclePlan."""

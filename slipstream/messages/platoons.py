@@ -52,6 +52,13 @@ class PlatoonControl(Message):
     leader: Identifier = Field(description="Of its platoon; itself where it follows none.")
     joined_by: Identifier | None = Field(description="Vehicle that it lets catch up; null: none.")
     tail_m: NonNegative = Field(description="From its front to the rear of its last follower.")
+    gap_m: Finite | None = Field(
+        default=None, description="To `ahead`, as sensed; null: not sensed, or it follows none."
+    )
+    platoon: Identifier | None = Field(
+        default=None, description="Of its plan, on the segment that it is on; null: none."
+    )
+    place: Count | None = Field(default=None, description="In that platoon; 0 is the leader.")
 
 
 class PlatoonManagement(Message):

@@ -43,9 +43,6 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument("--rsu-file", type=Path, help="other RSUs (TOML)")
     command.add_argument("--begin", default="07:30", metavar="HH:MM", help="simulated time of day")
     command.add_argument(
-        "--speed", type=float, default=1.0, help="times real time, 0.1 to 10 (default 1)"
-    )
-    command.add_argument(
         "--rsus", type=int, default=2, metavar="N", help="RSUs with a camera (default 2)"
     )
     command.add_argument("--fps", type=float, default=10.0, help="pictures a second (default 10)")
@@ -69,7 +66,6 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Run until Ctrl-C, or for ``--seconds`` after the world has opened."""
     for name, low, high in (
-        ("speed", 0.1, 10.0),
         ("fps", 5.0, 30.0),
         ("interval", 2.0, 86400.0),
         ("rsus", 1, 100),
@@ -119,7 +115,6 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
             rsus=options.rsu_file,
             fleet=options.fleet,
             begin_s=begin_s,
-            speed=options.speed,
             cameras=options.rsus,
             fps=options.fps,
             priority=options.priority,
@@ -188,8 +183,9 @@ def _line(world: WorldProcess) -> str:
     minutes = round(counts.time_s / 60)
     line = (
         f"{minutes // 60:02}:{minutes % 60:02}, {counts.vehicles} vehicles on the road, "
-        f"{counts.fleet_on_road} of the fleet; {counts.rounds_begun} rounds begun, "
-        f"{counts.orders_waiting} orders wait; {counts.frames} pictures"
+        f"{counts.fleet_on_road} of the fleet; {counts.tours_begun} tours begun, "
+        f"{counts.orders_served} orders served, {counts.orders_waiting} wait; "
+        f"{counts.frames} pictures"
     )
     if counts.frames_skipped:
         line += f", {counts.frames_skipped} left out"

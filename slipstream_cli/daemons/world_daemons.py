@@ -32,6 +32,8 @@ def write_world_settings(
     from edge_daemon.settings import EdgeSettings
     from simulation.closed_loop.gates import WINDOW_S
     from simulation.closed_loop.policy import Policy
+    from simulation.sumo import TYPES
+    from vehicle_agent.settings import AgentSettings
 
     bus = {"connect": [bus_endpoint]}
     rsus = {camera.rsu: tuple(camera.segments) for camera in cameras}
@@ -75,6 +77,19 @@ def write_world_settings(
                     "coasting_budget": Policy("live").coasting_budget,
                     "signal_priority": order.priority,
                 },
+            }
+        ),
+    )
+    daemons["agents"] = (
+        "agent",
+        AgentSettings.model_validate(
+            {
+                "bus": bus,
+                "vehicles": [
+                    {"id": name, "length_m": TYPES["cav"].length_m}
+                    for name in order.deliveries.vehicles
+                ],
+                "state": (folder / "agents").absolute(),
             }
         ),
     )

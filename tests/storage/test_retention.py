@@ -145,7 +145,11 @@ def test_the_upgrade_trusts_the_newest_cycle(url, make_cycle):
     with storage.open_database(url) as database:
         _fill(database, make_cycle, 1, 3, right_ns)
     with closing(sqlite3.connect(_path(url))) as old:
-        old.execute("DROP TABLE clock")
+        for table in ("clock", "vehicles", "order_changes", "orders"):
+            old.execute(f"DROP TABLE {table}")
+        old.execute("DROP INDEX ix_plans_status")
+        for column in ("continues", "status", "status_ns", "status_reason"):
+            old.execute(f"ALTER TABLE plans DROP COLUMN {column}")
         old.execute("UPDATE alembic_version SET version_num = '0004'")
         old.commit()
     with storage.open_database(url) as database:

@@ -1,0 +1,87 @@
+"""Where a cycle begins: free vehicles, orders that may be planned, vehicles bound to plans."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from dispatcher_daemon.commitments import Commitment
+from dispatcher_daemon.fleet import Fleet, Vehicle
+from dispatcher_daemon.tracking.orders import stops_at
+from dispatcher_daemon.tracking.vehicle import TrackedVehicle
+from slipstream.orders import OrderRecord
+
+
+@dataclass(frozen=True)
+class Situation:
+    """The fleet of one cycle.
+
+    Attributes:
+        fleet: free vehicles and open orders, then the vehicles with commitments and their stops.
+            The fleet's file itself where no vehicle has ever reported. None: nothing to plan.
+        commitments: of those vehicles.
+        left_out: reason by vehicle that is not planned in this cycle; it keeps what it has.
+    """
+
+    fleet: Fleet | None
+    commitments: tuple[Commitment, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+
+def cycle_fleet(
+    fleet: Fleet | None,
+    free: Sequence[Vehicle],
+    bound: Sequence[Commitment],
+    vehicles: Mapping[str, TrackedVehicle],
+    orders: Mapping[str, OrderRecord],
+    may_plan: Callable[[str], bool],
+    reference_ns: int,
+) -> Fleet | None:
+    """The fleet of a cycle; see `Situation`.
+
+    Args:
+        fleet: of the file.
+        free: vehicles of it that may be planned from their depots.
+        bound: vehicles that have to keep to something.
+        vehicles: all, by id.
+        orders: all, by id.
+        may_plan: whether an order may be planned for any vehicle.
+        reference_ns: UTC that the fleet's times count from.
+    """
+    stops = () if fleet is None else fleet.stops
+    listed = () if fleet is None else fleet.vehicles
+    ready = {vehicle.id for vehicle in free}
+    # What is loaded on a vehicle that cannot be planned now is not for others.
+    aboard = {vehicle.first_stop for vehicle in listed if vehicle.id not in ready}
+    pool = [stop for stop in stops if may_plan(stop.id) and stop.id not in aboard]
+    if not bound and len(pool) == len(stops) and {*free} == {*listed}:
+        return fleet
+    if not bound and not (free and pool):
+        return None
+    names = {stop.id for stop in pool}
+    planned = [
+        vehicle
+        if vehicle.first_stop is None or vehicle.first_stop in names
+        else vehicle.model_copy(update={"first_stop": None})
+        for vehicle in free
+    ]
+    depots = {} if fleet is None else dict(fleet.depot_by_id)
+    for own in bound:
+        vehicle = vehicles[own.vehicle]
+        pool += stops_at([orders[order] for order in own.stops], reference_ns)
+        depot = vehicle.depot
+        if depots.get(depot.id, depot) != depot:
+            # The file has moved its depot since it left.
+            depot = depot.model_copy(update={"id": f"{depot.id} of {own.vehicle}"})
+        depots[depot.id] = depot
+        place = {"depot": depot.id, "first_stop": own.stops[0] if own.stops else None}
+        planned.append(vehicle.charged().model_copy(update=place))
+    # Its parts have been checked, and a fleet on its way home has no stop.
+    return Fleet.model_construct(
+        name="fleet" if fleet is None else fleet.name,
+        depots=tuple(depots.values()),
+        stops=tuple(pool),
+        vehicles=tuple(planned),
+        vehicle_types=() if fleet is None else fleet.vehicle_types,
+        charging_stops=() if fleet is None else fleet.charging_stops,
+    )

@@ -1,0 +1,127 @@
+"""What is recorded of orders, plans and vehicles: the life of each, with times and reasons.
+
+An order is open, planned (a published plan has it), under_way (its vehicle has left with it), and
+served, failed or cancelled in the end. A plan is published, acknowledged by its vehicle, and in the
+end refused by it, superseded by a later one, done, or lapsed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args
+
+from slipstream.messages import VehiclePlan, VehiclePosition
+
+OrderState = Literal["open", "planned", "under_way", "served", "failed", "cancelled"]
+ORDER_STATES: Final[tuple[OrderState, ...]] = get_args(OrderState)
+ENDED: Final[frozenset[OrderState]] = frozenset({"served", "failed", "cancelled"})
+
+PlanStatus = Literal["published", "acknowledged", "refused", "superseded", "done", "lapsed"]
+IN_FORCE: Final[frozenset[PlanStatus]] = frozenset({"published", "acknowledged"})
+
+
+@dataclass(frozen=True)
+class OrderRecord:
+    """One order as it is now.
+
+    Attributes:
+        order: its id, the stop's.
+        node: junction of the stop.
+        service_s: time at the stop.
+        demand: of a vehicle's capacity.
+        earliest_ns: service starts no sooner, UTC; None while it is open.
+        latest_ns: service starts no later, UTC; None: whenever, or open.
+        state: see the module.
+        since_ns: UTC of the last change of state, vehicle or plan.
+        reason: of that change.
+        vehicle: that has it; None: none. It stays when the order has ended.
+        cycle: of that vehicle's plan.
+        listed: whether the fleet's file still has it.
+    """
+
+    order: str
+    node: str
+    service_s: float
+    demand: int
+    earliest_ns: int | None
+    latest_ns: int | None
+    state: OrderState
+    since_ns: int
+    reason: str
+    vehicle: str | None = None
+    cycle: int | None = None
+    listed: bool = True
+
+    @property
+    def ended(self) -> bool:
+        """True if nothing more is to be done for it."""
+        return self.state in ENDED
+
+
+@dataclass(frozen=True)
+class OrderChange:
+    """One change in an order's life; fields as in `OrderRecord`."""
+
+    order: str
+    time_ns: int
+    state: OrderState
+    reason: str
+    vehicle: str | None
+    cycle: int | None
+
+
+@dataclass(frozen=True)
+class PlanRecord:
+    """What became of one vehicle's plan.
+
+    Attributes:
+        plan: as it was published.
+        status: see the module.
+        since_ns: UTC of the last change.
+        reason: why it was refused, superseded or has lapsed; None otherwise.
+    """
+
+    plan: VehiclePlan
+    status: PlanStatus
+    since_ns: int
+    reason: str | None = None
+
+
+@dataclass(frozen=True)
+class VehicleRecord:
+    """What is known of a vehicle that has reported at least once, or has a plan.
+
+    Attributes:
+        vehicle: its id.
+        definition: as in the fleet's file.
+        depot: likewise.
+        position: the latest; None: it has never sent one.
+        reports_progress: whether it has ever sent its visits.
+        answered_ns: UTC of its last message of any kind; None: it has never sent one.
+        left_out_until: cycle from which on it is planned again after a refusal; 0: it is.
+    """
+
+    vehicle: str
+    definition: dict[str, Any]
+    depot: dict[str, Any]
+    position: VehiclePosition | None = None
+    reports_progress: bool = False
+    answered_ns: int | None = None
+    left_out_until: int = 0
+
+
+@dataclass(frozen=True)
+class FleetRecords:
+    """What a cycle stores of orders, plans and vehicles, or a start loads of them.
+
+    Attributes:
+        orders: that have changed, or all that count.
+        changes: in their order; none when loaded.
+        plans: of earlier cycles whose status has changed, or all in force.
+        vehicles: that have changed, or all.
+    """
+
+    orders: tuple[OrderRecord, ...] = ()
+    changes: tuple[OrderChange, ...] = ()
+    plans: tuple[PlanRecord, ...] = ()
+    vehicles: tuple[VehicleRecord, ...] = ()

@@ -1,0 +1,145 @@
+"""Orders, plans in force and vehicles: stored with each cycle, loaded by a restarted dispatcher."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, fields
+from typing import Any, Final
+
+from sqlalchemy import delete, func, insert, or_, select, update
+from sqlalchemy.orm import Session
+
+from slipstream.messages import VehiclePosition
+from slipstream.orders import (
+    ENDED,
+    IN_FORCE,
+    FleetRecords,
+    OrderChange,
+    OrderRecord,
+    OrderState,
+    PlanRecord,
+    VehicleRecord,
+)
+from storage.models import OrderChangeRow, OrderRow, PlanRow, VehicleRow
+from storage.rows import vehicle_plan
+
+REMEMBERED_S: Final = 86_400.0
+"""For so long a dispatcher knows an ended order that the fleet's file no longer has, s."""
+
+_MAX_NAMES: Final = 500
+"""Values in one statement; SQLite takes 32,766."""
+
+
+def save(session: Session, records: FleetRecords) -> None:
+    """Store what has changed."""
+    for order in records.orders:
+        session.merge(OrderRow(**asdict(order)))
+    session.flush()
+    if records.changes:
+        session.execute(insert(OrderChangeRow), list(_numbered(session, records.changes)))
+    for record in records.plans:
+        session.execute(
+            update(PlanRow)
+            .where(PlanRow.cycle == record.plan.cycle, PlanRow.vehicle == record.plan.vehicle)
+            .values(status=record.status, status_ns=record.since_ns, status_reason=record.reason)
+        )
+    for vehicle in records.vehicles:
+        session.merge(VehicleRow(**_vehicle_values(vehicle)))
+
+
+def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:
+    """The rows of changes, numbered on from those stored."""
+    number: dict[str, int] = defaultdict(int)
+    names = sorted({change.order for change in changes})
+    for begin in range(0, len(names), _MAX_NAMES):
+        some = names[begin : begin + _MAX_NAMES]
+        last = (
+            select(OrderChangeRow.order, func.max(OrderChangeRow.number))
+            .where(OrderChangeRow.order.in_(some))
+            .group_by(OrderChangeRow.order)
+        )
+        number.update({order: highest + 1 for order, highest in session.execute(last)})
+    for change in changes:
+        yield {**asdict(change), "number": number[change.order]}
+        number[change.order] += 1
+
+
+def load(session: Session, now_ns: int) -> FleetRecords:
+    """What a dispatcher that starts has to know; see `REMEMBERED_S`."""
+    recent = or_(
+        OrderRow.state.not_in(ENDED),
+        OrderRow.listed,
+        OrderRow.since_ns >= now_ns - round(REMEMBERED_S * 1e9),
+    )
+    orders = session.scalars(select(OrderRow).where(recent).order_by(OrderRow.order))
+    plans = session.scalars(
+        select(PlanRow).where(PlanRow.status.in_(IN_FORCE)).order_by(PlanRow.cycle, PlanRow.vehicle)
+    )
+    vehicles = session.scalars(select(VehicleRow).order_by(VehicleRow.vehicle))
+    return FleetRecords(
+        orders=tuple(_order(row) for row in orders),
+        plans=tuple(_plan(row) for row in plans),
+        vehicles=tuple(_vehicle(row) for row in vehicles),
+    )
+
+
+def orders(session: Session, states: Collection[OrderState]) -> list[OrderRecord]:
+    """All orders in some states, those that changed last at the end."""
+    query = (
+        select(OrderRow)
+        .where(OrderRow.state.in_(states))
+        .order_by(OrderRow.since_ns, OrderRow.order)
+    )
+    return [_order(row) for row in session.scalars(query)]
+
+
+def changes(session: Session, order: str) -> list[OrderChange]:
+    """The life of an order."""
+    query = (
+        select(OrderChangeRow).where(OrderChangeRow.order == order).order_by(OrderChangeRow.number)
+    )
+    names = [field.name for field in fields(OrderChange)]
+    return [
+        OrderChange(**{name: getattr(row, name) for name in names})
+        for row in session.scalars(query)
+    ]
+
+
+def prune(session: Session, before_ns: int) -> None:
+    """Delete the orders that ended before, if the fleet's file no longer has them: one that it has
+    would be planned anew.
+    """
+    session.execute(
+        delete(OrderRow).where(
+            OrderRow.state.in_(ENDED), ~OrderRow.listed, OrderRow.since_ns < before_ns
+        )
+    )
+
+
+def _order(row: OrderRow) -> OrderRecord:
+    return OrderRecord(**_values(row, OrderRecord))
+
+
+def _plan(row: PlanRow) -> PlanRecord:
+    status: Any = row.status
+    return PlanRecord(vehicle_plan(row), status, row.status_ns, row.status_reason)
+
+
+def _vehicle(row: VehicleRow) -> VehicleRecord:
+    values = _values(row, VehicleRecord)
+    position = values["position"]
+    if position is not None:
+        values["position"] = VehiclePosition.model_validate(position, strict=False)
+    return VehicleRecord(**values)
+
+
+def _vehicle_values(record: VehicleRecord) -> Mapping[str, Any]:
+    values = {field.name: getattr(record, field.name) for field in fields(VehicleRecord)}
+    if record.position is not None:
+        values["position"] = record.position.model_dump(mode="json")
+    return values
+
+
+def _values(row: object, record: type[Any]) -> dict[str, Any]:
+    return {field.name: getattr(row, field.name) for field in fields(record)}

@@ -1,0 +1,111 @@
+"""Orders, plans in force and vehicles: stored with a cycle, loaded by the next dispatcher."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import storage
+from slipstream.messages import VehiclePosition
+from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord, VehicleRecord
+
+NOW_NS = 1_790_000_000_000_000_000
+DAY_NS = 86_400_000_000_000
+
+
+def make_order(name: str, **changes: object) -> OrderRecord:
+    """An order that is planned."""
+    order = OrderRecord(
+        order=name,
+        node="n1",
+        service_s=60.0,
+        demand=2,
+        earliest_ns=NOW_NS,
+        latest_ns=None,
+        state="planned",
+        since_ns=NOW_NS,
+        reason="in the plan of cycle 1",
+        vehicle="van-a",
+        cycle=1,
+    )
+    return replace(order, **changes)
+
+
+def change_of(order: OrderRecord) -> OrderChange:
+    """The change that led to an order's present state."""
+    return OrderChange(
+        order.order, order.since_ns, order.state, order.reason, order.vehicle, order.cycle
+    )
+
+
+POSITION = VehiclePosition(
+    vehicle="van-a",
+    time_ns=NOW_NS,
+    segment="avenue_east",
+    share=0.5,
+    speed_mps=10.0,
+    on_road=True,
+    cycle=1,
+    leg=0,
+)
+VEHICLE = VehicleRecord(
+    "van-a", {"id": "van-a"}, {"id": "depot", "node": "n0"}, POSITION, True, NOW_NS, 4
+)
+
+
+def test_what_is_stored_with_a_cycle_is_loaded(url, make_cycle):
+    """Orders, vehicles and the plans in force come back as they were; others do not."""
+    report, plans, states = make_cycle(1)
+    orders = (make_order("s1"), make_order("s2", state="open", vehicle=None, cycle=None))
+    with storage.open_database(url) as database:
+        assert database.load_fleet(NOW_NS) == FleetRecords()
+        records = FleetRecords(
+            orders=orders, changes=tuple(map(change_of, orders)), vehicles=(VEHICLE,)
+        )
+        database.record_cycle(report, plans, states, records)
+    with storage.open_database(url) as database:
+        loaded = database.load_fleet(NOW_NS)
+        assert (loaded.orders, loaded.vehicles) == (orders, (VEHICLE,))
+        assert [(r.plan, r.status) for r in loaded.plans] == [(p, "published") for p in plans]
+        lapsed = PlanRecord(plans[0], "lapsed", NOW_NS + 1, "not acknowledged in time")
+        accepted = PlanRecord(plans[1], "acknowledged", NOW_NS + 2)
+        database.save_fleet(FleetRecords(plans=(lapsed, accepted)))
+        assert database.load_fleet(NOW_NS).plans == (accepted,)
+
+
+def test_the_life_of_an_order_is_kept(url):
+    """Each change is a row, in order, numbered on from transaction to transaction."""
+    order = make_order("s1")
+    steps = [
+        replace(order, state=state, since_ns=NOW_NS + at, reason=f"step {at}")
+        for at, state in enumerate(("open", "planned", "under_way", "served"))
+    ]
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        for some in (steps[:1], steps[1:3], steps[3:]):
+            database.save_fleet(FleetRecords((some[-1],), tuple(map(change_of, some))))
+        assert reader.order_changes("s1") == tuple(map(change_of, steps))
+        assert reader.order_changes("s2") == ()
+        assert reader.orders() == (steps[-1],)
+        assert reader.orders(("open", "planned")) == ()
+
+
+def test_an_ended_order_is_forgotten_only_when_no_file_has_it(url, make_cycle):
+    """One that is still listed would be planned and delivered again."""
+    old = NOW_NS - 9 * DAY_NS
+    orders = (
+        make_order("listed", state="served", since_ns=old),
+        make_order("gone", state="served", since_ns=old, listed=False),
+        make_order("gone-today", state="failed", since_ns=NOW_NS - DAY_NS // 2, listed=False),
+        make_order("gone-yesterday", state="failed", since_ns=NOW_NS - 2 * DAY_NS, listed=False),
+        make_order("under-way", state="under_way", since_ns=old, listed=False),
+    )
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(*make_cycle(1), FleetRecords(orders, tuple(map(change_of, orders))))
+        assert {o.order for o in database.load_fleet(NOW_NS).orders} == {
+            "listed",
+            "gone-today",
+            "under-way",
+        }
+        database.prune(7.0, NOW_NS)
+        kept = {o.order for o in reader.orders()}
+        assert kept == {"listed", "gone-today", "gone-yesterday", "under-way"}
+        assert reader.order_changes("gone") == ()

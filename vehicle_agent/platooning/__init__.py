@@ -1,0 +1,19 @@
+"""Platooning of one vehicle: catch up, join, keep a close gap where gates are open, leave.
+
+Pure: messages, motion and gates in, speeds and messages out. Each vehicle decides for itself.
+"""
+
+from vehicle_agent.platooning.controller import Platooning
+from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, MIN_SPEED_MPS, wanted_gap_m
+from vehicle_agent.platooning.interface import Gates, PlatoonStep
+from vehicle_agent.platooning.rendezvous import MAX_SLOWDOWN
+
+__all__ = [
+    "CLOSE_GAP_M",
+    "MAX_SLOWDOWN",
+    "MIN_SPEED_MPS",
+    "Gates",
+    "PlatoonStep",
+    "Platooning",
+    "wanted_gap_m",
+]

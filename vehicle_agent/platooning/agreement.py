@@ -1,0 +1,144 @@
+"""The agreement of two vehicles that the front one waits for the rear one, from either side.
+
+The rear vehicle asks the front one, or the leader of its platoon, to take a share b off its speed,
+and asks again each second, with what it needs by then. The other one agrees if nobody else has
+asked it. It goes on as before when the rear one has come, leaves, or has not asked for 5 s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from slipstream.messages import PlatoonManagement
+from vehicle_agent.platooning.neighbours import Sequences
+from vehicle_agent.platooning.rendezvous import MAX_SLOWDOWN
+
+RENEW_NS: Final = 1_000_000_000
+"""Between two requests of a vehicle that catches up."""
+
+EXPIRY_NS: Final = 5 * RENEW_NS
+"""Without a request for so long, nobody is waited for: four lost ones in a row."""
+
+
+@dataclass
+class Joined:
+    """The front vehicle's side: whom it waits for.
+
+    Attributes:
+        by: the vehicle that has asked; None: none.
+        slowdown: b.
+    """
+
+    by: str | None = None
+    slowdown: float = 0.0
+    _until_ns: int = 0
+
+    def ask(self, request: PlatoonManagement, now_ns: int) -> bool:
+        """Take a request; False: another vehicle has asked before."""
+        self.expire(now_ns)
+        if self.by not in (None, request.vehicle):
+            return False
+        self.by = request.vehicle
+        self.slowdown = min(request.slowdown, MAX_SLOWDOWN)
+        self._until_ns = now_ns + EXPIRY_NS
+        return True
+
+    def expire(self, now_ns: int) -> None:
+        """End it if it was not renewed, or if the clock was set back."""
+        if self.by is not None and not 0 <= self._until_ns - now_ns <= EXPIRY_NS:
+            self.end()
+
+    def end(self) -> None:
+        """Wait for nobody."""
+        self.by, self.slowdown, self._until_ns = None, 0.0, 0
+
+
+@dataclass
+class Joining:
+    """The rear vehicle's side: whom it catches up with.
+
+    Attributes:
+        front: the vehicle that it will follow; None: none.
+        asked: front, or its leader; None: nobody is asked.
+        speedup: a, its own.
+        slowdown: b, that it asks for.
+    """
+
+    front: str | None = None
+    asked: str | None = None
+    speedup: float = 0.0
+    slowdown: float = 0.0
+    _refused_by: str | None = None
+    _refused_until_ns: int = 0
+
+    def choose(self, front: str, asked: str, speedup: float, slowdown: float) -> None:
+        """Catch up with a vehicle."""
+        self.front, self.asked = front, asked
+        self.speedup, self.slowdown = speedup, slowdown
+
+    def end(self) -> None:
+        """Catch up with nobody."""
+        self.front = self.asked = None
+        self.speedup = self.slowdown = 0.0
+
+    def refuse(self, by: str, now_ns: int) -> None:
+        """Note that the vehicle that was asked has refused."""
+        if by == self.asked:
+            self._refused_by, self._refused_until_ns = by, now_ns + EXPIRY_NS
+            self.end()
+
+    def may_ask(self, vehicle: str, now_ns: int) -> bool:
+        """Whether a vehicle has not just refused."""
+        return vehicle != self._refused_by or now_ns >= self._refused_until_ns
+
+
+class Agreements:
+    """A vehicle's agreements, and the management messages about them.
+
+    Attributes:
+        joined: whom it waits for.
+        joining: whom it catches up with.
+    """
+
+    def __init__(self, vehicle: str) -> None:
+        self.joined, self.joining = Joined(), Joining()
+        self._vehicle = vehicle
+        self._sequences = Sequences(RENEW_NS)
+        self._sequence = 0
+        self._outbox: list[PlatoonManagement] = []
+
+    def admit(self, message: PlatoonManagement, now_ns: int) -> bool:
+        """Whether a message is to this vehicle, in order and in time."""
+        to_me = message.partner == self._vehicle != message.vehicle
+        return to_me and self._sequences.admit(message, now_ns)
+
+    def send(
+        self,
+        now_ns: int,
+        kind: Literal["join_request", "join_response", "leave"],
+        partner: str,
+        *,
+        accepted: bool | None = None,
+        slowdown: float = 0.0,
+        reason: str | None = None,
+    ) -> None:
+        """Put a message into the outbox."""
+        message = PlatoonManagement(
+            vehicle=self._vehicle,
+            partner=partner,
+            sequence=self._sequence,
+            time_ns=now_ns,
+            kind=kind,
+            accepted=accepted,
+            slowdown=slowdown,
+            reason=None if reason is None else reason[:200],
+        )
+        self._sequence += 1
+        self._outbox.append(message)
+
+    def take(self) -> tuple[PlatoonManagement, ...]:
+        """Empty the outbox."""
+        messages = tuple(self._outbox)
+        self._outbox.clear()
+        return messages

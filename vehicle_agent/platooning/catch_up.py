@@ -1,0 +1,201 @@
+"""Catch-up: which vehicle ahead a vehicle alone wants to join, at which speeds, on which lane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
+from slipstream.messages import PlatoonControl
+from vehicle_agent.platooning.gap_control import (
+    IDM,
+    MIN_SPEED_MPS,
+    closing_mps,
+    wanted_gap_m,
+)
+from vehicle_agent.platooning.join_leave import is_planned_behind
+from vehicle_agent.platooning.neighbours import SILENT_NS, Neighbours
+from vehicle_agent.platooning.rendezvous import (
+    MARGIN_KWH,
+    MAX_SLOWDOWN,
+    Rendezvous,
+    best_rendezvous,
+)
+from vehicle_agent.platooning.shared_path import (
+    MAX_DISTANCE_M,
+    SharedPath,
+    find_shared_path,
+    spacing_m,
+)
+from vehicle_agent.platooning.situation import Situation
+
+SYNC_WINDOW_S: Final = 3.0
+"""The dispatcher's: so far apart may those be that it plans as a platoon."""
+
+DROP_BACK: Final = MAX_SLOWDOWN / 2
+"""Share of its speed that a vehicle beside another one takes off to come behind it."""
+
+_MOTORWAY_MPS: Final = 25.0
+"""Limits above it are those of roads without signals, on which one overtakes."""
+
+_FLOWING_SHARE: Final = 0.7
+"""Of the limit; slower traffic is a queue, trucks drive at 0.8."""
+
+_LANE_SPACINGS: Final = 2.0
+"""As near as joining begins."""
+
+_CLOSED_SHARE: Final = 0.25
+"""Of the wanted gap; with less too much, the gap counts as closed."""
+
+
+@dataclass(frozen=True, slots=True)
+class CatchUp:
+    """A rendezvous that a vehicle wants.
+
+    Attributes:
+        front: vehicle that it will follow.
+        asked: front, or the leader of its platoon.
+        rendezvous: at which speeds.
+        lane: wanted; None: any.
+        drop_back: whether the vehicle is beside the other one, and must come behind it first.
+    """
+
+    front: PlatoonControl
+    asked: str
+    rendezvous: Rendezvous
+    lane: int | None = None
+    drop_back: bool = False
+
+
+def find_catch_up(situation: Situation, vehicle: str, neighbours: Neighbours) -> CatchUp | None:
+    """The rendezvous with a vehicle ahead on the same path, if it saves energy.
+
+    That is the next one of the plan's platoon while it is within the synchronisation window, else
+    the nearest one.
+    """
+    s = situation
+    # Near enough to join or to be refused.
+    if s.partner is not None and s.gap_m <= 1.5 * IDM.desired_gap_m(s.state.speed_mps):
+        return None
+    found = _front(s, vehicle, neighbours)
+    if found is None:
+        return None
+    front, age_s, planned = found
+    shared = find_shared_path(s.leg, s.state.number, s.place_m, front, age_s)
+    if shared is None or _is_blocked(s, front, shared):
+        return None
+    leads = any(heard.message.ahead == vehicle for heard in neighbours)
+    rendezvous = _rendezvous(s, front, shared, leads=leads, planned=planned)
+    if rendezvous is None:
+        return None
+    asked = asked_of(front)
+    aside = _spacings_aside(s, front, shared)
+    if aside is None or aside > _LANE_SPACINGS:
+        return CatchUp(front, asked, rendezvous)
+    # Nearer than one, it cannot change lanes; at equal speeds that would not change.
+    return CatchUp(front, asked, rendezvous, front.lane if aside >= 1.0 else None, aside < 1.0)
+
+
+def asked_of(front: PlatoonControl) -> str:
+    """Who sets the speed of a vehicle's platoon."""
+    return front.leader if front.mode == "following" else front.vehicle
+
+
+def closing_slowdown(situation: Situation, front_desired_mps: float) -> float:
+    """Share b that a follower must ask for to close its gap without driving above the limit.
+
+    0 where the gap is closed, or where the own limit leaves room enough.
+    """
+    own = situation.own
+    error_m = situation.gap_m - own.wanted_gap_m
+    if error_m <= _CLOSED_SHARE * own.wanted_gap_m or front_desired_mps <= MIN_SPEED_MPS:
+        return 0.0
+    closing = closing_mps(error_m, own.coasting_mps2)
+    slowdown = 1 - (situation.limit_mps - closing) / front_desired_mps
+    return min(max(slowdown, 0.0), MAX_SLOWDOWN)
+
+
+def _front(
+    s: Situation, vehicle: str, neighbours: Neighbours
+) -> tuple[PlatoonControl, float, bool] | None:
+    """Who may be joined, the age of its message, and whether the plan has it ahead."""
+    followed = {h.message.ahead: h.message.vehicle for h in neighbours if h.message.ahead}
+    best: tuple[tuple[bool, int, float], PlatoonControl, float] | None = None
+    for heard in neighbours:
+        front, age_ns = heard.message, heard.age_ns(s.now_ns)
+        if age_ns is None or age_ns > SILENT_NS or vehicle in (front.ahead, front.leader):
+            continue
+        if followed.get(front.vehicle, vehicle) != vehicle:
+            continue
+        asked = neighbours.get(asked_of(front)) or front
+        if not {front.joined_by, asked.joined_by} <= {None, vehicle}:
+            continue
+        away_m = spacing_m(s.leg, s.state.number, s.place_m, front, age_ns / 1e9)
+        if away_m > MAX_DISTANCE_M:
+            continue
+        window_m = SYNC_WINDOW_S * s.own.desired_mps + front.length_m
+        planned = away_m <= window_m and is_planned_behind(s, front)
+        rank = not planned, -(front.place or 0) if planned else 0, away_m
+        if best is None or rank < best[0]:
+            best = rank, front, age_ns / 1e9
+    return None if best is None else (best[1], best[2], not best[0][0])
+
+
+def _rendezvous(
+    s: Situation, front: PlatoonControl, shared: SharedPath, *, leads: bool, planned: bool
+) -> Rendezvous | None:
+    if not _is_worth_speed(s, shared):
+        return None
+    added = ETA_FOLLOWER - (ETA_LEADER if leads else 0.0)
+    if front.mode != "following":
+        added += ETA_LEADER
+    own = s.own
+    speed_mps = max(MIN_SPEED_MPS, min(own.desired_mps, front.desired_mps))
+    wanted_m = wanted_gap_m(speed_mps, own.advised_gap_m, own.interval_s)
+    return best_rendezvous(
+        max(0.0, shared.spacing_m - front.length_m - wanted_m),
+        speed_mps,
+        lambda begin_m: shared.open_beyond_m(begin_m, s.gates.is_open),
+        added,
+        max_speedup=s.max_speedup,
+        vehicle=own.vehicle,
+        margin_kwh=0.0 if planned else MARGIN_KWH,
+    )
+
+
+def _is_worth_speed(s: Situation, shared: SharedPath) -> bool:
+    """Whether a speed that is gained here lasts to where the gates are open.
+
+    On a ramp or a side street it does not: vehicles slow down to turn at its end.
+    """
+    for i, (segment, _) in enumerate(shared.parts):
+        if s.gates.is_open(segment):
+            return i == 0 or s.limit_mps >= s.leg.limits_mps[s.state.number + i]
+    return False
+
+
+def _is_blocked(s: Situation, front: PlatoonControl, shared: SharedPath) -> bool:
+    """Whether a vehicle between the two blocks the rear one, which could only brake behind it.
+
+    On a motorway with free lanes it overtakes.
+    """
+    if s.ahead is None or s.ahead.vehicle == front.vehicle or _can_pass(s):
+        return False
+    return s.gap_m < shared.spacing_m
+
+
+def _can_pass(s: Situation) -> bool:
+    """Whether there is another lane of a road for overtaking, and no queue on it."""
+    flows = s.state.speed_mps > _FLOWING_SHARE * s.limit_mps
+    return s.limit_mps > _MOTORWAY_MPS and flows and (s.planned.lanes or 1) > 1
+
+
+def _spacings_aside(s: Situation, front: PlatoonControl, shared: SharedPath) -> float | None:
+    """Distance to a vehicle on another lane of the same segment, in car-following gaps.
+
+    None where it is not on another lane, or overtaking is not possible.
+    """
+    crossing = s.state.crossing or front.crossing
+    if shared.meets > 0 or crossing or s.state.lane == front.lane or not _can_pass(s):
+        return None
+    return (shared.spacing_m - front.length_m) / IDM.desired_gap_m(s.state.speed_mps)

@@ -1,0 +1,314 @@
+"""Platooning of one vehicle: catch up, join, keep a close gap where gates are open, leave."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from slipstream.energy import VehicleParameters
+from slipstream.messages import PlatoonControl, PlatoonManagement, PlatoonMode, VehicleSensing
+from vehicle_agent.leg import Leg, VehicleState
+from vehicle_agent.platooning.agreement import RENEW_NS, Agreements
+from vehicle_agent.platooning.catch_up import (
+    DROP_BACK,
+    asked_of,
+    closing_slowdown,
+    find_catch_up,
+)
+from vehicle_agent.platooning.control_message import ControlMessages
+from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, IDM, has_left
+from vehicle_agent.platooning.interface import Gates, PlatoonStep
+from vehicle_agent.platooning.join_leave import NONE_AHEAD, obstacle, turbulent_segment
+from vehicle_agent.platooning.neighbours import Heard, Neighbours
+from vehicle_agent.platooning.shared_path import MAX_DISTANCE_M
+from vehicle_agent.platooning.situation import Situation, look
+from vehicle_agent.platooning.speed_commands import announced_mps, commanded_mps, cruise_mps
+
+_SETTLE_NS: Final = 2_000_000_000
+# A sensor may lose the vehicle ahead for a moment, as where a lane begins.
+_DROPOUT_NS: Final = 500_000_000
+_SEGMENTS_BEHIND: Final = 2
+
+
+class Platooning:
+    """Platooning of one vehicle, from interval to interval; without clock or bus.
+
+    Two vehicles drive as a platoon where one is directly behind the other on its lane, both go the
+    same way, the gates there are open, and the open distance ahead pays for the manoeuvre. The rear
+    one decides that; others are asked to wait for it, and told when it leaves.
+
+    It leaves at once when the segment that it is on has no open gate or turbulent traffic, its
+    partner is silent for 0.5 s or leaves, another vehicle cuts in, or its own sensing is late; and
+    early enough to be apart where the gates or the shared path end. Then it opens its gap by
+    coasting until its driver's own gap is reached. It does not join again within 2 s, nor on the
+    segment whose turbulence it has left for.
+
+    Args:
+        vehicle: its id.
+        vehicle_parameters: its physics.
+        length_m: of it.
+        interval_s: between two steps, and between two messages of every vehicle.
+        pace: share of the limit that it drives at alone, in (0, 1].
+    """
+
+    def __init__(
+        self,
+        vehicle: str,
+        vehicle_parameters: VehicleParameters,
+        length_m: float,
+        interval_s: float,
+        pace: float = 1.0,
+    ) -> None:
+        self._vehicle, self._parameters = vehicle, vehicle_parameters
+        self._interval_s, self._pace = interval_s, pace
+        self._neighbours = Neighbours(vehicle, interval_s)
+        self._agreements = Agreements(vehicle)
+        self._controls = ControlMessages(vehicle, length_m)
+        self._mode: PlatoonMode = "alone"
+        self._partner: str | None = None
+        self._reason: str | None = None
+        self._disengaged_on: str | None = None
+        self._lane: int | None = None
+        self._drop_back = False
+        self._cruise_mps: float | None = None
+        self._now_ns = self._seen_ns = self._look_ns = 0
+        self._left_ns = -_SETTLE_NS
+
+    @staticmethod
+    def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
+        """Segments whose vehicles' PlatoonControl it must hear, in the order of the path.
+
+        The path as far ahead as a rendezvous may be, and the two segments behind.
+        """
+        begins_m, reach_m = leg.begins_m, leg.place_m(state) + MAX_DISTANCE_M
+        last = state.number
+        while last + 1 < len(begins_m) and begins_m[last + 1] <= reach_m:
+            last += 1
+        return leg.path[max(0, state.number - _SEGMENTS_BEHIND) : last + 1]
+
+    def receive(self, message: PlatoonControl | PlatoonManagement, now_ns: int) -> None:
+        """Take a message; those of the future, late, out of order or to others are ignored."""
+        if isinstance(message, PlatoonControl):
+            self._neighbours.receive(message, now_ns)
+        elif self._agreements.admit(message, now_ns):
+            self._now_ns = now_ns
+            if message.kind == "join_request":
+                self._answer(message)
+            elif message.kind == "leave":
+                self._other_leaves(message)
+            elif not message.accepted:
+                self._agreements.joining.refuse(message.vehicle, now_ns)
+
+    def reset(self, reason: str) -> tuple[PlatoonManagement, ...]:
+        """End platooning: the plan is superseded, or advice ends. The gap opens at once.
+
+        While the mode is not yet alone, go on with `step`, on the former leg if there is no other,
+        with gates that are closed. It does not join again within 2 s.
+
+        Returns:
+            What partners must be told now.
+        """
+        agreements = self._agreements
+        told = {agreements.joined.by, agreements.joining.asked}
+        told |= {heard.message.vehicle for heard in self._followers()}
+        if self._mode == "following":
+            told.add(self._partner)
+            self._leave(reason, tell=False)
+        agreements.joined.end()
+        agreements.joining.end()
+        for partner in sorted(name for name in told if name is not None):
+            agreements.send(self._now_ns, "leave", partner, reason=reason)
+        self._reason, self._left_ns = reason, self._now_ns
+        self._lane, self._drop_back = None, False
+        return agreements.take()
+
+    def step(
+        self,
+        now_ns: int,
+        leg: Leg,
+        state: VehicleState,
+        sensing: VehicleSensing,
+        gates: Gates,
+        cap_mps: float | None = None,
+    ) -> PlatoonStep:
+        """Platooning in the coming interval.
+
+        Args:
+            now_ns: by the own clock.
+            leg: driven.
+            state: where on it.
+            sensing: the latest.
+            gates: of segments.
+            cap_mps: what the rest of the agent allows at the end of the interval, as at a red
+                light, not negative; it bounds the command and what is announced. None: nothing.
+        """
+        self._now_ns = now_ns
+        if len(self._neighbours):
+            self._neighbours.forget(now_ns)
+        self._agreements.joined.expire(now_ns)
+        s = look(
+            *(now_ns, leg, state, sensing, gates),
+            *(self._neighbours, self._parameters, self._pace, self._interval_s),
+        )
+        if len(self._neighbours) or self._mode != "alone" or self._agreements.joining.front:
+            self._decide(s)
+        cap = math.inf if cap_mps is None else cap_mps
+        return self._result(s, cap)
+
+    def _decide(self, s: Situation) -> None:
+        due = not 0 < self._look_ns - s.now_ns <= RENEW_NS
+        if due:
+            self._look_ns = s.now_ns + RENEW_NS
+        if due or self._mode != "alone":
+            self._decide_mode(s)
+        if self._mode == "alone":
+            if due:
+                self._catch_up(s)
+            return
+        self._drop_back = False
+        self._lane = self._partners_lane(s)
+        if due and self._mode == "following":
+            self._close_up(s)
+
+    def _decide_mode(self, s: Situation) -> None:
+        follows = self._mode == "following"
+        keeps = follows and s.ahead is not None and s.ahead.vehicle == self._partner
+        found = self._obstacle(s, keeps=keeps)
+        if found is None and s.partner is not None:
+            if self._agreements.joining.front != s.partner.vehicle:
+                self._agreements.joining.end()
+            self._agreements.joined.end()
+            self._mode, self._partner = "following", s.partner.vehicle
+            self._reason, self._seen_ns = None, s.now_ns
+            return
+        if follows:
+            heard = self._neighbours.fresh(self._partner, s.now_ns) is not None
+            seen = 0 <= s.now_ns - self._seen_ns < _DROPOUT_NS
+            if not (found == NONE_AHEAD and heard and seen):
+                self._leave(found)
+        elif self._mode == "leaving":
+            if not self._has_just_left and (s.motion is None or has_left(s.own, s.motion)):
+                self._mode, self._partner = "alone", None
+        else:
+            self._reason = None if s.partner is None else found
+
+    def _obstacle(self, s: Situation, *, keeps: bool) -> str | None:
+        """Why it may not follow the vehicle directly ahead; None: it may."""
+        rough = turbulent_segment(s)
+        if rough is not None:
+            if self._mode == "following":
+                self._disengaged_on = rough
+            return f"the traffic on {rough} is turbulent"
+        if self._disengaged_on is not None:
+            if self._disengaged_on in s.leg.path[s.state.number :]:
+                return f"the traffic on {self._disengaged_on} was turbulent"
+            self._disengaged_on = None
+        if self._mode != "following" and self._has_just_left:
+            return self._reason
+        return obstacle(s, keeps=keeps)
+
+    def _catch_up(self, s: Situation) -> None:
+        """Look for a vehicle to catch up with, and ask it, or its leader, to wait."""
+        found, joining = None, self._agreements.joining
+        if self._disengaged_on is None and s.sensing_in_time and not self._has_just_left:
+            found = find_catch_up(s, self._vehicle, self._neighbours)
+        if found is None or not joining.may_ask(found.asked, s.now_ns):
+            joining.end()
+            self._lane, self._drop_back = None, False
+            return
+        self._lane, self._drop_back = found.lane, found.drop_back
+        meets = found.rendezvous
+        joining.choose(found.front.vehicle, found.asked, meets.speedup, meets.slowdown)
+        self._agreements.send(s.now_ns, "join_request", found.asked, slowdown=meets.slowdown)
+
+    def _close_up(self, s: Situation) -> None:
+        """Ask the leader to wait while the gap cannot be closed below the limit."""
+        if s.partner is None:
+            return
+        asked = asked_of(s.partner)
+        leader = self._neighbours.get(asked) or s.partner
+        slowdown = closing_slowdown(s, leader.desired_mps)
+        if slowdown > 0 and leader.joined_by in (None, self._vehicle):
+            self._agreements.joining.choose(s.partner.vehicle, asked, 0.0, slowdown)
+            self._agreements.send(s.now_ns, "join_request", asked, slowdown=slowdown)
+        elif leader.joined_by == self._vehicle:
+            self._agreements.joining.end()
+            self._agreements.send(s.now_ns, "join_request", asked)
+
+    def _answer(self, request: PlatoonManagement) -> None:
+        joined, rear = self._agreements.joined, self._neighbours.get(request.vehicle)
+        reason = None
+        if self._mode != "alone":
+            reason = f"it is {self._mode}"
+        elif not joined.ask(request, self._now_ns):
+            reason = f"{joined.by} joins it"
+        elif rear is not None and rear.mode == "following" and request.slowdown <= 0:
+            joined.end()
+        self._agreements.send(
+            *(self._now_ns, "join_response", request.vehicle),
+            accepted=reason is None,
+            reason=reason,
+        )
+
+    def _other_leaves(self, message: PlatoonManagement) -> None:
+        name, agreements = message.vehicle, self._agreements
+        if agreements.joined.by == name:
+            agreements.joined.end()
+        if name in (agreements.joining.front, agreements.joining.asked):
+            agreements.joining.end()
+        if self._mode == "following" and self._partner == name:
+            self._leave(f"{name} has left")
+
+    def _leave(self, reason: str | None, *, tell: bool = True) -> None:
+        self._mode, self._reason, self._left_ns = "leaving", reason, self._now_ns
+        if tell:
+            asked = self._agreements.joining.asked
+            for partner in sorted({name for name in (self._partner, asked) if name is not None}):
+                self._agreements.send(self._now_ns, "leave", partner, reason=reason)
+        self._agreements.joining.end()
+
+    @property
+    def _has_just_left(self) -> bool:
+        return 0 <= self._now_ns - self._left_ns < _SETTLE_NS
+
+    def _followers(self) -> list[Heard]:
+        return [heard for heard in self._neighbours if heard.message.ahead == self._vehicle]
+
+    def _partners_lane(self, s: Situation) -> int | None:
+        """The lane of the vehicle that it follows, while both are on one segment."""
+        front = self._neighbours.get(self._partner)
+        if self._mode != "following" or front is None or s.state.crossing or front.crossing:
+            return None
+        return front.lane if front.path[0] == s.state.segment else None
+
+    def _result(self, s: Situation, cap_mps: float) -> PlatoonStep:
+        agreements, mode = self._agreements, self._mode
+        speed = commanded_mps(s, mode, cap_mps)
+        cruise = wanted = None
+        if mode == "alone":
+            waits = DROP_BACK if self._drop_back else agreements.joined.slowdown
+            cruise = cruise_mps(s, waits, agreements.joining, self._cruise_mps)
+        elif mode == "following":
+            wanted = s.own.wanted_gap_m
+        else:
+            wanted = IDM.desired_gap_m(s.state.speed_mps)
+        self._cruise_mps = cruise
+        follows = self._neighbours.get(self._partner) if mode == "following" else None
+        announced = announced_mps(s, speed, cap_mps)
+        control = self._controls.make(
+            s, mode, follows, announced, agreements.joined.by, self._neighbours
+        )
+        behind = mode != "alone" and s.ahead is not None and s.ahead.vehicle == self._partner
+        return PlatoonStep(
+            mode=mode,
+            speed_mps=speed,
+            cruise_mps=cruise,
+            gap_m=wanted,
+            lane=self._lane,
+            partner=self._partner if mode != "alone" else agreements.joining.front,
+            tail_m=control.tail_m,
+            close=behind and s.gap_m <= CLOSE_GAP_M,
+            reason=self._reason,
+            control=control,
+            messages=agreements.take(),
+        )
