@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -16,7 +17,10 @@ from slipstream.config import Settings, check, read_data
 from slipstream.errors import InputError
 from slipstream.messages import Identifier
 from slipstream.roads import RoadNetwork
+from slipstream.snapping import Snapper
 from slipstream.vehicle_types import PRESETS, RoutingProfile, VehicleType
+
+log = logging.getLogger(__name__)
 
 DEMO_FLEET = "demo"
 
@@ -25,25 +29,47 @@ DEPOT: Final = "depot"
 
 _DAY_S: Final = 86400.0
 _TOLERANCE_KG: Final = 1e-6
+_PLACES: Final = ("depots", "stops", "charging_stops")
+_UNKNOWN_NODE: Final = "by latitude and longitude"
+
+MAX_SNAP_M: Final = 200.0
+"""From a place by latitude and longitude to the nearest road; one further away is refused."""
 
 _PowerKw = Annotated[float, Field(gt=0, le=1e5, allow_inf_nan=False)]
 
 
-class Depot(Settings):
+class _Point(Settings):
+    """Where a place is, as a fleet's file may give it instead of a junction."""
+
+    lat: float | None = Field(
+        default=None, ge=-90, le=90, allow_inf_nan=False, description="Latitude, degrees (WGS 84)."
+    )
+    lon: float | None = Field(
+        default=None, ge=-180, le=180, allow_inf_nan=False, description="Longitude, degrees."
+    )
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if (self.lat is None) != (self.lon is None):
+            raise ValueError("give lat and lon, or neither")
+        return self
+
+
+class Depot(_Point):
     """Where vehicles start and end."""
 
     id: Identifier = DEPOT
-    node: Identifier = Field(description="Junction of the road network.")
+    node: Identifier = Field(description="Junction of the road network; or `lat` and `lon`.")
     charging_power_kw: _PowerKw | None = Field(
         default=None, description="Vehicles charge while they wait there; None: they cannot."
     )
 
 
-class ChargingStop(Settings):
+class ChargingStop(_Point):
     """Where vehicles may charge on their way."""
 
     id: Identifier
-    node: Identifier = Field(description="Junction of the road network.")
+    node: Identifier = Field(description="Junction of the road network; or `lat` and `lon`.")
     power_kw: _PowerKw
 
 
@@ -53,7 +79,7 @@ class NamedVehicleType(VehicleType):
     id: Identifier
 
 
-class Stop(Settings):
+class Stop(_Point):
     """One delivery. Stops may share a junction with each other and with a depot.
 
     All times count from the reference time of the cycle: when a vehicle that is ready at once
@@ -61,7 +87,7 @@ class Stop(Settings):
     """
 
     id: Identifier
-    node: Identifier = Field(description="Junction of the road network.")
+    node: Identifier = Field(description="Junction of the road network; or `lat` and `lon`.")
     service_s: float = Field(default=60.0, ge=0, le=_DAY_S, allow_inf_nan=False)
     demand: int = Field(
         default=0, ge=0, le=10**9, description="What it takes of a vehicle's capacity."
@@ -91,6 +117,9 @@ class Stop(Settings):
                 f"latest_s ({self.latest_s:g}) must not be below earliest_s ({self.earliest_s:g})"
             )
         return self
+
+
+_Place = Depot | Stop | ChargingStop
 
 
 class Vehicle(Settings):
@@ -222,10 +251,7 @@ class Fleet(Settings):
 
     def node(self, place: str) -> str:
         """Junction of a stop, a depot or a charging stop."""
-        places: tuple[Mapping[str, Depot | Stop | ChargingStop], ...] = (
-            self.depot_by_id,
-            self.charging_stop_by_id,
-        )
+        places: tuple[Mapping[str, _Place], ...] = (self.depot_by_id, self.charging_stop_by_id)
         for known in places:
             if place in known:
                 return known[place].node
@@ -308,10 +334,82 @@ def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
 
 
 def fleet_from(data: object, network: RoadNetwork, source: str | Path) -> Fleet:
-    """Check plain data as a fleet; errors as in `load_fleet`."""
-    fleet = check(data, Fleet, source)
+    """Check plain data as a fleet; errors as in `load_fleet`.
+
+    A place with latitude and longitude gets a node: the nearer end of the nearest road that some
+    vehicle of the fleet may use, no more than `MAX_SNAP_M` away.
+    """
+    fleet = _located(check(_with_unknown_nodes(data), Fleet, source), network, source)
     check_fleet(fleet, network, source)
     return fleet
+
+
+def _with_unknown_nodes(data: object) -> object:
+    """Plain data in which a place with latitude and longitude alone has a node to be found."""
+    if not isinstance(data, Mapping):
+        return data
+
+    def placed(rows: object) -> object:
+        if not isinstance(rows, list | tuple):
+            return rows
+        return [
+            {"node": _UNKNOWN_NODE, **row}
+            if isinstance(row, Mapping) and ("lat" in row or "lon" in row)
+            else row
+            for row in rows
+        ]
+
+    return {key: placed(rows) if key in _PLACES else rows for key, rows in data.items()}
+
+
+def _located(fleet: Fleet, network: RoadNetwork, source: str | Path) -> Fleet:
+    """The fleet with the nodes of its places that are given by latitude and longitude."""
+    places: list[tuple[str, _Place]] = [
+        *(("depots", depot) for depot in fleet.depots),
+        *(("stops", stop) for stop in fleet.stops),
+        *(("charging_stops", stop) for stop in fleet.charging_stops),
+    ]
+    if all(place.node != _UNKNOWN_NODE for _, place in places):
+        return fleet
+    kinds = [fleet.type_of(vehicle) for vehicle in fleet.vehicles]
+    snapper = Snapper(network, {RoutingProfile() if k is None else k.profile for k in kinds})
+    found: dict[str, list[_Place]] = {table: [] for table in _PLACES}
+    for table, place in places:
+        if place.node == _UNKNOWN_NODE:
+            node = _nearest_node(place, network, snapper, source, f"{table}.{place.id}")
+            place = place.model_copy(update={"node": node})
+        found[table].append(place)
+    parts = {name: getattr(fleet, name) for name in Fleet.model_fields}
+    return Fleet(**parts | {table: tuple(rows) for table, rows in found.items()})
+
+
+def _nearest_node(
+    place: _Place, network: RoadNetwork, snapper: Snapper, source: str | Path, key: str
+) -> str:
+    if network.projection is None or place.lat is None or place.lon is None:
+        problem = f"network {network.name!r} knows no latitude and longitude"
+        raise InputError(source, problem, "name a junction as node", key=f"{key}.lat")
+    try:
+        snapped = snapper.nearest(network.projection.place_m(place.lat, place.lon))
+    except ValueError as error:
+        mend = "name a junction as node"
+        raise InputError(source, str(error), mend, key=f"{key}.lat") from None
+    if snapped is None:
+        problem = "no road that a vehicle of the fleet may use"
+        raise InputError(source, problem, "check the vehicles' types", key=f"{key}.lat")
+    if snapped.distance_m > MAX_SNAP_M:
+        problem = f"{snapped.distance_m:.0f} m from the nearest road that its vehicles may use"
+        mend = f"give a place within {MAX_SNAP_M:.0f} m of one"
+        raise InputError(source, problem, mend, key=f"{key}.lat")
+    log.info(
+        "%s: %s lies %.0f m from %s and is served at its end %s",
+        source,
+        key,
+        snapped.distance_m,
+        snapped.segment,
+        snapped.node,
+    )
+    return snapped.node
 
 
 def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: str = "") -> None:

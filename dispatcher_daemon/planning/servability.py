@@ -130,9 +130,11 @@ def _refusal(
     home_s = float(travel.duration_s[rows[-1], rows[0]])
     if not math.isfinite(sum(seconds)):
         where = f"depot {depot.id!r}" if len(stops) == 1 else f"stop {stops[-2].id!r}"
-        return _Refusal(0, 0.0, f"node {last.node!r} cannot be reached from {where}")
+        reason = f"node {last.node!r} cannot be reached from {where}{_by_whom(problem, vehicle)}"
+        return _Refusal(0, 0.0, reason)
     if not math.isfinite(home_s):
-        return _Refusal(1, 0.0, f"node {last.node!r} cannot be left for depot {depot.id!r}")
+        reason = f"node {last.node!r} cannot be left for depot {depot.id!r}"
+        return _Refusal(1, 0.0, reason + _by_whom(problem, vehicle))
     demand = sum(stop.demand for stop in stops)
     if vehicle.capacity is not None and demand > vehicle.capacity:
         short = vehicle.capacity - demand
@@ -156,6 +158,14 @@ def _refusal(
         reason = f"who serves it is back too late ({vehicle.id!r} at {back:.0f} s,"
         return _Refusal(4, -late, f"{reason} due at {vehicle.return_by_s:g} s)")
     return _charge_refusal(problem, travel, vehicle, places)
+
+
+def _by_whom(problem: RoutingProblem, vehicle: Vehicle) -> str:
+    """Whose permissions and limits count, where the network has any."""
+    if not problem.network.is_restricted:
+        return ""
+    vehicle_class = problem.profile_of(vehicle).vehicle_class
+    return f" by roads that {vehicle.id!r} ({vehicle_class}) may use"
 
 
 def _charge_refusal(

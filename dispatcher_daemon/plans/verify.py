@@ -14,6 +14,7 @@ from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
+from slipstream.vehicle_types import RoutingProfile
 
 _TOLERANCE_NS = 1_000_000
 _SPEED_TOLERANCE = 1e-3
@@ -59,6 +60,7 @@ def verify_plans(
                 *_window_faults(plan, fleet, reference_s, own),
                 *_stop_faults(plan, fleet, unserved, own),
                 *_path_faults(plan, network, own),
+                *_access_faults(plan, network, fleet, own),
                 *_time_faults(plan, network, fleet, own),
                 *_charge_faults(plan, network, fleet, reference_s, own),
                 *_commitment_faults(plan, own),
@@ -198,6 +200,31 @@ def _path_faults(plan: VehiclePlan, network: RoadNetwork, own: Commitment | None
         yield f"distance is {driven:.0f} m, not {plan.distance_m:.0f} m"
 
 
+def _access_faults(
+    plan: VehiclePlan, network: RoadNetwork, fleet: Fleet, own: Commitment | None
+) -> Iterator[str]:
+    """Segments and turns that a vehicle of its class and size may not use; one that moves is on its
+    first segment already.
+    """
+    profile = _profile(fleet, plan.vehicle)
+    begun = 1 if own is not None and own.moving is not None else 0
+    for segment in plan.segments[begun:]:
+        known = segment.segment in network.segments
+        if known and not network.admits(segment.segment, profile):
+            yield f"may not use {segment.segment}"
+    for leg in _legs(plan):
+        for a, b in pairwise(segment.segment for segment in leg):
+            if not network.admits_turn(a, b, profile):
+                yield f"may not turn from {a} into {b}"
+
+
+def _profile(fleet: Fleet, name: str) -> RoutingProfile:
+    """A vehicle's permissions, size and top speed."""
+    vehicle = fleet.vehicle_by_id.get(name)
+    kind = None if vehicle is None else fleet.type_of(vehicle)
+    return RoutingProfile() if kind is None else kind.profile
+
+
 def _time_faults(
     plan: VehiclePlan, network: RoadNetwork, fleet: Fleet, own: Commitment | None
 ) -> Iterator[str]:
@@ -224,14 +251,14 @@ def _time_faults(
         expected = [plan.stops[number].departure_ns, *ends[:-1]]
         if begins != expected or ends[-1] != plan.stops[number + 1].arrival_ns:
             yield f"the times of leg {number} do not join up"
-    vehicle = fleet.vehicle_by_id.get(plan.vehicle)
-    kind = None if vehicle is None else fleet.type_of(vehicle)
-    top_mps = math.inf if kind is None or kind.max_speed_mps is None else kind.max_speed_mps
+    profile = _profile(fleet, plan.vehicle)
+    top_mps = math.inf if profile.max_speed_mps is None else profile.max_speed_mps
     for segment in plan.segments:
         road = network.segments.get(segment.segment)
         if road is None:
             continue
-        limit = min(road.speed_limit_mps, top_mps) * (1 + _SPEED_TOLERANCE)
+        allowed_mps = road.access.speed_limit_mps(road.speed_limit_mps, profile)
+        limit = min(allowed_mps, top_mps) * (1 + _SPEED_TOLERANCE)
         seconds = (segment.exit_ns - segment.entry_ns) * 1e-9
         if segment.speed_mps > limit or seconds <= 0 or road.length_m / seconds > limit:
             yield f"faster than allowed on {segment.segment}"

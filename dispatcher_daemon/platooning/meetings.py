@@ -43,9 +43,9 @@ def open_shares(
     of = problem.profiles[0] if profile is None else profile
 
     def saving(name: str, eta: float) -> float:
-        length = problem.network.segments[name].length_m
-        speed = planning_speed_mps(snapshot.segments[name], of)
-        return drag_saving_kwh(length, speed, eta, of.physics)
+        segment = problem.network.segments[name]
+        speed = planning_speed_mps(segment, snapshot.segments[name], of)
+        return drag_saving_kwh(segment.length_m, speed, eta, of.physics)
 
     return {
         name: Shares(saving(name, ETA_LEADER), saving(name, ETA_FOLLOWER))

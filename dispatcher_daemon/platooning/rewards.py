@@ -52,7 +52,7 @@ def pair_saving_kwh(
 ) -> float:
     """Saving of a leader and a follower on a segment, whatever gate and timing, kWh."""
     return sum(
-        drag_saving_kwh(segment.length_m, planning_speed_mps(traffic, of), eta, of.physics)
+        drag_saving_kwh(segment.length_m, planning_speed_mps(segment, traffic, of), eta, of.physics)
         for of, eta in ((leader, ETA_LEADER), (follower, ETA_FOLLOWER))
     )
 

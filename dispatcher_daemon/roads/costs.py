@@ -25,12 +25,13 @@ def expected_traction_n(mean_n: float, std_n: float) -> float:
     return mean_n * cumulative + std_n * density
 
 
-def planning_speed_mps(traffic: SegmentTraffic, profile: RoutingProfile) -> float:
+def planning_speed_mps(segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile) -> float:
     """Speed that a vehicle is expected to hold on a segment, m/s: the traffic's, or its own top
-    speed where that is lower.
+    speed or the limit for its class where that is lower.
     """
-    top_mps = profile.max_speed_mps
-    return traffic.speed_mps if top_mps is None else min(traffic.speed_mps, top_mps)
+    limit_mps = segment.access.speed_limit_mps(segment.speed_limit_mps, profile)
+    top_mps = math.inf if profile.max_speed_mps is None else profile.max_speed_mps
+    return min(traffic.speed_mps, limit_mps, top_mps)
 
 
 def segment_cost_kwh(
@@ -49,7 +50,7 @@ def segment_cost_kwh(
     Expected stops are added to either, each with the kinetic energy of the planning speed. What
     the vehicle recuperates is taken off.
     """
-    vehicle, speed = profile.physics, planning_speed_mps(traffic, profile)
+    vehicle, speed = profile.physics, planning_speed_mps(segment, traffic, profile)
     stops_kwh = traffic.stops * stop_energy_kwh(speed, vehicle)
     if traffic.y_e != 0 or traffic.measured_speed_mps is None:
         return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle) + stops_kwh

@@ -38,13 +38,14 @@ class Roads:
         cost_kwh: expected energy of a vehicle alone, > 0, shape (m,).
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
-        turn: pairs of segments (from, onto), shape (2, t).
+        turn: pairs of segments (from, onto) that the vehicles may take, shape (2, t).
         energy: expected energy of paths, kWh.
         time: their durations, to about a second, s.
         objective: cost that the search minimises, by the problem's `search`, kWh.
         waiting_s: expected delay before each turn, s, shape (t,); None: not known.
         index: position by id.
-        leaving: positions of the segments that leave a junction, by junction; so `entering`.
+        leaving: positions of the segments that leave a junction and that the vehicles may use, by
+            junction; so `entering`.
     """
 
     profile: RoutingProfile
@@ -106,14 +107,21 @@ def roads_of(
     index = {name: i for i, name in enumerate(ids)}
     leaving: dict[str, list[int]] = {node: [] for node in network.junctions}
     entering: dict[str, list[int]] = {node: [] for node in network.junctions}
+    usable = {name for name in ids if network.admits(name, profile)}
     for i, name in enumerate(ids):
-        leaving[network.segments[name].start].append(i)
-        entering[network.segments[name].end].append(i)
-    pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(network.turns(a))]
+        if name in usable:
+            leaving[network.segments[name].start].append(i)
+            entering[network.segments[name].end].append(i)
+    pairs = [
+        (index[a], index[b])
+        for a in ids
+        for b in dict.fromkeys(network.turns(a))
+        if a in usable and b in usable and network.admits_turn(a, b, profile)
+    ]
     turn = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     segments = [(network.segments[s], snapshot.segments[s]) for s in ids]
     cost = np.array([segment_cost_kwh(*pair, profile) for pair in segments])
-    speed = np.array([planning_speed_mps(traffic, profile) for _, traffic in segments])
+    speed = np.array([planning_speed_mps(*pair, profile) for pair in segments])
     factor: Floats | float = 1.0
     observed = RoutingProfile(problem.vehicle)
     if snapshot.expected is not None and profile.physics != observed.physics:
