@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream import freshness
-from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.messages import (
     AdviceMode,
     DriverReport,
@@ -43,6 +42,7 @@ from slipstream.messages import (
     signal_status_key,
     spat_key,
 )
+from slipstream.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.departure import LegDeparture
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
@@ -62,6 +62,7 @@ CLOCK_ERROR_S: Final = 0.1
 
 _SENSING_AGE_S: Final = 0.5
 _POSITION_NS: Final = 1_000_000_000
+_STANDING_NS: Final = 5_000_000_000
 _PROGRESS_NS: Final = 5_000_000_000
 
 Outgoing = tuple[str, Message]
@@ -291,8 +292,9 @@ class Agent:
             self._send(signal_request_key(request.intersection, self.vehicle), request)
 
     def _tell(self, sensing: VehicleSensing, now_ns: int, *, changed: bool) -> None:
-        """Position once a second, progress every few seconds, both at each change."""
-        if changed or now_ns - self._position_ns >= _POSITION_NS:
+        """Position once a second on the road, else like progress every few; both at each change."""
+        interval_ns = _POSITION_NS if sensing.on_road else _STANDING_NS
+        if changed or now_ns - self._position_ns >= interval_ns:
             self._position_ns = now_ns
             self._send(position_key(self.vehicle), self._position(sensing))
         if changed or now_ns - self._progress_ns >= _PROGRESS_NS:

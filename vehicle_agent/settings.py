@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 
 from slipstream import freshness
 from slipstream.config import BusSettings, ServiceSettings, Settings
-from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.messages import Identifier
+from slipstream.traction import PAPER_CAR, VehicleParameters
 
 
 class AgentVehicle(Settings):
