@@ -68,6 +68,9 @@ _PROGRESS_NS: Final = 5_000_000_000
 Outgoing = tuple[str, Message]
 
 
+DEFAULT_LENGTH_M: Final = 4.6
+
+
 @dataclass(frozen=True)
 class AgentParameters:
     """What an agent knows of its vehicle.
@@ -75,12 +78,14 @@ class AgentParameters:
     Attributes:
         vehicle: physical data.
         length_m: bumper to bumper.
+        max_speed_mps: it drives no faster; None: as fast as the roads allow.
         interval_s: from one advice to the next.
         stale_after_s: age limit of a SegmentState.
     """
 
     vehicle: VehicleParameters = PAPER_CAR
-    length_m: float = 4.6
+    length_m: float = DEFAULT_LENGTH_M
+    max_speed_mps: float | None = None
     interval_s: float = 0.1
     stale_after_s: float = freshness.STALE_AFTER_S
 
@@ -104,7 +109,7 @@ class Agent:
     ) -> None:
         own = parameters or AgentParameters()
         self.vehicle = vehicle
-        self.tour = Tour(vehicle)
+        self.tour = Tour(vehicle, own.max_speed_mps)
         self._timings = timings or SignalTimings()
         self._roadside = roadside or Roadside(own.stale_after_s)
         self._platooning = Platooning(vehicle, own.vehicle, own.length_m, own.interval_s)
@@ -238,20 +243,21 @@ class Agent:
         if leg is not self._begun:
             self._speed.begin(leg, plan.advice)
             self._begun = leg
-        doubt = _doubt(sensing, plan, now_ns)
         self._roadside.at(now_ns)
-        if doubt is not None:
-            self._end_platooning(doubt)
         now_s = now_ns / 1e9
         # In a close gap it is platooning that keeps the gap safe.
         ahead = sensing.ahead if self._mode == "alone" else None
         top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
+        doubt = _doubt(sensing, plan, now_ns)
+        distrust = doubt or ("the signal ahead tells nothing" if top.signal_unknown else None)
+        if distrust is not None:
+            self._end_platooning(distrust)
         step = self._platooning.step(
             now_ns,
             leg,
             state,
             sensing,
-            self._roadside if doubt is None else CLOSED,
+            self._roadside if distrust is None else CLOSED,
             cap_mps=top.speed_mps,
         )
         self._mode = step.mode
