@@ -120,7 +120,6 @@ class Platooning:
         for partner in sorted(name for name in told if name is not None):
             agreements.send(self._now_ns, "leave", partner, reason=reason)
         self._reason, self._parted_ns = reason, self._now_ns
-        self._lane, self._drop_back = None, False
         return agreements.take()
 
     def step(
@@ -206,7 +205,7 @@ class Platooning:
                 return f"the traffic on {self._disengaged_on} was turbulent"
             self._disengaged_on = None
         if self._mode != "following" and self._has_just_parted:
-            return self._reason
+            return self._reason or "it has just parted"
         return obstacle(s, keeps=keeps)
 
     def _catch_up(self, s: Situation) -> None:
@@ -216,7 +215,6 @@ class Platooning:
             found = find_catch_up(s, self._vehicle, self._neighbours)
         if found is None or not joining.may_ask(found.asked, s.now_ns):
             joining.end()
-            self._lane, self._drop_back = None, False
             return
         self._lane, self._drop_back = found.lane, found.drop_back
         meets = found.rendezvous
@@ -296,12 +294,16 @@ class Platooning:
 
     def _result(self, s: Situation, cap_mps: float) -> PlatoonStep:
         agreements, mode = self._agreements, self._mode
+        if mode == "alone" and agreements.joining.front is None:
+            self._lane, self._drop_back = None, False
         follows = self._neighbours.get(self._partner) if mode == "following" else None
         speed = commanded_mps(s, mode, follows, cap_mps)
         cruise = wanted = None
+        partner = self._partner
         if mode == "alone":
             waits = DROP_BACK if self._drop_back else agreements.joined.slowdown
             cruise = cruise_mps(s, waits, agreements.joining, self._cruise_mps)
+            partner = agreements.joining.front or agreements.joined.by
         elif mode == "following":
             wanted = s.own.wanted_gap_m
         else:
@@ -318,7 +320,7 @@ class Platooning:
             cruise_mps=cruise,
             gap_m=wanted,
             lane=self._lane,
-            partner=self._partner if mode != "alone" else agreements.joining.front,
+            partner=partner,
             tail_m=control.tail_m,
             close=behind and s.gap_m <= CLOSE_GAP_M,
             reason=None if self._reason is None else self._reason[:MAX_REASON],

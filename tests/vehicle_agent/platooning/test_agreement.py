@@ -126,7 +126,7 @@ def test_one_vehicle_is_waited_for_at_a_time() -> None:
     step = front.step()
     assert front.answers(step) == [("r1", True), ("r2", False)]
     assert step.messages[1].reason == "r1 joins it"
-    assert step.control.joined_by == "r1"
+    assert step.control.joined_by == step.partner == "r1"
     assert step.cruise_mps is not None
     front.asked("r2", kind="leave")
     assert front.step().control.joined_by == "r1"
@@ -230,3 +230,44 @@ def test_it_listens_two_kilometres_ahead_and_two_segments_back() -> None:
     assert Platooning.segments_of_interest(leg, state) == tuple("bcdef")
     first = VehicleState("a", 0, False, 0, 0.0, 0.0)
     assert Platooning.segments_of_interest(leg, first) == tuple("abc")
+
+
+def test_whoever_was_told_to_end_platooning_joins_nobody_for_two_seconds() -> None:
+    """Also if it drove alone then."""
+    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    state = VehicleState("a", 0, False, 0, 500.0, 25.0)
+    ahead = SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=25.0)
+    now_ns, modes = BEGIN_NS, []
+    platooning.step(now_ns, LEG, state, sensing_of(state, None, now_ns), Roadside())
+    platooning.reset("a new plan")
+    for number in range(40):
+        now_ns += NS // 10
+        if number >= 5:
+            platooning.receive(told(now_ns, number, 504.6 + 4.5, 25.0, 25.0), now_ns)
+        seen = ahead if number >= 5 else None
+        step = platooning.step(now_ns, LEG, state, sensing_of(state, seen, now_ns), Roadside())
+        modes.append(step.mode)
+    assert "following" not in modes[:19]
+    assert modes[-1] == "following"
+
+
+def test_nobody_drops_back_for_a_vehicle_that_refuses_or_is_gone() -> None:
+    """Its lane and set speed are its own again at once."""
+    leg = road("abcdefgh", 3000.0, 30.0, lanes=2)
+    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    beside = told(BEGIN_NS, 1, 520.0, 30.0, 30.0).model_copy(update={"lane": 1, "path": leg.path})
+    platooning.receive(beside, BEGIN_NS)
+    state = VehicleState("a", 0, False, 0, 500.0, 30.0)
+    sensing = sensing_of(state, None, BEGIN_NS)
+    assert platooning.step(BEGIN_NS, leg, state, sensing, Roadside()).cruise_mps is not None
+    refusal = PlatoonManagement(
+        vehicle="p",
+        partner="me",
+        sequence=0,
+        time_ns=BEGIN_NS,
+        kind="join_response",
+        accepted=False,
+    )
+    platooning.receive(refusal, BEGIN_NS)
+    step = platooning.step(BEGIN_NS, leg, state, sensing, Roadside())
+    assert (step.cruise_mps, step.lane, step.partner) == (None, None, None)
