@@ -311,7 +311,7 @@ class FleetTracker:
             self._leave(vehicle, now_ns)
         if not vehicle.reports_progress and vehicle.left:
             passed = vehicle.leg + 1 if vehicle.position.on_road else vehicle.leg
-            for stop in plan.stops[1:passed]:
+            for stop in plan.stops[:passed]:
                 reason = f"{vehicle.id} has driven on"
                 self.book.assume_served(vehicle.id, stop.stop, now_ns, reason)
 
@@ -334,10 +334,8 @@ class FleetTracker:
             if progress is None or progress.cycle is not None:
                 return
         else:
-            for stop in accepted.plan.stops[1:-1]:
-                self.book.assume_served(
-                    vehicle.id, stop.stop, now_ns, f"{vehicle.id} is back from its tour"
-                )
+            for order in self.book.held_by(vehicle.id):
+                self.book.assume_served(vehicle.id, order, now_ns, f"{vehicle.id} is back")
         self._note(ended(accepted, "done", now_ns))
         if vehicle.offered is not None:
             self._drop_offer(vehicle, "superseded", now_ns, "its vehicle is back")
