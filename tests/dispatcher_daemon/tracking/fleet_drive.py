@@ -214,7 +214,7 @@ class Day:
 
     def restart(self) -> None:
         """A new dispatcher with what the last one has stored."""
-        self.tracker = FleetTracker(self.problem.network, self.store.load())
+        self.tracker = FleetTracker(self.problem.network, self.store.load(), self.now_ns)
 
     def cycle(self) -> tuple[VehiclePlan, ...]:
         """One cycle, with what the daemon does around it."""
