@@ -11,8 +11,8 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, selectinload
 
 from slipstream.errors import InputError
-from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord, OrderState
+from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
+from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord
 from storage import fleet, jobs, schema
 from storage.engine import (
     StorageError,

@@ -12,12 +12,13 @@ from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, ended, loaded
 from slipstream.messages import (
+    OrderState,
     PlanAcknowledgement,
     VehiclePlan,
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, OrderState, PlanRecord, PlanStatus
+from slipstream.orders import FleetRecords, PlanRecord, PlanStatus
 from slipstream.roads import RoadNetwork
 
 ANSWER_NS: Final = 5 * 10**9
@@ -261,6 +262,11 @@ class FleetTracker:
             tuple(self._plans.values()),
             tuple(self._vehicles[name].record() for name in sorted(self._reported)),
         )
+
+    def mark_all(self) -> None:
+        """All orders and vehicles are pending: the database is another one."""
+        self.book.mark_all()
+        self._reported = set(self._vehicles)
 
     def stored(self) -> None:
         """The pending records are in the database."""
