@@ -84,6 +84,11 @@ class Reader:
         with self._read_session() as session:
             return () if session is None else tuple(fleet.changes(session, order))
 
+    def exists(self) -> bool:
+        """Whether there is a database with a schema yet."""
+        with self._read_session() as session:
+            return session is not None
+
     def close(self) -> None:
         """Close all connections."""
         self._engine.dispose()
