@@ -13,7 +13,14 @@ import numpy as np
 from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form
 from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
 from dispatcher_daemon.planning import route_cycle, servable_part
-from dispatcher_daemon.plans import Candidate, Cycle, FormResult, Refusal, summarise
+from dispatcher_daemon.plans import (
+    Candidate,
+    Cycle,
+    FormResult,
+    Refusal,
+    plans_to_send,
+    summarise,
+)
 from dispatcher_daemon.platooning import JudgedPair, Passage, Place
 from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
@@ -32,7 +39,8 @@ class CycleResult:
 
     Attributes:
         report: for the dashboard and the database.
-        plans: verified plans, one for each vehicle that drives; none if the cycle failed.
+        plans: verified plans, one for each vehicle that drives, but for bound ones whose present
+            plan says the same; none if the cycle failed.
         arcs: the candidate arcs of the arc form.
         judged: every pair of arcs that share a watched segment, and why it platoons or not.
         stops: by vehicle, of the route form's plan; the next cycle's search starts from them.
@@ -83,6 +91,10 @@ def run_cycle(
     if chosen is not None and isinstance(found.baseline, Candidate):
         name = f"{found.baseline_solver}, without platooning"
         energy = summarise(name, found.baseline.energies, chosen.energies)
+    plans = () if chosen is None else chosen.plans
+    if cycle.commitments:
+        settings = cycle.settings
+        plans = plans_to_send(plans, cycle.commitments, settings.sync_window_s, settings.interval_s)
     report = CycleReport.model_validate(
         {
             "cycle": cycle.number,
@@ -96,11 +108,10 @@ def run_cycle(
             "solvers": found.reports,
             "gates": cycle.snapshot.gates(),
             "energy": energy,
-            "plans": 0 if chosen is None else len(chosen.plans),
+            "plans": len(plans),
             "unserved": tuple(Unserved(stop=s, reason=r) for s, r in found.unserved.items()),
         }
     )
-    plans = () if chosen is None else chosen.plans
     joined = {} if chosen is None else chosen.joined
     return CycleResult(report, plans, arcs, judged, found.stops, joined)
 
@@ -123,8 +134,10 @@ def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route
 
 
 def _in_arcs(cycle: Cycle) -> ArcForm | None:
-    """The arc form of a cycle, without stops that no vehicle can serve; None for the route form."""
-    if form_of(cycle.settings, cycle.problem.fleet) == "route":
+    """The arc form of a cycle, without stops that no vehicle can serve; None for the route form,
+    as for vehicles on their way, which the arc form cannot express.
+    """
+    if cycle.commitments or form_of(cycle.settings, cycle.problem.fleet) == "route":
         return None
     smaller, missing = servable_part(cycle.problem, cycle.snapshot)
     if smaller is None or arc_form_obstacle(smaller.fleet) is not None:

@@ -117,7 +117,7 @@ class FleetRecords:
     Attributes:
         orders: that have changed, or all that count.
         changes: in their order; none when loaded.
-        plans: of earlier cycles whose status has changed, or all in force.
+        plans: of earlier cycles whose status has changed, or all in force and lately lapsed.
         vehicles: that have changed, or all.
     """
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any, Final
 
-from sqlalchemy import delete, func, insert, or_, select, update
+from sqlalchemy import and_, delete, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from slipstream.messages import VehiclePosition
@@ -26,6 +26,8 @@ from storage.rows import vehicle_plan
 
 REMEMBERED_S: Final = 86_400.0
 """For so long a dispatcher knows an ended order that the fleet's file no longer has, s."""
+LAPSED_S: Final = 3600.0
+"""For so long a dispatcher knows a plan that lapsed: its vehicle may follow it all the same, s."""
 
 _MAX_NAMES: Final = 500
 """Values in one statement; SQLite takes 32,766."""
@@ -66,15 +68,18 @@ def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict
 
 
 def load(session: Session, now_ns: int) -> FleetRecords:
-    """What a dispatcher that starts has to know; see `REMEMBERED_S`."""
+    """What a dispatcher that starts has to know; see `REMEMBERED_S` and `LAPSED_S`."""
     recent = or_(
         OrderRow.state.not_in(ENDED),
         OrderRow.listed,
         OrderRow.since_ns >= now_ns - round(REMEMBERED_S * 1e9),
     )
     orders = session.scalars(select(OrderRow).where(recent).order_by(OrderRow.order))
+    lapsed = and_(PlanRow.status == "lapsed", PlanRow.status_ns >= now_ns - round(LAPSED_S * 1e9))
     plans = session.scalars(
-        select(PlanRow).where(PlanRow.status.in_(IN_FORCE)).order_by(PlanRow.cycle, PlanRow.vehicle)
+        select(PlanRow)
+        .where(or_(PlanRow.status.in_(IN_FORCE), lapsed))
+        .order_by(PlanRow.cycle, PlanRow.vehicle)
     )
     vehicles = session.scalars(select(VehicleRow).order_by(VehicleRow.vehicle))
     return FleetRecords(

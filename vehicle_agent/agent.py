@@ -46,7 +46,7 @@ from slipstream.messages import (
 from vehicle_agent.departure import LegDeparture
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
-from vehicle_agent.roadside import Roadside
+from vehicle_agent.roadside import CLOSED, Roadside
 from vehicle_agent.signals import (
     HORIZON_M,
     SignalRequests,
@@ -246,7 +246,12 @@ class Agent:
         ahead = sensing.ahead if self._mode == "alone" else None
         top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
         step = self._platooning.step(
-            now_ns, leg, state, sensing, self._roadside, cap_mps=top.speed_mps
+            now_ns,
+            leg,
+            state,
+            sensing,
+            self._roadside if doubt is None else CLOSED,
+            cap_mps=top.speed_mps,
         )
         self._mode = step.mode
         self._send(platoon_control_key(step.control.path[0], self.vehicle), step.control)

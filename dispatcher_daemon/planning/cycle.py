@@ -23,6 +23,7 @@ def route_cycle(cycle: Cycle, solve: Solve, executor: Executor) -> FormResult:
         executor: for the search of base routes.
     """
     plan = plan_fleet(cycle, executor, solve)
+    cycle = plan.cycle
     best = _candidate(cycle, _made_by(plan), plan.choice, plan)
     vehicles = cycle.problem.fleet.vehicles
     return FormResult(

@@ -47,6 +47,8 @@ class FleetPlan:
     """The plan of a fleet.
 
     Attributes:
+        cycle: as it was planned, without bound vehicles that no way leads on for: they keep the
+            plans that they have.
         choice: the plan.
         base: the same fleet routed without platooning, all vehicles leaving when ready.
         greedy: base routes, departures chosen one vehicle after the other.
@@ -56,6 +58,7 @@ class FleetPlan:
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
     """
 
+    cycle: Cycle
     choice: Choice
     base: Choice
     greedy: Choice
@@ -90,7 +93,8 @@ def plan_fleet(
         limit_s = max(0.01, share * (ends - clock()))
         return search.model_copy(update={"time_limit_s": min(search.time_limit_s, limit_s)})
 
-    cycle, travel, missing = servable(cycle)
+    whole, travel = with_ways(cycle)
+    cycle, travel, missing = servable(whole, travel)
     stage("roads")
     search = limited(settings.search, settings.base_share)
     routes = first_routes(cycle, travel, missing, search, executor)
@@ -115,6 +119,7 @@ def plan_fleet(
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
     return FleetPlan(
+        whole,
         choice_of(first.planner, descent.present),
         first.base,
         first.greedy,
@@ -133,14 +138,17 @@ def city_settings(cycle: Cycle) -> CitySettings:
     return city
 
 
-def servable(cycle: Cycle) -> tuple[Cycle, Travel, dict[str, str]]:
+def with_ways(cycle: Cycle) -> tuple[Cycle, Travel]:
+    """(the cycle without bound vehicles that no way leads on for, paths between its places)."""
+    travel = fleet_travel(cycle.problem, cycle.snapshot)
+    return drivable(cycle, travel), travel
+
+
+def servable(cycle: Cycle, travel: Travel) -> tuple[Cycle, Travel, dict[str, str]]:
     """(the cycle, paths between its places, reason by stop that no vehicle can serve).
 
-    Where a vehicle's first stop is among these, the cycle has none of them. Nor has it bound
-    vehicles that no way leads on for: they keep the plans that they have.
+    Where a vehicle's first stop is among these, the cycle has none of them.
     """
-    travel = fleet_travel(cycle.problem, cycle.snapshot)
-    cycle = drivable(cycle, travel)
     problem, part = cycle.problem, unbound(cycle)
     loaded = {stop for own in cycle.commitments for stop in own.stops}
     if part is None:

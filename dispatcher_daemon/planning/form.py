@@ -21,6 +21,7 @@ from dispatcher_daemon.planning.fleet_plan import (
     first_routes,
     initial_plans,
     servable,
+    with_ways,
 )
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.sweeps import choice_of
@@ -109,7 +110,8 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
         executor: for the search of base routes.
     """
     settings = cycle.settings.city
-    part, travel, missing = servable(cycle)
+    cycle, travel = with_ways(cycle)
+    part, travel, missing = servable(cycle, travel)
     routes = first_routes(part, travel, missing, settings.search, executor)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     first = initial_plans(part, travel, routes.stops, missing)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, FormResult, Refusal
 from dispatcher_daemon.plans.energy import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.plans.forms import Form, attempt
+from dispatcher_daemon.plans.reissue import plans_to_send
 from dispatcher_daemon.plans.solver_report import solver_report
 from dispatcher_daemon.plans.verify import verify_plans
 
@@ -17,6 +18,7 @@ __all__ = [
     "Refusal",
     "RouteEnergy",
     "attempt",
+    "plans_to_send",
     "route_energy",
     "solver_report",
     "summarise",

@@ -21,7 +21,8 @@ from slipstream.orders import FleetRecords, OrderState, PlanRecord, PlanStatus
 from slipstream.roads import RoadNetwork
 
 ANSWER_NS: Final = 5 * 10**9
-"""A vehicle that reports answers a plan within this, or the plan is taken back."""
+"""A vehicle that reports, and not by then that it follows its new plan, does not: the plan is taken
+back. That of a silent one is when it lapses: it may be on its way, with an answer that was lost."""
 LEAVE_NS: Final = 60 * 10**9
 """So long after its departure a plan is taken back whose vehicle says that it follows none."""
 LEFT_OUT_CYCLES: Final = 3
@@ -280,16 +281,20 @@ class FleetTracker:
         A plan that was taken back counts again where the vehicle has left by it, or some of its
         orders are still to be had.
         """
-        offered, withdrawn = vehicle.offered, vehicle.withdrawn
+        offered, withdrawn, accepted = vehicle.offered, vehicle.withdrawn, vehicle.accepted
         if offered is None or offered.plan.cycle != cycle:
-            if withdrawn is None or withdrawn.plan.cycle != cycle or vehicle.accepted is not None:
+            if withdrawn is None or withdrawn.plan.cycle != cycle:
+                return
+            if accepted is not None and accepted.plan.cycle > cycle:
                 return
             stops = [stop.stop for stop in withdrawn.plan.service_stops]
-            if not left and not any(self._is_to_have(stop) for stop in stops):
+            to_have = any(self._is_to_have(stop) for stop in stops)
+            if accepted is None and not left and not to_have:
                 return
             if offered is not None:
                 self._drop_offer(vehicle, "superseded", now_ns, "its vehicle follows another plan")
-                self.book.release(vehicle.id, now_ns, f"{vehicle.id} follows another plan")
+                if accepted is None:
+                    self.book.release(vehicle.id, now_ns, f"{vehicle.id} follows another plan")
             vehicle.offered, vehicle.withdrawn = withdrawn, None
         for record in vehicle.accept(now_ns):
             self._note(record)
@@ -390,7 +395,7 @@ class FleetTracker:
                 if not vehicle.has_telemetry:
                     if now_ns >= offered.plan.valid_until_ns:
                         self._drop(vehicle, offered, "lapsed", now_ns, "its plan has lapsed")
-                elif now_ns - offered.since_ns > ANSWER_NS:
+                elif _is_unanswered(vehicle, offered, now_ns):
                     vehicle.left_out_until = cycle + LEFT_OUT_CYCLES
                     reason = f"{vehicle.id} did not answer its plan"
                     if accepted is None:
@@ -410,8 +415,11 @@ class FleetTracker:
     ) -> None:
         """The plan on offer is none any more; what the vehicle has acknowledged stays."""
         assert vehicle.offered is not None
-        self._note(ended(vehicle.offered, status, now_ns, reason))
+        gone = ended(vehicle.offered, status, now_ns, reason)
+        self._note(gone)
         vehicle.offered = None
+        if status == "lapsed":
+            vehicle.withdrawn = gone
 
     def _drop(
         self,
@@ -458,7 +466,9 @@ class FleetTracker:
         vehicle = self._vehicles.get(record.plan.vehicle)
         if vehicle is None:
             return
-        if record.status == "published":
+        if record.status == "lapsed":
+            vehicle.withdrawn = record
+        elif record.status == "published":
             vehicle.offered = record
         else:
             vehicle.accepted = record
@@ -466,3 +476,12 @@ class FleetTracker:
                 self.book.orders[order].state == "under_way"
                 for order in self.book.held_by(vehicle.id)
             )
+
+
+def _is_unanswered(vehicle: TrackedVehicle, offered: PlanRecord, now_ns: int) -> bool:
+    """Whether a plan on offer has to be taken back; see `ANSWER_NS`."""
+    if vehicle.accepted is not None:
+        return now_ns - offered.since_ns > ANSWER_NS
+    if vehicle.is_fresh(now_ns):
+        return vehicle.heard_ns - offered.since_ns > ANSWER_NS
+    return now_ns >= offered.plan.valid_until_ns

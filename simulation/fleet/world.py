@@ -300,7 +300,7 @@ class FleetWorld:
             if van.driver.close and advice is not None:
                 self._following[name] = advice.mode == "follow"
                 left = advice.mode == "open_gap" and was_close
-                self.disengagements += left and advice.reason == "turbulent traffic"
+                self.disengagements += left and "turbulent" in (advice.reason or "")
 
     def _navigate(self, name: str, van: _Van, way: _Way, advice: VehicleAdvice | None) -> None:
         """Take another way to the next stop, as a newer plan has it."""

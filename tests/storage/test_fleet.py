@@ -69,7 +69,8 @@ def test_what_is_stored_with_a_cycle_is_loaded(url, make_cycle):
         lapsed = PlanRecord(plans[0], "lapsed", NOW_NS + 1, "not acknowledged in time")
         accepted = PlanRecord(plans[1], "acknowledged", NOW_NS + 2)
         database.save_fleet(FleetRecords(plans=(lapsed, accepted)))
-        assert database.load_fleet(NOW_NS).plans == (accepted,)
+        assert database.load_fleet(NOW_NS).plans == (lapsed, accepted)
+        assert database.load_fleet(NOW_NS + DAY_NS).plans == (accepted,)
 
 
 def test_the_life_of_an_order_is_kept(url):
