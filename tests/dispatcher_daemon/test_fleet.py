@@ -8,7 +8,7 @@ from typing import Any
 import pyproj
 import pytest
 
-from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, fleet_from, load_fleet
+from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, distances, fleet_from, load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, load_network
@@ -339,7 +339,10 @@ def test_places_by_latitude_and_longitude_are_snapped_to_the_road(
         fleet = fleet_from(_located(lat=lat, lon=lon), troy, "f.toml")
     assert fleet.stops[0].node in (segment.start, segment.end)
     assert fleet.depots[0].node in troy.junctions
-    assert "stops.s lies 0 m from" in caplog.text
+    assert "places lie at most" in caplog.text
+    found = dict(distances(fleet, troy, "f.toml"))
+    assert found["stops.s"].distance_m == pytest.approx(0.0, abs=0.1)
+    assert found["depots.depot"].node == fleet.depots[0].node
     again = fleet_from(fleet.model_dump(), troy, "again")
     assert again == fleet
 
