@@ -1,81 +1,57 @@
 """Physics of traction: wheel power, drag reduction in platoons, electrical energy and its parts.
 
-Formulas: paper section II. Regeneration is excluded, so energies are gross traction demand.
+Formulas: paper section II. The paper excludes regeneration, so energies are gross traction demand
+unless a vehicle has a `recuperation_efficiency`.
 Everything takes arrays: a trajectory, a stack of them, or all phases of many plans at once.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, ClassVar, NamedTuple
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict, Field
+
+from slipstream.drive import Drive
+from slipstream.traction import (
+    ETA_ALONE,
+    ETA_FOLLOWER,
+    ETA_LEADER,
+    JOULE_PER_KWH,
+    PAPER_CAR,
+    VehicleParameters,
+    drag_saving_kwh,
+    steady_energy_kwh,
+    stop_energy_kwh,
+)
+
+__all__ = [
+    "ETA_ALONE",
+    "ETA_FOLLOWER",
+    "ETA_LEADER",
+    "JOULE_PER_KWH",
+    "PAPER_CAR",
+    "Energies",
+    "Energy",
+    "Saving",
+    "VehicleParameters",
+    "drag_saving_kwh",
+    "drive_energies",
+    "phase_energies",
+    "split_saving",
+    "stack_traces",
+    "steady_energy_kwh",
+    "stop_energy_kwh",
+    "total",
+    "trace_energies",
+    "trace_energy",
+    "wheel_power_w",
+]
 
 Array = npt.NDArray[np.float64]
-
-JOULE_PER_KWH = 3.6e6
-ETA_ALONE = 0.0
-ETA_LEADER = 0.05
-ETA_FOLLOWER = 0.20
-
-_Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
-
-
-@dataclass(frozen=True)
-class VehicleParameters:
-    """A vehicle's physical data; the paper's electric car is the default (section II-A).
-
-    Attributes:
-        mass_kg: m.
-        drag_coefficient: C_d, dimensionless.
-        frontal_area_m2: A.
-        rolling_resistance: f_r, dimensionless.
-        powertrain_efficiency: η_elec, in (0, 1].
-        air_density_kgpm3: ρ.
-        gravity_mps2: g.
-    """
-
-    # Where files give it, as part of a settings model.
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
-
-    mass_kg: _Positive = 1800.0
-    drag_coefficient: _Positive = 0.30
-    frontal_area_m2: _Positive = 2.4
-    rolling_resistance: _Positive = 0.012
-    powertrain_efficiency: Annotated[_Positive, Field(le=1)] = 0.88
-    air_density_kgpm3: _Positive = 1.225
-    gravity_mps2: _Positive = 9.81
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be positive, got {value}")
-        if self.powertrain_efficiency > 1:
-            raise ValueError("powertrain_efficiency must be at most 1")
-
-    @property
-    def rolling_force_n(self) -> float:
-        """Rolling resistance m g f_r, N."""
-        return self.mass_kg * self.gravity_mps2 * self.rolling_resistance
-
-    @property
-    def drag_factor_kgpm(self) -> float:
-        """½ρC_dA: drag force over speed squared, kg/m."""
-        return 0.5 * self.air_density_kgpm3 * self.drag_coefficient * self.frontal_area_m2
-
-    def drag_force_n(self, speed_mps: float, drag_reduction: float = ETA_ALONE) -> float:
-        """Aerodynamic drag ½ρC_d(1−η)A v², N."""
-        return self.drag_factor_kgpm * (1 - drag_reduction) * speed_mps**2
-
-    def electrical_kwh(self, work_j: float) -> float:
-        """Electrical energy for mechanical work at the wheels, kWh."""
-        return work_j / (JOULE_PER_KWH * self.powertrain_efficiency)
-
-
-PAPER_CAR = VehicleParameters()
 
 
 class Energy(NamedTuple):
@@ -151,8 +127,19 @@ def wheel_power_w(
     v = np.asarray(speed_mps, dtype=np.float64)
     a = np.asarray(acceleration_mps2, dtype=np.float64)
     eta = np.asarray(drag_reduction, dtype=np.float64)
+    return np.maximum(0.0, _signed_power_w(v, a, eta, vehicle))
+
+
+def _braking_power_w(
+    speed_mps: Array, acceleration_mps2: Array, drag_reduction: Array, vehicle: VehicleParameters
+) -> Array:
+    """What brakes or motor take from the wheels, W, ≥ 0."""
+    return np.maximum(0.0, -_signed_power_w(speed_mps, acceleration_mps2, drag_reduction, vehicle))
+
+
+def _signed_power_w(v: Array, a: Array, eta: Array, vehicle: VehicleParameters) -> Array:
     drag = vehicle.drag_factor_kgpm * (1 - eta) * v**2
-    return np.maximum(0.0, (vehicle.mass_kg * a + vehicle.rolling_force_n + drag) * v)
+    return np.asarray((vehicle.mass_kg * a + vehicle.rolling_force_n + drag) * v)
 
 
 def stack_traces(traces: Sequence[npt.ArrayLike]) -> Array:
@@ -181,6 +168,7 @@ def trace_energies(
 
     In a step where traction is needed, rolling and drag take their own work and acceleration the
     rest (less than nothing where the vehicle slows: kinetic energy then pays for part of them).
+    Recuperated energy is taken off the part of acceleration.
 
     Args:
         speed_mps: speeds at the sample times, shape (..., n); a step next to a NaN counts nothing.
@@ -202,6 +190,9 @@ def trace_energies(
     energy = (power * seconds).sum(axis=-1) * factor
     rolling = vehicle.rolling_force_n * (moving * pulling_s).sum(axis=-1) * factor
     drag = vehicle.drag_factor_kgpm * ((1 - eta) * moving**3 * pulling_s).sum(axis=-1) * factor
+    if vehicle.recuperation_efficiency > 0:
+        braking = np.nan_to_num(_braking_power_w(mid, a, eta, vehicle), nan=0.0)
+        energy = energy - (braking * seconds).sum(axis=-1) * vehicle.recovered_kwh(1.0)
     return Energies(energy, rolling, drag, energy - rolling - drag)
 
 
@@ -226,7 +217,8 @@ def phase_energies(
 
     Traction is needed from the speed upwards at which drag, rolling resistance and inertia cancel,
     so each phase is one integral over a range of speeds: ∫v dt and ∫v³ dt are (v₁² − v₀²)/2a and
-    (v₁⁴ − v₀⁴)/4a.
+    (v₁⁴ − v₀⁴)/4a. Below that speed the vehicle brakes, and what it recuperates is taken off the
+    part of acceleration.
 
     Args:
         start_mps: speeds at the begin of the phases, any shape.
@@ -257,36 +249,44 @@ def phase_energies(
     rolling = vehicle.rolling_force_n * distance * factor
     drag = drag_factor * cubed * factor
     acceleration = vehicle.mass_kg * a * distance * factor
+    if vehicle.recuperation_efficiency > 0:
+        slowest = np.minimum(v0, v1)
+        braking_s = np.where(seconds > 0, (1 - share) * seconds, 0.0)
+        braking_m = 0.5 * (slowest + low) * braking_s
+        cubed_below = 0.25 * (slowest + low) * (slowest**2 + low**2) * braking_s
+        work_j = braking_n * braking_m - drag_factor * cubed_below
+        acceleration = acceleration - np.maximum(0.0, work_j) * vehicle.recovered_kwh(1.0)
     return Energies(rolling + drag + acceleration, rolling, drag, acceleration)
 
 
-def steady_energy_kwh(
-    distance_m: float,
-    speed_mps: float,
-    drag_reduction: float = ETA_ALONE,
-    mean_acceleration_mps2: float = 0.0,
+def drive_energies(
+    drives: Sequence[Drive],
+    drag_reductions: Sequence[Sequence[float]],
     vehicle: VehicleParameters = PAPER_CAR,
-) -> float:
-    """Energy to drive a distance at one speed, kWh: the paper's travel cost c_ij (III-C)."""
-    force = (
-        vehicle.mass_kg * mean_acceleration_mps2
-        + vehicle.rolling_force_n
-        + vehicle.drag_force_n(speed_mps, drag_reduction)
+) -> Energies:
+    """E_physical of many drives at once (paper eq. 2), exactly: their phases need no sampling.
+
+    Args:
+        drag_reductions: η_drag on each segment of each drive.
+
+    Returns:
+        Arrays of shape (drives,).
+    """
+    owner: list[int] = []
+    phases: list[tuple[float, float, float, float]] = []
+    for number, (drive, reductions) in enumerate(zip(drives, drag_reductions, strict=True)):
+        entry_s = drive.unhindered_s() if drive.waiting_s else drive.entry_s
+        for (begin_s, end_s), (v0, v1) in zip(
+            pairwise(drive.times_s), pairwise(drive.speeds_mps), strict=True
+        ):
+            segment = bisect_right(entry_s, 0.5 * (begin_s + end_s)) - 1
+            phases.append((v0, v1, end_s - begin_s, reductions[segment]))
+            owner.append(number)
+    start, end, seconds, eta = np.array(phases, dtype=np.float64).reshape(-1, 4).T
+    index = np.array(owner, dtype=np.int64)
+    return Energies(
+        *(
+            np.bincount(index, weights=part, minlength=len(drives)).astype(np.float64)
+            for part in phase_energies(start, end, seconds, eta, vehicle)
+        )
     )
-    return vehicle.electrical_kwh(max(0.0, force) * distance_m)
-
-
-def stop_energy_kwh(speed_mps: float, vehicle: VehicleParameters = PAPER_CAR) -> float:
-    """Energy of one full stop, kWh: the lost kinetic energy ½mv² over η_elec."""
-    return vehicle.electrical_kwh(0.5 * vehicle.mass_kg * speed_mps**2)
-
-
-def drag_saving_kwh(
-    distance_m: float,
-    speed_mps: float,
-    drag_reduction: float,
-    vehicle: VehicleParameters = PAPER_CAR,
-) -> float:
-    """Energy that a drag reduction η saves over a distance, kWh (the paper's s_{e,k,l})."""
-    force = vehicle.drag_force_n(speed_mps) - vehicle.drag_force_n(speed_mps, drag_reduction)
-    return vehicle.electrical_kwh(force * distance_m)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from slipstream import freshness
 from slipstream.messages import SegmentState
 
@@ -61,3 +63,18 @@ class Roadside:
             fresh = decisive is not None and decisive.fault is None
             self._judged[segment] = decisive.state.y_e if decisive is not None and fresh else None
         return self._judged[segment]
+
+
+class ClosedGates:
+    """Gates of an agent that trusts nothing: close gaps are allowed nowhere."""
+
+    def is_open(self, segment: str) -> bool:
+        """Never."""
+        return False
+
+    def is_turbulent(self, segment: str) -> bool:
+        """Not known."""
+        return False
+
+
+CLOSED: Final = ClosedGates()

@@ -18,7 +18,6 @@ from benchmarks.world import report
 from benchmarks.world.figures import Repeat, Saved, TimedRun
 from benchmarks.world.report import Results
 from simulation.closed_loop.history_recording import history_of
-from simulation.controllers.advice import read_roads
 from simulation.evaluation.arms import (
     BASELINE,
     COOPERATIVE,
@@ -299,7 +298,7 @@ def read_saved(
 
 def _drafting(found: Evaluation, world: World) -> float | None:
     """What every kilometre drafted would save of the baseline, mean of the seeds."""
-    roads = read_roads(world.scenario.net)
+    roads = world.scenario.network
     shares = [
         compute_ceilings(stored.result, roads).savings()["drafting"]
         for seed, stored in found.arms.get(BASELINE, {}).items()

@@ -10,18 +10,21 @@ from pathlib import Path
 from typing import Final
 
 from simulation.closed_loop.policy import Policy
-from simulation.closed_loop.record import ArmResult, Others
-from simulation.controllers import PREFIX
+from simulation.closed_loop.record import ArmResult, Others, Service
 from simulation.scenarios.day import DaySpec, sumo_options
 from simulation.scenarios.demand import draw_deliveries
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.perception import Rsu
 from simulation.scenarios.record import read_statistics, read_trips
 from simulation.scenarios.scenario import load_scenario
-from simulation.sumo import Progress, check_files, run_in_subprocess
+from simulation.sumo import TYPES, Progress, check_files, run_in_subprocess
+from vehicle_agent.agent import AgentParameters
 
 STEP_S: Final = 0.5
 """Energy from steps of this length is right to 0.2 %."""
+
+_LOOK_S: Final = 5.0
+"""Between, nothing but a plan or an order served changes what a standing vehicle is advised."""
 
 
 @dataclass(frozen=True)
@@ -86,20 +89,25 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         InputError: SUMO refuses a file.
     """
     # Imported here: they need libsumo, or take a second to load.
-    from simulation.closed_loop.departures import LegDepartures, departure_optimizer
     from simulation.closed_loop.dispatching import Dispatching
-    from simulation.closed_loop.gates import Roadside
+    from simulation.closed_loop.gates import WINDOW_S, Roadside
     from simulation.closed_loop.history import History
-    from simulation.closed_loop.tours import Tours
-    from simulation.closed_loop.world import FleetWorld
-    from simulation.controllers.fleet_controller import FleetController
+    from simulation.fleet.exchange import Exchange
+    from simulation.fleet.sensing import PREFIX
+    from simulation.fleet.world import FleetWorld, yard
+    from simulation.signals import SignalController
     from simulation.sumo.session import Session
 
     scenario = load_scenario(order.scenario, net=order.net, fleet=order.fleet)
     network, policy = scenario.network, order.policy
     lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
-    tours = Tours(draw_deliveries(scenario.fleet, network, order.seed), network)
-    tours.skip_before(order.begin_s)
+    deliveries = draw_deliveries(scenario.fleet, network, order.seed)
+    orders = {one.id: one for one in deliveries.orders}
+    over = {one.id for one in deliveries.orders if one.release_s < order.begin_s}
+    depots = {depot.id: depot.node for depot in deliveries.settings.depots}
+    intersections = sorted(
+        {c.intersection for c in network.crossings.values() if c.intersection is not None}
+    )
     history = None if order.history is None else History.load(order.history)
     roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
     day = DaySpec(
@@ -120,39 +128,57 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         legs = []
         gridlock = GridlockWatch()
         with Session(options, (day.net, day.routes, *day.additional)) as session:
-            controller = FleetController(
-                policy.levers, scenario.net, order.step_s, lengths_m, roadside
+            parameters = AgentParameters(
+                length_m=TYPES["cav"].length_m,
+                interval_s=order.step_s,
+                stale_after_s=1.5 * WINDOW_S,
             )
-            dispatching = Dispatching(tours, policy, order.seed, executor, history)
-            optimizer = departure_optimizer(
-                policy, controller.signals, dispatching.waiting_worth_kw
+            exchange = Exchange(
+                dict.fromkeys(deliveries.vehicles, parameters),
+                SignalController(intersections, "priority" in policy.levers),
+                intersections,
+                lambda: session.time_s,
+                lambda message: dispatching.receive(message),
+                parameters.stale_after_s,
             )
-            leg_departures = LegDepartures(network, dispatching, roadside, tours, optimizer)
+            dispatching = Dispatching(
+                deliveries, network, policy, order.seed, executor, exchange.send_plan, history
+            )
             world = FleetWorld(
-                session, lengths_m, controller, order.step_s, policy.pace, leg_departures.leave
+                session,
+                {van: yard(network, depots[depot]) for van, depot in deliveries.vehicles.items()},
+                lengths_m,
+                exchange,
+                roadside,
+                lambda stop: orders[stop].service_s,
+                order.step_s,
+                lambda: exchange.now_ns,
+                _LOOK_S,
+                policy.pace,
             )
-            cycle_s = tours.deliveries.settings.cycle_s
+            states: object = ()
             while (now_s := session.time_s) < order.end_s:
-                if now_s % cycle_s == 0:
-                    for leg in dispatching.cycle(now_s, roadside):
-                        world.send(leg)
-                    for name, (leg, state) in world.running().items():
-                        way = leg_departures.better_route(leg, state, now_s)
-                        if way is not None:
-                            world.reroute(name, way)
+                if "platoons" in policy.levers and roadside.states is not states:
+                    states = roadside.states
+                    exchange.send_states(roadside.told)
+                if now_s % deliveries.settings.cycle_s == 0:
+                    dispatching.cycle(now_s, over.union(world.begun_s), roadside)
                 if now_s % CHECK_S == 0 and now_s > order.begin_s:
                     report_time(now_s)
                     if gridlock.update(now_s):
                         break
-                for driven in world.step():
-                    legs.append(driven)
-                    for leg in tours.arrived(driven):
-                        world.send(leg)
+                exchange.begin_step()
+                legs += world.step()
                 roadside.sample(session.time_s)
             end_s = session.time_s
         ended = read_trips(trips)
         counts = read_statistics(statistics, ended)
         others = [trip for trip in ended if not trip.id.startswith(PREFIX)]
+    services = tuple(
+        Service(one.id, one.latest_s, world.begun_s.get(one.id))
+        for one in deliveries.orders
+        if one.id not in over and one.release_s < end_s
+    )
     return ArmResult(
         scenario=order.scenario,
         seed=order.seed,
@@ -160,7 +186,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         begin_s=order.begin_s,
         end_s=end_s,
         legs=tuple(legs),
-        services=tours.services(end_s),
+        services=services,
         cycles=tuple(dispatching.cycles),
         others=Others(
             arrived=len(others),
@@ -168,7 +194,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
             time_loss_s=_mean([trip.time_loss_s for trip in others]),
             stops=_mean([trip.stops for trip in others]),
         ),
-        disengagements=controller.disengagements,
+        disengagements=world.disengagements,
         teleports=counts.teleports,
         collisions=counts.collisions,
         emergency_stops=counts.emergency_stops,

@@ -8,6 +8,9 @@ from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchS
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import Solve, solve_in_process
 
+DEFAULT_TIME_WORTH_KW: Final = 10.0
+"""Value of driving time in a city at the limit; see `History.time_worth_kw`."""
+
 _AMPLE_S: Final = 250.0
 """No cycle of a delivery fleet takes so long, however busy the machine is."""
 

@@ -59,6 +59,13 @@ class Roadside:
         return self._open
 
     @property
+    def told(self) -> tuple[SegmentState, ...]:
+        """The reports as vehicles get them: a gate that is not the RSUs' own is made to look so."""
+        if self._gating == "rsu":
+            return self.states
+        return tuple(_gated(state, state.segment in self._open) for state in self.states)
+
+    @property
     def judged(self) -> frozenset[str]:
         """Watched segments whose y_e is known."""
         return frozenset(state.segment for state in self.states if state.y_e is not None)
@@ -78,6 +85,15 @@ class Roadside:
         reported = {s.segment for s in self.states if s.y_e == 1} - closed
         self._open = open_gates(self._gating, self.watched, reported, self._seed)
         self._turbulent = frozenset(o.segment for o in observations if is_turbulent(o.truth))
+
+
+def _gated(state: SegmentState, open_: bool) -> SegmentState:
+    """A state whose flag opens its gate, or does not."""
+    if open_:
+        return state.model_copy(update={"y_e": 1, "reason": None})
+    if state.y_e == 1:
+        return state.model_copy(update={"y_e": None, "reason": "uncertain"})
+    return state
 
 
 def open_gates(

@@ -4,62 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from simulation.closed_loop.losses import Losses
-from slipstream.energy import Energy
-
-
-@dataclass(frozen=True)
-class DrivenLeg:
-    """One driven leg of a tour, from rest at one place to rest at the next.
-
-    Attributes:
-        vehicle: of the fleet.
-        round: number of the tour in the vehicle's day, from 0.
-        leg: number of the leg in the tour, from 0.
-        ready_s: when it could have left: its plan was made, or the delivery before it was done; s
-            since midnight.
-        due_s: when it should have left by the plan.
-        departed_s: when it came onto the road.
-        arrived_s: when it stood at the next place.
-        free_s: what the leg takes at the limit on an empty road, as the dispatcher plans it.
-        distance_m: driven.
-        driven: energy with the drag reductions that it had.
-        alone: energy of the same speeds without any.
-        led_m: distance as a platoon's leader.
-        followed_m: distance as a follower.
-        stops: on the road, without the arrival.
-        waited_s: time below 0.1 m/s on the road.
-        turbulent_s: time in a close gap, leaving included, on a segment whose true traffic was
-            turbulent.
-        path: its segments.
-        losses: where the energy of `alone` went.
-    """
-
-    vehicle: str
-    round: int
-    leg: int
-    ready_s: float
-    due_s: float
-    departed_s: float
-    arrived_s: float
-    free_s: float
-    distance_m: float
-    driven: Energy
-    alone: Energy
-    led_m: float
-    followed_m: float
-    stops: int
-    waited_s: float
-    turbulent_s: float
-    path: tuple[str, ...]
-    losses: Losses
-
-    @property
-    def travel_s(self) -> float:
-        """From when it could have left to the arrival: waiting for others to meet counts, and
-        waiting to get onto the road.
-        """
-        return self.arrived_s - self.ready_s
+from simulation.fleet.driven_leg import DrivenLeg
 
 
 @dataclass(frozen=True)
@@ -80,7 +25,7 @@ class CycleRecord:
         status: of its report.
         vehicles: sent.
         planned_kwh: energy of its plans, as the dispatcher expects it.
-        planned_platooned_m: distance in platoons, as planned.
+        planned_platooned_m: distance in platoons that its plans add to those before.
         open: judged segments whose gate was open.
         judged: watched segments whose y_e was known.
         watched: segments that an RSU watches.

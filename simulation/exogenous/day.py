@@ -20,15 +20,17 @@ from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
-from simulation.closed_loop.dispatch_settings import evaluation_settings, evaluation_solve
-from simulation.closed_loop.dispatching import DEFAULT_TIME_WORTH_KW
+from simulation.closed_loop.dispatch_settings import (
+    DEFAULT_TIME_WORTH_KW,
+    evaluation_settings,
+    evaluation_solve,
+)
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, Others
-from simulation.closed_loop.tours import Tours
-from simulation.controllers import LegOrder
 from simulation.exogenous.passages import RecordedLeg, evaluate
 from simulation.exogenous.recorded import RecordedTraffic
 from simulation.exogenous.roadside import Roadside
+from simulation.exogenous.tours import LegOrder, Tours
 from simulation.scenarios.demand import draw_deliveries, fleet_at
 from simulation.scenarios.scenario import Scenario
 from simulation.sumo import Progress

@@ -12,16 +12,17 @@ from dispatcher_daemon.platooning import TimedPassage, platoons_of
 from dispatcher_daemon.roads import segment_cost_kwh
 from dispatcher_daemon.traffic import SegmentTraffic
 from simulation.closed_loop.gates import is_turbulent
-from simulation.closed_loop.losses import drive_losses
-from simulation.closed_loop.record import DrivenLeg
 from simulation.exogenous.roadside import Roadside
-from slipstream.drive import Drive, drive_energies
+from simulation.fleet.driven_leg import DrivenLeg
+from simulation.fleet.losses import drive_losses
+from slipstream.drive import Drive
 from slipstream.energy import (
     ETA_ALONE,
     ETA_FOLLOWER,
     ETA_LEADER,
     Energies,
     Energy,
+    drive_energies,
     steady_energy_kwh,
 )
 from slipstream.roads import RoadNetwork

@@ -91,7 +91,7 @@ class VehicleAdvice(Message):
     speed_mps: NonNegative | None = Field(description="Null exactly without advice.")
     gap_m: NonNegative | None = Field(description="Wanted gap to the vehicle ahead; null: its own.")
     lane: Count | None = Field(description="Wanted lane; null: as the driver likes.")
-    partner: Identifier | None = Field(description="Vehicle that it follows or joins.")
+    partner: Identifier | None = Field(description="Vehicle that it follows, joins or waits for.")
     depart_ns: TimeNs | None = Field(description="When to leave, while it stands; null: drives.")
     green_at: Identifier | None = Field(description="Intersection that it asks for green.")
     text: Annotated[str, Field(max_length=200)] = Field(description="For the driver.")

@@ -160,10 +160,9 @@ def _further_tables(
     world: World, evaluation: Evaluation, exogenous: Mapping[Watched, Evaluation]
 ) -> tuple[Table, ...]:
     """Ceilings, and the exogenous evaluation where there is one."""
-    from simulation.controllers.advice import read_roads
     from simulation.evaluation.report import ceiling_tables, exogenous_tables
 
-    tables = ceiling_tables(evaluation, read_roads(world.scenario.net))
+    tables = ceiling_tables(evaluation, world.scenario.network)
     if {"rsus", "everywhere"} <= set(exogenous):
         tables += exogenous_tables(evaluation, exogenous["rsus"], exogenous["everywhere"])
     return tables

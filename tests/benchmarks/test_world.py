@@ -20,7 +20,6 @@ from benchmarks.world.figures import (
     time_checks,
 )
 from benchmarks.world.report import Results, checks, markdown
-from simulation.controllers.advice.road import Crossing, Roads
 from simulation.evaluation.arms import POLICIES
 from simulation.evaluation.runs.store import Store
 from simulation.evaluation.runs.world import World, WorldFiles
@@ -126,17 +125,12 @@ def test_savings_are_read_from_an_evaluations_folder(
 ) -> None:
     """At equal travel time, the noisy arm's beside it, and the drafting ceiling from the legs of
     the baseline."""
-    roads = Roads(
-        {"a": 500.0, "b": 500.0},
-        {"a": 14.0, "b": 14.0},
-        {("a", "b"): {0: Crossing(0, 9, None, -1)}},
-    )
-    monkeypatch.setattr(bench, "read_roads", lambda net: roads)
     world = World(WorldFiles("troy"), tmp_path, "actuated", (7 * 3600.0, 8 * 3600.0))
+    path = min(world.scenario.network.crossings)
     with Store(tmp_path, world.provenance, "code") as store:
         for name in ("B", "B-0.88", "C", "C+", "C-noise-20"):
             arm = make_arm(POLICIES[name], 1)
-            legs = tuple(replace(leg, path=("a", "b")) for leg in arm.legs)
+            legs = tuple(replace(leg, path=path) for leg in arm.legs)
             store.put(POLICIES[name], 1, replace(arm, legs=legs))
     found = read_saved("troy", tmp_path, (7.0, 8.0), (1,))
     assert (found.scenario, found.hours, found.seeds, found.refused) == ("troy", 1.0, (1,), ())

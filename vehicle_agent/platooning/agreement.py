@@ -12,10 +12,15 @@ from typing import Final, Literal
 
 from slipstream.messages import PlatoonManagement
 from vehicle_agent.platooning.neighbours import Sequences
-from vehicle_agent.platooning.rendezvous import MAX_SLOWDOWN
+from vehicle_agent.platooning.rendezvous import MAX_CLOSING_S, MAX_SLOWDOWN
 
 RENEW_NS: Final = 1_000_000_000
 """Between two requests of a vehicle that catches up."""
+
+_MAX_CLOSING_NS: Final = round(MAX_CLOSING_S * 1e9)
+
+MAX_REASON: Final = 200
+"""Letters of a reason in a message."""
 
 EXPIRY_NS: Final = 5 * RENEW_NS
 """Without a request for so long, nobody is waited for: four lost ones in a row."""
@@ -69,11 +74,14 @@ class Joining:
     asked: str | None = None
     speedup: float = 0.0
     slowdown: float = 0.0
+    _since_ns: int = 0
     _refused_by: str | None = None
     _refused_until_ns: int = 0
 
-    def choose(self, front: str, asked: str, speedup: float, slowdown: float) -> None:
-        """Catch up with a vehicle."""
+    def choose(self, front: str, asked: str, speedup: float, slowdown: float, now_ns: int) -> None:
+        """Catch up with a vehicle, or go on doing so."""
+        if self.front != front:
+            self._since_ns = now_ns
         self.front, self.asked = front, asked
         self.speedup, self.slowdown = speedup, slowdown
 
@@ -82,14 +90,16 @@ class Joining:
         self.front = self.asked = None
         self.speedup = self.slowdown = 0.0
 
-    def refuse(self, by: str, now_ns: int) -> None:
-        """Note that the vehicle that was asked has refused."""
+    def refuse(self, by: str, now_ns: int, for_ns: int = EXPIRY_NS) -> None:
+        """Do not ask a vehicle for a time: it has refused, or waited for long."""
         if by == self.asked:
-            self._refused_by, self._refused_until_ns = by, now_ns + EXPIRY_NS
+            self._refused_by, self._refused_until_ns = by, now_ns + for_ns
             self.end()
 
     def may_ask(self, vehicle: str, now_ns: int) -> bool:
-        """Whether a vehicle has not just refused."""
+        """Whether a vehicle has not just refused, nor waited for as long as any may."""
+        if vehicle == self.asked and now_ns - self._since_ns > _MAX_CLOSING_NS:
+            self.refuse(vehicle, now_ns, _MAX_CLOSING_NS)
         return vehicle != self._refused_by or now_ns >= self._refused_until_ns
 
 
@@ -132,7 +142,7 @@ class Agreements:
             kind=kind,
             accepted=accepted,
             slowdown=slowdown,
-            reason=None if reason is None else reason[:200],
+            reason=None if reason is None else reason[:MAX_REASON],
         )
         self._sequence += 1
         self._outbox.append(message)

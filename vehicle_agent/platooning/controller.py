@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from slipstream.energy import VehicleParameters
 from slipstream.messages import PlatoonControl, PlatoonManagement, PlatoonMode, VehicleSensing
+from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
-from vehicle_agent.platooning.agreement import RENEW_NS, Agreements
+from vehicle_agent.platooning.agreement import MAX_REASON, RENEW_NS, Agreements
 from vehicle_agent.platooning.catch_up import (
     DROP_BACK,
     asked_of,
@@ -26,7 +26,7 @@ from vehicle_agent.platooning.speed_commands import announced_mps, commanded_mps
 
 _SETTLE_NS: Final = 2_000_000_000
 # A sensor may lose the vehicle ahead for a moment, as where a lane begins.
-_DROPOUT_NS: Final = 500_000_000
+_DROPOUT_NS: Final = 1_000_000_000
 _SEGMENTS_BEHIND: Final = 2
 
 
@@ -72,7 +72,7 @@ class Platooning:
         self._drop_back = False
         self._cruise_mps: float | None = None
         self._now_ns = self._seen_ns = self._look_ns = 0
-        self._left_ns = -_SETTLE_NS
+        self._left_ns = self._parted_ns = -_SETTLE_NS
 
     @staticmethod
     def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
@@ -103,7 +103,8 @@ class Platooning:
         """End platooning: the plan is superseded, or advice ends. The gap opens at once.
 
         While the mode is not yet alone, go on with `step`, on the former leg if there is no other,
-        with gates that are closed. It does not join again within 2 s.
+        with gates that are closed. It does not join again within 2 s. It may be called as often as
+        the reason holds.
 
         Returns:
             What partners must be told now.
@@ -118,8 +119,7 @@ class Platooning:
         agreements.joining.end()
         for partner in sorted(name for name in told if name is not None):
             agreements.send(self._now_ns, "leave", partner, reason=reason)
-        self._reason, self._left_ns = reason, self._now_ns
-        self._lane, self._drop_back = None, False
+        self._reason, self._parted_ns = reason, self._now_ns
         return agreements.take()
 
     def step(
@@ -187,7 +187,8 @@ class Platooning:
             if not (found == NONE_AHEAD and heard and seen):
                 self._leave(found)
         elif self._mode == "leaving":
-            if not self._has_just_left and (s.motion is None or has_left(s.own, s.motion)):
+            settled = not 0 <= s.now_ns - self._left_ns < _SETTLE_NS
+            if settled and (s.motion is None or has_left(s.own, s.motion)):
                 self._mode, self._partner = "alone", None
         else:
             self._reason = None if s.partner is None else found
@@ -203,22 +204,21 @@ class Platooning:
             if self._disengaged_on in s.leg.path[s.state.number :]:
                 return f"the traffic on {self._disengaged_on} was turbulent"
             self._disengaged_on = None
-        if self._mode != "following" and self._has_just_left:
-            return self._reason
+        if self._mode != "following" and self._has_just_parted:
+            return self._reason or "it has just parted"
         return obstacle(s, keeps=keeps)
 
     def _catch_up(self, s: Situation) -> None:
         """Look for a vehicle to catch up with, and ask it, or its leader, to wait."""
         found, joining = None, self._agreements.joining
-        if self._disengaged_on is None and s.sensing_in_time and not self._has_just_left:
+        if self._disengaged_on is None and s.sensing_in_time and not self._has_just_parted:
             found = find_catch_up(s, self._vehicle, self._neighbours)
         if found is None or not joining.may_ask(found.asked, s.now_ns):
             joining.end()
-            self._lane, self._drop_back = None, False
             return
         self._lane, self._drop_back = found.lane, found.drop_back
         meets = found.rendezvous
-        joining.choose(found.front.vehicle, found.asked, meets.speedup, meets.slowdown)
+        joining.choose(found.front.vehicle, found.asked, meets.speedup, meets.slowdown, s.now_ns)
         self._agreements.send(s.now_ns, "join_request", found.asked, slowdown=meets.slowdown)
 
     def _close_up(self, s: Situation) -> None:
@@ -228,8 +228,9 @@ class Platooning:
         asked = asked_of(s.partner)
         leader = self._neighbours.get(asked) or s.partner
         slowdown = closing_slowdown(s, leader.desired_mps)
-        if slowdown > 0 and leader.joined_by in (None, self._vehicle):
-            self._agreements.joining.choose(s.partner.vehicle, asked, 0.0, slowdown)
+        free = leader.joined_by in (None, self._vehicle)
+        if slowdown > 0 and free and self._agreements.joining.may_ask(asked, s.now_ns):
+            self._agreements.joining.choose(s.partner.vehicle, asked, 0.0, slowdown, s.now_ns)
             self._agreements.send(s.now_ns, "join_request", asked, slowdown=slowdown)
         elif leader.joined_by == self._vehicle:
             self._agreements.joining.end()
@@ -260,7 +261,8 @@ class Platooning:
             self._leave(f"{name} has left")
 
     def _leave(self, reason: str | None, *, tell: bool = True) -> None:
-        self._mode, self._reason, self._left_ns = "leaving", reason, self._now_ns
+        self._mode, self._reason = "leaving", reason
+        self._left_ns = self._parted_ns = self._now_ns
         if tell:
             asked = self._agreements.joining.asked
             for partner in sorted({name for name in (self._partner, asked) if name is not None}):
@@ -268,32 +270,45 @@ class Platooning:
         self._agreements.joining.end()
 
     @property
-    def _has_just_left(self) -> bool:
-        return 0 <= self._now_ns - self._left_ns < _SETTLE_NS
+    def _has_just_parted(self) -> bool:
+        """Whether it has left a platoon, or was told to end platooning."""
+        return 0 <= self._now_ns - self._parted_ns < _SETTLE_NS
 
     def _followers(self) -> list[Heard]:
         return [heard for heard in self._neighbours if heard.message.ahead == self._vehicle]
 
     def _partners_lane(self, s: Situation) -> int | None:
-        """The lane of the vehicle that it follows, while both are on one segment."""
-        front = self._neighbours.get(self._partner)
-        if self._mode != "following" or front is None or s.state.crossing or front.crossing:
+        """The lane of the vehicle that it follows, while both are on one segment and go on alike.
+
+        For a moment also of the one that it has just left: that may have changed its lane.
+        """
+        front, state = self._neighbours.get(self._partner), s.state
+        if front is None or state.crossing or front.crossing or front.front_m < state.front_m:
             return None
-        return front.lane if front.path[0] == s.state.segment else None
+        if self._mode == "leaving" and not (
+            self._has_just_parted and s.gates.is_open(state.segment)
+        ):
+            return None
+        alike = front.path[:2] == s.leg.path[state.number : state.number + 2]
+        return front.lane if alike else None
 
     def _result(self, s: Situation, cap_mps: float) -> PlatoonStep:
         agreements, mode = self._agreements, self._mode
-        speed = commanded_mps(s, mode, cap_mps)
+        if mode == "alone" and agreements.joining.front is None:
+            self._lane, self._drop_back = None, False
+        follows = self._neighbours.get(self._partner) if mode == "following" else None
+        speed = commanded_mps(s, mode, follows, cap_mps)
         cruise = wanted = None
+        partner = self._partner
         if mode == "alone":
             waits = DROP_BACK if self._drop_back else agreements.joined.slowdown
             cruise = cruise_mps(s, waits, agreements.joining, self._cruise_mps)
+            partner = agreements.joining.front or agreements.joined.by
         elif mode == "following":
             wanted = s.own.wanted_gap_m
         else:
             wanted = IDM.desired_gap_m(s.state.speed_mps)
         self._cruise_mps = cruise
-        follows = self._neighbours.get(self._partner) if mode == "following" else None
         announced = announced_mps(s, speed, cap_mps)
         control = self._controls.make(
             s, mode, follows, announced, agreements.joined.by, self._neighbours
@@ -305,10 +320,10 @@ class Platooning:
             cruise_mps=cruise,
             gap_m=wanted,
             lane=self._lane,
-            partner=self._partner if mode != "alone" else agreements.joining.front,
+            partner=partner,
             tail_m=control.tail_m,
             close=behind and s.gap_m <= CLOSE_GAP_M,
-            reason=self._reason,
+            reason=None if self._reason is None else self._reason[:MAX_REASON],
             control=control,
             messages=agreements.take(),
         )

@@ -32,7 +32,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.energy import VehicleParameters
+from slipstream.traction import VehicleParameters
 from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, RESPONSE_S, AheadMotion
 
 ADVISED_GAP_M: Final = 1.5
@@ -148,8 +148,16 @@ def following_mps(own: Own, ahead: AheadMotion) -> float:
 
 
 def closing_mps(error_m: float, coasting: float) -> float:
-    """Difference of speeds that coasting, less a tenth, ends just when the gap is closed."""
-    return math.sqrt(2 * 0.9 * coasting * max(0.0, error_m))
+    """Difference of speeds that coasting, less a tenth, ends when the gap is closed.
+
+    k e near the wanted gap, where that asks for less than such a deceleration c; u² = 2 c (e − ½ c
+    / k²) from there on, which goes over into it without a kink.
+    """
+    slowing = 0.9 * coasting
+    linear_m = slowing / _GAIN_PER_S**2
+    if error_m <= linear_m:
+        return _GAIN_PER_S * max(0.0, error_m)
+    return math.sqrt(2 * slowing * (error_m - linear_m / 2))
 
 
 def _required_braking_mps2(speed_mps: float, ahead: AheadMotion, room_m: float) -> float:

@@ -31,7 +31,7 @@ class PlatoonStep:
             up to the limit, to catch up; None: as without platooning.
         gap_m: wanted gap to the vehicle ahead; None while alone.
         lane: wanted; None: as the driver likes. Whether it leads on is for the vehicle to say.
-        partner: vehicle that it follows, opens its gap to, or catches up with.
+        partner: vehicle that it follows, opens its gap to, catches up with, or waits for.
         tail_m: from its front to the rear of its last follower in a close gap.
         close: whether it is in a close gap now.
         reason: why a platoon ended or does not form; None: neither.

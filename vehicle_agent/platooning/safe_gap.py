@@ -85,7 +85,9 @@ def safe_mps(speed_mps: float, ahead: AheadMotion, interval_s: float) -> float:
     """
     room_m = ahead.gap_m - STANDING_M + front_way_m(ahead) - speed_mps * ahead.sensed_s
     room_m -= max(speed_mps, ahead.speed_mps) / 2 * interval_s
-    if room_m <= 0:
+    # A slower vehicle ahead must not be met within the interval either.
+    approach_mps = speed_mps - min(ahead.speed_mps, ahead.coming_mps)
+    if room_m <= 0 or ahead.gap_m < approach_mps / 2 * interval_s:
         return 0.0
     half = MAX_BRAKING_MPS2 * interval_s / 2
     return math.sqrt(half * half + 2 * MAX_BRAKING_MPS2 * room_m) - half

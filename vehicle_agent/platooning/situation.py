@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.energy import VehicleParameters
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
+from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.gap_control import ADVISED_GAP_M, COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates
@@ -21,6 +21,7 @@ _MAX_FRONT_M: Final = 1e5
 _MAX_GAP_M: Final = 1e4
 _MAX_ADVISED_GAP_M: Final = 50.0
 _MAX_ACCELERATION_MPS2: Final = 3.0
+_MIN_DESIRED_MPS: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,7 @@ def look(
         own=Own(
             speed_mps=state.speed_mps,
             max_mps=limit_mps,
-            desired_mps=pace * limit_mps,
+            desired_mps=max(pace * limit_mps, _MIN_DESIRED_MPS),
             advised_gap_m=min(planned.gap_m or ADVISED_GAP_M, _MAX_ADVISED_GAP_M),
             interval_s=interval_s,
             vehicle=vehicle,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from slipstream.messages import PlatoonMode
+from slipstream.messages import PlatoonControl, PlatoonMode
 from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.gap_control import following_mps, leaving_mps, waiting_mps
 from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, safe_mps
 from vehicle_agent.platooning.situation import Situation, allowed_mps
 
 
-def commanded_mps(situation: Situation, mode: PlatoonMode, cap_mps: float) -> float | None:
+def commanded_mps(
+    situation: Situation, mode: PlatoonMode, front: PlatoonControl | None, cap_mps: float
+) -> float | None:
     """Speed at the end of the interval, m/s; None while it drives alone.
 
     At most the limit here. Otherwise never less than the strongest braking reaches: where the gap
@@ -18,6 +20,8 @@ def commanded_mps(situation: Situation, mode: PlatoonMode, cap_mps: float) -> fl
     Args:
         situation: now.
         mode: of the vehicle.
+        front: last message of the vehicle that it follows; while no vehicle is sensed ahead, it
+            drives no faster than that one.
         cap_mps: what the rest of the agent allows.
     """
     if mode == "alone":
@@ -25,7 +29,7 @@ def commanded_mps(situation: Situation, mode: PlatoonMode, cap_mps: float) -> fl
     own, ahead = situation.own, situation.motion
     bound = min(allowed_mps(situation), cap_mps)
     if ahead is None:
-        command = own.speed_mps
+        command = own.speed_mps if front is None else min(own.speed_mps, front.announced_mps)
     else:
         law = following_mps if mode == "following" else leaving_mps
         command = min(law(own, ahead), safe_mps(own.speed_mps, ahead, own.interval_s))
@@ -52,7 +56,8 @@ def cruise_mps(
     if slowdown > 0:
         before_mps = own.speed_mps if before_mps is None else before_mps
         target_mps = (1 - slowdown) * own.desired_mps
-        return min(own.desired_mps, waiting_mps(before_mps, target_mps, own))
+        waiting = waiting_mps(before_mps, target_mps, own)
+        return min(own.desired_mps, waiting, situation.limit_mps)
     if joining.speedup > 0:
         return min(situation.limit_mps, (1 + joining.speedup) * own.desired_mps)
     return None

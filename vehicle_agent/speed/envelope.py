@@ -39,6 +39,9 @@ FULL_MPS2: Final = 9.0
 
 RESPONSE_S: Final = 0.5
 
+LINE_GAP_M: Final = 0.5
+"""From the front to a stop line that it stops at; drivers leave more."""
+
 _NEAR_S: Final = 1.0
 """A stop line of unknown state matters this long before braking for it would have to begin."""
 
@@ -140,9 +143,12 @@ def _line_mps(
         return None
     if shown.may_go and now_s + free_drive_s(ahead_m, speed, limit_mps) <= shown.red_s:
         return math.inf
-    stopping = braked_after_mps(speed, 0.0, ahead_m, HARD_MPS2, interval_s)
-    if speed * speed <= 2 * HARD_MPS2 * ahead_m:
-        return stopping
-    if shown.may_go or shown.clearing:
+    can_stop = speed * speed <= 2 * HARD_MPS2 * ahead_m
+    if not can_stop and (shown.may_go or shown.clearing):
         return math.inf
-    return max(stopping, speed - HARD_MPS2 * interval_s)
+    stopping = braked_after_mps(speed, 0.0, ahead_m - LINE_GAP_M, HARD_MPS2, interval_s)
+    hard = speed - HARD_MPS2 * interval_s
+    if can_stop:
+        # Nearer to the line than the gap, it need not brake harder.
+        hard = min(hard, braked_after_mps(speed, 0.0, ahead_m, HARD_MPS2, interval_s))
+    return max(stopping, hard)

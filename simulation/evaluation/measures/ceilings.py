@@ -10,12 +10,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from simulation.closed_loop.losses import drive_losses
-from simulation.closed_loop.record import ArmResult, DrivenLeg
-from simulation.controllers.advice import Roads
+from simulation.closed_loop.record import ArmResult
+from simulation.fleet.driven_leg import DrivenLeg
+from simulation.fleet.losses import drive_losses
 from simulation.sumo import TYPES
-from slipstream.drive import Drive, DrivingStyle, drive_energies, plan_drive
-from slipstream.energy import ETA_FOLLOWER, PAPER_CAR, VehicleParameters, steady_energy_kwh
+from slipstream.drive import Drive, DrivingStyle, plan_drive
+from slipstream.energy import (
+    ETA_FOLLOWER,
+    PAPER_CAR,
+    VehicleParameters,
+    drive_energies,
+    steady_energy_kwh,
+)
+from slipstream.roads import RoadNetwork
 
 _CAV: Final = TYPES["cav"]
 _STYLE: Final = DrivingStyle(_CAV.acceleration_mps2, _CAV.deceleration_mps2)
@@ -95,12 +102,12 @@ class LossShares:
 
 
 def compute_ceilings(
-    arm: ArmResult, roads: Roads, vehicle: VehicleParameters = PAPER_CAR
+    arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
 ) -> Ceilings:
     """Ceilings of an arm.
 
     Args:
-        roads: of the arm's net, with its junctions.
+        roads: of the arm's net, with the ways through its junctions.
 
     Raises:
         ValueError: the arm drove nothing.
@@ -119,7 +126,9 @@ def compute_ceilings(
     )
 
 
-def loss_shares(arm: ArmResult, roads: Roads, vehicle: VehicleParameters = PAPER_CAR) -> LossShares:
+def loss_shares(
+    arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
+) -> LossShares:
     """Split the energy of an arm's legs by what it was lost to."""
     lost = [leg.losses for leg in arm.legs]
     turns = sum(drive_losses(free_drive(leg.path, roads), vehicle).slowing_kwh for leg in arm.legs)
@@ -138,7 +147,7 @@ def share_of_ceiling(saving: float, ceiling: float) -> float | None:
     return saving / ceiling if ceiling > 0 else None
 
 
-def free_drive(path: Sequence[str], roads: Roads, pace: float = 1.0) -> Drive:
+def free_drive(path: Sequence[str], roads: RoadNetwork, pace: float = 1.0) -> Drive:
     """A leg on empty roads without signals: limits, and the speeds that turns allow.
 
     Args:
@@ -151,17 +160,17 @@ def free_drive(path: Sequence[str], roads: Roads, pace: float = 1.0) -> Drive:
     lengths, speeds = [], []
     for number, segment in enumerate(path):
         if number > 0:
-            way = roads.crossing(path[number - 1], segment, 0)
+            way = roads.crossings[path[number - 1], segment]
             if way.length_m > 0:
                 lengths.append(way.length_m)
                 speeds.append(pace * way.speed_mps)
-        lengths.append(roads.length_m[segment])
-        speeds.append(pace * roads.limit_mps[segment])
+        lengths.append(roads.segments[segment].length_m)
+        speeds.append(pace * roads.segments[segment].speed_limit_mps)
     return plan_drive(lengths, speeds, _STYLE)
 
 
 def _free(
-    legs: Sequence[DrivenLeg], roads: Roads, pace: float, vehicle: VehicleParameters
+    legs: Sequence[DrivenLeg], roads: RoadNetwork, pace: float, vehicle: VehicleParameters
 ) -> Ideal:
     drives = [free_drive(leg.path, roads, pace) for leg in legs]
     alone, drafted = (
@@ -171,7 +180,7 @@ def _free(
     return Ideal(alone, drafted, sum(drive.duration_s for drive in drives))
 
 
-def _pace(legs: Sequence[DrivenLeg], roads: Roads, travel_s: float) -> float:
+def _pace(legs: Sequence[DrivenLeg], roads: RoadNetwork, travel_s: float) -> float:
     """The pace at which all legs together take a time on empty roads, at most 1."""
     low, high = _SLOWEST, 1.0
     for _ in range(20):

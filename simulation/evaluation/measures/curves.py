@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from simulation.closed_loop.record import ArmResult, DrivenLeg
+from simulation.closed_loop.record import ArmResult
+from simulation.fleet.driven_leg import DrivenLeg
 
 Array = npt.NDArray[np.float64]
 

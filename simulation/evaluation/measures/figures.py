@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from simulation.closed_loop.losses import Losses
 from simulation.closed_loop.record import ArmResult, Others
+from simulation.fleet.losses import Losses
 from simulation.scenarios.acceptance import clock
 from slipstream.energy import Energy, total
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from simulation.controllers.advice import Roads
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER, only
 from simulation.evaluation.measures import (
     Ceilings,
@@ -21,6 +20,7 @@ from simulation.evaluation.measures import (
 from simulation.evaluation.report.cells import MEANS, arm_files
 from simulation.evaluation.report.formatting import NOTHING, Table, number, percent
 from simulation.evaluation.report.proximity import proximity_table
+from slipstream.roads import RoadNetwork
 
 _CEILINGS: Final = (
     ("every kilometre drafted", "drafting", None),
@@ -70,7 +70,7 @@ _REACHES: Final = (
 )
 
 
-def ceiling_tables(evaluation: Evaluation, roads: Roads) -> tuple[Table, ...]:
+def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[Table, ...]:
     """What the baseline's legs would cost at best, where their energy goes, and the levers' shares
     of it; nothing where there is no sound baseline.
 
@@ -82,7 +82,8 @@ def ceiling_tables(evaluation: Evaluation, roads: Roads) -> tuple[Table, ...]:
         return ()
     best = {seed: compute_ceilings(result, roads) for seed, result in fit.items()}
     goes = {seed: loss_shares(result, roads) for seed, result in fit.items()}
-    together = proximity_table(evaluation, roads.length_m)
+    lengths_m = {name: segment.length_m for name, segment in roads.segments.items()}
+    together = proximity_table(evaluation, lengths_m)
     return (
         _ceiling_table(evaluation, best),
         _where_table(evaluation, goes),

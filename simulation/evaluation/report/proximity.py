@@ -11,11 +11,11 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from simulation.closed_loop.record import DrivenLeg
 from simulation.evaluation.arms import COOPERATIVE, EVERY_LEVER, only
 from simulation.evaluation.measures import Evaluation, Spread
 from simulation.evaluation.report.cells import MEANS, arm_files
 from simulation.evaluation.report.formatting import Table, percent
+from simulation.fleet.driven_leg import DrivenLeg
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 
 _ARMS: Final = (only("platoons"), COOPERATIVE, EVERY_LEVER)

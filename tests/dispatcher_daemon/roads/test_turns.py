@@ -20,8 +20,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from research.cities.generator import small_city
-from slipstream.drive import drive_energies
-from slipstream.energy import stop_energy_kwh
+from slipstream.energy import drive_energies, stop_energy_kwh
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 PLACES = ("11", "33", "20", "02")
@@ -59,9 +58,7 @@ def test_ways_are_those_of_least_expected_losses(town: Town, share: float) -> No
     expected = expected_of(problem, 1, share)
     snapshot = replace(snapshot, expected=expected)
     network, traffic = problem.network, snapshot.segments
-    cost = {
-        n: segment_cost_kwh(s, traffic[n], problem.vehicle) for n, s in network.segments.items()
-    }
+    cost = {n: segment_cost_kwh(s, traffic[n]) for n, s in network.segments.items()}
     graph = nx.DiGraph()
     for name, segment in network.segments.items():
         for after in network.turns(name):

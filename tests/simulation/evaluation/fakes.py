@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from simulation.closed_loop.losses import Losses
 from simulation.closed_loop.policy import Policy
-from simulation.closed_loop.record import ArmResult, CycleRecord, DrivenLeg, Others, Service
+from simulation.closed_loop.record import ArmResult, CycleRecord, Others, Service
 from simulation.evaluation.runs.provenance import Provenance
+from simulation.fleet.driven_leg import DrivenLeg
+from simulation.fleet.losses import Losses
 from slipstream.energy import Energy
 
 GROUND = Provenance(

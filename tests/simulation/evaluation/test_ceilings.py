@@ -8,9 +8,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from simulation.closed_loop.losses import drive_losses, losses
-from simulation.closed_loop.record import ArmResult, DrivenLeg, Others
-from simulation.controllers.advice.road import Crossing, Roads
+from simulation.closed_loop.record import ArmResult, Others
 from simulation.evaluation.arms import POLICIES
 from simulation.evaluation.measures.ceilings import (
     compute_ceilings,
@@ -22,17 +20,31 @@ from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.report.ceilings import ceiling_tables
 from simulation.evaluation.report.proximity import proximity_kwh
 from simulation.evaluation.runs.store import Store
-from slipstream.drive import DrivingStyle, drive_energies, plan_drive
-from slipstream.energy import ETA_FOLLOWER, steady_energy_kwh, stop_energy_kwh, trace_energy
+from simulation.fleet.driven_leg import DrivenLeg
+from simulation.fleet.losses import drive_losses, losses
+from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy import (
+    ETA_FOLLOWER,
+    drive_energies,
+    steady_energy_kwh,
+    stop_energy_kwh,
+    trace_energy,
+)
+from slipstream.roads import Crossing, Segment, build_network
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 STEP_S: Final = 0.5
-ROADS: Final = Roads(
-    {"a": 600.0, "b": 500.0, "c": 400.0},
-    {"a": 14.0, "b": 14.0, "c": 10.0},
-    {
-        ("a", "b"): {0: Crossing(15.0, 6.0, "light", 0)},
-        ("b", "c"): {0: Crossing(20.0, 14.0, None, -1)},
+ROADS: Final = build_network(
+    "row",
+    [
+        Segment("a", "0", "1", 600.0, 14.0, 1, ((0.0, 0.0), (600.0, 0.0))),
+        Segment("b", "1", "2", 500.0, 14.0, 1, ((600.0, 0.0), (1100.0, 0.0))),
+        Segment("c", "2", "3", 400.0, 10.0, 1, ((1100.0, 0.0), (1500.0, 0.0))),
+    ],
+    {"0": (0.0, 0.0), "1": (600.0, 0.0), "2": (1100.0, 0.0), "3": (1500.0, 0.0)},
+    crossings={
+        ("a", "b"): Crossing(15.0, 6.0, intersection="light", signal_groups={0: 0}),
+        ("b", "c"): Crossing(20.0, 14.0),
     },
 )
 

@@ -10,7 +10,6 @@ import pytest
 
 from simulation.closed_loop.arm import ArmSpec
 from simulation.closed_loop.record import ArmResult
-from simulation.controllers import advice
 from simulation.evaluation import exogenous, report
 from simulation.evaluation.exogenous import ExogenousSpec
 from simulation.evaluation.report import files
@@ -21,7 +20,7 @@ from tests.simulation.evaluation.fakes import make_arm
 
 Capture = pytest.CaptureFixture[str]
 
-READ_ROADS, CEILING_TABLES = advice.read_roads, report.ceiling_tables
+CEILING_TABLES = report.ceiling_tables
 
 MORNING = ("--scenario", "corridor", "--begin", "6", "--hours", "3")
 
@@ -43,7 +42,6 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmSpec]:
     monkeypatch.setattr(world, "history_of", lambda scenario, seed, folder, **_: folder / "history")
     monkeypatch.setattr(files, "draw", lambda evaluation, folder: ())
     # Ceilings take a second, which only their own test need wait for.
-    monkeypatch.setattr(advice, "read_roads", lambda net: None)
     monkeypatch.setattr(report, "ceiling_tables", lambda evaluation, roads: ())
     return ordered
 
@@ -89,7 +87,6 @@ def test_ceilings_and_the_papers_way_join_the_report(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Asked for once, they are simulated once; stored, they are in every later report."""
-    monkeypatch.setattr(advice, "read_roads", READ_ROADS)
     monkeypatch.setattr(report, "ceiling_tables", CEILING_TABLES)
     driven: list[str] = []
 

@@ -1,0 +1,273 @@
+"""What is believed of what others tell, and who waits for whom."""
+
+import pytest
+
+from slipstream.energy import PAPER_CAR
+from slipstream.messages import PlatoonControl, PlatoonManagement, SensedVehicle
+from tests.vehicle_agent.platooning.test_limits import sensing_of, told
+from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road
+from vehicle_agent.leg import Leg, VehicleState
+from vehicle_agent.platooning import Platooning, PlatoonStep
+from vehicle_agent.platooning.neighbours import MAX_NEIGHBOURS, Neighbours
+
+NS = 1_000_000_000
+LEG = Leg(1, 0, tuple(planned(name, 3000.0, 30.0) for name in "abc"))
+
+
+def heard(neighbours: Neighbours, now_ns: int = BEGIN_NS) -> int | None:
+    """Sequence of the partner's message that is believed."""
+    fresh = neighbours.fresh("p", now_ns)
+    return None if fresh is None else fresh[0].sequence
+
+
+def at(time_ns: int, sequence: int, **update: object) -> PlatoonControl:
+    """A message of the partner."""
+    return told(time_ns, sequence, 300.0, 25.0, 25.0).model_copy(update=update)
+
+
+def test_a_partner_is_silent_after_half_a_second_by_either_clock() -> None:
+    """By when the message came, and by when it says that it was sent."""
+    neighbours = Neighbours("me", 0.1)
+    neighbours.receive(at(BEGIN_NS, 1), BEGIN_NS)
+    assert heard(neighbours, BEGIN_NS + NS // 2) == 1
+    assert heard(neighbours, BEGIN_NS + NS // 2 + 1) is None
+    late = Neighbours("me", 0.1)
+    late.receive(at(BEGIN_NS - 4 * NS // 10, 1), BEGIN_NS)
+    assert heard(late, BEGIN_NS + NS // 10) == 1
+    assert heard(late, BEGIN_NS + NS // 10 + 1) is None
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        pytest.param(at(BEGIN_NS + NS // 10 + 1, 2), id="of the future"),
+        pytest.param(at(BEGIN_NS - NS, 2), id="old"),
+        pytest.param(at(BEGIN_NS, 1), id="again"),
+        pytest.param(at(BEGIN_NS, 0), id="sequence runs back"),
+        pytest.param(at(BEGIN_NS - NS // 10, 2), id="time runs back"),
+        pytest.param(at(BEGIN_NS, 2, vehicle="me"), id="of oneself"),
+    ],
+)
+def test_what_is_not_believed(message: PlatoonControl) -> None:
+    """It is ignored, and what was known before stays."""
+    neighbours = Neighbours("me", 0.1)
+    neighbours.receive(at(BEGIN_NS - NS // 20, 1), BEGIN_NS)
+    neighbours.receive(message, BEGIN_NS)
+    assert heard(neighbours) == 1
+    assert neighbours.fresh("me", BEGIN_NS) is None
+
+
+def test_a_vehicle_that_starts_anew_is_heard_after_its_silence() -> None:
+    """Its sequence begins at 0 again; a clock that was set back forgets everybody."""
+    neighbours = Neighbours("me", 0.1)
+    neighbours.receive(at(BEGIN_NS, 9), BEGIN_NS)
+    later_ns = BEGIN_NS + NS
+    neighbours.forget(later_ns)
+    neighbours.receive(at(later_ns, 0), later_ns)
+    assert heard(neighbours, later_ns) == 0
+    assert heard(neighbours, BEGIN_NS) is None
+    neighbours.forget(BEGIN_NS)
+    assert len(neighbours) == 0
+
+
+def test_no_more_vehicles_are_remembered_than_may_be() -> None:
+    """Those that are known go on being heard."""
+    neighbours = Neighbours("me", 0.1)
+    for number in range(MAX_NEIGHBOURS + 50):
+        neighbours.receive(at(BEGIN_NS, 1, vehicle=f"v{number}"), BEGIN_NS)
+    assert len(neighbours) == MAX_NEIGHBOURS
+    neighbours.receive(at(BEGIN_NS, 2, vehicle="v0"), BEGIN_NS)
+    fresh = neighbours.fresh("v0", BEGIN_NS)
+    assert fresh is not None
+    assert fresh[0].sequence == 2
+
+
+class Front:
+    """A vehicle alone on a motorway that others ask."""
+
+    def __init__(self) -> None:
+        self.platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+        self.now_ns = BEGIN_NS
+        self.sequence = 0
+
+    def asked(
+        self, by: str, slowdown: float = 0.1, kind: str = "join_request", at_ns: int | None = None
+    ) -> None:
+        """Another vehicle sends it a message."""
+        self.sequence += 1
+        message = PlatoonManagement(
+            vehicle=by,
+            partner="me",
+            sequence=self.sequence,
+            time_ns=self.now_ns if at_ns is None else at_ns,
+            kind=kind,  # type: ignore[arg-type]
+            accepted=None,
+            slowdown=slowdown,
+        )
+        self.platooning.receive(message, self.now_ns)
+
+    def step(self, seconds: float = 0.0) -> PlatoonStep:
+        """One interval, some time later."""
+        self.now_ns += round(seconds * NS)
+        state = VehicleState("a", 0, False, 0, 500.0, 30.0)
+        sensing = sensing_of(state, None, self.now_ns)
+        return self.platooning.step(self.now_ns, LEG, state, sensing, Roadside())
+
+    def answers(self, step: PlatoonStep) -> list[tuple[str, bool | None]]:
+        """To whom, and whether it agrees."""
+        return [(m.partner, m.accepted) for m in step.messages if m.kind == "join_response"]
+
+
+def test_one_vehicle_is_waited_for_at_a_time() -> None:
+    """The first that asks; another one when that one leaves."""
+    front = Front()
+    front.asked("r1")
+    front.asked("r2")
+    step = front.step()
+    assert front.answers(step) == [("r1", True), ("r2", False)]
+    assert step.messages[1].reason == "r1 joins it"
+    assert step.control.joined_by == step.partner == "r1"
+    assert step.cruise_mps is not None
+    front.asked("r2", kind="leave")
+    assert front.step().control.joined_by == "r1"
+    front.asked("r1", kind="leave")
+    step = front.step()
+    assert (step.control.joined_by, step.cruise_mps) == (None, None)
+    front.asked("r2")
+    assert front.answers(front.step()) == [("r2", True)]
+
+
+def test_nobody_waits_who_was_not_asked_for_five_seconds() -> None:
+    """Renewed, it goes on; the set speed sinks to what was asked, a tenth at most."""
+    front = Front()
+    for number in range(300):
+        if number % 10 == 0:
+            front.asked("r1", slowdown=0.9)
+        step = front.step(0.1)
+    assert step.cruise_mps == pytest.approx(27.0, abs=0.1)
+    assert front.step(4.0).cruise_mps is not None
+    step = front.step(0.2)
+    assert (step.cruise_mps, step.control.joined_by) == (None, None)
+
+
+def test_a_clock_that_is_set_back_ends_waiting() -> None:
+    """The end of the agreement would lie far ahead."""
+    front = Front()
+    front.asked("r1")
+    assert front.step().control.joined_by == "r1"
+    assert front.step(-600.0).control.joined_by is None
+
+
+def test_requests_late_of_the_future_or_again_are_ignored() -> None:
+    """Neither answered nor followed."""
+    front = Front()
+    front.asked("r1", at_ns=front.now_ns - 2 * NS)
+    front.asked("r1", at_ns=front.now_ns + NS)
+    assert front.step().messages == ()
+    front.asked("r1")
+    front.sequence -= 1
+    front.asked("r1")
+    assert len(front.step().messages) == 1
+
+
+def test_whoever_joins_beside_changes_to_that_lane() -> None:
+    """On a motorway of two lanes: 20 m apart it drops back, farther behind it changes lanes."""
+    leg = road("abcdefgh", 3000.0, 30.0, lanes=2)
+    for front_m, wanted, drops in ((520.0, None, True), (560.0, 1, False)):
+        platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+        message = told(BEGIN_NS, 1, front_m, 30.0, 30.0)
+        beside = message.model_copy(update={"lane": 1, "path": leg.path})
+        platooning.receive(beside, BEGIN_NS)
+        state = VehicleState("a", 0, False, 0, 500.0, 30.0)
+        sensing = sensing_of(state, None, BEGIN_NS)
+        step = platooning.step(BEGIN_NS, leg, state, sensing, Roadside())
+        assert step.partner == "p"
+        assert step.lane == wanted
+        assert (step.cruise_mps is not None) == drops
+        assert [(m.kind, m.partner) for m in step.messages] == [("join_request", "p")]
+
+
+def test_whoever_is_behind_another_vehicle_asks_nobody() -> None:
+    """On a road where it cannot pass."""
+    leg = road("abcdefgh", 3000.0, 20.0)
+    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    message = told(BEGIN_NS, 1, 600.0, 20.0, 20.0).model_copy(update={"path": leg.path})
+    state = VehicleState("a", 0, False, 0, 500.0, 20.0)
+    between = SensedVehicle(track="x", vehicle=None, gap_m=40.0, speed_mps=20.0)
+    platooning.receive(message, BEGIN_NS)
+    sensing = sensing_of(state, between, BEGIN_NS)
+    assert platooning.step(BEGIN_NS, leg, state, sensing, Roadside()).messages == ()
+
+
+def test_a_vehicle_that_follows_sends_askers_away() -> None:
+    """Its leader is in its messages."""
+    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    platooning.receive(told(BEGIN_NS, 1, 504.6 + 4.5, 25.0, 25.0), BEGIN_NS)
+    state = VehicleState("a", 0, False, 0, 500.0, 25.0)
+    ahead = SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=25.0)
+    sensing = sensing_of(state, ahead, BEGIN_NS)
+    step = platooning.step(BEGIN_NS, LEG, state, sensing, Roadside())
+    assert (step.mode, step.control.leader, step.control.gap_m) == ("following", "p", 4.5)
+    request = PlatoonManagement(
+        vehicle="r",
+        partner="me",
+        sequence=0,
+        time_ns=BEGIN_NS,
+        kind="join_request",
+        accepted=None,
+        slowdown=0.1,
+    )
+    platooning.receive(request, BEGIN_NS)
+    step = platooning.step(BEGIN_NS, LEG, state, sensing, Roadside())
+    answer = next(m for m in step.messages if m.kind == "join_response")
+    assert (answer.partner, answer.accepted, answer.reason) == ("r", False, "it is following")
+
+
+def test_it_listens_two_kilometres_ahead_and_two_segments_back() -> None:
+    """Segments of its path."""
+    leg = road("abcdefghij", 800.0)
+    state = VehicleState("d", 3, False, 0, 100.0, 20.0)
+    assert Platooning.segments_of_interest(leg, state) == tuple("bcdef")
+    first = VehicleState("a", 0, False, 0, 0.0, 0.0)
+    assert Platooning.segments_of_interest(leg, first) == tuple("abc")
+
+
+def test_whoever_was_told_to_end_platooning_joins_nobody_for_two_seconds() -> None:
+    """Also if it drove alone then."""
+    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    state = VehicleState("a", 0, False, 0, 500.0, 25.0)
+    ahead = SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=25.0)
+    now_ns, modes = BEGIN_NS, []
+    platooning.step(now_ns, LEG, state, sensing_of(state, None, now_ns), Roadside())
+    platooning.reset("a new plan")
+    for number in range(40):
+        now_ns += NS // 10
+        if number >= 5:
+            platooning.receive(told(now_ns, number, 504.6 + 4.5, 25.0, 25.0), now_ns)
+        seen = ahead if number >= 5 else None
+        step = platooning.step(now_ns, LEG, state, sensing_of(state, seen, now_ns), Roadside())
+        modes.append(step.mode)
+    assert "following" not in modes[:19]
+    assert modes[-1] == "following"
+
+
+def test_nobody_drops_back_for_a_vehicle_that_refuses_or_is_gone() -> None:
+    """Its lane and set speed are its own again at once."""
+    leg = road("abcdefgh", 3000.0, 30.0, lanes=2)
+    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    beside = told(BEGIN_NS, 1, 520.0, 30.0, 30.0).model_copy(update={"lane": 1, "path": leg.path})
+    platooning.receive(beside, BEGIN_NS)
+    state = VehicleState("a", 0, False, 0, 500.0, 30.0)
+    sensing = sensing_of(state, None, BEGIN_NS)
+    assert platooning.step(BEGIN_NS, leg, state, sensing, Roadside()).cruise_mps is not None
+    refusal = PlatoonManagement(
+        vehicle="p",
+        partner="me",
+        sequence=0,
+        time_ns=BEGIN_NS,
+        kind="join_response",
+        accepted=False,
+    )
+    platooning.receive(refusal, BEGIN_NS)
+    step = platooning.step(BEGIN_NS, leg, state, sensing, Roadside())
+    assert (step.cruise_mps, step.lane, step.partner) == (None, None, None)

@@ -1,0 +1,288 @@
+"""Platoons on a road of two and more vehicles: they form, keep, part, and part when in doubt."""
+
+from itertools import pairwise
+
+import pytest
+
+from slipstream.messages import PlatoonControl
+from tests.vehicle_agent.platooning.world import (
+    LENGTH_M,
+    Car,
+    Roadside,
+    World,
+    planned,
+    road,
+    string,
+)
+from vehicle_agent.leg import Leg
+from vehicle_agent.platooning import wanted_gap_m
+
+LIMIT = 30.0
+MODES = [pytest.param(0.1, True, id="live"), pytest.param(0.5, False, id="evaluation")]
+
+
+def is_close(world: World, name: str = "v1") -> bool:
+    """Whether it follows at the gap that it wants."""
+    step = world.car(name).last
+    gap_m = wanted_gap_m(world.car(name).speed_mps, 1.5, world.interval_s)
+    return step is not None and step.close and world.gap_m(name) < gap_m + 0.6
+
+
+def pair(interval_s: float = 0.1, *, delayed: bool = True, gap_m: float = 20.0) -> World:
+    """Two vehicles that have become a platoon."""
+    world = World(string(2, None, gap_m, 28.0), interval_s, delayed)
+    assert world.run(60.0, lambda: is_close(world) and world.car("v0").speed_mps > 29.0)
+    return world
+
+
+def hardest(speeds: list[float], interval_s: float) -> float:
+    """Largest deceleration, m/s²."""
+    return max((s - t) / interval_s for s, t in pairwise(speeds))
+
+
+@pytest.mark.parametrize(("interval_s", "delayed"), MODES)
+def test_vehicles_apart_come_together(interval_s: float, delayed: bool) -> None:
+    """The front one waits, by 10 % at most, the rear one keeps the limit; then both are a platoon.
+
+    Nothing that went into catching up is braked away.
+    """
+    world = World(string(2, None, 150.0, 29.0), interval_s, delayed)
+    assert world.run(120.0, lambda: is_close(world))
+    assert max(world.speeds["v1"]) <= LIMIT + 1e-9
+    assert min(world.speeds["v0"]) >= 0.9 * LIMIT - 0.1
+    assert hardest(world.speeds["v0"], interval_s) < 0.45
+    assert hardest(world.speeds["v1"], interval_s) < 1.5
+    world.run(30.0)
+    rear, front = world.car("v1").last, world.car("v0").last
+    assert rear is not None
+    assert front is not None
+    assert (rear.mode, rear.partner, rear.control.leader) == ("following", "v0", "v0")
+    assert (front.mode, front.cruise_mps, front.control.joined_by) == ("alone", None, None)
+    assert front.tail_m == pytest.approx(2 * LENGTH_M + world.gap_m("v1"), abs=0.05)
+    assert world.gap_m("v1") == pytest.approx(wanted_gap_m(30.0, 1.5, interval_s), abs=0.1)
+
+
+@pytest.mark.parametrize(("interval_s", "delayed"), MODES)
+def test_three_become_one_platoon(interval_s: float, delayed: bool) -> None:
+    """Whoever catches up is waited for by the leader; each vehicle by one at a time."""
+    world = World(string(3, None, 60.0, 29.0, road(length_m=2000.0)), interval_s, delayed)
+    assert world.run(300.0, lambda: is_close(world, "v1") and is_close(world, "v2"))
+    world.run(15.0)
+    step = world.car("v2").last
+    front = world.car("v0").last
+    assert step is not None
+    assert front is not None
+    assert (step.partner, step.control.leader) == ("v1", "v0")
+    gaps = world.gap_m("v1") + world.gap_m("v2")
+    assert front.tail_m == pytest.approx(3 * LENGTH_M + gaps, abs=0.1)
+
+
+@pytest.mark.parametrize(("interval_s", "delayed"), MODES)
+def test_a_platoon_is_apart_where_the_gate_is_closed(interval_s: float, delayed: bool) -> None:
+    """It opens its gap before, by coasting, and closes it again behind."""
+    world = World(string(2, None, 20.0, 28.0), interval_s, delayed, gates=Roadside({"d"}))
+    assert world.run(60.0, lambda: is_close(world))
+    begin = world.steps
+    assert world.run(120.0, lambda: world.car("v1").place_m >= 3000.0)
+    assert world.gap_m("v1") > 15.0
+    assert hardest(world.speeds["v1"][begin:], interval_s) < 0.5
+    step = world.car("v1").last
+    assert step is not None
+    assert step.mode != "following"
+    assert world.run(150.0, lambda: is_close(world))
+    assert world.car("v1").place_m > 4000.0
+
+
+@pytest.mark.parametrize(("interval_s", "delayed"), MODES)
+def test_a_gate_that_closes_under_a_platoon_parts_it(interval_s: float, delayed: bool) -> None:
+    """From the next step on, told to the partner, with the reason."""
+    world = pair(interval_s, delayed=delayed)
+    here = world.car("v1").state().segment
+    world.gates.closed.add(here)
+    world.step()
+    step = world.car("v1").last
+    assert step is not None
+    assert step.mode == "leaving"
+    assert step.reason == f"the gate of {here} is not open"
+    assert [(m.kind, m.partner) for m in step.messages] == [("leave", "v0")]
+    world.run(20.0)
+    assert world.gap_m("v1") > 12.0
+
+
+def test_turbulent_traffic_parts_a_platoon_until_it_has_left_the_segment() -> None:
+    """Also where it is the front vehicle's segment, and although it is calm again soon."""
+    world = pair()
+    number = world.car("v1").state().number
+    end_m = world.car("v1").leg.ends_m[number]
+    world.run(60.0, lambda: world.car("v0").place_m > end_m)
+    assert world.car("v1").place_m < end_m
+    rough = world.car("v0").state().segment
+    world.gates.turbulent.add(rough)
+    world.run(0.2)  # the front one's message comes one interval late
+    step = world.car("v1").last
+    assert step is not None
+    assert (step.mode, step.reason) == ("leaving", f"the traffic on {rough} is turbulent")
+    world.gates.turbulent.clear()
+    left_m = world.car("v1").leg.ends_m[number + 1]
+    begin = len(world.modes["v1"])
+    assert world.run(60.0, lambda: world.car("v1").place_m > left_m)
+    assert "following" not in world.modes["v1"][begin:-1]
+    assert world.run(120.0, lambda: is_close(world))
+
+
+def test_a_partner_silent_for_half_a_second_is_left() -> None:
+    """Not before 0.5 s after its last message, and at once then; the gap opens."""
+    world = pair()
+    world.car("v0").silent = True
+    silent_from = world.steps
+    assert world.run(2.0, lambda: world.modes["v1"][-1] == "leaving")
+    seconds = (world.steps - silent_from) * world.interval_s
+    assert 0.4 < seconds <= 0.7
+    step = world.car("v1").last
+    assert step is not None
+    assert step.reason == "v0 is silent"
+    gap_m = world.gap_m("v1")
+    world.run(1.0)
+    assert world.gap_m("v1") > gap_m
+    assert world.run(60.0, lambda: world.modes["v1"][-1] == "alone")
+    assert world.gap_m("v1") > 15.0
+    world.car("v0").silent = False
+    assert world.run(120.0, lambda: is_close(world))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_three_messages_in_ten_lost_a_platoon_forms_and_keeps(seed: int) -> None:
+    """Five in a row lose it, about once a minute; nobody comes too near nor brakes for it."""
+    world = World(string(3, None, 40.0, 28.0), 0.1, delayed=True, loss=0.3, seed=seed)
+    world.run(240.0)
+    for name in ("v1", "v2"):
+        modes = world.modes[name]
+        assert modes.count("following") > 0.6 * len(modes)
+        assert min(world.gaps[name]) > 3.0
+        assert hardest(world.speeds[name], 0.1) < 2.6
+
+
+@pytest.mark.parametrize(("interval_s", "delayed"), MODES)
+def test_whoever_cuts_in_is_given_room(interval_s: float, delayed: bool) -> None:
+    """A vehicle that is not of the fleet comes between: the follower leaves at once."""
+    world = pair(interval_s, delayed=delayed, gap_m=20.0)
+    front, rear = world.cars
+    place_m = (front.place_m - LENGTH_M + rear.place_m) / 2 + LENGTH_M / 2
+    front.place_m += 6.0
+    other = Car(
+        "other",
+        place_m + 3.0,
+        rear.speed_mps,
+        rear.leg,
+        script=lambda _: LIMIT - 1.0,
+        fleet=False,
+    )
+    world.cars.insert(1, other)
+    world.step()
+    step = rear.last
+    assert step is not None
+    assert step.mode == "leaving"
+    assert step.reason == "the vehicle ahead is not of the fleet"
+    world.run(40.0)
+    assert min(world.gaps["v1"]) > 0.5
+    assert world.gap_m("v1") > 20.0
+
+
+def test_a_plan_that_is_superseded_opens_the_gap_at_once() -> None:
+    """The follower's as the leader's: the partner is told and opens it too."""
+    world = pair()
+    rear, front = world.car("v1"), world.car("v0")
+    assert rear.platooning is not None
+    assert front.platooning is not None
+    told = rear.platooning.reset("a new plan")
+    assert [(m.kind, m.partner, m.reason) for m in told] == [("leave", "v0", "a new plan")]
+    world.step()
+    assert rear.last is not None
+    assert (rear.last.mode, rear.last.reason) == ("leaving", "a new plan")
+
+    world = pair()
+    rear, front = world.car("v1"), world.car("v0")
+    assert rear.platooning is not None
+    assert front.platooning is not None
+    for message in front.platooning.reset("a new plan"):
+        rear.platooning.receive(message, world.now_ns)
+    world.step()
+    assert rear.last is not None
+    assert (rear.last.mode, rear.last.reason) == ("leaving", "v0 has left")
+
+
+def test_a_reason_that_lasts_keeps_a_vehicle_alone_once_its_gap_is_open() -> None:
+    """Told in every interval to end platooning, it opens its gap, drives alone and joins nobody."""
+    world = pair()
+    rear = world.car("v1")
+    assert rear.platooning is not None
+    begin = len(world.modes["v1"])
+    for _ in range(600):
+        rear.platooning.reset("the clock is in doubt")
+        world.step()
+    modes = world.modes["v1"][begin:]
+    assert "following" not in modes
+    assert modes[-1] == "alone"
+    assert rear.last is not None
+    assert rear.last.partner is None
+
+
+def test_a_sensor_that_loses_the_front_vehicle_for_a_moment_parts_nobody() -> None:
+    """For less than a second the follower drives no faster than that one tells; then it leaves."""
+    world = pair()
+    front = world.cars.pop(0)
+    speed = world.car("v1").speed_mps
+    for _ in range(8):
+        front.place_m += front.speed_mps * world.interval_s
+        world._waiting.append(_told(world, front))
+        world.step()
+        assert world.modes["v1"][-1] == "following"
+        assert world.speeds["v1"][-1] <= speed + 1e-9
+    for _ in range(3):
+        world._waiting.append(_told(world, front))
+        world.step()
+    assert world.modes["v1"][-1] == "leaving"
+
+
+def _told(world: World, car: Car) -> PlatoonControl:
+    car.sequence += 1
+    assert car.last is not None
+    message = car.last.control
+    return message.model_copy(
+        update={"time_ns": world.now_ns, "sequence": message.sequence + car.sequence}
+    )
+
+
+def test_those_who_drive_one_path_for_a_moment_only_stay_apart() -> None:
+    """Neither is asked for anything, nor is there a command."""
+    world = World(string(2, None, 100.0, 28.0), gates=Roadside(set("abcdefghij")))
+    for _ in range(100):
+        world.step()
+        for car in world.cars:
+            assert car.last is not None
+            assert car.last.speed_mps is car.last.cruise_mps is None
+            assert not car.last.messages
+
+
+def plan_leg(place: int) -> Leg:
+    """Town streets on which the plan has a platoon."""
+    names = "abcdefgh"
+    return Leg(1, 0, tuple(planned(n, 400.0, 13.9, "p", place, 1) for n in names))
+
+
+def test_a_planned_platoon_a_little_apart_forms() -> None:
+    """Three members 2.5 s apart in town: each looks for the one ahead of it in the plan."""
+    cars = [Car(f"v{i}", 200.0 - 35.0 * i, 13.0, plan_leg(i)) for i in range(3)]
+    world = World(cars, 0.5, delayed=False)
+    assert world.run(120.0, lambda: is_close(world, "v1") and is_close(world, "v2"))
+    assert world.car("v2").place_m < 1600.0
+    assert max(max(speeds) for speeds in world.speeds.values()) <= 13.9 + 1e-9
+
+
+def test_the_same_road_twice_is_the_same_drive() -> None:
+    """To the last bit."""
+    one, other = (World(string(3, None, 60.0, 28.0), 0.5, delayed=False) for _ in range(2))
+    one.run(60.0)
+    other.run(60.0)
+    assert one.speeds == other.speeds
+    assert one.modes == other.modes
