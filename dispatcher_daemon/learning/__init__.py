@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from dispatcher_daemon.learning.costs import MovementCosts
 from dispatcher_daemon.learning.history import HOURS, History
 from dispatcher_daemon.learning.passages import Passages, Trace
 
-__all__ = ["HOURS", "History", "Passages", "Trace"]
+__all__ = ["HOURS", "History", "MovementCosts", "Passages", "Trace"]

@@ -6,7 +6,14 @@ from dataclasses import replace
 
 import storage
 from slipstream.messages import VehiclePosition
-from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord, VehicleRecord
+from slipstream.orders import (
+    FleetRecords,
+    MovementSum,
+    OrderChange,
+    OrderRecord,
+    PlanRecord,
+    VehicleRecord,
+)
 
 NOW_NS = 1_790_000_000_000_000_000
 DAY_NS = 86_400_000_000_000
@@ -84,6 +91,19 @@ def test_a_plan_in_force_is_shown_until_a_later_one_is(url, make_cycle):
         done = PlanRecord(second, "done", NOW_NS)
         database.save_fleet(FleetRecords(plans=(done,)))
         assert reader.latest_plans() == (later,)
+
+
+def test_sums_of_movements_add_up(url):
+    """What is stored of a movement and hour is added to what is there."""
+    first = MovementSum("a", "b", 8, 2.0, 0.5, 60.0, 1.0)
+    other = MovementSum("a", "b", 9, 1.0, 0.25, 30.0, 0.0)
+    with storage.open_database(url) as database:
+        database.save_fleet(FleetRecords(movements=(first,)))
+        database.save_fleet(FleetRecords(movements=(first, other)))
+        assert database.load_fleet(NOW_NS).movements == (
+            MovementSum("a", "b", 8, 4.0, 1.0, 120.0, 2.0),
+            other,
+        )
 
 
 def test_the_life_of_an_order_is_kept(url):
