@@ -24,13 +24,13 @@ from simulation.live.views import RADIUS_M, Views
 from simulation.live.world_spec import WorldCounts, WorldSpec
 from simulation.scenarios.day import sumo_options
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
-from simulation.scenarios.networks import scenario_network
+from simulation.scenarios.networks import largest_part
 from simulation.signals import SignalController
 from simulation.sumo.session import Session
 from simulation.sumo_view import SumoClipSettings, draw_pose
 from simulation.sumo_view.net import read_roads
 from slipstream.bus import Bus
-from slipstream.roads import RoadNetwork
+from slipstream.roads import RoadNetwork, load_network
 
 _WARM_STEP_S: Final = 10.0
 _REPORT_S: Final = 0.5
@@ -50,7 +50,7 @@ def run_world(spec: WorldSpec, connection: Connection) -> None:
         # Without a duration vehicles jump sideways from lane to lane, which no camera believes.
         *("--lanechange.duration", "2.5"),
     ]
-    network = scenario_network(day.net)
+    network = largest_part(load_network(day.net), day.net)
     with ExitStack() as stack:
         session = stack.enter_context(Session(options, (day.net, day.routes, *day.additional)))
         _warm_up(session, spec, lambda share: connection.send(("warm", share)))
