@@ -9,10 +9,11 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
-from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet import Fleet, Vehicle
 from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.roads import RoadNetwork
+from slipstream.vehicle_types import RoutingProfile
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class RoutingProblem:
     """What does not change from cycle to cycle: roads, fleet, vehicle data, driving style.
 
     Attributes:
+        vehicle: physical data of the vehicles that the fleet gives no type.
         search: what routes minimise. Reports contain energies in both cases.
         value_of_time_kw: with search "energy", cost of travel time, kWh an hour. With "time" an
             hour costs 1 kWh and energy nothing.
@@ -40,6 +42,29 @@ class RoutingProblem:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be >= 0, got {value}")
+
+    @cached_property
+    def _profiles(self) -> dict[tuple[object, object], RoutingProfile]:
+        found: dict[tuple[object, object], RoutingProfile] = {}
+        for vehicle in self.fleet.vehicles:
+            kind = self.fleet.type_of(vehicle)
+            key = vehicle.type, vehicle.own_type
+            found[key] = RoutingProfile(self.vehicle) if kind is None else kind.profile
+        return found
+
+    @property
+    def profiles(self) -> tuple[RoutingProfile, ...]:
+        """The distinct profiles of the fleet's vehicles, in their order."""
+        return tuple(dict.fromkeys(self._profiles.values()))
+
+    def profile_of(self, vehicle: Vehicle | str) -> RoutingProfile:
+        """What decides a vehicle's ways and their costs.
+
+        Args:
+            vehicle: of the fleet, or like one of them; or its id.
+        """
+        of = self.fleet.vehicle_by_id[vehicle] if isinstance(vehicle, str) else vehicle
+        return self._profiles[of.type, of.own_type]
 
 
 @dataclass(frozen=True)

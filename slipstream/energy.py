@@ -1,6 +1,7 @@
 """Physics of traction: wheel power, drag reduction in platoons, electrical energy and its parts.
 
-Formulas: paper section II. Regeneration is excluded, so energies are gross traction demand.
+Formulas: paper section II. The paper excludes regeneration, so energies are gross traction demand
+unless a vehicle has a `recuperation_efficiency`.
 Everything takes arrays: a trajectory, a stack of them, or all phases of many plans at once.
 """
 
@@ -34,6 +35,8 @@ class VehicleParameters:
         frontal_area_m2: A.
         rolling_resistance: f_r, dimensionless.
         powertrain_efficiency: η_elec, in (0, 1].
+        recuperation_efficiency: share of the braking work at the wheels that comes back into the
+            battery, in [0, 1]; the paper's 0: none.
         air_density_kgpm3: ρ.
         gravity_mps2: g.
     """
@@ -48,10 +51,16 @@ class VehicleParameters:
     powertrain_efficiency: Annotated[_Positive, Field(le=1)] = 0.88
     air_density_kgpm3: _Positive = 1.225
     gravity_mps2: _Positive = 9.81
+    recuperation_efficiency: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.0
 
     def __post_init__(self) -> None:
+        if not 0 <= self.recuperation_efficiency <= 1:
+            raise ValueError(
+                f"recuperation_efficiency must be in [0, 1], got {self.recuperation_efficiency}"
+            )
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and value > 0):
+            positive = value > 0 or name == "recuperation_efficiency"
+            if not (np.isfinite(value) and positive):
                 raise ValueError(f"{name} must be positive, got {value}")
         if self.powertrain_efficiency > 1:
             raise ValueError("powertrain_efficiency must be at most 1")
@@ -73,6 +82,10 @@ class VehicleParameters:
     def electrical_kwh(self, work_j: float) -> float:
         """Electrical energy for mechanical work at the wheels, kWh."""
         return work_j / (JOULE_PER_KWH * self.powertrain_efficiency)
+
+    def recovered_kwh(self, work_j: float) -> float:
+        """Electrical energy that braking work at the wheels, ≥ 0, gives back, kWh."""
+        return work_j * self.recuperation_efficiency / JOULE_PER_KWH
 
 
 PAPER_CAR = VehicleParameters()
@@ -151,8 +164,19 @@ def wheel_power_w(
     v = np.asarray(speed_mps, dtype=np.float64)
     a = np.asarray(acceleration_mps2, dtype=np.float64)
     eta = np.asarray(drag_reduction, dtype=np.float64)
+    return np.maximum(0.0, _signed_power_w(v, a, eta, vehicle))
+
+
+def _braking_power_w(
+    speed_mps: Array, acceleration_mps2: Array, drag_reduction: Array, vehicle: VehicleParameters
+) -> Array:
+    """What brakes or motor take from the wheels, W, ≥ 0."""
+    return np.maximum(0.0, -_signed_power_w(speed_mps, acceleration_mps2, drag_reduction, vehicle))
+
+
+def _signed_power_w(v: Array, a: Array, eta: Array, vehicle: VehicleParameters) -> Array:
     drag = vehicle.drag_factor_kgpm * (1 - eta) * v**2
-    return np.maximum(0.0, (vehicle.mass_kg * a + vehicle.rolling_force_n + drag) * v)
+    return np.asarray((vehicle.mass_kg * a + vehicle.rolling_force_n + drag) * v)
 
 
 def stack_traces(traces: Sequence[npt.ArrayLike]) -> Array:
@@ -181,6 +205,7 @@ def trace_energies(
 
     In a step where traction is needed, rolling and drag take their own work and acceleration the
     rest (less than nothing where the vehicle slows: kinetic energy then pays for part of them).
+    Recuperated energy is taken off the part of acceleration.
 
     Args:
         speed_mps: speeds at the sample times, shape (..., n); a step next to a NaN counts nothing.
@@ -202,6 +227,9 @@ def trace_energies(
     energy = (power * seconds).sum(axis=-1) * factor
     rolling = vehicle.rolling_force_n * (moving * pulling_s).sum(axis=-1) * factor
     drag = vehicle.drag_factor_kgpm * ((1 - eta) * moving**3 * pulling_s).sum(axis=-1) * factor
+    if vehicle.recuperation_efficiency > 0:
+        braking = np.nan_to_num(_braking_power_w(mid, a, eta, vehicle), nan=0.0)
+        energy = energy - (braking * seconds).sum(axis=-1) * vehicle.recovered_kwh(1.0)
     return Energies(energy, rolling, drag, energy - rolling - drag)
 
 
@@ -226,7 +254,8 @@ def phase_energies(
 
     Traction is needed from the speed upwards at which drag, rolling resistance and inertia cancel,
     so each phase is one integral over a range of speeds: ∫v dt and ∫v³ dt are (v₁² − v₀²)/2a and
-    (v₁⁴ − v₀⁴)/4a.
+    (v₁⁴ − v₀⁴)/4a. Below that speed the vehicle brakes, and what it recuperates is taken off the
+    part of acceleration.
 
     Args:
         start_mps: speeds at the begin of the phases, any shape.
@@ -257,6 +286,13 @@ def phase_energies(
     rolling = vehicle.rolling_force_n * distance * factor
     drag = drag_factor * cubed * factor
     acceleration = vehicle.mass_kg * a * distance * factor
+    if vehicle.recuperation_efficiency > 0:
+        slowest = np.minimum(v0, v1)
+        braking_s = np.where(seconds > 0, (1 - share) * seconds, 0.0)
+        braking_m = 0.5 * (slowest + low) * braking_s
+        cubed_below = 0.25 * (slowest + low) * (slowest**2 + low**2) * braking_s
+        work_j = braking_n * braking_m - drag_factor * cubed_below
+        acceleration = acceleration - np.maximum(0.0, work_j) * vehicle.recovered_kwh(1.0)
     return Energies(rolling + drag + acceleration, rolling, drag, acceleration)
 
 
@@ -267,18 +303,25 @@ def steady_energy_kwh(
     mean_acceleration_mps2: float = 0.0,
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> float:
-    """Energy to drive a distance at one speed, kWh: the paper's travel cost c_ij (III-C)."""
+    """Energy to drive a distance at one speed, kWh: the paper's travel cost c_ij (III-C); below 0
+    where a mean deceleration recuperates.
+    """
     force = (
         vehicle.mass_kg * mean_acceleration_mps2
         + vehicle.rolling_force_n
         + vehicle.drag_force_n(speed_mps, drag_reduction)
     )
-    return vehicle.electrical_kwh(max(0.0, force) * distance_m)
+    if force < 0:
+        return -vehicle.recovered_kwh(-force * distance_m)
+    return vehicle.electrical_kwh(force * distance_m)
 
 
 def stop_energy_kwh(speed_mps: float, vehicle: VehicleParameters = PAPER_CAR) -> float:
-    """Energy of one full stop, kWh: the lost kinetic energy ½mv² over η_elec."""
-    return vehicle.electrical_kwh(0.5 * vehicle.mass_kg * speed_mps**2)
+    """Energy of one full stop, kWh: the lost kinetic energy ½mv² over η_elec, without what braking
+    recuperates of it.
+    """
+    kinetic_j = 0.5 * vehicle.mass_kg * speed_mps**2
+    return vehicle.electrical_kwh(kinetic_j) - vehicle.recovered_kwh(kinetic_j)
 
 
 def drag_saving_kwh(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -15,8 +15,11 @@ from xml import sax
 import numpy as np
 import numpy.typing as npt
 
+from slipstream.access import OPEN, Access, access_of, classes_of_turn
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
+from slipstream.projection import Projection, projection_of
+from slipstream.vehicle_types import RoutingProfile
 
 T = TypeVar("T")
 
@@ -42,6 +45,7 @@ class Segment:
         speed_limit_mps: free-flow speed in m/s, > 0.
         lanes: number of lanes.
         shape: points of its centre line, m, from start to end; at least two.
+        access: who may use it.
     """
 
     id: str
@@ -51,6 +55,7 @@ class Segment:
     speed_limit_mps: float
     lanes: int
     shape: tuple[tuple[float, float], ...]
+    access: Access = OPEN
 
     @property
     def free_flow_s(self) -> float:
@@ -84,7 +89,9 @@ class RoadNetwork:
 
     ``follows`` maps a segment to the segments that a vehicle may turn into at its end; ``signals``
     are the junctions with traffic lights; ``crossings`` are the ways through junctions, by the
-    segments before and behind, as far as they are known.
+    segments before and behind, as far as they are known; ``turn_classes`` are the vehicle classes
+    that may take a turn, where not all may; ``projection`` leads from latitude and longitude to its
+    places, if the network has one.
     """
 
     name: str
@@ -93,6 +100,25 @@ class RoadNetwork:
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     signals: frozenset[str] = frozenset()
     crossings: Mapping[tuple[str, str], Crossing] = field(default_factory=dict)
+    turn_classes: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict)
+    projection: Projection | None = None
+
+    def admits(self, segment: str, profile: RoutingProfile) -> bool:
+        """Whether vehicles of a profile may use a segment."""
+        return self.segments[segment].access.admits(profile)
+
+    def admits_turn(self, segment: str, onto: str, profile: RoutingProfile) -> bool:
+        """Whether vehicles of a profile may turn from a segment onto another one."""
+        classes = self.turn_classes.get((segment, onto))
+        return classes is None or profile.vehicle_class in classes
+
+    @cached_property
+    def is_restricted(self) -> bool:
+        """Whether some vehicles may not use some segment or turn."""
+        return bool(self.turn_classes) or any(
+            replace(segment.access, class_speeds_mps={}) != OPEN
+            for segment in self.segments.values()
+        )
 
     @cached_property
     def leaving(self) -> Mapping[str, tuple[Segment, ...]]:
@@ -151,6 +177,7 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
 
     class BoundedReader(sumolib.net.NetReader):  # type: ignore[misc]
         elements = 0
+        edge_type = ""
 
         def startElement(self, name: str, attributes: Any) -> None:
             self.elements += 1
@@ -158,6 +185,13 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
                 problem = f"more than {MAX_NET_ELEMENTS} elements"
                 raise InputError(path, problem, "give a smaller net")
             super().startElement(name, attributes)
+            # sumolib leaves out the speed limits by class that an edge type may have.
+            if name == "type":
+                self.edge_type = attributes["id"]
+            elif name == "restriction":
+                speeds = self.getNet().__dict__.setdefault("type_speeds_mps", {})
+                of_type = speeds.setdefault(self.edge_type, {})
+                of_type[attributes["vClass"]] = float(attributes["speed"])
 
     reader = BoundedReader(withInternal=internal)
     mend = "build one with netconvert"
@@ -173,8 +207,10 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
 
 
 def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
-    parts, crossings = read_sumo_net(
-        path, lambda net: (_parts(net), _crossings(net)), internal=True
+    parts, crossings, (classes, projection) = read_sumo_net(
+        path,
+        lambda net: (_parts(net), _crossings(net), (_turn_classes(net), projection_of(net))),
+        internal=True,
     )
     if not parts[0]:
         raise InputError(path, "no road segment in it", "build one with netconvert")
@@ -186,8 +222,22 @@ def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
         follows,
         signals=signals,
         crossings=crossings,
+        turn_classes=classes,
+        projection=projection,
         source=str(path),
     )
+
+
+def _turn_classes(net: Any) -> dict[tuple[str, str], frozenset[str]]:
+    """Vehicle classes of the turns of sumolib's net that not all may take."""
+    found: dict[tuple[str, str], frozenset[str]] = {}
+    for edge in net.getEdges():
+        for following, connections in edge.getOutgoing().items():
+            if not (edge.isSpecial() or following.isSpecial()):
+                classes = classes_of_turn(connections)
+                if classes is not None:
+                    found[edge.getID(), following.getID()] = classes
+    return found
 
 
 def _crossings(net: Any) -> dict[tuple[str, str], Crossing]:
@@ -232,6 +282,7 @@ def _parts(
 ) -> tuple[list[Segment], dict[str, tuple[float, float]], dict[str, tuple[str, ...]], set[str]]:
     """Segments, junctions, allowed turns and signals of sumolib's net."""
     edges = [edge for edge in net.getEdges() if not edge.isSpecial()]
+    type_speeds = net.__dict__.get("type_speeds_mps", {})
     segments = [
         Segment(
             id=edge.getID(),
@@ -241,6 +292,7 @@ def _parts(
             speed_limit_mps=float(edge.getSpeed()),
             lanes=edge.getLaneNumber(),
             shape=tuple((float(x), float(y)) for x, y in edge.getShape()),
+            access=access_of(edge, type_speeds),
         )
         for edge in edges
     ]
@@ -267,6 +319,8 @@ def build_network(
     *,
     signals: Iterable[str] = (),
     crossings: Mapping[tuple[str, str], Crossing] | None = None,
+    turn_classes: Mapping[tuple[str, str], frozenset[str]] | None = None,
+    projection: Projection | None = None,
     source: str = "network",
     prefix: str = "",
 ) -> RoadNetwork:
@@ -276,6 +330,8 @@ def build_network(
         follows: allowed turns; None allows every turn but the U-turn onto the way back.
         signals: junctions with traffic lights.
         crossings: ways through junctions; those of turns that `follows` has not are left out.
+        turn_classes: vehicle classes of turns that not all may take.
+        projection: from latitude and longitude to places.
         source: what errors name.
         prefix: put before the segments' ids in errors, where they are part of a larger file.
 
@@ -332,4 +388,6 @@ def build_network(
                 if b in follows.get(a, ())
             }
         ),
+        MappingProxyType(dict(turn_classes or {})),
+        projection,
     )

@@ -219,7 +219,7 @@ class Tour:
         except (IndexError, ValueError):
             return "the plan has not the road that is needed to drive by it"
         ended = {v.stop for v in self._visits.values() if v.status == "served"}
-        again = [stop.stop for stop in plan.stops[1:-1] if stop.stop in ended]
+        again = [stop.stop for stop in plan.service_stops if stop.stop in ended]
         if again:
             return f"stop {again[0]} is served"
         if not self.under_way:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import accumulate, combinations
 
 from dispatcher_daemon.planning.itineraries import Itinerary
-from dispatcher_daemon.platooning import Meetings, Traversal, clusters, saving_kwh
+from dispatcher_daemon.platooning import Meetings, Traversal, clusters
 from dispatcher_daemon.problem import RouteOption, RouteProblem
 
 _NOTHING_KWH = 1e-12
@@ -131,7 +131,7 @@ def _expand(
         now = {**present, **change}
         passages = tuple(sorted([*outside, *(p for state in now.values() for p in state)]))
         if passages not in known:
-            known[passages] = saving_kwh(passages, meetings.shares[segment], meetings.sync_window_s)
+            known[passages] = meetings.saving_kwh(segment, passages)
         return known[passages]
 
     base = saved({})

@@ -27,7 +27,8 @@ def unbound(cycle: Cycle) -> RoutingProblem | None:
     stops = tuple(stop for stop in fleet.stops if stop.id not in loaded)
     if not vehicles or not stops:
         return None
-    smaller = Fleet(name=fleet.name, depots=fleet.depots, stops=stops, vehicles=vehicles)
+    parts = {name: getattr(fleet, name) for name in Fleet.model_fields}
+    smaller = Fleet(**parts | {"stops": stops, "vehicles": vehicles})
     return replace(cycle.problem, fleet=smaller)
 
 
@@ -40,10 +41,9 @@ def bound_routes(cycle: Cycle, travel: Travel) -> StopsByVehicle:
         if own is None:
             found[vehicle.id] = ()
             continue
-        begins_s = departure_s(own, travel.roads, cycle.now_ns)
-        found[vehicle.id] = best_order(
-            cycle.problem, travel, own, vehicle, begins_s, cycle.reference_s
-        )
+        of = travel.of(vehicle)
+        begins_s = departure_s(own, of.roads, cycle.now_ns)
+        found[vehicle.id] = best_order(cycle.problem, of, own, vehicle, begins_s, cycle.reference_s)
     return found
 
 
@@ -60,6 +60,8 @@ def drivable(cycle: Cycle, travel: Travel) -> Cycle:
         depots=fleet.depots,
         stops=tuple(stop for stop in fleet.stops if stop.id not in stops),
         vehicles=tuple(vehicle for vehicle in fleet.vehicles if vehicle.id not in vehicles),
+        vehicle_types=fleet.vehicle_types,
+        charging_stops=fleet.charging_stops,
     )
     return replace(
         cycle,
@@ -71,6 +73,7 @@ def drivable(cycle: Cycle, travel: Travel) -> Cycle:
 def _leads_home(cycle: Cycle, travel: Travel, own: Commitment) -> bool:
     fleet = cycle.problem.fleet
     vehicle = next(v for v in fleet.vehicles if v.id == own.vehicle)
+    travel = travel.of(vehicle)
     legs = committed_legs(cycle.problem, travel, own, vehicle)
     if legs is None:
         return False

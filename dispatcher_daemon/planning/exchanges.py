@@ -98,7 +98,8 @@ def _move(
 def _cost(planner: Planner, number: int, stops: tuple[str, ...]) -> float:
     if not stops:
         return 0.0
-    travel, fleet = planner.travels[0], planner.problem.fleet
+    fleet = planner.problem.fleet
+    travel = planner.travels[0].of(fleet.vehicles[number])
     depot = fleet.depot_of(fleet.vehicles[number]).id
     rows = [travel.row[place] for place in (depot, *stops, depot)]
     return float(sum(travel.search_cost_kwh[a, b] for a, b in pairwise(rows)))
@@ -106,8 +107,8 @@ def _cost(planner: Planner, number: int, stops: tuple[str, ...]) -> float:
 
 def _fits(planner: Planner, number: int, stops: tuple[str, ...]) -> bool:
     fleet = planner.problem.fleet
-    capacity = fleet.vehicles[number].capacity
-    return capacity is None or sum(fleet.stop_by_id[s].demand for s in stops) <= capacity
+    served = [fleet.stop_by_id[s] for s in stops]
+    return fleet.overload(fleet.vehicles[number], served) is None
 
 
 def _fixed(planner: Planner, itinerary: Itinerary) -> int:

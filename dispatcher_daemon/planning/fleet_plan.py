@@ -30,11 +30,13 @@ from dispatcher_daemon.planning.sweeps import (
 )
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Travel, roads_of
+from dispatcher_daemon.roads import Roads, Travel, fleet_travel, searched_again
+from dispatcher_daemon.roads.weights import Floats
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.execution.pool import Solve
 
 NO_ROOM: Final = "no vehicle has room and time for it"
+_NO_CHARGE: Final = "has no charge left for it"
 NO_VEHICLE: Final = "no vehicle is free"
 _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
@@ -138,7 +140,7 @@ def city_settings(cycle: Cycle) -> CitySettings:
 
 def with_ways(cycle: Cycle) -> tuple[Cycle, Travel]:
     """(the cycle without bound vehicles that no way leads on for, paths between its places)."""
-    travel = Travel(cycle.problem, roads_of(cycle.problem, cycle.snapshot))
+    travel = fleet_travel(cycle.problem, cycle.snapshot)
     return drivable(cycle, travel), travel
 
 
@@ -156,7 +158,7 @@ def servable(cycle: Cycle, travel: Travel) -> tuple[Cycle, Travel, dict[str, str
     lost = any(v.first_stop in missing for v in part.fleet.vehicles)
     if lost and len(missing) < len(problem.fleet.stops):
         cycle = replace(cycle, problem=without(problem, missing))
-        travel = Travel(cycle.problem, travel.roads)
+        travel = searched_again(travel, cycle.problem)
     return cycle, travel, missing
 
 
@@ -225,43 +227,75 @@ def initial_plans(
 def departing_when_ready(
     planner: Planner, stops: StopsByVehicle, missing: dict[str, str]
 ) -> list[Itinerary]:
-    """All vehicles leave when ready. Stops whose windows are then missed are not served; they are
-    added to ``missing`` with the reason.
+    """All vehicles leave when ready. Stops whose windows are then missed, or for which the battery
+    does not last, are not served; they are added to ``missing`` with the reason.
     """
-    itineraries = []
+    itineraries: list[Itinerary] = []
+    discharged: list[str] = []
     for number, vehicle in enumerate(planner.problem.fleet.vehicles):
         visits = stops[vehicle.id]
         itinerary = planner.itinerary(number, visits, planner.legs(number, visits))
         if itinerary is None:
             itinerary, dropped = _feasible_part(planner, number, visits)
-            missing |= dict.fromkeys(dropped, f"{vehicle.id} would be too late for it")
+            missing |= {stop: f"{vehicle.id} {why}" for stop, why in dropped.items()}
+            discharged += [s for s, why in dropped.items() if why == _NO_CHARGE]
         itineraries.append(itinerary)
+    for stop in discharged:
+        better = _inserted(planner, itineraries, stop)
+        if better is not None and stop in planner.problem.fleet.pooled:
+            itineraries[better.number] = better
+            del missing[stop]
     return itineraries
+
+
+def _inserted(planner: Planner, itineraries: Sequence[Itinerary], stop: str) -> Itinerary | None:
+    """The cheapest insertion of a stop into a route that has room, time and charge for it."""
+    fleet = planner.problem.fleet
+    best: tuple[float, Itinerary] | None = None
+    for old in itineraries:
+        vehicle = fleet.vehicles[old.number]
+        if old.route is None and vehicle.first_stop is not None:
+            continue
+        for at in range(0 if vehicle.first_stop is None else 1, len(old.stops) + 1):
+            tried = (*old.stops[:at], stop, *old.stops[at:])
+            if fleet.overload(vehicle, [fleet.stop_by_id[s] for s in tried]) is not None:
+                break
+            new = planner.itinerary(old.number, tried, planner.legs(old.number, tried))
+            if new is not None and (best is None or new.cost_kwh - old.cost_kwh < best[0]):
+                best = new.cost_kwh - old.cost_kwh, new
+    return None if best is None else best[1]
 
 
 def _feasible_part(
     planner: Planner, number: int, visits: Sequence[str]
-) -> tuple[Itinerary, list[str]]:
-    """The route without the stops that miss their windows, and these; without its first stop a
-    vehicle stays idle.
+) -> tuple[Itinerary, dict[str, str]]:
+    """The route without the stops that miss their windows or need too much charge, and these with
+    the reason; without its first stop a vehicle stays idle.
 
-    It is needed because the search knows durations to about a second only.
+    It is needed because the search knows durations to about a second only, and charge not at all.
     """
-    kept, dropped = planner.idle(number), []
+    kept, dropped = planner.idle(number), dict[str, str]()
     for stop in visits:
         tried = (*kept.stops, stop)
-        itinerary = planner.itinerary(number, tried, planner.legs(number, tried))
+        legs = planner.legs(number, tried)
+        itinerary = planner.itinerary(number, tried, legs)
         if itinerary is not None:
             kept = itinerary
-        elif stop == planner.problem.fleet.vehicles[number].first_stop:
-            return planner.idle(number), list(visits)
-        else:
-            dropped.append(stop)
+            continue
+        lasts = legs is not None and planner.lasts(number, legs)
+        why = "would be too late for it" if lasts else _NO_CHARGE
+        if stop == planner.problem.fleet.vehicles[number].first_stop:
+            return planner.idle(number), dict.fromkeys(visits, why)
+        dropped[stop] = why
     return kept, dropped
 
 
 def discounted_travel(problem: RoutingProblem, travel: Travel, planner: Planner) -> Travel:
     """Paths with each open segment cheaper by a follower's saving."""
-    saving = {name: shares.follower_kwh for name, shares in planner.shares.items()}
-    discount = np.array([saving.get(name, 0.0) for name in travel.roads.ids])
-    return Travel(problem, travel.roads, discount)
+
+    def discount_kwh(roads: Roads) -> Floats:
+        shares = planner.shares_by_profile[roads.profile]
+        saving = {name: share.follower_kwh for name, share in shares.items()}
+        return np.array([saving.get(name, 0.0) for name in roads.ids])
+
+    return searched_again(travel, problem, discount_kwh)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
+from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.planning.charging_stops import with_charging_stops
 from dispatcher_daemon.planning.continuing import committed_legs, departure_s
 from dispatcher_daemon.platooning import (
     Meetings,
@@ -21,7 +24,9 @@ from dispatcher_daemon.platooning import (
 )
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Leg, Route, Travel, lateness_s, timed
+from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh, shortfall_kwh
 from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy import VehicleParameters
 
 _S_PER_H: Final = 3600.0
 
@@ -61,10 +66,13 @@ class Planner:
 
     Attributes:
         travels: paths between places; the first are those of least energy, others alternatives.
-        shares: saving of a leader and of a follower on each open segment.
+        shares: saving of a leader and of a follower of the fleet's first profile on each open
+            segment.
+        shares_by_profile: those of all its profiles.
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
         paths_per_leg: number of cheapest paths of each leg that options may contain.
+        batteries: by vehicle number; None: its charge is not looked at.
         on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
             are.
         bound: commitments by the numbers of their vehicles.
@@ -85,9 +93,23 @@ class Planner:
         self.problem, self.snapshot = problem, snapshot
         self.sync_window_s = sync_window_s
         self.travels = tuple(travels)
-        self.shares: Mapping[str, Shares] = open_shares(problem, snapshot)
+        first, *others = problem.profiles
+        self.shares: Mapping[str, Shares] = open_shares(problem, snapshot, first)
+        self.shares_by_profile = {
+            first: self.shares,
+            **{other: open_shares(problem, snapshot, other) for other in others},
+        }
         self.reference_s = reference_s
+        self.batteries = [battery_of(problem.fleet, v) for v in problem.fleet.vehicles]
+        self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...], float], float] = {}
         self.on_road = traversals_on_road(on_road, self.shares)
+        # A vehicle on the road that has left the fleet counts as one of its first profile.
+        users = [(-n, user.vehicle) for n, user in enumerate(on_road, 1)]
+        self._own_shares = {
+            number: self.shares_by_profile[problem.profile_of(name)]
+            for number, name in (*enumerate(v.id for v in problem.fleet.vehicles), *users)
+            if name in problem.fleet.vehicle_by_id and problem.profile_of(name) != first
+        }
         by_vehicle = {own.vehicle: own for own in commitments}
         self.bound: Mapping[int, Commitment] = {
             number: by_vehicle[vehicle.id]
@@ -98,7 +120,7 @@ class Planner:
 
     def meetings(self) -> Meetings:
         """Passages of the vehicles on the road only; their savings are part of no change."""
-        meetings = Meetings(self.shares, self.sync_window_s)
+        meetings = Meetings(self.shares, self.sync_window_s, self._own_shares)
         for vehicle in self.on_road:
             meetings.add(vehicle)
         return meetings
@@ -107,26 +129,71 @@ class Planner:
         """First and last moment at which a vehicle may leave; one of a bound vehicle."""
         own = self.bound.get(number)
         if own is not None:
-            begins_s = departure_s(own, self.travels[0].roads, self.snapshot.now_ns)
+            travel = self.travels[0].of(self.problem.fleet.vehicles[number])
+            begins_s = departure_s(own, travel.roads, self.snapshot.now_ns)
             return begins_s, begins_s
         vehicle = self.problem.fleet.vehicles[number]
         latest = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
         return self.reference_s + vehicle.ready_s, self.reference_s + latest
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
-        """Legs of a route; None if one of them has no path."""
+        """Legs of a route, over charging stops where the battery needs them; None if one of them
+        has no path or the battery does not last.
+        """
         fleet = self.problem.fleet
-        depot = fleet.depot_of(fleet.vehicles[number]).id
+        vehicle = fleet.vehicles[number]
+        depot, own = fleet.depot_of(vehicle).id, self.travels[travel].of(vehicle)
         fixed = self.fixed_legs(number, travel)
         if fixed is None:
             return None
         legs = list(fixed)
         for start, end in list(pairwise((depot, *stops, depot)))[len(fixed) :]:
-            leg = self.travels[travel].leg(start, end)
+            leg = own.leg(start, end)
             if leg is None:
                 return None
             legs.append(leg)
-        return legs
+        battery = self.batteries[number]
+        if battery is None:
+            return legs
+        energy_kwh = self._energy_kwh(vehicle)
+        bound = number in self.bound
+        ready_kwh = battery.charge_kwh if bound else battery.at_departure_kwh(vehicle.ready_s)
+        charged = with_charging_stops(battery, fleet, own, legs, ready_kwh, energy_kwh, len(fixed))
+        # Charged at the depot while it may wait there, it may get along without; and a bound
+        # vehicle goes on as it can.
+        return legs if charged is None and (bound or battery.depot_power_kw > 0) else charged
+
+    def _energy_kwh(self, vehicle: Vehicle) -> Callable[[Leg], float]:
+        """What a leg takes out of a vehicle's battery."""
+        physics = self.problem.profile_of(vehicle).physics
+
+        def energy_kwh(leg: Leg) -> float:
+            # The rest of a leg has the path of the whole one.
+            key = physics, leg.path, leg.drive.duration_s
+            if key not in self._energies_kwh:
+                self._energies_kwh[key] = leg_energy_kwh(leg, physics)
+            return self._energies_kwh[key]
+
+        return energy_kwh
+
+    def lasts(self, number: int, legs: Sequence[Leg]) -> bool:
+        """Whether a vehicle's battery lasts for a route, charged at its depot if need be."""
+        return math.isfinite(self._ready_after_charging_s(number, legs))
+
+    def _ready_after_charging_s(self, number: int, legs: Sequence[Leg]) -> float:
+        """When a vehicle can leave at the earliest, s; inf: its battery does not last."""
+        vehicle, battery = self.problem.fleet.vehicles[number], self.batteries[number]
+        ready_s = self.window_s(number)[0]
+        if battery is None:
+            return ready_s
+        energies_kwh = [self._energy_kwh(vehicle)(leg) for leg in legs]
+        charge_kwh = battery.at_departure_kwh(vehicle.ready_s)
+        short_kwh = shortfall_kwh(battery, legs, energies_kwh, charge_kwh)
+        if short_kwh == 0.0:
+            return ready_s
+        if battery.depot_power_kw == 0 or charge_kwh + short_kwh > battery.capacity_kwh:
+            return math.inf
+        return ready_s + short_kwh / battery.depot_power_kw * _S_PER_H
 
     def fixed_legs(self, number: int, travel: int = 0) -> list[Leg] | None:
         """The first legs of a bound vehicle, which are the same whatever it does; of any other
@@ -137,7 +204,8 @@ class Planner:
             return []
         if (number, travel) not in self._committed:
             vehicle = self.problem.fleet.vehicles[number]
-            legs = committed_legs(self.problem, self.travels[travel], own, vehicle)
+            of = self.travels[travel].of(vehicle)
+            legs = committed_legs(self.problem, of, own, vehicle)
             self._committed[number, travel] = legs
         return self._committed[number, travel]
 
@@ -152,10 +220,12 @@ class Planner:
         legs: Sequence[Leg] | None,
         depart_s: float | None = None,
     ) -> Itinerary | None:
-        """A vehicle's itinerary over given legs; None if a window is missed or a path missing.
+        """A vehicle's itinerary over given legs; None if a window is missed, a path missing, or the
+        charge falls below the reserve.
 
         Args:
-            depart_s: None: as soon as it is ready. A bound vehicle goes on as it can.
+            depart_s: None: as soon as it is ready, and charged as far as it needs. A bound vehicle
+                goes on as it can.
         """
         bound = number in self.bound
         if not stops and not bound:
@@ -168,6 +238,10 @@ class Planner:
             route = timed(self.problem, legs, vehicle, self.reference_s, self.window_s(number)[0])
             cost = sum(leg.cost_kwh for leg in legs)
             return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))
+        earliest_s = self._ready_after_charging_s(number, legs)
+        if math.isinf(earliest_s) or (depart_s is not None and depart_s < earliest_s - 1e-6):
+            return None
+        depart_s = earliest_s if depart_s is None else depart_s
         route = timed(self.problem, legs, vehicle, self.reference_s, depart_s)
         # A departure computed from a meeting may miss its window by rounding.
         if lateness_s(self.problem, vehicle, route, self.reference_s) > 1e-6:

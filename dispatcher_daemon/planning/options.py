@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,10 +78,11 @@ def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
         return
     legs = list(itinerary.route.legs)
     fixed = len(planner.fixed_legs(itinerary.number) or ())
+    travel = planner.travels[0].of(planner.problem.fleet.vehicles[itinerary.number])
     for at, leg in enumerate(legs[fixed:], fixed):
-        for other in planner.travels[0].paths(leg.start, leg.end, planner.paths_per_leg):
+        for other in travel.paths(leg.start, leg.end, planner.paths_per_leg):
             if other.path != leg.path:
-                changed = [*legs[:at], other, *legs[at + 1 :]]
+                changed = [*legs[:at], replace(other, charging=leg.charging), *legs[at + 1 :]]
                 detour = planner.itinerary(
                     itinerary.number, itinerary.stops, changed, itinerary.depart_s
                 )

@@ -6,6 +6,7 @@ is feasible there is feasible here.
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,9 +14,11 @@ from typing import Any
 import numpy as np
 import pyvrp
 
-from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.fleet import Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel
+from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh
+from slipstream.vehicle_types import RoutingProfile
 
 MWH_PER_KWH = 1e6
 _TENTHS = 10.0
@@ -24,6 +27,8 @@ NO_PATH_MWH = 10**12
 _PRIZE_MWH = 10**8
 """Cost of an unserved stop where not all can be served: 100 kWh, more than any detour."""
 _NO_LIMIT_TENTHS = 10**9
+_UNITS_PER_KG = 1000
+_SAMPLED_LEGS = 50
 
 StopsByVehicle = dict[str, tuple[str, ...]]
 """Stops in order by vehicle."""
@@ -58,30 +63,52 @@ class VrpModel:
         self._starts = [kind for kind in kinds if kind.first_stop is not None]
         self._fleet = fleet
         self._vehicles = vehicles
+        self._masses = any(stop.mass_kg > 0 for stop in fleet.stops)
+        every = [self._load(stop) for stop in fleet.stops]
+        self._unlimited = [sum(loads) for loads in zip(*every, strict=True)]
+        profiles = [problem.profile_of(kind) for kind in kinds]
+        self._profiles = list(dict.fromkeys(profiles))
 
     def _depot(self, vehicle: Vehicle) -> str:
         return self._problem.fleet.depot_of(vehicle).id
 
-    def _begin(self, kind: Vehicle) -> tuple[str, float, int]:
+    def _begin(self, kind: Vehicle) -> tuple[str, float, list[int]]:
         """(place, earliest departure from it, load delivered before): the depot, or the stop that
         a vehicle with a first stop serves before it is free.
         """
         depot = self._depot(kind)
         if kind.first_stop is None:
-            return depot, kind.ready_s, 0
+            return depot, kind.ready_s, [0] * len(self._unlimited)
         stop = self._fleet.stop_by_id[kind.first_stop]
-        driven_s = self._travel.duration_s[self._travel.row[depot], self._travel.row[stop.id]]
+        travel = self._travel.of(kind)
+        driven_s = travel.duration_s[travel.row[depot], travel.row[stop.id]]
         begins = max(kind.ready_s + driven_s, stop.earliest_s)
-        return stop.id, begins + stop.service_s, stop.demand
+        return stop.id, begins + stop.service_s, self._load(stop)
 
     def demand_exceeds_capacity(self) -> bool:
-        """True if the stops' demand cannot be carried by all vehicles together."""
-        free = 0
-        for kind, vehicles in self._kinds:
-            if kind.capacity is None:
-                return False
-            free += len(vehicles) * max(0, kind.capacity - self._begin(kind)[2])
-        return sum(self._fleet.stop_by_id[s].demand for s in self._pooled) > free
+        """True if the stops' demand or mass cannot be carried by all vehicles together."""
+        needed = np.sum([self._load(self._fleet.stop_by_id[s]) for s in self._pooled], axis=0)
+        free = np.sum([len(of) * np.array(self._free(kind)) for kind, of in self._kinds], axis=0)
+        return bool(np.any(needed > free))
+
+    def _load(self, stop: Stop) -> list[int]:
+        """Demand of a stop, and its mass in PyVRP's units where any stop has one."""
+        mass = [math.ceil(stop.mass_kg * _UNITS_PER_KG)] if self._masses else []
+        return [stop.demand, *mass]
+
+    def _free(self, kind: Vehicle) -> list[int]:
+        """What a vehicle can take beside its first stop, in the units of `_load`."""
+        limits = [kind.capacity]
+        if self._masses:
+            of = self._fleet.type_of(kind)
+            payload_kg = None if of is None else of.payload_kg
+            limits.append(None if payload_kg is None else math.floor(payload_kg * _UNITS_PER_KG))
+        loaded = self._begin(kind)[2]
+        return [
+            # More than all stops together: no limit.
+            self._unlimited[i] if limit is None else max(0, limit - loaded[i])
+            for i, limit in enumerate(limits)
+        ]
 
     def data(self, required: bool) -> pyvrp.ProblemData:
         """The problem in PyVRP's terms.
@@ -93,35 +120,44 @@ class VrpModel:
         at = {place: i for i, place in enumerate(places)}
         starts = len(places)
         places += [self._begin(kind)[0] for kind in self._starts]
-        rows = np.array([self._travel.row[place] for place in places])
-        energy = self._travel.search_cost_kwh[np.ix_(rows, rows)]
-        seconds = self._travel.duration_s[np.ix_(rows, rows)]
-        connected = np.isfinite(energy)
-        # PyVRP's type hints know no array of two dimensions.
-        distance: Any = np.where(
-            connected, np.rint(np.where(connected, energy, 0) * MWH_PER_KWH), NO_PATH_MWH
-        )
-        tenths: Any = np.where(connected, np.ceil(np.where(connected, seconds, 0) * _TENTHS), 0)
-        for number, kind in enumerate(self._starts, starts):
-            distance[:, number] = NO_PATH_MWH
-            distance[at[self._begin(kind)[0]], number] = 0
-        np.fill_diagonal(distance, 0)
-        np.fill_diagonal(tenths, 0)
+        matrices = [self._matrices(profile, places) for profile in self._profiles]
+        for distance, _ in matrices:
+            for number, kind in enumerate(self._starts, starts):
+                distance[:, number] = NO_PATH_MWH
+                distance[at[self._begin(kind)[0]], number] = 0
+            np.fill_diagonal(distance, 0)
         depots = places[: starts - len(self._pooled)]
         return pyvrp.ProblemData(
             locations=[pyvrp.Location(0, 0, name=place) for place in places],
             clients=[
                 *(
-                    pyvrp.Client(location=starts + i, delivery=[0])
+                    pyvrp.Client(location=starts + i, delivery=[0] * len(self._unlimited))
                     for i in range(len(self._starts))
                 ),
                 *(self._client(name, at[name], required) for name in self._pooled),
             ],
             depots=[pyvrp.Depot(location=i) for i in range(len(depots))],
             vehicle_types=[self._vehicle_type(kind, len(of), at) for kind, of in self._kinds],
-            distance_matrices=[distance.astype(np.int64)],
-            duration_matrices=[tenths.astype(np.int64)],
+            distance_matrices=[distance for distance, _ in matrices],
+            duration_matrices=[tenths for _, tenths in matrices],
         )
+
+    def _matrices(self, profile: RoutingProfile, places: Sequence[str]) -> tuple[Any, Any]:
+        """Costs, mWh, and durations, tenths of a second, between places for one profile.
+
+        PyVRP's type hints know no array of two dimensions.
+        """
+        travel = self._travel.by_profile[profile]
+        rows = np.array([travel.row[place] for place in places])
+        energy = travel.search_cost_kwh[np.ix_(rows, rows)]
+        seconds = travel.duration_s[np.ix_(rows, rows)]
+        connected = np.isfinite(energy)
+        distance = np.where(
+            connected, np.rint(np.where(connected, energy, 0) * MWH_PER_KWH), NO_PATH_MWH
+        )
+        tenths = np.where(connected, np.ceil(np.where(connected, seconds, 0) * _TENTHS), 0)
+        np.fill_diagonal(tenths, 0)
+        return distance.astype(np.int64), tenths.astype(np.int64)
 
     def _places(self) -> list[str]:
         """Depots and first stops, where vehicles begin, then the pooled stops."""
@@ -133,7 +169,7 @@ class VrpModel:
         stop = self._fleet.stop_by_id[name]
         return pyvrp.Client(
             location=location,
-            delivery=[stop.demand],
+            delivery=self._load(stop),
             service_duration=_up(stop.service_s),
             tw_early=_up(stop.earliest_s),
             tw_late=_NO_LIMIT_TENTHS if stop.latest_s is None else _down(stop.latest_s),
@@ -142,22 +178,49 @@ class VrpModel:
         )
 
     def _vehicle_type(self, kind: Vehicle, number: int, at: Mapping[str, int]) -> pyvrp.VehicleType:
-        place, begins_s, delivered = self._begin(kind)
+        place, begins_s, _ = self._begin(kind)
         latest_s = begins_s
         if kind.depart_by_s is not None:
             latest_s += kind.depart_by_s - kind.ready_s
         early, late = _up(begins_s), max(_up(begins_s), _down(latest_s))
         back = _NO_LIMIT_TENTHS if kind.return_by_s is None else _down(kind.return_by_s)
-        unlimited = sum(stop.demand for stop in self._fleet.stops)
         return pyvrp.VehicleType(
             num_available=number,
-            capacity=[max(0, (unlimited if kind.capacity is None else kind.capacity) - delivered)],
+            capacity=self._free(kind),
+            max_distance=self._range_mwh(kind),
+            profile=self._profiles.index(self._problem.profile_of(kind)),
             start_depot=at[place],
             end_depot=at[self._depot(kind)],
             tw_early=early,
             start_late=late,
             tw_late=max(late, back),
         )
+
+    def _range_mwh(self, kind: Vehicle) -> int:
+        """About how far a vehicle's charge takes it without charging stops, as a searched cost.
+
+        Costs are not the energies that its battery gives: legs begin and end at rest, and time may
+        have a value. So they are compared on the ways from its depot, and the longest range counts:
+        hardly a route is lost that the battery lasts for. Finished routes are checked exactly.
+        """
+        battery = battery_of(self._fleet, kind)
+        if battery is None or self._fleet.charging_stops:
+            return int(np.iinfo(np.int64).max)
+        travel, depot = self._travel.of(kind), self._depot(kind)
+        names = [stop.id for stop in self._fleet.stops[:_SAMPLED_LEGS]]
+        legs = {name: travel.leg(depot, name) for name in names}
+        physics = self._problem.profile_of(kind).physics
+        ratios = [
+            leg.cost_kwh / leg_energy_kwh(leg, physics)
+            for leg in legs.values()
+            if leg is not None and leg.path
+        ]
+        latest_s = kind.ready_s if kind.depart_by_s is None else kind.depart_by_s
+        usable_kwh = max(0.0, battery.at_departure_kwh(latest_s) - battery.reserve_kwh)
+        if kind.first_stop is not None:
+            leg = travel.leg(depot, kind.first_stop)
+            usable_kwh -= 0.0 if leg is None else leg_energy_kwh(leg, physics)
+        return max(0, int(usable_kwh * max(ratios, default=1.0) * MWH_PER_KWH))
 
     def visits(self, routes: Mapping[str, Sequence[str]]) -> Visits:
         """Routes by vehicle in PyVRP's numbers; stops that are not asked for are left out."""

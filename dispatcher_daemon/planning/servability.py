@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
+from dispatcher_daemon.planning.charging_stops import with_charging_stops
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Travel, roads_of
+from dispatcher_daemon.roads import Leg, Travel, fleet_travel
+from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 _TOLERANCE_S = 2.0
@@ -51,7 +53,10 @@ def without(problem: RoutingProblem, stops: Collection[str]) -> RoutingProblem:
     )
     kept = tuple(stop for stop in fleet.stops if stop.id not in stops)
     # Not a copy: what a fleet has looked up of its stops would be copied with it.
-    smaller = Fleet(name=fleet.name, depots=fleet.depots, stops=kept, vehicles=vehicles)
+    smaller = Fleet(
+        **{name: getattr(fleet, name) for name in Fleet.model_fields}
+        | {"stops": kept, "vehicles": vehicles}
+    )
     return replace(problem, fleet=smaller)
 
 
@@ -69,11 +74,11 @@ def unservable(
 
     Returns:
         Reason by stop, in the fleet's order: it cannot be reached or left again, its demand is
-        above every capacity, its window closes before anyone arrives, or nobody who serves it is
-        back in time.
+        above every capacity, its window closes before anyone arrives, nobody who serves it is
+        back in time, or no battery lasts.
     """
     fleet = problem.fleet
-    travel = travel or Travel(problem, roads_of(problem, snapshot))
+    travel = travel or fleet_travel(problem, snapshot)
     loaded = {v.first_stop: v for v in fleet.vehicles if v.first_stop is not None}
     found: dict[str, str] = {}
     lost: set[str] = set()
@@ -83,7 +88,7 @@ def unservable(
             lost.add(name)
             found[name] = f"{refusal.reason}; it is loaded on {vehicle.id!r}"
     pooled = [fleet.stop_by_id[name] for name in fleet.pooled]
-    kinds = _kinds(fleet.vehicles, lost)
+    kinds = _kinds(fleet, lost)
     for stop in pooled:
         nearest: _Refusal | None = None
         for vehicle in kinds:
@@ -99,14 +104,18 @@ def unservable(
     return {stop.id: found[stop.id] for stop in fleet.stops if stop.id in found}
 
 
-def _kinds(vehicles: Iterable[Vehicle], lost: set[str]) -> list[Vehicle]:
+def _kinds(fleet: Fleet, lost: set[str]) -> list[Vehicle]:
     """One vehicle of each kind: many differ in nothing but their names."""
 
     def kind(vehicle: Vehicle) -> tuple[object, ...]:
         first = None if vehicle.first_stop in lost else vehicle.first_stop
-        return vehicle.depot, first, vehicle.capacity, vehicle.ready_s, vehicle.return_by_s
+        times = vehicle.ready_s, vehicle.return_by_s
+        data: tuple[object, ...] = vehicle.type, vehicle.own_type
+        if battery_of(fleet, vehicle) is not None:
+            data = *data, vehicle.charge_kwh, vehicle.depart_by_s
+        return vehicle.depot, first, vehicle.capacity, *times, *data
 
-    return list({kind(vehicle): vehicle for vehicle in vehicles}.values())
+    return list({kind(vehicle): vehicle for vehicle in fleet.vehicles}.values())
 
 
 def _refusal(
@@ -114,21 +123,27 @@ def _refusal(
 ) -> _Refusal | None:
     """Why a vehicle cannot serve the last of some stops after the others; None if it can."""
     depot, last = problem.fleet.depot_of(vehicle), stops[-1]
+    travel = travel.of(vehicle)
     places = [depot.id, *(stop.id for stop in stops)]
     rows = [travel.row[place] for place in places]
     seconds = [float(travel.duration_s[i, j]) for i, j in pairwise(rows)]
     home_s = float(travel.duration_s[rows[-1], rows[0]])
     if not math.isfinite(sum(seconds)):
         where = f"depot {depot.id!r}" if len(stops) == 1 else f"stop {stops[-2].id!r}"
-        return _Refusal(0, 0.0, f"node {last.node!r} cannot be reached from {where}")
+        reason = f"node {last.node!r} cannot be reached from {where}{_by_whom(problem, vehicle)}"
+        return _Refusal(0, 0.0, reason)
     if not math.isfinite(home_s):
-        return _Refusal(1, 0.0, f"node {last.node!r} cannot be left for depot {depot.id!r}")
+        reason = f"node {last.node!r} cannot be left for depot {depot.id!r}"
+        return _Refusal(1, 0.0, reason + _by_whom(problem, vehicle))
     demand = sum(stop.demand for stop in stops)
     if vehicle.capacity is not None and demand > vehicle.capacity:
         short = vehicle.capacity - demand
         with_first = "" if len(stops) == 1 else f" (with {stops[-2].id!r} loaded)"
         nearest = f"above every capacity (nearest: {vehicle.capacity} of {vehicle.id!r})"
         return _Refusal(2, short, f"its demand of {demand}{with_first} is {nearest}")
+    overload = problem.fleet.overload(vehicle, stops)
+    if overload is not None:
+        return _Refusal(2, -last.mass_kg, f"its load is {overload} (of {vehicle.id!r})")
     clock = vehicle.ready_s
     for stop, driven_s in zip(stops, seconds, strict=True):
         arrival = clock + driven_s
@@ -142,4 +157,37 @@ def _refusal(
         late = back - vehicle.return_by_s
         reason = f"who serves it is back too late ({vehicle.id!r} at {back:.0f} s,"
         return _Refusal(4, -late, f"{reason} due at {vehicle.return_by_s:g} s)")
-    return None
+    return _charge_refusal(problem, travel, vehicle, places)
+
+
+def _by_whom(problem: RoutingProblem, vehicle: Vehicle) -> str:
+    """Whose permissions and limits count, where the network has any."""
+    if not problem.network.is_restricted:
+        return ""
+    vehicle_class = problem.profile_of(vehicle).vehicle_class
+    return f" by roads that {vehicle.id!r} ({vehicle_class}) may use"
+
+
+def _charge_refusal(
+    problem: RoutingProblem, travel: Travel, vehicle: Vehicle, places: Sequence[str]
+) -> _Refusal | None:
+    """Why a vehicle's battery does not last from its depot over some places and back."""
+    battery = battery_of(problem.fleet, vehicle)
+    legs = [travel.leg(a, b) for a, b in pairwise([*places, places[0]])]
+    found = [leg for leg in legs if leg is not None]
+    if battery is None or len(found) < len(legs):
+        return None
+    physics = problem.profile_of(vehicle).physics
+    latest_s = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
+    charge_kwh = battery.at_departure_kwh(latest_s)
+
+    def energy_kwh(leg: Leg) -> float:
+        return leg_energy_kwh(leg, physics)
+
+    lasts = with_charging_stops(battery, problem.fleet, travel, found, charge_kwh, energy_kwh)
+    if lasts is not None:
+        return None
+    need_kwh, usable_kwh = sum(map(energy_kwh, found)), charge_kwh - battery.reserve_kwh
+    reason = f"{need_kwh:.2f} kWh are needed there and back, and the most charge above its reserve"
+    reason += f" ({vehicle.id!r}) is {max(0.0, usable_kwh):.2f} kWh, with no charging stop in reach"
+    return _Refusal(5, usable_kwh - need_kwh, reason)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from dispatcher_daemon.platooning import Passage, Place, drag_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
+from dispatcher_daemon.roads.charge import battery_of, charges_kwh, leg_energy_kwh
 from slipstream.drive import drive_energies
 from slipstream.energy import ETA_ALONE, Energy, split_saving, total
 from slipstream.messages import EnergySummary
@@ -39,8 +40,9 @@ def route_energy(
     reductions = drag_reductions(route, places)
     none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
     drives = [leg.drive for leg in route.legs]
-    driven = drive_energies(drives, reductions, problem.vehicle).sum()
-    by_leg = drive_energies(drives, none, problem.vehicle)
+    physics = problem.profile_of(route.vehicle).physics
+    driven = drive_energies(drives, reductions, physics).sum()
+    by_leg = drive_energies(drives, none, physics)
     undrafted = by_leg.sum()
     beyond = sum(
         leg.expected_kwh - float(profile_kwh)
@@ -57,6 +59,24 @@ def route_energy(
         if (route.vehicle, number, position) in places
     )
     return RouteEnergy(driven, undrafted, platooned_m)
+
+
+def planned_charges_kwh(
+    problem: RoutingProblem, route: Route, reference_s: float
+) -> Sequence[float | None]:
+    """Charge at the departure and on arrival at each further place, as if nobody drafted; None
+    where the vehicle's type has no battery.
+
+    Args:
+        reference_s: on the route's clock, the moment that the fleet's times count from.
+    """
+    battery = battery_of(problem.fleet, problem.fleet.vehicle_by_id[route.vehicle])
+    if battery is None:
+        return [None] * len(route.visits)
+    physics = problem.profile_of(route.vehicle).physics
+    energies_kwh = [leg_energy_kwh(leg, physics) for leg in route.legs]
+    departure_kwh = battery.at_departure_kwh(route.visits[0].departure_s - reference_s)
+    return [max(0.0, c) for c in charges_kwh(battery, route.legs, energies_kwh, departure_kwh)]
 
 
 def summarise(

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
-from dispatcher_daemon.plans.energy import RouteEnergy
+from dispatcher_daemon.plans.energy import RouteEnergy, planned_charges_kwh
 from dispatcher_daemon.platooning import Passage, Place
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Route
+from dispatcher_daemon.roads import Route, planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import (
     DrivingAdvice,
@@ -71,6 +71,7 @@ def vehicle_plans(
 
     def segments(route: Route) -> tuple[PlannedSegment, ...]:
         planned = []
+        profile = problem.profile_of(route.vehicle)
         for leg, position, segment, entry, leaving in route.entries_s():
             place = places.get((route.vehicle, leg, position))
             road = network.segments[segment]
@@ -80,39 +81,53 @@ def vehicle_plans(
                     segment=segment,
                     entry_ns=utc_ns(entry),
                     exit_ns=utc_ns(leaving),
-                    speed_mps=snapshot.segments[segment].speed_mps,
+                    speed_mps=planning_speed_mps(road, snapshot.segments[segment], profile),
                     platoon=None if place is None else place.platoon,
                     place=None if place is None else place.number,
                     gap_m=gap_m if place is not None and place.number > 0 else None,
                     leg=leg,
                     length_m=road.length_m,
-                    speed_limit_mps=road.speed_limit_mps,
+                    speed_limit_mps=road.access.speed_limit_mps(road.speed_limit_mps, profile),
                     lanes=road.lanes,
                     crossing=None if not onward else _crossing(network, segment, onward[0]),
                 )
             )
         return tuple(planned)
 
+    def visits(route: Route) -> tuple[PlannedStop, ...]:
+        charges = planned_charges_kwh(problem, route, reference_s)
+        taken = [0.0, *(leg.charging.energy_kwh if leg.charging else 0.0 for leg in route.legs)]
+        return tuple(
+            PlannedStop(
+                stop=visit.place,
+                node=node(route.vehicle, number, visit.place),
+                arrival_ns=utc_ns(visit.arrival_s),
+                departure_ns=utc_ns(visit.departure_s),
+                latest_ns=latest_ns(visit.place),
+                charge_kwh=charge_kwh,
+                charged_kwh=charged_kwh,
+            )
+            for number, (visit, charge_kwh, charged_kwh) in enumerate(
+                zip(route.visits, charges, taken, strict=True)
+            )
+        )
+
+    def valid_s(route: Route) -> float:
+        intervals = BOUND_VALID_INTERVALS if route.vehicle in bound else VALID_INTERVALS
+        lasts_s = interval_s * intervals
+        charges = any(leg.charging is not None for leg in route.legs)
+        # It is not planned again until it has charged.
+        return lasts_s + route.visits[-1].arrival_s if charges else lasts_s
+
     return tuple(
         VehiclePlan(
             vehicle=route.vehicle,
             cycle=cycle,
             issued_ns=issued_ns,
-            valid_until_ns=utc_ns(
-                interval_s * (BOUND_VALID_INTERVALS if route.vehicle in bound else VALID_INTERVALS)
-            ),
+            valid_until_ns=utc_ns(valid_s(route)),
             continues=bound[route.vehicle].continues if route.vehicle in bound else None,
             depart_ns=utc_ns(route.visits[0].departure_s),
-            stops=tuple(
-                PlannedStop(
-                    stop=visit.place,
-                    node=node(route.vehicle, number, visit.place),
-                    arrival_ns=utc_ns(visit.arrival_s),
-                    departure_ns=utc_ns(visit.departure_s),
-                    latest_ns=latest_ns(visit.place),
-                )
-                for number, visit in enumerate(route.visits)
-            ),
+            stops=visits(route),
             segments=segments(route),
             distance_m=sum(leg.drive.length_m for leg in route.legs),
             energy_kwh=energy.driven.total_kwh,

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 from dispatcher_daemon.platooning.platoons import TimedPassage, platoons_of
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Route
+from dispatcher_daemon.roads import Route, planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.vehicle_types import RoutingProfile
 
 VehicleNumber = tuple[int]
 """A vehicle's number in the fleet."""
@@ -31,12 +32,20 @@ class Shares:
     follower_kwh: float
 
 
-def open_shares(problem: RoutingProblem, snapshot: TrafficSnapshot) -> dict[str, Shares]:
-    """Shares of all segments whose gate is open."""
+def open_shares(
+    problem: RoutingProblem, snapshot: TrafficSnapshot, profile: RoutingProfile | None = None
+) -> dict[str, Shares]:
+    """Shares of all segments whose gate is open.
+
+    Args:
+        profile: of the vehicles; None: the fleet's first.
+    """
+    of = problem.profiles[0] if profile is None else profile
 
     def saving(name: str, eta: float) -> float:
-        length, speed = problem.network.segments[name].length_m, snapshot.segments[name].speed_mps
-        return drag_saving_kwh(length, speed, eta, problem.vehicle)
+        segment = problem.network.segments[name]
+        speed = planning_speed_mps(segment, snapshot.segments[name], of)
+        return drag_saving_kwh(segment.length_m, speed, eta, of.physics)
 
     return {
         name: Shares(saving(name, ETA_LEADER), saving(name, ETA_FOLLOWER))
@@ -61,11 +70,26 @@ def traversals(
     return found
 
 
-def saving_kwh(passages: Sequence[Traversal], shares: Shares, sync_window_s: float) -> float:
-    """Saving of all platoons on one segment, kWh; passages in the order of entry."""
+def saving_kwh(
+    passages: Sequence[Traversal],
+    shares: Shares,
+    sync_window_s: float,
+    own: Mapping[int, Shares] | None = None,
+) -> float:
+    """Saving of all platoons on one segment, kWh.
+
+    Args:
+        passages: in the order of entry.
+        own: shares of vehicles that have others, by their number.
+    """
     total = 0.0
     for group in platoons_of(passages, sync_window_s):
-        if len(group) > 1:
+        if len(group) < 2:
+            continue
+        if own:
+            leader, *followers = (own.get(number, shares) for _, _, (number,) in group)
+            total += leader.leader_kwh + sum(follower.follower_kwh for follower in followers)
+        else:
             total += shares.leader_kwh + (len(group) - 1) * shares.follower_kwh
     return total
 
@@ -73,9 +97,21 @@ def saving_kwh(passages: Sequence[Traversal], shares: Shares, sync_window_s: flo
 class Meetings:
     """Passages of open segments by all vehicles, with the sum of their platoons' savings."""
 
-    def __init__(self, shares: Mapping[str, Shares], sync_window_s: float) -> None:
-        """Start with empty roads."""
+    def __init__(
+        self,
+        shares: Mapping[str, Shares],
+        sync_window_s: float,
+        own_shares: Mapping[int, Mapping[str, Shares]] | None = None,
+    ) -> None:
+        """Start with empty roads.
+
+        Args:
+            shares: by segment.
+            own_shares: of vehicles that have others, by their number; of the same segments.
+        """
         self.shares, self.sync_window_s = shares, sync_window_s
+        self._own_shares = own_shares or {}
+        self._own: dict[str, dict[int, Shares]] = {}
         self._on: dict[str, list[Traversal]] = {}
 
     def add(self, traversals: Traversals) -> float:
@@ -92,8 +128,15 @@ class Meetings:
         for segment, passages in traversals.items():
             for near in self._near(segment, passages):
                 before = [p for p in near if p not in passages]
-                total += self._saving(segment, near) - self._saving(segment, before)
+                total += self.saving_kwh(segment, near) - self.saving_kwh(segment, before)
         return total
+
+    def saving_kwh(self, segment: str, passages: Sequence[Traversal]) -> float:
+        """Saving of all platoons among some passages of a segment, kWh; in the order of entry."""
+        if self._own_shares and segment not in self._own:
+            self._own[segment] = {n: of[segment] for n, of in self._own_shares.items()}
+        own = self._own.get(segment)
+        return saving_kwh(passages, self.shares[segment], self.sync_window_s, own)
 
     def on(self, segment: str) -> Sequence[Traversal]:
         """Passages of a segment in the order of entry."""
@@ -104,17 +147,14 @@ class Meetings:
         for segment in {**off, **on}:
             old, new = off.get(segment, ()), on.get(segment, ())
             around = [*old, *new]
-            total -= sum(self._saving(segment, near) for near in self._near(segment, around, ()))
+            total -= sum(self.saving_kwh(segment, near) for near in self._near(segment, around, ()))
             there = self._on.setdefault(segment, [])
             for passage in old:
                 there.remove(passage)
             for passage in new:
                 insort(there, passage)
-            total += sum(self._saving(segment, near) for near in self._near(segment, around, ()))
+            total += sum(self.saving_kwh(segment, near) for near in self._near(segment, around, ()))
         return total
-
-    def _saving(self, segment: str, passages: Sequence[Traversal]) -> float:
-        return saving_kwh(passages, self.shares[segment], self.sync_window_s)
 
     def _near(
         self,

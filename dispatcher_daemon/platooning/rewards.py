@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dispatcher_daemon.problem import ArcReward, RoutingProblem
-from dispatcher_daemon.roads import RoutedArc
+from dispatcher_daemon.roads import RoutedArc, planning_speed_mps
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, VehicleParameters, drag_saving_kwh
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 from slipstream.roads import Segment
+from slipstream.vehicle_types import RoutingProfile
 
 
 @dataclass(frozen=True)
@@ -46,11 +47,13 @@ class JudgedPair:
         return f"{self.segment}: {who}: {what}"
 
 
-def pair_saving_kwh(segment: Segment, traffic: SegmentTraffic, vehicle: VehicleParameters) -> float:
+def pair_saving_kwh(
+    segment: Segment, traffic: SegmentTraffic, leader: RoutingProfile, follower: RoutingProfile
+) -> float:
     """Saving of a leader and a follower on a segment, whatever gate and timing, kWh."""
     return sum(
-        drag_saving_kwh(segment.length_m, traffic.speed_mps, eta, vehicle)
-        for eta in (ETA_LEADER, ETA_FOLLOWER)
+        drag_saving_kwh(segment.length_m, planning_speed_mps(segment, traffic, of), eta, of.physics)
+        for of, eta in ((leader, ETA_LEADER), (follower, ETA_FOLLOWER))
     )
 
 
@@ -89,7 +92,10 @@ def judge_pairs(
                     )
                 saving = 0.0
                 if reason is None:
-                    saving = pair_saving_kwh(segment, traffic, problem.vehicle)
+                    # Who enters first leads.
+                    pair = (first, second) if first_entry <= second_entry else (second, first)
+                    leader, follower = (problem.profile_of(arcs[i].vehicle) for i in pair)
+                    saving = pair_saving_kwh(segment, traffic, leader, follower)
                 yield JudgedPair(name, first, second, first_entry, second_entry, saving, reason)
 
 

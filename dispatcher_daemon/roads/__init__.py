@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.roads.costs import segment_cost_kwh
+from dispatcher_daemon.roads.costs import planning_speed_mps, segment_cost_kwh
 from dispatcher_daemon.roads.onward import leg_from, leg_onward, unhindered_s
 from dispatcher_daemon.roads.routes import (
     Leg,
@@ -13,7 +13,14 @@ from dispatcher_daemon.roads.routes import (
     timed,
     timetable,
 )
-from dispatcher_daemon.roads.travel import Roads, Travel, least_energy_legs, roads_of
+from dispatcher_daemon.roads.travel import (
+    Roads,
+    Travel,
+    fleet_travel,
+    least_energy_legs,
+    roads_of,
+    searched_again,
+)
 
 __all__ = [
     "Leg",
@@ -22,11 +29,14 @@ __all__ = [
     "RoutedArc",
     "Travel",
     "candidate_arcs",
+    "fleet_travel",
     "lateness_s",
     "least_energy_legs",
     "leg_from",
     "leg_onward",
+    "planning_speed_mps",
     "roads_of",
+    "searched_again",
     "segment_cost_kwh",
     "timed",
     "timetable",

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 
 from dispatcher_daemon.traffic import SegmentTraffic
-from slipstream.energy import PAPER_CAR, VehicleParameters, steady_energy_kwh, stop_energy_kwh
+from slipstream.energy import steady_energy_kwh, stop_energy_kwh
 from slipstream.roads import Segment
+from slipstream.vehicle_types import RoutingProfile
+
+PAPER_CAR_PROFILE = RoutingProfile()
 
 
 def expected_traction_n(mean_n: float, std_n: float) -> float:
@@ -22,8 +25,17 @@ def expected_traction_n(mean_n: float, std_n: float) -> float:
     return mean_n * cumulative + std_n * density
 
 
+def planning_speed_mps(segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile) -> float:
+    """Speed that a vehicle is expected to hold on a segment, m/s: the traffic's, or its own top
+    speed or the limit for its class where that is lower.
+    """
+    limit_mps = segment.access.speed_limit_mps(segment.speed_limit_mps, profile)
+    top_mps = math.inf if profile.max_speed_mps is None else profile.max_speed_mps
+    return min(traffic.speed_mps, limit_mps, top_mps)
+
+
 def segment_cost_kwh(
-    segment: Segment, traffic: SegmentTraffic, vehicle: VehicleParameters = PAPER_CAR
+    segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile = PAPER_CAR_PROFILE
 ) -> float:
     """Energy that a vehicle alone is expected to need for a segment, kWh, > 0.
 
@@ -35,17 +47,23 @@ def segment_cost_kwh(
     of the expected tractive force. There |ā| is limited to v²_limit/2d, the maximum for
     speeds between standstill and the limit over the segment's length d.
 
-    Expected stops are added to either, each with the kinetic energy of the planning speed.
+    Expected stops are added to either, each with the kinetic energy of the planning speed. What
+    the vehicle recuperates is taken off.
     """
-    speed = traffic.speed_mps
+    vehicle, speed = profile.physics, planning_speed_mps(segment, traffic, profile)
     stops_kwh = traffic.stops * stop_energy_kwh(speed, vehicle)
     if traffic.y_e != 0 or traffic.measured_speed_mps is None:
         return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle) + stops_kwh
     bound = segment.speed_limit_mps**2 / (2 * segment.length_m)
     mean_acceleration = min(bound, max(-bound, traffic.mean_acceleration_mps2))
     resistance_n = vehicle.rolling_force_n + vehicle.drag_force_n(speed)
-    force_n = expected_traction_n(
-        vehicle.mass_kg * mean_acceleration + resistance_n,
-        vehicle.mass_kg * math.sqrt(traffic.acceleration_variance_m2ps4),
-    )
-    return vehicle.electrical_kwh(max(force_n, 1.0) * segment.length_m) + stops_kwh
+    mean_n = vehicle.mass_kg * mean_acceleration + resistance_n
+    std_n = vehicle.mass_kg * math.sqrt(traffic.acceleration_variance_m2ps4)
+    traction_n = max(expected_traction_n(mean_n, std_n), 1.0)
+    cost_kwh = vehicle.electrical_kwh(traction_n * segment.length_m)
+    if vehicle.recuperation_efficiency > 0:
+        braking_n = expected_traction_n(-mean_n, std_n)
+        net_kwh = cost_kwh - vehicle.recovered_kwh(braking_n * segment.length_m)
+        # Of a force of 1 N, as above: a cost is > 0.
+        cost_kwh = max(net_kwh, vehicle.electrical_kwh(segment.length_m))
+    return cost_kwh + stops_kwh

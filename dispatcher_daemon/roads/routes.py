@@ -13,6 +13,14 @@ from slipstream.drive import Drive
 
 
 @dataclass(frozen=True)
+class Charging:
+    """What a vehicle takes in at a charging stop."""
+
+    energy_kwh: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
 class Leg:
     """The path between two places (stops or the depot).
 
@@ -21,6 +29,7 @@ class Leg:
         cost_kwh: its cost in the search: expected energy, and travel time by its value.
         drive: speed profile and times.
         expected_kwh: expected energy from observed movements; None: that of the drive.
+        charging: at its end; None: none.
     """
 
     start: str
@@ -29,6 +38,7 @@ class Leg:
     cost_kwh: float
     drive: Drive
     expected_kwh: float | None = None
+    charging: Charging | None = None
 
 
 @dataclass(frozen=True)
@@ -195,6 +205,8 @@ def timed(
         clock = arrival
         if stop is not None:
             clock = max(arrival, reference_s + stop.earliest_s) + stop.service_s
+        if leg.charging is not None:
+            clock += leg.charging.duration_s
         visits.append(StopVisit(leg.end, arrival, clock))
     return Route(vehicle.id, tuple(visits), tuple(legs))
 
@@ -212,8 +224,8 @@ def lateness_s(
     if vehicle.return_by_s is not None:
         late.append(back - reference_s - vehicle.return_by_s)
     for visit in route.visits[1:-1]:
-        stop = problem.fleet.stop_by_id[visit.place]
-        if stop.latest_s is not None:
+        stop = problem.fleet.stop_by_id.get(visit.place)
+        if stop is not None and stop.latest_s is not None:
             late.append(visit.arrival_s - reference_s - stop.latest_s)
     return max(late)
 

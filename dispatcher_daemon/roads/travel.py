@@ -6,7 +6,7 @@ million pairs and drives a thousand of them, so a leg with its path and drive is
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -16,33 +16,39 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.costs import segment_cost_kwh
+from dispatcher_daemon.roads.costs import planning_speed_mps, segment_cost_kwh
 from dispatcher_daemon.roads.routes import Leg, empty_leg
 from dispatcher_daemon.roads.turns import Basis, objective
 from dispatcher_daemon.roads.weights import Floats, Ints, Weights, k_shortest_paths
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.vehicle_types import RoutingProfile
 
 
 @dataclass(frozen=True)
 class Roads:
-    """A network under given traffic as arrays over its segments, in the order of their ids.
+    """A network under given traffic as arrays over its segments, in the order of their ids, for
+    vehicles of one profile.
 
     Attributes:
+        profile: theirs.
         ids: segment ids.
         cost_kwh: expected energy of a vehicle alone, > 0, shape (m,).
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
-        turn: pairs of segments (from, onto), shape (2, t).
+        turn: pairs of segments (from, onto) that the vehicles may take, shape (2, t).
         energy: expected energy of paths, kWh.
         time: their durations, to about a second, s.
         objective: cost that the search minimises, by the problem's `search`, kWh.
         waiting_s: expected delay before each turn, s, shape (t,); None: not known.
         index: position by id.
-        leaving: positions of the segments that leave a junction, by junction; so `entering`.
+        leaving: positions of the segments that leave a junction and that the vehicles may use, by
+            junction; so `entering`.
     """
 
+    profile: RoutingProfile
     ids: tuple[str, ...]
     cost_kwh: Floats
     speed_mps: Floats
@@ -84,26 +90,49 @@ class Roads:
         return weights.along(path, [self.turn_number[pair] for pair in pairwise(path)])
 
 
-def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
-    """The arrays of a problem's network."""
+def roads_of(
+    problem: RoutingProblem, snapshot: TrafficSnapshot, profile: RoutingProfile | None = None
+) -> Roads:
+    """The arrays of a problem's network.
+
+    Observed losses of movements are those of the problem's `vehicle`; other vehicles' are taken to
+    differ as their costs of the segments do.
+
+    Args:
+        profile: of the vehicles; None: the fleet's first.
+    """
     network = problem.network
+    profile = problem.profiles[0] if profile is None else profile
     ids = tuple(sorted(network.segments))
     index = {name: i for i, name in enumerate(ids)}
     leaving: dict[str, list[int]] = {node: [] for node in network.junctions}
     entering: dict[str, list[int]] = {node: [] for node in network.junctions}
+    usable = {name for name in ids if network.admits(name, profile)}
     for i, name in enumerate(ids):
-        leaving[network.segments[name].start].append(i)
-        entering[network.segments[name].end].append(i)
-    pairs = [(index[a], index[b]) for a in ids for b in dict.fromkeys(network.turns(a))]
+        if name in usable:
+            leaving[network.segments[name].start].append(i)
+            entering[network.segments[name].end].append(i)
+    pairs = [
+        (index[a], index[b])
+        for a in ids
+        for b in dict.fromkeys(network.turns(a))
+        if a in usable and b in usable and network.admits_turn(a, b, profile)
+    ]
     turn = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    cost = np.array(
-        [segment_cost_kwh(network.segments[s], snapshot.segments[s], problem.vehicle) for s in ids]
-    )
-    speed = np.array([snapshot.segments[s].speed_mps for s in ids])
+    segments = [(network.segments[s], snapshot.segments[s]) for s in ids]
+    cost = np.array([segment_cost_kwh(*pair, profile) for pair in segments])
+    speed = np.array([planning_speed_mps(*pair, profile) for pair in segments])
+    factor: Floats | float = 1.0
+    observed = RoutingProfile(problem.vehicle)
+    if snapshot.expected is not None and profile.physics != observed.physics:
+        factor = cost / np.array([segment_cost_kwh(*pair, observed) for pair in segments])
     length = np.array([network.segments[s].length_m for s in ids])
     basis = Basis(ids, turn, cost, speed, length)
-    energy, time, waiting_s = basis.weights(problem.style, problem.vehicle, snapshot.expected)
+    energy, time, waiting_s = basis.weights(
+        problem.style, profile.physics, snapshot.expected, factor
+    )
     return Roads(
+        profile,
         ids,
         cost,
         speed,
@@ -120,10 +149,10 @@ def roads_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Roads:
 
 
 class Travel:
-    """Least-cost paths between the places of a fleet.
+    """Least-cost paths between the places of a fleet, for vehicles of one profile.
 
     Attributes:
-        places: depots and stops.
+        places: depots, stops and charging stops.
         row: place → row and column in the matrices.
         energy_kwh: of the path from place i to place j, inf where there is none, shape (n, n).
         search_cost_kwh: the same with the discounts that the search was given, shape (n, n).
@@ -132,17 +161,30 @@ class Travel:
     """
 
     def __init__(
-        self, problem: RoutingProblem, roads: Roads, discount_kwh: Floats | None = None
+        self,
+        problem: RoutingProblem,
+        roads: Roads,
+        discount_kwh: Floats | None = None,
+        others: Sequence[Travel] = (),
     ) -> None:
         """Search.
 
         Args:
             discount_kwh: taken off each segment's cost in the search, shape (m,); energies stay
                 those of the path that is found. At least 1 % of a cost is left.
+            others: the same for vehicles of other profiles; see `of`.
         """
         self._problem, self.roads = problem, roads
+        self.by_profile: Mapping[RoutingProfile, Travel] = {
+            **{other.roads.profile: other for other in others},
+            roads.profile: self,
+        }
         fleet = problem.fleet
-        self.places = (*(d.id for d in fleet.depots), *(s.id for s in fleet.stops))
+        self.places = (
+            *(d.id for d in fleet.depots),
+            *(s.id for s in fleet.stops),
+            *(c.id for c in fleet.charging_stops),
+        )
         self.row = {place: i for i, place in enumerate(self.places)}
         self._nodes = sorted({fleet.node(place) for place in self.places})
         at = {node: i for i, node in enumerate(self._nodes)}
@@ -158,6 +200,14 @@ class Travel:
         )
         self._legs: dict[tuple[int, int], Leg | None] = {}
         self._paths: dict[tuple[int, int, int], list[list[int]]] = {}
+
+    def of(self, vehicle: Vehicle) -> Travel:
+        """The paths of a vehicle's profile.
+
+        Raises:
+            KeyError: it is not among those that were searched.
+        """
+        return self.by_profile[self._problem.profile_of(vehicle)]
 
     def _search(self, cost: Weights) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
         """(predecessors, shape (nodes, m); last segment of each path, shape (nodes, nodes))."""
@@ -258,10 +308,37 @@ class Travel:
         return leg_along(self.roads, path[::-1], start, end, self._problem.style)
 
 
+def fleet_travel(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Travel:
+    """Least-cost paths of all profiles of a fleet: the first one's, which knows the others'."""
+    first, *others = (roads_of(problem, snapshot, profile) for profile in problem.profiles)
+    return Travel(problem, first, others=[Travel(problem, roads) for roads in others])
+
+
+def searched_again(
+    travel: Travel,
+    problem: RoutingProblem,
+    discount_kwh: Callable[[Roads], Floats | None] = lambda _: None,
+) -> Travel:
+    """The same roads searched for another fleet, or with discounts, for each of its profiles."""
+    first, *others = (travel.by_profile[profile].roads for profile in problem.profiles)
+    return Travel(
+        problem,
+        first,
+        discount_kwh(first),
+        [Travel(problem, roads, discount_kwh(roads)) for roads in others],
+    )
+
+
 def least_energy_legs(
     problem: RoutingProblem, snapshot: TrafficSnapshot
 ) -> dict[tuple[str, str], Leg]:
-    """Least-energy path of every candidate arc, by (from, to), except pairs without a path."""
+    """Least-energy path of every candidate arc, by (from, to), except pairs without a path.
+
+    Raises:
+        ValueError: the fleet's vehicles are of several profiles, whose paths differ.
+    """
+    if len(problem.profiles) > 1:
+        raise ValueError("vehicles of different types have no paths in common")
     travel, fleet = Travel(problem, roads_of(problem, snapshot)), problem.fleet
     wanted = sorted({pair for vehicle in fleet.vehicles for pair in fleet.legs(vehicle)})
     legs = {pair: travel.leg(*pair) for pair in wanted}

@@ -27,13 +27,21 @@ class Basis:
     length_m: Floats
 
     def weights(
-        self, style: DrivingStyle, vehicle: VehicleParameters, expected: Expectations | None
+        self,
+        style: DrivingStyle,
+        vehicle: VehicleParameters,
+        expected: Expectations | None,
+        loss_factor: Floats | float = 1.0,
     ) -> tuple[Weights, Weights, Floats | None]:
         """(energy, kWh; duration, s; time lost before each turn, s, None where nothing is known).
 
         Without expectations energy is the sum of the segments' costs, and durations are those of
         the drive at planning speeds. With them, losses of movements add up; see `Expectations`.
         Movements that they do not know cost what their segment does.
+
+        Args:
+            loss_factor: by which the vehicle's losses differ from the observed vehicles', of each
+                segment, shape (m,).
         """
         speed, free_s = self.speed_mps, self.length_m / self.speed_mps
         origin, onto = self.turn
@@ -47,7 +55,8 @@ class Basis:
                 None,
             )
         pairs = [(self.ids[a], self.ids[b]) for a, b in self.turn.T.tolist()]
-        loss = np.array([expected.loss_kwh.get(pair, np.nan) for pair in pairs])
+        factor = np.broadcast_to(loss_factor, len(speed))[origin]
+        loss = factor * np.array([expected.loss_kwh.get(pair, np.nan) for pair in pairs])
         loss = np.where(np.isnan(loss), self.cost_kwh[origin], loss)
         seconds = np.array([expected.seconds.get(pair, 0.0) for pair in pairs])
         # No movement is faster than the planning speeds allow.

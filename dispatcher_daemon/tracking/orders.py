@@ -87,7 +87,7 @@ class OrderBook:
             reference_ns: UTC that the fleet's times count from.
             now_ns: UTC.
         """
-        for visit in plan.stops[1:-1]:
+        for visit in plan.service_stops:
             stop = stops[visit.stop]
             self._move(
                 replace(self._orders[stop.id], **_details(stop, reference_ns)),

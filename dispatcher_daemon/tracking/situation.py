@@ -54,7 +54,7 @@ def cycle_fleet(
     # What is loaded on a vehicle that cannot be planned now is not for others.
     aboard = {vehicle.first_stop for vehicle in listed if vehicle.id not in ready}
     pool = [stop for stop in stops if may_plan(stop.id) and stop.id not in aboard]
-    if not bound and (len(free), len(pool)) == (len(listed), len(stops)):
+    if not bound and len(pool) == len(stops) and {*free} == {*listed}:
         return fleet
     if not bound and not (free and pool):
         return None
@@ -75,11 +75,13 @@ def cycle_fleet(
             depot = depot.model_copy(update={"id": f"{depot.id} of {own.vehicle}"})
         depots[depot.id] = depot
         place = {"depot": depot.id, "first_stop": own.stops[0] if own.stops else None}
-        planned.append(vehicle.definition.model_copy(update=place))
+        planned.append(vehicle.charged().model_copy(update=place))
     # Its parts have been checked, and a fleet on its way home has no stop.
     return Fleet.model_construct(
         name="fleet" if fleet is None else fleet.name,
         depots=tuple(depots.values()),
         stops=tuple(pool),
         vehicles=tuple(planned),
+        vehicle_types=() if fleet is None else fleet.vehicle_types,
+        charging_stops=() if fleet is None else fleet.charging_stops,
     )

@@ -143,7 +143,7 @@ class FleetTracker:
                 self._follows(vehicle, progress.cycle, now_ns)
         visited = {visit.stop for visit in progress.visits}
         accepted = vehicle.accepted
-        if accepted is not None and any(s.stop in visited for s in accepted.plan.stops[1:-1]):
+        if accepted is not None and any(s.stop in visited for s in accepted.plan.service_stops):
             self._leave(vehicle, now_ns)
         self._come_back(vehicle, now_ns)
 
@@ -194,7 +194,7 @@ class FleetTracker:
                 held = self._held(vehicle.id)
                 bound.append(commitment(vehicle, held, now_ns, reference_ns))
             elif vehicle.listed:
-                free.append(vehicle.definition)
+                free.append(vehicle.charged())
         found = cycle_fleet(
             fleet, free, bound, self._vehicles, self.book.orders, self._is_to_have, reference_ns
         )
@@ -287,7 +287,7 @@ class FleetTracker:
                 return
             if accepted is not None and accepted.plan.cycle > cycle:
                 return
-            stops = [stop.stop for stop in withdrawn.plan.stops[1:-1]]
+            stops = [stop.stop for stop in withdrawn.plan.service_stops]
             to_have = any(self._is_to_have(stop) for stop in stops)
             if accepted is None and not left and not to_have:
                 return
@@ -299,7 +299,7 @@ class FleetTracker:
         for record in vehicle.accept(now_ns):
             self._note(record)
         assert vehicle.accepted is not None
-        for stop in vehicle.accepted.plan.stops[1:-1]:
+        for stop in vehicle.accepted.plan.service_stops:
             if self._is_to_have(stop.stop):
                 self.book.assign(stop.stop, vehicle.id, cycle, now_ns)
 
@@ -312,13 +312,15 @@ class FleetTracker:
         if not vehicle.reports_progress and vehicle.left:
             passed = vehicle.leg + 1 if vehicle.position.on_road else vehicle.leg
             for stop in plan.stops[1:passed]:
+                if stop.charged_kwh > 0:
+                    continue
                 reason = f"{vehicle.id} has driven on"
                 self.book.assume_served(vehicle.id, stop.stop, now_ns, reason)
 
     def _leave(self, vehicle: TrackedVehicle, now_ns: int) -> None:
         assert vehicle.accepted is not None
         vehicle.left = True
-        self.book.leave(vehicle.id, vehicle.accepted.plan.stops[1:-1], now_ns)
+        self.book.leave(vehicle.id, vehicle.accepted.plan.service_stops, now_ns)
 
     def _come_back(self, vehicle: TrackedVehicle, now_ns: int) -> None:
         """End the tour of a vehicle that is free again."""
@@ -334,7 +336,7 @@ class FleetTracker:
             if progress is None or progress.cycle is not None:
                 return
         else:
-            for stop in accepted.plan.stops[1:-1]:
+            for stop in accepted.plan.service_stops:
                 self.book.assume_served(
                     vehicle.id, stop.stop, now_ns, f"{vehicle.id} is back from its tour"
                 )
@@ -373,6 +375,8 @@ class FleetTracker:
                 return "follows another plan than it has acknowledged"
             if vehicle.free_since_ns is not None:
                 return "is about to leave, or its last visits are not known yet"
+            if vehicle.is_to_charge:
+                return "is on its way to charge, or charges"
             return None
         if not self._is_free(vehicle):
             return "follows a plan that is not known, or is not at its depot"
@@ -436,7 +440,7 @@ class FleetTracker:
         vehicle = self._vehicles.get(plan.vehicle)
         if vehicle is None:
             return False
-        stops = [stop.stop for stop in plan.stops[1:-1]]
+        stops = [stop.stop for stop in plan.service_stops]
         if vehicle.accepted is not None:
             # Its next version: nothing that it did not hold when the cycle began.
             known = {stop.stop for stop in vehicle.accepted.plan.stops}

@@ -64,6 +64,30 @@ class TrackedVehicle:
         """Whether it has ever sent anything."""
         return self.answered_ns is not None
 
+    def charged(self) -> Vehicle:
+        """As in the fleet's file, with the charge that it has reported, or else was planned for the
+        place that it left last.
+        """
+        given = self.definition
+        if given.type is None and given.own_type is None:
+            return given
+        charge_kwh = None if self.position is None else self.position.charge_kwh
+        if charge_kwh is None and self.accepted is not None:
+            place = self.accepted.plan.stops[min(self.leg, len(self.accepted.plan.stops) - 1)]
+            if place.charge_kwh is not None:
+                charge_kwh = place.charge_kwh + place.charged_kwh
+        if charge_kwh is None:
+            return given
+        return given.model_copy(update={"charge_kwh": charge_kwh})
+
+    @property
+    def is_to_charge(self) -> bool:
+        """Whether a charging stop lies ahead of it, or it stands at one."""
+        if self.accepted is None or self.position is None:
+            return False
+        begin = self.leg + (1 if self.position.on_road else 0)
+        return any(stop.charged_kwh > 0 for stop in self.accepted.plan.stops[begin:-1])
+
     def is_fresh(self, now_ns: int) -> bool:
         """Whether its position is known."""
         return self.position is not None and now_ns - self.heard_ns <= FRESH_NS

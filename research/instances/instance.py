@@ -167,7 +167,18 @@ def _plain(instance: Instance) -> dict[str, Any]:
     )
     data: dict[str, Any] = json.loads(file.model_dump_json(exclude_none=True))
     brief = json.loads(file.model_dump_json(exclude_none=True, exclude_defaults=True))
-    # Thousands of rows: what they leave out is in the schema. All else is said.
+    # Thousands of rows: what they leave out is in the schema. All else is said, but for fields that
+    # the format got after files of it were published.
+    for table, later in (
+        (data["vehicle"], brief.get("vehicle", {})),
+        (data["fleet"], brief["fleet"]),
+    ):
+        for key in ("recuperation_efficiency", "vehicle_types", "charging_stops"):
+            if key not in later:
+                table.pop(key, None)
+    for row, given in zip(data["fleet"]["stops"], brief["fleet"]["stops"], strict=True):
+        if "mass_kg" not in given:
+            del row["mass_kg"]
     return {**data, "network": brief["network"], "traffic": brief.get("traffic", {})}
 
 

@@ -75,6 +75,14 @@ class PlannedStop(Message):
     latest_ns: TimeNs | None = Field(
         default=None, description="Service begins no later; null: whenever."
     )
+    charge_kwh: NonNegative | None = Field(
+        default=None,
+        description="Planned charge of the battery on arrival, at the first stop at departure; "
+        "null: not planned.",
+    )
+    charged_kwh: NonNegative = Field(
+        default=0.0, description="To take in there before it goes on: a charging stop."
+    )
 
 
 class DrivingAdvice(Message):
@@ -124,6 +132,11 @@ class VehiclePlan(Message):
         description="Cycle of the plan that it replaces while the vehicle is under way; None: it "
         "begins at a depot.",
     )
+
+    @property
+    def service_stops(self) -> tuple[PlannedStop, ...]:
+        """The stops to serve: those between the ends that are not for charging."""
+        return tuple(stop for stop in self.stops[1:-1] if stop.charged_kwh == 0)
 
 
 def plan_key(vehicle: str) -> str:

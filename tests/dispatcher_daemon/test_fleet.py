@@ -9,6 +9,8 @@ import pytest
 from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, fleet_from, load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
+from slipstream.roads import load_network
+from slipstream.vehicle_types import PRESETS, VehicleType
 
 
 def demo_data() -> dict[str, Any]:
@@ -214,3 +216,91 @@ def test_unreadable_files_are_named(
     with pytest.raises(InputError, match=line) as caught:
         load_fleet(path, demo.network)
     assert str(path) in str(caught.value)
+
+
+def _typed(**vehicle: object) -> dict[str, object]:
+    return {
+        "depots": [{"node": "depot", "charging_power_kw": 22}],
+        "stops": [{"id": "c1", "node": "c1", "mass_kg": 900}, {"id": "c2", "node": "c2"}],
+        "charging_stops": [{"id": "fast", "node": "c3", "power_kw": 150}],
+        "vehicle_types": [{"id": "high-van", "preset": "van", "height_m": 3.1}],
+        "vehicles": [{"id": "v", **vehicle}],
+    }
+
+
+def test_a_vehicle_has_a_preset_a_type_of_the_fleet_or_data_of_its_own() -> None:
+    """Or none: then it is the paper's car, with no battery to look at."""
+    network = load_network("demo")
+
+    def kind(**vehicle: object) -> VehicleType | None:
+        fleet = fleet_from(_typed(**vehicle), network, "f.toml")
+        return fleet.type_of(fleet.vehicles[0])
+
+    assert kind() is None
+    assert kind(type="truck_40t") == PRESETS["truck_40t"]
+    high = kind(type="high-van")
+    assert high is not None
+    assert (high.height_m, high.mass_kg) == (3.1, PRESETS["van"].mass_kg)
+    own = kind(own_type={"preset": "van", "max_speed_mps": 22.0}, charge_kwh=30.0)
+    assert own is not None
+    assert (own.max_speed_mps, own.battery_kwh) == (22.0, 35.0)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "said"),
+    [
+        ({"type": "lorry"}, "vehicles.v.type: no vehicle type 'lorry'"),
+        ({"type": "van", "own_type": {}}, "give type or own_type"),
+        ({"charge_kwh": 3}, "vehicles.v.charge_kwh: a charge without a battery"),
+        ({"type": "van", "charge_kwh": 36}, "36 kWh in a battery of 35 kWh"),
+        ({"own_type": {"preset": "van", "mass_kg": 0}}, "mass_kg"),
+    ],
+)
+def test_a_vehicles_data_are_checked(vehicle: dict[str, object], said: str) -> None:
+    """One line that names the key."""
+    with pytest.raises(InputError) as error:
+        fleet_from(_typed(**vehicle), load_network("demo"), "f.toml")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "row", "said"),
+    [
+        ("charging_stops", {"id": "x", "node": "nowhere", "power_kw": 1}, "unknown node 'nowhere'"),
+        ("charging_stops", {"id": "c1", "node": "c1", "power_kw": 1}, "the id of a stop"),
+        ("charging_stops", {"id": "x", "node": "c1", "power_kw": 0}, "power_kw"),
+        ("vehicle_types", {"id": "van"}, "a preset's id"),
+    ],
+)
+def test_charging_stops_and_types_are_checked(
+    table: str, row: dict[str, object], said: str
+) -> None:
+    """As stops and vehicles are."""
+    with pytest.raises(InputError, match=said):
+        fleet_from({**_typed(), table: [row]}, load_network("demo"), "f.toml")
+
+
+def test_a_load_is_limited_by_capacity_and_payload() -> None:
+    """By whichever is less; the paper's car has no payload that is known."""
+    network = load_network("demo")
+    fleet = fleet_from(_typed(type="van"), network, "f.toml")
+    van, (heavy, light) = fleet.vehicles[0], fleet.stops
+    assert fleet.overload(van, [heavy, light]) is None
+    assert fleet.overload(van, [heavy, heavy]) == "1800 kg, more than its payload of 1045 kg"
+    small = van.model_copy(update={"capacity": 1})
+    full = light.model_copy(update={"demand": 2})
+    assert fleet.overload(small, [full]) == "2, more than its capacity of 1"
+    assert fleet_from(_typed(), network, "f").overload(Vehicle(id="car"), [heavy] * 9) is None
+
+
+def test_the_arc_form_has_one_type_and_no_battery() -> None:
+    """All vehicles share its paths, and nothing counts charge."""
+    network = load_network("demo")
+    data = _typed()
+    data["vehicles"] = [{"id": "a"}, {"id": "b", "own_type": {"mass_kg": 2000}}]
+    assert "different types" in str(arc_form_obstacle(fleet_from(data, network, "f")))
+    data["vehicles"] = [{"id": "a", "type": "van"}]
+    assert "battery" in str(arc_form_obstacle(fleet_from(data, network, "f")))
+    data["vehicles"] = [{"id": "a", "type": "paper_car"}, {"id": "b"}]
+    assert arc_form_obstacle(fleet_from(data, network, "f")) is None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -235,3 +237,67 @@ def test_a_stop_costs_51_wh_at_13_4_mps_and_grows_with_the_square_of_speed() -> 
     assert stop_energy_kwh(26.8) == pytest.approx(4 * stop_energy_kwh(13.4))
     heavy = VehicleParameters(mass_kg=3600.0)
     assert stop_energy_kwh(13.4, heavy) == pytest.approx(2 * stop_energy_kwh(13.4))
+
+
+REGENERATIVE = VehicleParameters(recuperation_efficiency=0.6)
+
+
+def test_braking_recovers_its_share_of_the_work_at_the_wheels() -> None:
+    """By hand: a stop from 20 m/s within 10 s."""
+    # ½·1800·20² = 360 kJ of kinetic energy. Rolling over 100 m: 1800·9.81·0.012·100 = 21.19 kJ.
+    # Drag 0.441 v², v falling linearly: 0.441·20⁴/(4·2) = 8.82 kJ. The brakes take the rest.
+    braked_kj = 360 - 1800 * 9.81 * 0.012 * 0.1 - 0.441 * 20**4 / 8 / 1e3
+    phase = phase_energies(20.0, 0.0, 10.0, vehicle=REGENERATIVE)
+    assert float(phase.total_kwh) == pytest.approx(-0.6 * braked_kj / 3600, rel=1e-9)
+    assert float(phase.rolling_kwh) == float(phase.drag_kwh) == 0.0
+    sampled = trace_energy(np.linspace(20.0, 0.0, 1001), 0.01, vehicle=REGENERATIVE)
+    assert sampled.total_kwh == pytest.approx(-0.6 * braked_kj / 3600, rel=1e-5)
+    assert float(phase_energies(20.0, 0.0, 10.0).total_kwh) == 0.0
+
+
+@given(
+    st.lists(st.floats(0.0, 30.0), min_size=2, max_size=6),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 0.5),
+)
+def test_recuperation_is_what_the_paper_leaves_out(
+    speeds: list[float], efficiency: float, eta: float
+) -> None:
+    """Whatever the drive: less by at most the kinetic energy lost, the parts add up, by phases as
+    by fine samples.
+    """
+    vehicle = VehicleParameters(recuperation_efficiency=efficiency)
+    v0, v1 = np.array(speeds[:-1]), np.array(speeds[1:])
+    seconds = np.full(len(v0), 7.0)
+    gross = phase_energies(v0, v1, seconds, eta).sum()
+    net = phase_energies(v0, v1, seconds, eta, vehicle).sum()
+    lost_j = 0.5 * vehicle.mass_kg * np.maximum(0.0, v0**2 - v1**2).sum()
+    recovered = gross.total_kwh - net.total_kwh
+    assert -1e-12 <= recovered <= vehicle.recovered_kwh(float(lost_j)) + 1e-12
+    assert net.rolling_kwh == gross.rolling_kwh
+    assert net.drag_kwh == gross.drag_kwh
+    parts = net.rolling_kwh + net.drag_kwh + net.acceleration_kwh
+    assert parts == pytest.approx(net.total_kwh, abs=1e-12)
+    fine = [np.linspace(a, b, 701) for a, b in zip(v0, v1, strict=True)]
+    sampled = trace_energies(np.array(fine), 0.01, eta, vehicle).sum()
+    assert sampled.total_kwh == pytest.approx(net.total_kwh, rel=1e-3, abs=1e-5)
+
+
+def test_stops_and_decelerations_give_back_what_is_recuperated() -> None:
+    """By hand: 180 kJ less 60 % of it; a force that brakes 100 m is worth its 60 %."""
+    kinetic_j = 0.5 * 1800 * 200
+    speed = math.sqrt(200)
+    assert stop_energy_kwh(speed, REGENERATIVE) == pytest.approx(
+        kinetic_j * (1 / 0.88 - 0.6) / 3.6e6
+    )
+    force_n = -1800.0 + 1800 * 9.81 * 0.012 + 0.441 * 200
+    steady = steady_energy_kwh(100.0, speed, mean_acceleration_mps2=-1.0, vehicle=REGENERATIVE)
+    assert steady == pytest.approx(0.6 * force_n * 100 / 3.6e6)
+    assert steady_energy_kwh(100.0, speed, mean_acceleration_mps2=-1.0) == 0.0
+
+
+@pytest.mark.parametrize("efficiency", [-0.1, 1.01, math.nan])
+def test_a_recuperation_efficiency_is_a_share(efficiency: float) -> None:
+    """Of the work, so between nothing and all of it."""
+    with pytest.raises(ValueError, match="recuperation_efficiency"):
+        VehicleParameters(recuperation_efficiency=efficiency)

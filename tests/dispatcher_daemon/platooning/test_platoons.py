@@ -59,7 +59,7 @@ def test_drafting_is_credited_to_leader_and_follower_and_the_parts_add_up(
     demo: RoutingProblem, traffic: Callable[..., TrafficSnapshot]
 ) -> None:
     """A follower saves about four times what its leader does, and drag is all that differs."""
-    routes = [pass_over("a", 0.0), pass_over("b", 1.0)]
+    routes = [pass_over("van-a", 0.0), pass_over("van-b", 1.0)]
     found = form_platoons(routes, traffic(avenue_east=1), 3.0, 1)
     leader, follower = (route_energy(demo, route, found) for route in routes)
     saved_leader = leader.undrafted.total_kwh - leader.driven.total_kwh

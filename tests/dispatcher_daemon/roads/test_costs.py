@@ -9,6 +9,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.costs import expected_traction_n, segment_cost_kwh
 from dispatcher_daemon.traffic import SegmentTraffic
 from slipstream.energy import PAPER_CAR, VehicleParameters, steady_energy_kwh, stop_energy_kwh
+from slipstream.vehicle_types import RoutingProfile
 
 
 @pytest.mark.parametrize(("mean", "std"), [(300.0, 900.0), (-500.0, 700.0), (50.0, 1.0)])
@@ -85,7 +86,7 @@ def test_each_expected_stop_costs_its_kinetic_energy(demo: RoutingProblem, y_e: 
             acceleration_variance_m2ps4=0.5,
             stops=stops,
         )
-        return segment_cost_kwh(segment, traffic, vehicle)
+        return segment_cost_kwh(segment, traffic, RoutingProfile(vehicle))
 
     assert (cost(0.5) - cost(0.0)) * 1e3 == pytest.approx(51.0 / 2, abs=0.05)
     heavy = VehicleParameters(mass_kg=3600.0)

@@ -59,9 +59,7 @@ def test_ways_are_those_of_least_expected_losses(town: Town, share: float) -> No
     expected = expected_of(problem, 1, share)
     snapshot = replace(snapshot, expected=expected)
     network, traffic = problem.network, snapshot.segments
-    cost = {
-        n: segment_cost_kwh(s, traffic[n], problem.vehicle) for n, s in network.segments.items()
-    }
+    cost = {n: segment_cost_kwh(s, traffic[n]) for n, s in network.segments.items()}
     graph = nx.DiGraph()
     for name, segment in network.segments.items():
         for after in network.turns(name):

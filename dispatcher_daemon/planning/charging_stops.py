@@ -1,0 +1,112 @@
+"""Charging stops on a vehicle's route, where its battery does not last without them.
+
+The order of stops is given. Each leg may lead over at most one charging stop, at which the vehicle
+takes what the rest of its route needs, or fills its battery; charging is linear in time. Among
+these routes the one of least time is found by labels of time and charge (the fixed-route
+vehicle-charging problem: Montoya, Guéret, Mendoza and Villegas, Transportation Research Part B 103,
+2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.roads import Leg, Travel
+from dispatcher_daemon.roads.charge import TOLERANCE_KWH, Battery
+from dispatcher_daemon.roads.routes import Charging
+
+MAX_LABELS = 64
+"""Kept at each stop of a route."""
+
+
+@dataclass(frozen=True)
+class _Label:
+    """One way to a stop: time beyond the direct one, charge on arrival, legs."""
+
+    extra_s: float
+    charge_kwh: float
+    legs: tuple[Leg, ...]
+
+
+def with_charging_stops(
+    battery: Battery,
+    fleet: Fleet,
+    travel: Travel,
+    legs: Sequence[Leg],
+    departure_kwh: float,
+    energy_kwh: Callable[[Leg], float],
+    fixed: int = 0,
+) -> list[Leg] | None:
+    """The legs of a route, over charging stops where the battery needs them.
+
+    Args:
+        travel: of the vehicle's profile.
+        legs: from depot to depot, without charging stops.
+        departure_kwh: charge at the departure.
+        energy_kwh: what a leg takes out of the battery.
+        fixed: number of legs at the beginning that stay as they are.
+
+    Returns:
+        None if the charge falls below the reserve in any case.
+    """
+    needs = [energy_kwh(leg) for leg in legs]
+    if departure_kwh - sum(needs) >= battery.reserve_kwh - TOLERANCE_KWH:
+        return list(legs)
+    labels = [_Label(0.0, departure_kwh, ())]
+    for number, (leg, need) in enumerate(zip(legs, needs, strict=True)):
+        after_kwh = battery.reserve_kwh + sum(needs[number + 1 :])
+        found = []
+        for label in labels:
+            charge = label.charge_kwh - need
+            if charge >= battery.reserve_kwh - TOLERANCE_KWH:
+                found.append(_Label(label.extra_s, charge, (*label.legs, leg)))
+            if number < fixed:
+                continue
+            found += _over_charging_stops(battery, fleet, travel, leg, label, after_kwh, energy_kwh)
+        labels = _undominated(found)
+        if not labels:
+            return None
+    return list(labels[0].legs)
+
+
+def _over_charging_stops(
+    battery: Battery,
+    fleet: Fleet,
+    travel: Travel,
+    leg: Leg,
+    label: _Label,
+    after_kwh: float,
+    energy_kwh: Callable[[Leg], float],
+) -> Iterator[_Label]:
+    """The leg over each charging stop within reach."""
+    for place in fleet.charging_stops:
+        there, on = travel.leg(leg.start, place.id), travel.leg(place.id, leg.end)
+        if there is None or on is None:
+            continue
+        arrival_kwh = label.charge_kwh - energy_kwh(there)
+        on_kwh = energy_kwh(on)
+        # The exact need of the rest, unless the battery does not hold it.
+        target_kwh = min(battery.capacity_kwh, after_kwh + on_kwh)
+        taken_kwh = target_kwh - arrival_kwh
+        if arrival_kwh < battery.reserve_kwh - TOLERANCE_KWH or taken_kwh <= 0:
+            continue
+        if target_kwh - on_kwh < battery.reserve_kwh - TOLERANCE_KWH:
+            continue
+        charging = Charging(taken_kwh, battery.charging_s(taken_kwh, place.power_kw))
+        detour_s = there.drive.duration_s + on.drive.duration_s - leg.drive.duration_s
+        yield _Label(
+            label.extra_s + detour_s + charging.duration_s,
+            target_kwh - on_kwh,
+            (*label.legs, replace(there, charging=charging), on),
+        )
+
+
+def _undominated(labels: Sequence[_Label]) -> list[_Label]:
+    """Those that no other beats in both time and charge, the quickest first."""
+    kept: list[_Label] = []
+    for label in sorted(labels, key=lambda label: (label.extra_s, -label.charge_kwh)):
+        if not kept or label.charge_kwh > kept[-1].charge_kwh + TOLERANCE_KWH:
+            kept.append(label)
+    return kept[:MAX_LABELS]
