@@ -14,6 +14,7 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
+from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
@@ -43,6 +44,7 @@ from slipstream.messages import (
     plan_key,
     state_key,
 )
+from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork, load_network
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 
@@ -80,6 +82,7 @@ class Dispatcher:
         executor: for the search of the route form's base routes; None: the cycle's own thread.
         job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
+        records: orders, plans and vehicles of the run before.
     """
 
     def __init__(
@@ -93,14 +96,15 @@ class Dispatcher:
         executor: Executor | None = None,
         job_manager: JobManager | None = None,
         fleet_file: FleetFile | None = None,
+        records: FleetRecords | None = None,
     ) -> None:
         self._executor = executor
         self._job_manager = job_manager
         self._stops: Mapping[str, tuple[str, ...]] = {}
         self._settings = settings
         self._network = network
-        self._problem = None if fleet is None else RoutingProblem(network, fleet)
-        self._fleet_file = fleet_file
+        self._problem: RoutingProblem | None = None
+        self._fleet, self._fleet_file = fleet, fleet_file
         self._bus = bus
         self._store = store
         self._solve = solve if job_manager is None else job_manager
@@ -121,6 +125,9 @@ class Dispatcher:
         self.stopping = threading.Event()
         self.cycle_began: float | None = None
         self.started_ns = time.time_ns()
+        self.fleet_watch = FleetWatch(
+            network, records or FleetRecords(), self.started_ns, time.time_ns, self._refuse
+        )
         self.cycles = 0
         self.cycles_failed = 0
         self.states_received = 0
@@ -134,9 +141,7 @@ class Dispatcher:
             if state_key(state.rsu, state.segment) != key:
                 raise InputError(key, "not the RSU or segment of its key", "check the sender")
         except InputError as error:
-            self.bad_messages += 1
-            metrics.BAD_MESSAGES.inc()
-            self._warn("bad message", str(error))
+            self._refuse(error)
             return
         self.states_received += 1
         verdict = self._latest_states.accept(state, time.time_ns())
@@ -147,6 +152,12 @@ class Dispatcher:
             if verdict is Verdict.IMPLAUSIBLE:
                 what += f", {implausibility(state, self._network.segments[state.segment])}"
             self._warn(verdict.value, f"{key}: state refused: {what}")
+
+    def _refuse(self, error: InputError) -> None:
+        """Count a message that is not what its key promises."""
+        self.bad_messages += 1
+        metrics.BAD_MESSAGES.inc()
+        self._warn("bad message", str(error))
 
     def run_cycle(self) -> None:
         """One cycle: snapshot, solve, store, publish. Errors end the cycle, not the dispatcher."""
@@ -168,6 +179,8 @@ class Dispatcher:
         number, began, now_ns = self._cycle, time.monotonic(), time.time_ns()
         plans: tuple[VehiclePlan, ...] = ()
         states: tuple[SegmentState, ...] = ()
+        problem: RoutingProblem | None = None
+        reference_s = self._settings.deadline_s
         if self._job_manager is not None:
             self._job_manager.begin_cycle(number)
         try:
@@ -181,7 +194,13 @@ class Dispatcher:
             )
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
-            problem = self._current_problem()
+            situation = self.fleet_watch.situation(
+                self._fleet if self._fleet_file is None else self._fleet_file.current(),
+                number,
+                now_ns,
+                reference_s,
+            )
+            problem = self._problem_of(situation.fleet)
             if problem is None:
                 report = idle_report(number, now_ns, time.monotonic() - began, snapshot)
             else:
@@ -194,6 +213,7 @@ class Dispatcher:
                     now_ns,
                     seed,
                     start=self._stops or None,
+                    commitments=situation.commitments,
                 )
                 result = run_cycle(cycle, self._solve, self._executor)
                 report, plans = result.report, result.plans
@@ -208,26 +228,27 @@ class Dispatcher:
             log.info("cycle %d abandoned: stopping", number)
             return
         self._cycle += 1
+
+        def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
+            told = report.model_copy(update={"plans": len(admitted)})
+            self._store.record_cycle(told, admitted, states, records)
+
         try:
-            self._store.record_cycle(report, plans, states)
+            stops = {} if problem is None else problem.fleet.stop_by_id
+            reference_ns = now_ns + round(1e9 * reference_s)
+            plans = self.fleet_watch.store(plans, stops, reference_ns, save)
         except Exception as error:
             self._report_storage_fault(report, error)
             return
+        report = report.model_copy(update={"plans": len(plans)})
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
         self._count(report)
         self._pruner.after_cycle(now_ns)
 
-    def _current_problem(self) -> RoutingProblem | None:
-        """The problem of the fleet's file as it is now; None: nothing to dispatch.
-
-        Raises:
-            InputError: the file is gone or faulty.
-        """
-        if self._fleet_file is None:
-            return self._problem
-        fleet = self._fleet_file.current()
+    def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
+        """The problem of a cycle's fleet; None: nothing to dispatch."""
         if fleet is None:
             return None
         if self._problem is None or fleet is not self._problem.fleet:
@@ -256,6 +277,7 @@ class Dispatcher:
         try:
             self._cycle = max(self._cycle, self._store.next_cycle_number())
             self._storage_fault = False
+            self.fleet_watch.store_all()
         except Exception as error:
             self._warn("recovery", f"the database cannot be used yet: {error}")
 
@@ -296,6 +318,7 @@ class Dispatcher:
                 log.exception("the health could not be published: %s", error)
 
     def _publish_health(self, next_cycle_ns: int | None) -> None:
+        reporting, silent, orders = self.fleet_watch.figures()
         self._health_publisher.put(
             DispatcherHealth(
                 time_ns=time.time_ns(),
@@ -311,6 +334,9 @@ class Dispatcher:
                 hardware=None if self._job_manager is None else self._job_manager.health(),
                 stale_after_s=self._settings.stale_after_s,
                 future_tolerance_s=self._settings.future_tolerance_s,
+                vehicles_reporting=reporting,
+                vehicles_silent=silent,
+                orders=orders,
             )
         )
 
@@ -377,9 +403,19 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         if job_manager is not None:
             stack.enter_context(job_manager)
         dispatcher = Dispatcher(
-            settings, network, fleet, bus, database, pool, executor, job_manager, fleet_file
+            settings,
+            network,
+            fleet,
+            bus,
+            database,
+            pool,
+            executor,
+            job_manager,
+            fleet_file,
+            database.load_fleet(time.time_ns()),
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
+        dispatcher.fleet_watch.subscribe(bus)
         scheduler = CycleScheduler(
             dispatcher.run_cycle,
             settings.interval_s,

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from dispatcher_daemon import metrics
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
+from slipstream.orders import FleetRecords
 from slipstream.service import LogLimiter, notify
 from storage import Database, UntrustedClockError, open_database
 
@@ -27,7 +28,11 @@ class CycleStore(Protocol):
     """What the dispatcher needs of the database."""
 
     def record_cycle(
-        self, report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
+        self,
+        report: CycleReport,
+        plans: Sequence[VehiclePlan],
+        states: Sequence[SegmentState],
+        records: FleetRecords | None = None,
     ) -> None:
         """Store one cycle durably, or raise."""
         ...

@@ -1,4 +1,4 @@
-"""Drive of a vehicle on a leg from rest to rest: speed profile, entry times, energy.
+"""Drive of a vehicle on a leg from rest to rest: speed profile and entry times.
 
 Every leg starts and ends at a standstill (depot or stop), so a leg's drive does not depend on the
 legs around it: entry times within it are exact once its departure is known. Of a vehicle that is on
@@ -8,14 +8,9 @@ its leg, the rest of it begins at the vehicle's speed.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-
-import numpy as np
-
-from slipstream.energy import PAPER_CAR, Energies, VehicleParameters, phase_energies
 
 
 @dataclass(frozen=True)
@@ -107,36 +102,3 @@ def plan_drive(
                 times.append(times[-1] + duration)
                 speeds.append(speed)
     return Drive(tuple(times), tuple(speeds), tuple(entries), float(sum(lengths_m)))
-
-
-def drive_energies(
-    drives: Sequence[Drive],
-    drag_reductions: Sequence[Sequence[float]],
-    vehicle: VehicleParameters = PAPER_CAR,
-) -> Energies:
-    """E_physical of many drives at once (paper eq. 2), exactly: their phases need no sampling.
-
-    Args:
-        drag_reductions: η_drag on each segment of each drive.
-
-    Returns:
-        Arrays of shape (drives,).
-    """
-    owner: list[int] = []
-    phases: list[tuple[float, float, float, float]] = []
-    for number, (drive, reductions) in enumerate(zip(drives, drag_reductions, strict=True)):
-        entry_s = drive.unhindered_s() if drive.waiting_s else drive.entry_s
-        for (begin_s, end_s), (v0, v1) in zip(
-            pairwise(drive.times_s), pairwise(drive.speeds_mps), strict=True
-        ):
-            segment = bisect_right(entry_s, 0.5 * (begin_s + end_s)) - 1
-            phases.append((v0, v1, end_s - begin_s, reductions[segment]))
-            owner.append(number)
-    start, end, seconds, eta = np.array(phases, dtype=np.float64).reshape(-1, 4).T
-    index = np.array(owner, dtype=np.int64)
-    return Energies(
-        *(
-            np.bincount(index, weights=part, minlength=len(drives)).astype(np.float64)
-            for part in phase_energies(start, end, seconds, eta, vehicle)
-        )
-    )

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
-from slipstream.messages import VehiclePlan, VehiclePosition
+from slipstream.messages import OrderState, VehiclePlan, VehiclePosition
 
-OrderState = Literal["open", "planned", "under_way", "served", "failed", "cancelled"]
 ORDER_STATES: Final[tuple[OrderState, ...]] = get_args(OrderState)
 ENDED: Final[frozenset[OrderState]] = frozenset({"served", "failed", "cancelled"})
 

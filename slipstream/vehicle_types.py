@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from slipstream.config import Settings
-from slipstream.energy import PAPER_CAR, VehicleParameters
+from slipstream.traction import PAPER_CAR, VehicleParameters
 
 VehicleClass = Literal[
     "passenger",

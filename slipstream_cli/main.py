@@ -32,6 +32,7 @@ COMMANDS: Final = {
     "evaluate": "laboratory.evaluate",
     "verify": "laboratory.verify",
     "resources": "laboratory.resources",
+    "orders": "orders",
     "db": "db",
 }
 """Module by sub-command, in the order of the help."""

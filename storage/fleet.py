@@ -10,14 +10,13 @@ from typing import Any, Final
 from sqlalchemy import and_, delete, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
-from slipstream.messages import VehiclePosition
+from slipstream.messages import OrderState, VehiclePosition
 from slipstream.orders import (
     ENDED,
     IN_FORCE,
     FleetRecords,
     OrderChange,
     OrderRecord,
-    OrderState,
     PlanRecord,
     VehicleRecord,
 )

@@ -11,8 +11,8 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, selectinload
 
 from slipstream.errors import InputError
-from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord, OrderState
+from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
+from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord
 from storage import fleet, jobs, schema
 from storage.engine import (
     StorageError,
@@ -83,6 +83,11 @@ class Reader:
         """The life of one order; empty if it is not known."""
         with self._read_session() as session:
             return () if session is None else tuple(fleet.changes(session, order))
+
+    def exists(self) -> bool:
+        """Whether there is a database with a schema yet."""
+        with self._read_session() as session:
+            return session is not None
 
     def close(self) -> None:
         """Close all connections."""

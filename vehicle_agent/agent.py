@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream import freshness
-from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.messages import (
     AdviceMode,
     DriverReport,
@@ -43,6 +42,7 @@ from slipstream.messages import (
     signal_status_key,
     spat_key,
 )
+from slipstream.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.departure import LegDeparture
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
@@ -62,9 +62,13 @@ CLOCK_ERROR_S: Final = 0.1
 
 _SENSING_AGE_S: Final = 0.5
 _POSITION_NS: Final = 1_000_000_000
+_STANDING_NS: Final = 5_000_000_000
 _PROGRESS_NS: Final = 5_000_000_000
 
 Outgoing = tuple[str, Message]
+
+
+DEFAULT_LENGTH_M: Final = 4.6
 
 
 @dataclass(frozen=True)
@@ -74,12 +78,14 @@ class AgentParameters:
     Attributes:
         vehicle: physical data.
         length_m: bumper to bumper.
+        max_speed_mps: it drives no faster; None: as fast as the roads allow.
         interval_s: from one advice to the next.
         stale_after_s: age limit of a SegmentState.
     """
 
     vehicle: VehicleParameters = PAPER_CAR
-    length_m: float = 4.6
+    length_m: float = DEFAULT_LENGTH_M
+    max_speed_mps: float | None = None
     interval_s: float = 0.1
     stale_after_s: float = freshness.STALE_AFTER_S
 
@@ -103,7 +109,7 @@ class Agent:
     ) -> None:
         own = parameters or AgentParameters()
         self.vehicle = vehicle
-        self.tour = Tour(vehicle)
+        self.tour = Tour(vehicle, own.max_speed_mps)
         self._timings = timings or SignalTimings()
         self._roadside = roadside or Roadside(own.stale_after_s)
         self._platooning = Platooning(vehicle, own.vehicle, own.length_m, own.interval_s)
@@ -237,20 +243,21 @@ class Agent:
         if leg is not self._begun:
             self._speed.begin(leg, plan.advice)
             self._begun = leg
-        doubt = _doubt(sensing, plan, now_ns)
         self._roadside.at(now_ns)
-        if doubt is not None:
-            self._end_platooning(doubt)
         now_s = now_ns / 1e9
         # In a close gap it is platooning that keeps the gap safe.
         ahead = sensing.ahead if self._mode == "alone" else None
         top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
+        doubt = _doubt(sensing, plan, now_ns)
+        distrust = doubt or ("the signal ahead tells nothing" if top.signal_unknown else None)
+        if distrust is not None:
+            self._end_platooning(distrust)
         step = self._platooning.step(
             now_ns,
             leg,
             state,
             sensing,
-            self._roadside if doubt is None else CLOSED,
+            self._roadside if distrust is None else CLOSED,
             cap_mps=top.speed_mps,
         )
         self._mode = step.mode
@@ -291,8 +298,9 @@ class Agent:
             self._send(signal_request_key(request.intersection, self.vehicle), request)
 
     def _tell(self, sensing: VehicleSensing, now_ns: int, *, changed: bool) -> None:
-        """Position once a second, progress every few seconds, both at each change."""
-        if changed or now_ns - self._position_ns >= _POSITION_NS:
+        """Position once a second on the road, else like progress every few; both at each change."""
+        interval_ns = _POSITION_NS if sensing.on_road else _STANDING_NS
+        if changed or now_ns - self._position_ns >= interval_ns:
             self._position_ns = now_ns
             self._send(position_key(self.vehicle), self._position(sensing))
         if changed or now_ns - self._progress_ns >= _PROGRESS_NS:

@@ -22,7 +22,7 @@ from slipstream.messages import (
 )
 from slipstream.service import LogLimiter, Service, configure_logging
 from vehicle_agent import metrics
-from vehicle_agent.agent import AgentParameters
+from vehicle_agent.agent import DEFAULT_LENGTH_M, AgentParameters
 from vehicle_agent.host import AgentHost
 from vehicle_agent.settings import AgentSettings
 from vehicle_agent.tour_file import TourFile
@@ -51,7 +51,11 @@ class AgentDaemon:
     def __init__(self, settings: AgentSettings, bus: Bus) -> None:
         parameters = {
             vehicle.id: AgentParameters(
-                vehicle.physics, vehicle.length_m, INTERVAL_S, settings.stale_after_s
+                vehicle.type.profile.physics,
+                vehicle.type.length_m or DEFAULT_LENGTH_M,
+                vehicle.type.max_speed_mps,
+                INTERVAL_S,
+                settings.stale_after_s,
             )
             for vehicle in settings.vehicles
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -83,11 +84,13 @@ class Leg:
         cycle: of the plan.
         number: of the leg in the plan.
         planned: its segments, in order, at least one, with lengths and limits.
+        max_speed_mps: of the vehicle.
     """
 
     cycle: int
     number: int
     planned: tuple[PlannedSegment, ...]
+    max_speed_mps: float = math.inf
 
     @cached_property
     def path(self) -> tuple[str, ...]:
@@ -106,8 +109,9 @@ class Leg:
 
     @cached_property
     def limits_mps(self) -> tuple[float, ...]:
-        """Speed limits of its segments."""
-        return tuple(_known(segment.speed_limit_mps) for segment in self.planned)
+        """What may be driven on its segments: the speed limit, or the vehicle's own."""
+        own = self.max_speed_mps
+        return tuple(min(own, _known(segment.speed_limit_mps)) for segment in self.planned)
 
     @cached_property
     def begins_m(self) -> tuple[float, ...]:
@@ -192,18 +196,26 @@ class Leg:
         )
 
 
-def legs_of(cycle: int, segments: Sequence[PlannedSegment], count: int) -> tuple[Leg | None, ...]:
+def legs_of(
+    cycle: int,
+    segments: Sequence[PlannedSegment],
+    count: int,
+    max_speed_mps: float = math.inf,
+) -> tuple[Leg | None, ...]:
     """The legs of a plan; None for one without a road, between two places at one junction.
 
     Args:
         cycle: of the plan.
         segments: all of it.
         count: of legs: one less than its stops.
+        max_speed_mps: of the vehicle.
     """
     parts: list[list[PlannedSegment]] = [[] for _ in range(count)]
     for segment in segments:
         parts[segment.leg].append(segment)
-    return tuple(Leg(cycle, i, tuple(part)) if part else None for i, part in enumerate(parts))
+    return tuple(
+        Leg(cycle, i, tuple(part), max_speed_mps) if part else None for i, part in enumerate(parts)
+    )
 
 
 def _known(value: float | None) -> float:

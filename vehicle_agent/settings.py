@@ -9,19 +9,16 @@ from pydantic import Field, model_validator
 
 from slipstream import freshness
 from slipstream.config import BusSettings, ServiceSettings, Settings
-from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.messages import Identifier
+from slipstream.vehicle_types import PRESETS, VehicleType
 
 
 class AgentVehicle(Settings):
     """One vehicle that has its agent in this process (``[[vehicles]]``)."""
 
     id: Identifier = Field(description="As in the fleet's file.")
-    length_m: Annotated[float, Field(gt=0, le=30, allow_inf_nan=False)] = Field(
-        default=4.6, description="Bumper to bumper, m."
-    )
-    physics: VehicleParameters = Field(
-        default=PAPER_CAR, description="Mass, drag, rolling resistance, efficiency."
+    type: VehicleType = Field(
+        default=PRESETS["paper_car"], description="As in the fleet's file: a preset, and changes."
     )
 
 

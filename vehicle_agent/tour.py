@@ -7,6 +7,7 @@ with the reason in the answer.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -49,6 +50,7 @@ class Tour:
 
     Args:
         vehicle: whose tour it is.
+        max_speed_mps: of the vehicle; None: as fast as the roads allow.
 
     Attributes:
         plan: that it follows; None: none, it is free at its depot.
@@ -59,8 +61,9 @@ class Tour:
         revision: changes with everything that a restart needs.
     """
 
-    def __init__(self, vehicle: str) -> None:
+    def __init__(self, vehicle: str, max_speed_mps: float | None = None) -> None:
         self.vehicle = vehicle
+        self._max_speed_mps = max_speed_mps or math.inf
         self.plan: VehiclePlan | None = None
         self.leg = 0
         self.driving = False
@@ -199,7 +202,7 @@ class Tour:
         self.ready_ns, self._newest = record.ready_ns, record.newest
         if plan is None:
             return
-        legs = legs_of(plan.cycle, plan.segments, len(plan.stops) - 1)
+        legs = self._legs_of(plan)
         if plan.vehicle != self.vehicle or record.leg >= len(legs):
             raise ValueError("a record of another tour")
         self.plan, self._legs, self.leg = plan, legs, record.leg
@@ -212,7 +215,7 @@ class Tour:
         if len(plan.stops) < 2:
             return "the plan has no stop to drive to"
         try:
-            legs = legs_of(plan.cycle, plan.segments, len(plan.stops) - 1)
+            legs = self._legs_of(plan)
             for leg in legs:
                 if leg is not None:
                     leg.slow  # noqa: B018 - reads all lengths and limits
@@ -263,7 +266,7 @@ class Tour:
         number = (self._number_in(plan) or 0) if under_way else 0
         self.revision += 1
         self.plan = plan
-        self._legs = legs_of(plan.cycle, plan.segments, len(plan.stops) - 1)
+        self._legs = self._legs_of(plan)
         self.leg = number
         self._left_depot = under_way
         self.state = None
@@ -318,6 +321,9 @@ class Tour:
         self.ready_ns = report.time_ns
         if self._legs[self.leg] is None:  # the next stop is at the same junction
             self._arrive(report.time_ns)
+
+    def _legs_of(self, plan: VehiclePlan) -> tuple[Leg | None, ...]:
+        return legs_of(plan.cycle, plan.segments, len(plan.stops) - 1, self._max_speed_mps)
 
     def _note(self, visit: Visit) -> None:
         self.revision += 1

@@ -9,8 +9,7 @@ from dispatcher_daemon.platooning import Passage, Place, drag_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.roads.charge import battery_of, charges_kwh, leg_energy_kwh
-from slipstream.drive import drive_energies
-from slipstream.energy import ETA_ALONE, Energy, split_saving, total
+from slipstream.energy import ETA_ALONE, Energy, drive_energies, split_saving, total
 from slipstream.messages import EnergySummary
 
 

@@ -9,8 +9,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Vehicle
 from dispatcher_daemon.roads.routes import Leg
-from slipstream.drive import drive_energies
-from slipstream.energy import ETA_ALONE, VehicleParameters
+from slipstream.energy import ETA_ALONE, VehicleParameters, drive_energies
 
 _S_PER_H: Final = 3600.0
 TOLERANCE_KWH: Final = 1e-6

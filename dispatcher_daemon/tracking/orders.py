@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from dispatcher_daemon.fleet import Stop
-from slipstream.messages import PlannedStop, VehiclePlan, Visit
-from slipstream.orders import OrderChange, OrderRecord, OrderState
+from slipstream.messages import OrderState, PlannedStop, VehiclePlan, Visit
+from slipstream.orders import OrderChange, OrderRecord
 
 REMEMBERED_NS: Final = 86_400 * 10**9
 """How long an ended order is known after the fleet's file has dropped it."""
@@ -43,6 +43,10 @@ class OrderBook:
         """Orders that are new or changed since `stored` was called last, and all their changes."""
         orders = tuple(self._orders[name] for name in self._changed if name in self._orders)
         return orders, tuple(self._changes)
+
+    def mark_all(self) -> None:
+        """All orders are pending."""
+        self._changed = dict.fromkeys(self._orders)
 
     def stored(self) -> None:
         """What was pending is in the database."""

@@ -12,12 +12,13 @@ from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, ended, loaded
 from slipstream.messages import (
+    OrderState,
     PlanAcknowledgement,
     VehiclePlan,
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, OrderState, PlanRecord, PlanStatus
+from slipstream.orders import FleetRecords, PlanRecord, PlanStatus
 from slipstream.roads import RoadNetwork
 
 ANSWER_NS: Final = 5 * 10**9
@@ -29,6 +30,8 @@ LEFT_OUT_CYCLES: Final = 3
 """Cycles in which a vehicle that refused a plan, or did not answer it, is not planned."""
 AT_DEPOT_M: Final = 100.0
 """A vehicle this near to its depot's junction stands in its yard."""
+RESUME_NS: Final = 10 * 10**9
+"""After a start, vehicles have this long to report before they count as never reporting."""
 MAX_STRANGERS: Final = 2000
 """Reports that are kept of vehicles which no fleet file has listed yet."""
 
@@ -44,11 +47,15 @@ class FleetTracker:
     Args:
         network: roads.
         records: of the run before.
+        started_ns: UTC at the start.
     """
 
-    def __init__(self, network: RoadNetwork, records: FleetRecords | None = None) -> None:
+    def __init__(
+        self, network: RoadNetwork, records: FleetRecords | None = None, started_ns: int = 0
+    ) -> None:
         stored = records or FleetRecords()
         self._network = network
+        self._started_ns = started_ns
         self.book = OrderBook(stored.orders)
         self._vehicles = {record.vehicle: loaded(record) for record in stored.vehicles}
         self._strangers: dict[tuple[str, str], VehiclePosition | VehicleProgress] = {}
@@ -196,7 +203,13 @@ class FleetTracker:
             elif vehicle.listed:
                 free.append(vehicle.charged())
         found = cycle_fleet(
-            fleet, free, bound, self._vehicles, self.book.orders, self._is_to_have, reference_ns
+            fleet,
+            free,
+            bound,
+            self._vehicles,
+            self.book.orders,
+            lambda order: self._is_to_have(order, now_ns),
+            reference_ns,
         )
         return Situation(found, tuple(bound), left_out)
 
@@ -250,6 +263,11 @@ class FleetTracker:
             tuple(self._vehicles[name].record() for name in sorted(self._reported)),
         )
 
+    def mark_all(self) -> None:
+        """All orders and vehicles are pending: the database is another one."""
+        self.book.mark_all()
+        self._reported = set(self._vehicles)
+
     def stored(self) -> None:
         """The pending records are in the database."""
         self.book.stored()
@@ -288,7 +306,7 @@ class FleetTracker:
             if accepted is not None and accepted.plan.cycle > cycle:
                 return
             stops = [stop.stop for stop in withdrawn.plan.service_stops]
-            to_have = any(self._is_to_have(stop) for stop in stops)
+            to_have = any(self._is_to_have(stop, now_ns) for stop in stops)
             if accepted is None and not left and not to_have:
                 return
             if offered is not None:
@@ -300,7 +318,7 @@ class FleetTracker:
             self._note(record)
         assert vehicle.accepted is not None
         for stop in vehicle.accepted.plan.service_stops:
-            if self._is_to_have(stop.stop):
+            if self._is_to_have(stop.stop, now_ns):
                 self.book.assign(stop.stop, vehicle.id, cycle, now_ns)
 
     def _drives(self, vehicle: TrackedVehicle, plan: VehiclePlan, leg: int, now_ns: int) -> None:
@@ -311,9 +329,7 @@ class FleetTracker:
             self._leave(vehicle, now_ns)
         if not vehicle.reports_progress and vehicle.left:
             passed = vehicle.leg + 1 if vehicle.position.on_road else vehicle.leg
-            for stop in plan.stops[1:passed]:
-                if stop.charged_kwh > 0:
-                    continue
+            for stop in plan.stops[:passed]:
                 reason = f"{vehicle.id} has driven on"
                 self.book.assume_served(vehicle.id, stop.stop, now_ns, reason)
 
@@ -336,10 +352,8 @@ class FleetTracker:
             if progress is None or progress.cycle is not None:
                 return
         else:
-            for stop in accepted.plan.service_stops:
-                self.book.assume_served(
-                    vehicle.id, stop.stop, now_ns, f"{vehicle.id} is back from its tour"
-                )
+            for order in self.book.held_by(vehicle.id):
+                self.book.assume_served(vehicle.id, order, now_ns, f"{vehicle.id} is back")
         self._note(ended(accepted, "done", now_ns))
         if vehicle.offered is not None:
             self._drop_offer(vehicle, "superseded", now_ns, "its vehicle is back")
@@ -362,7 +376,7 @@ class FleetTracker:
     def _obstacle(self, vehicle: TrackedVehicle, cycle: int, now_ns: int) -> str | None:
         """Why a vehicle is not planned; None: it is."""
         if not vehicle.has_telemetry:
-            return None
+            return "has a plan of the run before" if self._may_be_gone(vehicle, now_ns) else None
         if not vehicle.is_fresh(now_ns):
             return "silent"
         if vehicle.offered is not None:
@@ -381,6 +395,14 @@ class FleetTracker:
         if not self._is_free(vehicle):
             return "follows a plan that is not known, or is not at its depot"
         return None
+
+    def _may_be_gone(self, vehicle: TrackedVehicle, now_ns: int) -> bool:
+        """Whether it may have left by a plan of the run before, and have had no time to say so."""
+        return (
+            vehicle.offered is not None
+            and vehicle.offered.since_ns < self._started_ns
+            and now_ns - self._started_ns < RESUME_NS
+        )
 
     def _is_free(self, vehicle: TrackedVehicle) -> bool:
         """Whether it stands at its depot and follows no plan but one that was taken back."""
@@ -450,9 +472,9 @@ class FleetTracker:
             return False
         if vehicle.has_telemetry and not (vehicle.offered is None and self._is_free(vehicle)):
             return False
-        return all(self._is_to_have(stop) for stop in stops)
+        return all(self._is_to_have(stop, plan.issued_ns) for stop in stops)
 
-    def _is_to_have(self, stop: str) -> bool:
+    def _is_to_have(self, stop: str, now_ns: int) -> bool:
         """Whether an order is open, or planned for a vehicle that never answers."""
         order = self.book.orders.get(stop)
         if order is None or order.state not in ("open", "planned"):
@@ -460,7 +482,7 @@ class FleetTracker:
         if order.state == "open" or order.vehicle is None:
             return True
         holder = self._vehicles.get(order.vehicle)
-        return holder is None or not holder.has_telemetry
+        return holder is None or not (holder.has_telemetry or self._may_be_gone(holder, now_ns))
 
     def _resume(self, record: PlanRecord) -> None:
         vehicle = self._vehicles.get(record.plan.vehicle)

@@ -23,6 +23,9 @@ from vehicle_agent.agent import AgentParameters
 STEP_S: Final = 0.5
 """Energy from steps of this length is right to 0.2 %."""
 
+_LOOK_S: Final = 5.0
+"""Between, nothing but a plan or an order served changes what a standing vehicle is advised."""
+
 
 @dataclass(frozen=True)
 class ArmSpec:
@@ -150,6 +153,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 lambda stop: orders[stop].service_s,
                 order.step_s,
                 lambda: exchange.now_ns,
+                _LOOK_S,
                 policy.pace,
             )
             states: object = ()

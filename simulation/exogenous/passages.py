@@ -15,13 +15,14 @@ from simulation.closed_loop.gates import is_turbulent
 from simulation.exogenous.roadside import Roadside
 from simulation.fleet.driven_leg import DrivenLeg
 from simulation.fleet.losses import drive_losses
-from slipstream.drive import Drive, drive_energies
+from slipstream.drive import Drive
 from slipstream.energy import (
     ETA_ALONE,
     ETA_FOLLOWER,
     ETA_LEADER,
     Energies,
     Energy,
+    drive_energies,
     steady_energy_kwh,
 )
 from slipstream.roads import RoadNetwork

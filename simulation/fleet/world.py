@@ -26,8 +26,6 @@ from slipstream.roads import RoadNetwork
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
 _ARRIVED_M: Final = 5.0
 _ARRIVED_MPS: Final = 1.0
-_LOOK_NS: Final = 1_000_000_000
-"""A vehicle that stands asks its agent at least so often."""
 _TELL_S: Final = 1.0
 
 
@@ -118,6 +116,7 @@ class FleetWorld:
         service_s: time that a stop takes, by its id.
         step_s: of the simulation.
         clock_ns: the moment of the simulation as agents and dispatcher have it.
+        look_s: a vehicle that stands asks its agent at least so often.
         pace: desired speed of the fleet's vehicles over the limit.
         physics: of the vehicles.
 
@@ -138,13 +137,14 @@ class FleetWorld:
         service_s: Callable[[str], float],
         step_s: float,
         clock_ns: Callable[[], int],
+        look_s: float,
         pace: float = 1.0,
         physics: VehicleParameters = PAPER_CAR,
     ) -> None:
         self._session, self._lengths_m, self._agents = session, lengths_m, agents
         self._gates, self._service_s, self._step_s = gates, service_s, step_s
         self._clock_ns = clock_ns
-        self._pace, self._physics = pace, physics
+        self._look_ns, self._pace, self._physics = round(look_s * 1e9), pace, physics
         self._vans = {name: _Van(segment) for name, segment in sorted(places.items())}
         self._sensed: dict[str, VehicleSensing] = {}
         self._following: dict[str, bool] = {}
@@ -219,7 +219,7 @@ class FleetWorld:
         if now_ns < van.look_ns and not self._agents.is_due(name):
             return
         advice = self._agents.advise(standing(name, van.segment, now_ns))
-        van.look_ns = now_ns + _LOOK_NS
+        van.look_ns = now_ns + self._look_ns
         if advice is None or advice.cycle is None or advice.leg is None:
             return
         plan = self._agents.plan(name, advice.cycle)

@@ -34,6 +34,7 @@ from slipstream.roads import RoadNetwork
 
 _WARM_STEP_S: Final = 10.0
 _REPORT_S: Final = 0.5
+_LOOK_S: Final = 1.0
 
 
 def run_world(spec: WorldSpec, connection: Connection) -> None:
@@ -92,6 +93,7 @@ class _World:
             lambda stop: orders[stop].service_s,
             spec.step_s,
             time.time_ns,
+            _LOOK_S,
         )
         self._orders = FleetFile(spec.fleet, spec.deliveries, session.time_s)
         self._legs, self._driven_m = 0, 0.0

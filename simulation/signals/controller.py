@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Final, Literal
 
 from simulation.signals.open_requests import OpenRequests, Request
 from simulation.signals.priority import Counts, Priority
@@ -16,6 +16,8 @@ from slipstream.messages import (
     SignalRequest,
     SignalStatus,
 )
+
+_INTERVAL_S: Final = 1.0
 
 _States = tuple[RequestStatus, ...]
 
@@ -46,6 +48,7 @@ class SignalController:
         self._told: dict[str, _States] = {}
         self._sequences: dict[str, int] = {}
         self._next_s = -math.inf
+        self._has_heard = False
 
     @property
     def counts(self) -> Counts:
@@ -68,12 +71,16 @@ class SignalController:
         """Take in a vehicle's request, update or cancellation."""
         if message.intersection in self._intersections:
             self.counts.requests += self._requests.receive(message, now_s)
+            self._has_heard = True
 
     def step(self, now_s: float) -> tuple[SignalStatus, ...]:
-        """Before each step: once a second, act on the requests; answers that have changed."""
-        if now_s < self._next_s:
+        """Before each step: act on requests; the answers that have changed.
+
+        It acts at once where something was heard, and a second after it acted last otherwise.
+        """
+        if now_s < self._next_s and not self._has_heard:
             return ()
-        self._next_s = math.floor(now_s) + 1.0
+        self._next_s, self._has_heard = now_s + _INTERVAL_S, False
         heard = self._requests.at(now_s)
         valid: dict[str, list[Request]] = {}
         if self._grants:

@@ -80,7 +80,7 @@ class Priority:
         self.counts = Counts()
 
     def step(self, now_s: float, requests: Mapping[str, Sequence[Request]]) -> None:
-        """Once a second, before a step: act at the signals.
+        """Before a step: act at the signals.
 
         Args:
             now_s: simulated time.

@@ -13,6 +13,7 @@ from slipstream.messages.dispatch import (
     EnergySummary,
     Gate,
     HardwareHealth,
+    OrderState,
     SolverReport,
     Unserved,
 )
@@ -120,6 +121,7 @@ __all__ = [
     "MovementEvent",
     "MovementState",
     "NonNegative",
+    "OrderState",
     "PhaseState",
     "PlanAcknowledgement",
     "PlannedCrossing",

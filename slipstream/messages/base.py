@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated, Final, TypeVar
 from urllib.parse import quote
 
@@ -56,6 +57,7 @@ def decode(model: type[M], payload: bytes, source: str) -> M:
         ) from None
 
 
+@lru_cache(maxsize=16_384)
 def chunk(name: str) -> str:
     """One chunk of a key expression: percent-encoded, as zenoh forbids ``* $ ? # /`` in chunks."""
     return quote(name, safe="")

@@ -8,6 +8,9 @@ from pydantic import Field
 
 from slipstream.messages.base import ROOT, Count, Finite, Identifier, Message, NonNegative, TimeNs
 
+OrderState = Literal["open", "planned", "under_way", "served", "failed", "cancelled"]
+"""Of an order's life; see `slipstream.orders`."""
+
 
 class SolverReport(Message):
     """What one solver did in one cycle; its objective is re-evaluated, never taken over."""
@@ -122,6 +125,13 @@ class DispatcherHealth(Message):
         default=None,
         description="How far ahead of its clock a SegmentState may be dated for its gates to use "
         "it, s; senders before this field left null.",
+    )
+    vehicles_reporting: Count = Field(
+        default=0, description="Vehicles that have ever sent a position, answer or visit."
+    )
+    vehicles_silent: Count = Field(default=0, description="Those of them that do not now.")
+    orders: dict[OrderState, Count] = Field(
+        default_factory=dict, description="Number of orders by state; senders before: none."
     )
 
 

@@ -86,7 +86,7 @@ def write_world_settings(
             {
                 "bus": bus,
                 "vehicles": [
-                    {"id": name, "length_m": TYPES["cav"].length_m}
+                    {"id": name, "type": {"length_m": TYPES["cav"].length_m}}
                     for name in order.deliveries.vehicles
                 ],
                 "state": (folder / "agents").absolute(),

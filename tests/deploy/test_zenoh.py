@@ -21,9 +21,11 @@ from slipstream.messages import (
     ALL_STATES,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    acknowledgement_key,
     plan_key,
     position_key,
     preview_key,
+    progress_key,
     rsu_health_key,
     state_key,
 )
@@ -127,11 +129,13 @@ PROBES = {
     "cycle": CYCLE_KEY,
     "dispatcher's health": DISPATCHER_HEALTH_KEY,
     "position": position_key("van"),
+    "acknowledgement": acknowledgement_key("van"),
+    "progress": progress_key("van"),
 }
 MAY = {
     "dispatcher": {"plan", "cycle", "dispatcher's health"},
     "dashboard": set(),
-    "fleet": {"position"},
+    "fleet": {"position", "acknowledgement", "progress"},
     "edge-rsu-1": {"state", "health", "picture"},
 }
 

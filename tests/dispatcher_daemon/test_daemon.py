@@ -38,6 +38,7 @@ from slipstream.messages import (
     decode,
     state_key,
 )
+from slipstream.orders import FleetRecords
 from storage import StorageError, open_reader
 
 State = Callable[..., SegmentState]
@@ -58,7 +59,11 @@ class Log:
         return _Outlet(self, key)
 
     def record_cycle(
-        self, report: CycleReport, plans: Sequence[VehiclePlan], states: Sequence[SegmentState]
+        self,
+        report: CycleReport,
+        plans: Sequence[VehiclePlan],
+        states: Sequence[SegmentState],
+        records: FleetRecords | None = None,
     ) -> None:
         """Store, or fail as a full disk does."""
         if self.broken:

@@ -8,16 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipstream.drive import (
-    Drive,
-    DrivingStyle,
-    drive_energies,
-    plan_drive,
-)
+from slipstream.drive import Drive, DrivingStyle, plan_drive
 from slipstream.energy import (
     JOULE_PER_KWH,
     PAPER_CAR,
     Energy,
+    drive_energies,
     steady_energy_kwh,
     total,
     trace_energy,

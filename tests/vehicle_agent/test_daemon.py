@@ -213,7 +213,7 @@ def test_an_agent_whose_vehicle_is_silent_stops_advising(tmp_path: Path, router:
     [
         ("vehicles = []\n", "vehicles"),
         ('[[vehicles]]\nid = "a"\n[[vehicles]]\nid = "a"\n', "twice"),
-        ('[[vehicles]]\nid = "a"\nlength_m = -1\n', "length_m"),
+        ('[[vehicles]]\nid = "a"\n[vehicles.type]\nlength_m = -1\n', "length_m"),
         ('state = "/dev/null/x"\n[[vehicles]]\nid = "a"\n', "state"),
     ],
 )

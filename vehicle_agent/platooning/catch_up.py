@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 from slipstream.messages import PlatoonControl
+from slipstream.traction import ETA_FOLLOWER, ETA_LEADER
 from vehicle_agent.platooning.gap_control import (
     IDM,
     MIN_SPEED_MPS,

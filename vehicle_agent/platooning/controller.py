@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from slipstream.energy import VehicleParameters
 from slipstream.messages import PlatoonControl, PlatoonManagement, PlatoonMode, VehicleSensing
+from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.agreement import MAX_REASON, RENEW_NS, Agreements
 from vehicle_agent.platooning.catch_up import (

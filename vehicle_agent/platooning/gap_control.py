@@ -32,7 +32,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.energy import VehicleParameters
+from slipstream.traction import VehicleParameters
 from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, RESPONSE_S, AheadMotion
 
 ADVISED_GAP_M: Final = 1.5

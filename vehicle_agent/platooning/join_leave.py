@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from slipstream.energy import ETA_FOLLOWER
 from slipstream.messages import PlatoonControl
+from slipstream.traction import ETA_FOLLOWER
 from vehicle_agent.platooning.gap_control import (
     CLOSE_GAP_M,
     IDM,

@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.energy import VehicleParameters, drag_saving_kwh
+from slipstream.traction import VehicleParameters, drag_saving_kwh
 
 MAX_SPEEDUP: Final = 0.10
 """Largest share above its own speed."""

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.energy import VehicleParameters
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
+from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.gap_control import ADVISED_GAP_M, COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.messages import DrivingAdvice, SensedVehicle
+from slipstream.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.free_drive import free_drive_s
 from vehicle_agent.leg import Leg, StopLine, VehicleState
 from vehicle_agent.signals.timings import HORIZON_M, SignalTimings

@@ -14,8 +14,14 @@ from simulation.closed_loop.record import ArmResult
 from simulation.fleet.driven_leg import DrivenLeg
 from simulation.fleet.losses import drive_losses
 from simulation.sumo import TYPES
-from slipstream.drive import Drive, DrivingStyle, drive_energies, plan_drive
-from slipstream.energy import ETA_FOLLOWER, PAPER_CAR, VehicleParameters, steady_energy_kwh
+from slipstream.drive import Drive, DrivingStyle, plan_drive
+from slipstream.energy import (
+    ETA_FOLLOWER,
+    PAPER_CAR,
+    VehicleParameters,
+    drive_energies,
+    steady_energy_kwh,
+)
 from slipstream.roads import RoadNetwork
 
 _CAV: Final = TYPES["cav"]

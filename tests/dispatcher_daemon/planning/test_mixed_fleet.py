@@ -22,8 +22,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.drive import drive_energies
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, drive_energies
 from slipstream.vehicle_types import PRESETS
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]

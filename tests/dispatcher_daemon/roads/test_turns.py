@@ -20,8 +20,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from research.cities.generator import small_city
-from slipstream.drive import drive_energies
-from slipstream.energy import stop_energy_kwh
+from slipstream.energy import drive_energies, stop_energy_kwh
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 PLACES = ("11", "33", "20", "02")

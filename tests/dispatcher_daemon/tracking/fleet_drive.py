@@ -1,9 +1,22 @@
-"""Vehicles that drive by their plans, as pure objects: plans in, positions and visits out."""
+"""Vehicles that drive by their plans, and a dispatcher around the tracker and the cycle, both as
+pure objects.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
+from dispatcher_daemon.cycle import run_cycle
+from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.plans import Cycle
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.execution.pool import solve_in_process
+from dispatcher_daemon.tracking import FleetTracker, Situation
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import (
     PlanAcknowledgement,
     PlannedSegment,
@@ -12,6 +25,16 @@ from slipstream.messages import (
     VehicleProgress,
     Visit,
 )
+from slipstream.orders import FleetRecords, OrderChange, PlanRecord
+
+S = 10**9
+SEARCH = SearchSettings(rounds=1, iterations_per_stop=20, time_limit_s=5.0)
+SETTINGS = DispatcherSettings(
+    solvers=("exact",),
+    form="route",
+    city=CitySettings(search=SEARCH, second_rounds=0, max_sweeps=2),
+)
+SOLVE = solve_in_process([ExactSolver()])
 
 
 @dataclass
@@ -24,6 +47,8 @@ class Van:
         talks: whether it answers plans and reports visits, or only its position.
         late_s: by how much it is behind its plan.
         deaf: whether no plan reaches it.
+        refuses: whether its driver refuses the next plan.
+        muted_until_ns: until when nothing that it sends arrives.
     """
 
     name: str
@@ -31,6 +56,8 @@ class Van:
     talks: bool = True
     late_s: float = 0.0
     deaf: bool = False
+    refuses: bool = False
+    muted_until_ns: int = 0
     plan: VehiclePlan | None = None
     answer: PlanAcknowledgement | None = None
     visits: dict[str, Visit] = field(default_factory=dict)
@@ -56,8 +83,16 @@ class Van:
             reason=reason,
         )
 
+    def is_under_way(self, now_ns: int) -> bool:
+        """Whether it has left its depot and is not back."""
+        leg, segment = self._place(now_ns)
+        return self.plan is not None and (segment is not None or 0 < leg < len(self.plan.stops) - 1)
+
     def _refusal(self, plan: VehiclePlan, now_ns: int) -> str | None:
         leg, segment = self._place(now_ns)
+        if self.refuses and (self.plan is None or (leg == 0 and segment is None)):
+            self.refuses = False
+            return "not today"
         if self.plan is None or (leg == 0 and segment is None):
             return None if plan.continues is None else "nothing to continue"
         if plan.continues != self.plan.cycle:
@@ -134,3 +169,125 @@ class Van:
                 ended_ns=left_ns if done else None,
                 reason=None,
             )
+
+
+class Store:
+    """What the database keeps of orders, plans and vehicles."""
+
+    def __init__(self) -> None:
+        self.changes: list[OrderChange] = []
+        self._kept: list[dict[object, object]] = [{}, {}, {}]
+
+    def save(self, records: FleetRecords, plans: Collection[VehiclePlan], now_ns: int) -> None:
+        """As `Database.record_cycle`."""
+        self.changes += records.changes
+        orders, kept, vehicles = self._kept
+        orders.update({o.order: o for o in records.orders})
+        new = [PlanRecord(plan, "published", now_ns) for plan in plans]
+        kept.update({(r.plan.cycle, r.plan.vehicle): r for r in (*new, *records.plans)})
+        vehicles.update({v.vehicle: v for v in records.vehicles})
+
+    def load(self) -> FleetRecords:
+        """As `Database.load_fleet`."""
+        orders, kept, vehicles = (tuple(of.values()) for of in self._kept)
+        alive = [r for r in kept if r.status in ("published", "acknowledged", "lapsed")]  # type: ignore[attr-defined]
+        return FleetRecords(orders, (), tuple(alive), vehicles)  # type: ignore[arg-type]
+
+
+@dataclass
+class Day:
+    """A town's dispatcher and its vans, in steps of a second."""
+
+    problem: RoutingProblem
+    snapshot: TrafficSnapshot
+    vans: dict[str, Van]
+    file: Fleet | None
+    now_ns: int = 0
+    number: int = 0
+    situation: Situation | None = None
+    sent: list[VehiclePlan] = field(default_factory=list)
+    store: Store = field(default_factory=Store)
+
+    def __post_init__(self) -> None:
+        self.now_ns = self.snapshot.now_ns
+        self.restart()
+
+    def restart(self) -> None:
+        """A new dispatcher with what the last one has stored."""
+        self.tracker = FleetTracker(self.problem.network, self.store.load(), self.now_ns)
+
+    def cycle(self) -> tuple[VehiclePlan, ...]:
+        """One cycle, with what the daemon does around it."""
+        self.number += 1
+        now_ns, reference_s = self.now_ns, SETTINGS.deadline_s
+        tracker = self.tracker
+        tracker.list_fleet(self.file, now_ns)
+        situation = tracker.situation(self.file, self.number, now_ns, reference_s)
+        self.situation = situation
+        plans: tuple[VehiclePlan, ...] = ()
+        if situation.fleet is not None:
+            cycle = Cycle(
+                RoutingProblem(self.problem.network, situation.fleet),
+                TrafficSnapshot(now_ns, self.snapshot.segments, ()),
+                SETTINGS,
+                self.number,
+                now_ns,
+                self.number,
+                commitments=situation.commitments,
+            )
+            result = run_cycle(cycle, SOLVE)
+            assert result.report.status != "failed", result.report.reason
+            plans = tracker.admissible(result.plans)
+            reference_ns = now_ns + round(reference_s * S)
+            tracker.publish(plans, situation.fleet.stop_by_id, reference_ns, now_ns)
+        self.store.save(tracker.pending_records(), plans, now_ns)
+        tracker.stored()
+        self.sent += plans
+        return plans
+
+    def drive(self, seconds: int) -> None:
+        """The vans drive and report."""
+        for _ in range(seconds):
+            self.now_ns += S
+            for van in self.vans.values():
+                self._report(van)
+
+    def _report(self, van: Van) -> None:
+        position, progress = van.step(self.now_ns)
+        if self.now_ns < van.muted_until_ns:
+            van.answer = None
+            return
+        if van.answer is not None and van.talks:
+            self.tracker.on_acknowledgement(van.answer, self.now_ns)
+            van.answer = None
+        self.tracker.on_position(position, self.now_ns)
+        if progress is not None:
+            self.tracker.on_progress(progress, self.now_ns)
+
+    def run(self, cycles: int, lost: Collection[str] = ()) -> None:
+        """Cycles with driving between them.
+
+        Args:
+            cycles: number of them.
+            lost: vans that the plans do not reach.
+        """
+        for _ in range(cycles):
+            plans = self.cycle()
+            self.drive(2)
+            for plan in plans:
+                if plan.vehicle not in lost:
+                    self.vans[plan.vehicle].offer(plan, self.now_ns)
+            self.drive(28)
+
+    def states(self) -> Counter[str]:
+        """Number of orders by state."""
+        return Counter(order.state for order in self.tracker.book.orders.values())
+
+    def served(self) -> Counter[str]:
+        """How many vans have been at each stop to its end."""
+        return Counter(
+            stop
+            for van in self.vans.values()
+            for stop, visit in van.visits.items()
+            if visit.status == "served"
+        )

@@ -22,8 +22,14 @@ from simulation.evaluation.report.proximity import proximity_kwh
 from simulation.evaluation.runs.store import Store
 from simulation.fleet.driven_leg import DrivenLeg
 from simulation.fleet.losses import drive_losses, losses
-from slipstream.drive import DrivingStyle, drive_energies, plan_drive
-from slipstream.energy import ETA_FOLLOWER, steady_energy_kwh, stop_energy_kwh, trace_energy
+from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy import (
+    ETA_FOLLOWER,
+    drive_energies,
+    steady_energy_kwh,
+    stop_energy_kwh,
+    trace_energy,
+)
 from slipstream.roads import Crossing, Segment, build_network
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 

@@ -35,8 +35,8 @@ from simulation.scenarios.demand.deliveries import FleetSettings
 from simulation.scenarios.perception.observer import Observation
 from simulation.scenarios.record import Day, Statistics, Traffic
 from simulation.scenarios.scenario import Background, Scenario, default_demand
-from slipstream.drive import DrivingStyle, drive_energies, plan_drive
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, total
+from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drive_energies, total
 from slipstream.roads import RoadNetwork
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 

@@ -223,6 +223,19 @@ def test_a_request_that_is_not_renewed_lapses_and_a_wrong_one_is_rejected(tmp_pa
         assert controller.counts.requests == 3
 
 
+def test_a_request_is_answered_in_the_next_step(tmp_path: Path) -> None:
+    """Not only when a second is over."""
+    with _troy(tmp_path, fixed=True) as session:
+        controller = SignalController(["hoosick_10th"], True)
+        session.advance(25201.0)
+        assert controller.step(session.time_s) == ()
+        controller.receive(_request(1, "priorityRequest", 25201.0), session.time_s)
+        session.advance()
+        (answer,) = controller.step(session.time_s)
+        assert [status.status for status in answer.requests] == ["processing"]
+        assert answer.time_ns == 25201_500_000_000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("waiting", [0, 1])
 def test_no_green_is_cut_where_the_streets_that_lose_it_are_full(

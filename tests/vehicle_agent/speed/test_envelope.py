@@ -202,8 +202,37 @@ def test_who_cannot_stop_goes_on_at_yellow_and_brakes_at_red() -> None:
     """At the hard rate, whatever is left of the way."""
     yellow: Told = (YELLOW, 99.0, 102.0, 102.0)
     assert before_signal(20.0, 13.4, yellow).speed_mps == 13.4
+    ending: Told = (GREEN, 99.0, 100.2, 100.2)
+    assert before_signal(20.0, 13.4, ending).speed_mps == 13.4
     red: Told = (RED, 99.0, 140.0, 140.0)
     assert before_signal(20.0, 13.4, red).speed_mps == pytest.approx(13.4 - 0.5 * HARD_MPS2)
+
+
+def test_the_limit_is_that_of_the_place() -> None:
+    """Of the segment, in a junction the turn's; behind the leg's end nothing is left to drive."""
+    road = leg(segment("a", 100.0, onward=crossing(speed_mps=6.5)), segment("b", 500.0, 8.0))
+
+    def top(place_m: float) -> float:
+        return ceiling(road, on(place_m, 5.0, road), NOTHING, 0.0, 0.1, None).speed_mps
+
+    assert [top(10.0), top(105.0), top(300.0)] == [13.4, 6.5, 8.0]
+    assert top(620.5) == 0.0
+
+
+def test_the_signal_of_the_own_lane_counts() -> None:
+    """On the segment of the line; farther off the lane is not known yet."""
+    road = leg(
+        segment("a", 20.0),
+        segment("b", 30.0, onward=crossing(groups=((0, 3), (1, 4)))),
+        segment("c", 600.0),
+    )
+    heard = timings(spat(100.0, (RED, 0.0, 200.0, 200.0), group=4))
+
+    def unknown(segment_id: str, number: int, lane: int) -> bool:
+        state = VehicleState(segment_id, number, False, lane, 10.0, 10.0)
+        return ceiling(road, state, heard, 100.0, 0.5, None).signal_unknown
+
+    assert [unknown("b", 1, 0), unknown("b", 1, 1), unknown("a", 0, 1)] == [True, False, True]
 
 
 def test_a_signal_that_tells_nothing_is_left_to_the_driver() -> None:

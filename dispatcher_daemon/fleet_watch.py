@@ -1,0 +1,154 @@
+"""The fleet's messages from the bus, and the tracker between the bus's threads and the cycle's."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Protocol, TypeVar
+
+from dispatcher_daemon.fleet import Fleet, Stop
+from dispatcher_daemon.tracking import FleetTracker, Situation
+from slipstream.errors import InputError
+from slipstream.messages import (
+    ALL_ACKNOWLEDGEMENTS,
+    ALL_POSITIONS,
+    ALL_PROGRESS,
+    OrderState,
+    PlanAcknowledgement,
+    VehiclePlan,
+    VehiclePosition,
+    VehicleProgress,
+    acknowledgement_key,
+    decode,
+    position_key,
+    progress_key,
+)
+from slipstream.orders import FleetRecords
+from slipstream.roads import RoadNetwork
+
+M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
+Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
+
+
+class Subscriber(Protocol):
+    """The part of `slipstream.bus.Bus` that is used here."""
+
+    def subscribe(
+        self, key_expression: str, handler: Callable[[str, bytes], None], *, history: bool = True
+    ) -> None:
+        """Call a handler for samples."""
+        ...
+
+
+class FleetWatch:
+    """The tracked fleet; safe for threads.
+
+    Args:
+        network: roads.
+        records: of the run before.
+        started_ns: UTC at the start.
+        clock: UTC now, ns.
+        refuse: told of each message that is not what its key promises.
+    """
+
+    def __init__(
+        self,
+        network: RoadNetwork,
+        records: FleetRecords,
+        started_ns: int,
+        clock: Callable[[], int],
+        refuse: Callable[[InputError], None],
+    ) -> None:
+        self._tracker = FleetTracker(network, records, started_ns)
+        self._lock = threading.Lock()
+        self._clock, self._refuse = clock, refuse
+
+    def on_position(self, key: str, payload: bytes) -> None:
+        """Take in one message from `ALL_POSITIONS`."""
+        position = self._read(VehiclePosition, position_key, key, payload)
+        if position is None:
+            return
+        with self._lock:
+            known = self._tracker.on_position(position, self._clock())
+        if not known:
+            unknown = f"unknown segment {position.segment!r}"
+            self._refuse(InputError(key, unknown, "give the vehicle this network"))
+
+    def on_acknowledgement(self, key: str, payload: bytes) -> None:
+        """Take in one message from `ALL_ACKNOWLEDGEMENTS`."""
+        answer = self._read(PlanAcknowledgement, acknowledgement_key, key, payload)
+        if answer is not None:
+            with self._lock:
+                self._tracker.on_acknowledgement(answer, self._clock())
+
+    def on_progress(self, key: str, payload: bytes) -> None:
+        """Take in one message from `ALL_PROGRESS`."""
+        progress = self._read(VehicleProgress, progress_key, key, payload)
+        if progress is not None:
+            with self._lock:
+                self._tracker.on_progress(progress, self._clock())
+
+    def subscribe(self, bus: Subscriber) -> None:
+        """Listen to the fleet."""
+        bus.subscribe(ALL_POSITIONS, self.on_position, history=False)
+        bus.subscribe(ALL_ACKNOWLEDGEMENTS, self.on_acknowledgement)
+        bus.subscribe(ALL_PROGRESS, self.on_progress)
+
+    def situation(
+        self, fleet: Fleet | None, cycle: int, now_ns: int, reference_s: float
+    ) -> Situation:
+        """The fleet's file as it is now, and what a cycle may plan; see `FleetTracker`."""
+        with self._lock:
+            self._tracker.list_fleet(fleet, now_ns)
+            return self._tracker.situation(fleet, cycle, now_ns, reference_s)
+
+    def store(
+        self,
+        plans: tuple[VehiclePlan, ...],
+        stops: Mapping[str, Stop],
+        reference_ns: int,
+        save: Save,
+    ) -> tuple[VehiclePlan, ...]:
+        """Store a cycle's plans with what has changed of the fleet; the plans that may go out.
+
+        Args:
+            plans: of the cycle; some may not fit any more.
+            stops: of the cycle's fleet, by id.
+            reference_ns: UTC that its times count from.
+            save: stores them or raises; then nothing has happened.
+        """
+        with self._lock:
+            tracker, now_ns = self._tracker, self._clock()
+            plans = tracker.admissible(plans)
+            tracker.publish(plans, stops, reference_ns, now_ns)
+            try:
+                save(plans, tracker.pending_records())
+            except Exception:
+                tracker.retract(plans, now_ns)
+                raise
+            tracker.stored()
+        return plans
+
+    def store_all(self) -> None:
+        """The next cycle stores the whole fleet: the database is another one."""
+        with self._lock:
+            self._tracker.mark_all()
+
+    def figures(self) -> tuple[int, int, dict[OrderState, int]]:
+        """(vehicles that have ever reported, those of them that are silent, orders by state)."""
+        with self._lock:
+            tracker = self._tracker
+            reporting = sum(vehicle.has_telemetry for vehicle in tracker.vehicles.values())
+            return reporting, len(tracker.silent(self._clock())), tracker.counts()
+
+    def _read(
+        self, model: type[M], key_of: Callable[[str], str], key: str, payload: bytes
+    ) -> M | None:
+        try:
+            message = decode(model, payload, key)
+            if key_of(message.vehicle) != key:
+                raise InputError(key, "not the vehicle of its key", "check the sender")
+        except InputError as error:
+            self._refuse(error)
+            return None
+        return message
