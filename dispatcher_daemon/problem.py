@@ -54,8 +54,8 @@ class RoutingProblem:
 
     @property
     def profiles(self) -> tuple[RoutingProfile, ...]:
-        """The distinct profiles of the fleet's vehicles, in their order."""
-        return tuple(dict.fromkeys(self._profiles.values()))
+        """The distinct profiles of the fleet's vehicles, in their order; at least one."""
+        return tuple(dict.fromkeys(self._profiles.values())) or (RoutingProfile(self.vehicle),)
 
     def profile_of(self, vehicle: Vehicle | str) -> RoutingProfile:
         """What decides a vehicle's ways and their costs.

@@ -125,6 +125,7 @@ def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
 
 
 def _unservable(path: Path, roads: RoadNetwork) -> Mapping[str, str]:
+    from dispatcher_daemon.fleet import distances
     from dispatcher_daemon.fleet_file import FleetFile
     from dispatcher_daemon.planning import unservable
     from dispatcher_daemon.problem import RoutingProblem
@@ -134,6 +135,9 @@ def _unservable(path: Path, roads: RoadNetwork) -> Mapping[str, str]:
     fleet = FleetFile(str(path), roads).current()
     if fleet is None:
         return {}
+    for key, place in distances(fleet, roads, path):
+        where = f"{place.distance_m:.0f} m from {place.segment}, served at {place.node}"
+        print(f"{path}: {key}: {where}")
     free_flow = take_snapshot(roads, (), 0, stale_after_s=STALE_AFTER_S)
     return unservable(RoutingProblem(roads, fleet), free_flow)
 

@@ -12,13 +12,17 @@ from itertools import pairwise
 
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.plans.verify_vehicles import (
+    access_faults,
+    charge_faults,
+    legs_of,
+    profile_of,
+)
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
-from slipstream.vehicle_types import RoutingProfile
 
 _TOLERANCE_NS = 1_000_000
 _SPEED_TOLERANCE = 1e-3
-_TOLERANCE_KWH = 1e-4
 
 
 def verify_plans(
@@ -60,9 +64,9 @@ def verify_plans(
                 *_window_faults(plan, fleet, reference_s, own),
                 *_stop_faults(plan, fleet, unserved, own),
                 *_path_faults(plan, network, own),
-                *_access_faults(plan, network, fleet, own),
+                *access_faults(plan, network, fleet, own),
                 *_time_faults(plan, network, fleet, own),
-                *_charge_faults(plan, network, fleet, reference_s, own),
+                *charge_faults(plan, network, fleet, reference_s, own),
                 *_commitment_faults(plan, own),
             )
         ),
@@ -76,10 +80,10 @@ def _commitment_faults(plan: VehiclePlan, own: Commitment | None) -> Iterator[st
         yield f"continues the plan of cycle {plan.continues}"
     if own is None:
         return
-    stops = [stop.stop for stop in plan.stops[1:-1]]
+    stops = [stop.stop for stop in plan.service_stops]
     if sorted(stops) != sorted(own.stops) or tuple(stops[: len(own.legs)]) != own.fixed_stops:
         yield "does not serve what it has loaded, or not in the order that is fixed"
-    for number, (fixed, leg) in enumerate(zip(own.legs, _legs(plan), strict=False)):
+    for number, (fixed, leg) in enumerate(zip(own.legs, legs_of(plan), strict=False)):
         driven = tuple(segment.segment for segment in leg)
         if driven[: len(fixed.path)] != fixed.path or (fixed.complete and driven != fixed.path):
             yield f"leaves the fixed way of leg {number}"
@@ -164,14 +168,6 @@ def _stop_faults(
             yield f"does not serve {vehicle.first_stop} first"
 
 
-def _legs(plan: VehiclePlan) -> list[list[PlannedSegment]]:
-    legs: list[list[PlannedSegment]] = [[] for _ in plan.stops[1:]]
-    for segment in plan.segments:
-        if segment.leg < len(legs):
-            legs[segment.leg].append(segment)
-    return legs
-
-
 def _path_faults(plan: VehiclePlan, network: RoadNetwork, own: Commitment | None) -> Iterator[str]:
     numbers = [segment.leg for segment in plan.segments]
     driven_legs = {
@@ -184,7 +180,7 @@ def _path_faults(plan: VehiclePlan, network: RoadNetwork, own: Commitment | None
     if unknown:
         yield f"unknown segments {unknown}"
         return
-    for number, leg in enumerate(_legs(plan)):
+    for number, leg in enumerate(legs_of(plan)):
         if not leg:
             continue
         roads = [network.segments[segment.segment] for segment in leg]
@@ -198,31 +194,6 @@ def _path_faults(plan: VehiclePlan, network: RoadNetwork, own: Commitment | None
     driven = sum(network.segments[s.segment].length_m for s in plan.segments)
     if abs(driven - plan.distance_m) > 1.0:
         yield f"distance is {driven:.0f} m, not {plan.distance_m:.0f} m"
-
-
-def _access_faults(
-    plan: VehiclePlan, network: RoadNetwork, fleet: Fleet, own: Commitment | None
-) -> Iterator[str]:
-    """Segments and turns that a vehicle of its class and size may not use; one that moves is on its
-    first segment already.
-    """
-    profile = _profile(fleet, plan.vehicle)
-    begun = 1 if own is not None and own.moving is not None else 0
-    for segment in plan.segments[begun:]:
-        known = segment.segment in network.segments
-        if known and not network.admits(segment.segment, profile):
-            yield f"may not use {segment.segment}"
-    for leg in _legs(plan):
-        for a, b in pairwise(segment.segment for segment in leg):
-            if not network.admits_turn(a, b, profile):
-                yield f"may not turn from {a} into {b}"
-
-
-def _profile(fleet: Fleet, name: str) -> RoutingProfile:
-    """A vehicle's permissions, size and top speed."""
-    vehicle = fleet.vehicle_by_id.get(name)
-    kind = None if vehicle is None else fleet.type_of(vehicle)
-    return RoutingProfile() if kind is None else kind.profile
 
 
 def _time_faults(
@@ -241,7 +212,7 @@ def _time_faults(
         needed_ns = 0 if known is None else round(known.service_s * 1e9)
         if stop.departure_ns - stop.arrival_ns < needed_ns - _TOLERANCE_NS:
             yield f"leaves {stop.stop} before it is served"
-    for number, leg in enumerate(_legs(plan)):
+    for number, leg in enumerate(legs_of(plan)):
         if not leg:
             if plan.stops[number + 1].arrival_ns != plan.stops[number].departure_ns:
                 yield f"takes time for leg {number}, which has no way"
@@ -251,7 +222,7 @@ def _time_faults(
         expected = [plan.stops[number].departure_ns, *ends[:-1]]
         if begins != expected or ends[-1] != plan.stops[number + 1].arrival_ns:
             yield f"the times of leg {number} do not join up"
-    profile = _profile(fleet, plan.vehicle)
+    profile = profile_of(fleet, plan.vehicle)
     top_mps = math.inf if profile.max_speed_mps is None else profile.max_speed_mps
     for segment in plan.segments:
         road = network.segments.get(segment.segment)
@@ -262,55 +233,6 @@ def _time_faults(
         seconds = (segment.exit_ns - segment.entry_ns) * 1e-9
         if segment.speed_mps > limit or seconds <= 0 or road.length_m / seconds > limit:
             yield f"faster than allowed on {segment.segment}"
-
-
-def _charge_faults(
-    plan: VehiclePlan,
-    network: RoadNetwork,
-    fleet: Fleet,
-    reference_s: float,
-    own: Commitment | None,
-) -> Iterator[str]:
-    """Charge by the plan's own figures, against what the battery holds, what a place gives in the
-    time, and the work of rolling, below which no leg's energy can be. A bound vehicle delivers
-    what it has loaded, whatever its reserve.
-    """
-    vehicle = fleet.vehicle_by_id.get(plan.vehicle)
-    kind = None if vehicle is None else fleet.type_of(vehicle)
-    if vehicle is None or kind is None or kind.battery_kwh is None or not plan.stops:
-        return
-    top_kw = math.inf if kind.charging_power_kw is None else kind.charging_power_kw
-
-    def most_kwh(power_kw: float | None, seconds: float) -> float:
-        return 0.0 if power_kw is None else min(power_kw, top_kw) * max(0.0, seconds) / 3600
-
-    begin_ns = plan.issued_ns + round(reference_s * 1e9)
-    depot_kw = fleet.depot_of(vehicle).charging_power_kw
-    charge = kind.battery_kwh if vehicle.charge_kwh is None else vehicle.charge_kwh
-    charge += most_kwh(depot_kw, (plan.depart_ns - begin_ns) * 1e-9)
-    rolling_n = kind.profile.physics.rolling_force_n
-    legs = [[], *_legs(plan)]
-    for number, (visit, leg) in enumerate(zip(plan.stops, legs, strict=False)):
-        if visit.charge_kwh is None:
-            yield f"no charge is planned for {visit.stop}"
-            return
-        # A part of a bound vehicle's first leg may lie behind it.
-        ahead = [] if own is not None and number == 1 else leg
-        least_kwh = kind.profile.physics.electrical_kwh(
-            rolling_n * sum(network.segments[s.segment].length_m for s in ahead)
-        )
-        if visit.charge_kwh > min(charge, kind.battery_kwh) - least_kwh + _TOLERANCE_KWH:
-            yield f"comes to {visit.stop} with more charge than it can have"
-        is_free = own is None and number > 0
-        reserve_kwh = kind.battery_reserve * kind.battery_kwh if is_free else 0.0
-        if visit.charge_kwh < reserve_kwh - _TOLERANCE_KWH:
-            yield f"comes to {visit.stop} with less than its reserve of {reserve_kwh:g} kWh"
-        place = fleet.charging_stop_by_id.get(visit.stop)
-        seconds = (visit.departure_ns - visit.arrival_ns) * 1e-9
-        limit_kwh = most_kwh(None if place is None else place.power_kw, seconds)
-        if visit.charged_kwh > limit_kwh + _TOLERANCE_KWH:
-            yield f"cannot take in {visit.charged_kwh:g} kWh at {visit.stop}"
-        charge = visit.charge_kwh + visit.charged_kwh
 
 
 def _platoon_faults(

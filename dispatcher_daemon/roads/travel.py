@@ -126,6 +126,10 @@ def roads_of(
     observed = RoutingProfile(problem.vehicle)
     if snapshot.expected is not None and profile.physics != observed.physics:
         factor = cost / np.array([segment_cost_kwh(*pair, observed) for pair in segments])
+        # Slow traffic hardly has drag: no vehicle loses less than it needs for rolling.
+        own, other = profile.physics, observed.physics
+        rolling = own.electrical_kwh(own.rolling_force_n)
+        factor = np.maximum(factor, rolling / other.electrical_kwh(other.rolling_force_n))
     length = np.array([network.segments[s].length_m for s in ids])
     basis = Basis(ids, turn, cost, speed, length)
     energy, time, waiting_s = basis.weights(

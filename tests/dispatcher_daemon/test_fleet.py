@@ -1,15 +1,17 @@
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pyproj
 import pytest
 
-from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, fleet_from, load_fleet
+from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, distances, fleet_from, load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
-from slipstream.roads import load_network
+from slipstream.roads import RoadNetwork, load_network
 from slipstream.vehicle_types import PRESETS, VehicleType
 
 
@@ -304,3 +306,68 @@ def test_the_arc_form_has_one_type_and_no_battery() -> None:
     assert "battery" in str(arc_form_obstacle(fleet_from(data, network, "f")))
     data["vehicles"] = [{"id": "a", "type": "paper_car"}, {"id": "b"}]
     assert arc_form_obstacle(fleet_from(data, network, "f")) is None
+
+
+TROY = Path(__file__).parents[2] / "simulation" / "scenarios" / "data" / "troy" / "troy.net.xml.gz"
+
+
+@pytest.fixture(scope="module")
+def troy() -> RoadNetwork:
+    """A network with a projection."""
+    return load_network(TROY)
+
+
+def _located(**stop: object) -> dict[str, object]:
+    return {
+        "depots": [{"lat": 42.7284, "lon": -73.6918}],
+        "stops": [{"id": "s", **stop}],
+        "vehicles": [{"id": "v"}],
+    }
+
+
+def test_places_by_latitude_and_longitude_are_snapped_to_the_road(
+    troy: RoadNetwork, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A point beside a road is served at its nearer end; how far it lies is said."""
+    segment = max(troy.segments.values(), key=lambda s: s.length_m)
+    (x0, y0), (x1, y1) = segment.shape[:2]
+    assert troy.projection is not None
+    x, y = (0.8 * x0 + 0.2 * x1 - troy.projection.offset_m[0], 0.8 * y0 + 0.2 * y1)
+    y -= troy.projection.offset_m[1]
+    lon, lat = pyproj.Proj(troy.projection.parameter)(x, y, inverse=True)
+    with caplog.at_level(logging.INFO):
+        fleet = fleet_from(_located(lat=lat, lon=lon), troy, "f.toml")
+    assert fleet.stops[0].node in (segment.start, segment.end)
+    assert fleet.depots[0].node in troy.junctions
+    assert "places lie at most" in caplog.text
+    found = dict(distances(fleet, troy, "f.toml"))
+    assert found["stops.s"].distance_m == pytest.approx(0.0, abs=0.1)
+    assert found["depots.depot"].node == fleet.depots[0].node
+    again = fleet_from(fleet.model_dump(), troy, "again")
+    assert again == fleet
+
+
+@pytest.mark.parametrize(
+    ("stop", "said"),
+    [
+        ({"lat": 42.9, "lon": -73.6}, "m from the nearest road that its vehicles may use"),
+        ({"lat": 42.7284}, "give lat and lon"),
+        ({"lat": 91.0, "lon": 0.0}, "lat"),
+        ({"lat": "north", "lon": 0.0}, "lat"),
+        ({}, "node"),
+    ],
+)
+def test_a_place_that_is_none_is_one_line(
+    troy: RoadNetwork, stop: dict[str, object], said: str
+) -> None:
+    """With the file, the key and the mend."""
+    with pytest.raises(InputError) as error:
+        fleet_from(_located(**stop), troy, "f.toml")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_network_without_a_projection_says_so() -> None:
+    """The built-in one has none."""
+    with pytest.raises(InputError, match="knows no latitude and longitude"):
+        fleet_from(_located(node="c1"), load_network("demo"), "f.toml")

@@ -226,3 +226,14 @@ def test_tours_are_cut_to_what_batteries_last(town: Town) -> None:
     result = dispatched(with_fleet(problem, vehicles=vehicles), snapshot)
     assert result.report.unserved == ()
     assert len(result.plans) == 2
+
+
+def test_an_unknown_segment_is_a_fault_and_no_error(town: Town) -> None:
+    """Of a vehicle with a battery as of any other."""
+    problem, snapshot = electric(town, 100.0)
+    (plan,) = dispatched(problem, snapshot).plans
+    moved = plan.segments[0].model_copy(update={"segment": "nowhere"})
+    changed = plan.model_copy(update={"segments": (moved, *plan.segments[1:])})
+    network = problem.network
+    found = verify_plans([changed], network, problem.fleet, (), 3.0, reference_s=REFERENCE_S)
+    assert "v: unknown segments ['nowhere']" in found

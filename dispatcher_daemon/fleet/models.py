@@ -1,39 +1,23 @@
-"""The fleet: depots, stops and vehicles, read from a file and checked against the road network."""
+"""Depots, stops, charging stops and vehicles of one dispatch."""
 
 from __future__ import annotations
 
-import logging
 import math
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from importlib import resources
-from pathlib import Path
 from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from slipstream.config import Settings, check, read_data
-from slipstream.errors import InputError
+from slipstream.config import Settings
 from slipstream.messages import Identifier
-from slipstream.roads import RoadNetwork
-from slipstream.snapping import Snapper
 from slipstream.vehicle_types import PRESETS, RoutingProfile, VehicleType
-
-log = logging.getLogger(__name__)
-
-DEMO_FLEET = "demo"
 
 DEPOT: Final = "depot"
 """In the arc form this place stands for each vehicle's own depot; no stop may have its name."""
 
 _DAY_S: Final = 86400.0
 _TOLERANCE_KG: Final = 1e-6
-_PLACES: Final = ("depots", "stops", "charging_stops")
-_UNKNOWN_NODE: Final = "by latitude and longitude"
-
-MAX_SNAP_M: Final = 200.0
-"""From a place by latitude and longitude to the nearest road; one further away is refused."""
 
 _PowerKw = Annotated[float, Field(gt=0, le=1e5, allow_inf_nan=False)]
 
@@ -119,7 +103,7 @@ class Stop(_Point):
         return self
 
 
-_Place = Depot | Stop | ChargingStop
+Place = Depot | Stop | ChargingStop
 
 
 class Vehicle(Settings):
@@ -251,7 +235,7 @@ class Fleet(Settings):
 
     def node(self, place: str) -> str:
         """Junction of a stop, a depot or a charging stop."""
-        places: tuple[Mapping[str, _Place], ...] = (self.depot_by_id, self.charging_stop_by_id)
+        places: tuple[Mapping[str, Place], ...] = (self.depot_by_id, self.charging_stop_by_id)
         for known in places:
             if place in known:
                 return known[place].node
@@ -313,187 +297,3 @@ def arc_form_obstacle(fleet: Fleet) -> str | None:
             f"for {len(fleet.pooled)} pooled stops"
         )
     return None
-
-
-def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
-    """Read a fleet.
-
-    Args:
-        reference: path of a TOML or JSON file, or ``"demo"`` for the fleet that is built in.
-        network: the roads that its nodes lie on.
-
-    Raises:
-        InputError: the file is missing or malformed, or does not fit the network (see
-            `check_fleet`).
-    """
-    if str(reference) == DEMO_FLEET:
-        packed = resources.files("dispatcher_daemon") / "data" / "demo_fleet.toml"
-        with resources.as_file(packed) as path:
-            return fleet_from(read_data(path), network, DEMO_FLEET)
-    return fleet_from(read_data(Path(reference)), network, reference)
-
-
-def fleet_from(data: object, network: RoadNetwork, source: str | Path) -> Fleet:
-    """Check plain data as a fleet; errors as in `load_fleet`.
-
-    A place with latitude and longitude gets a node: the nearer end of the nearest road that some
-    vehicle of the fleet may use, no more than `MAX_SNAP_M` away.
-    """
-    fleet = _located(check(_with_unknown_nodes(data), Fleet, source), network, source)
-    check_fleet(fleet, network, source)
-    return fleet
-
-
-def _with_unknown_nodes(data: object) -> object:
-    """Plain data in which a place with latitude and longitude alone has a node to be found."""
-    if not isinstance(data, Mapping):
-        return data
-
-    def placed(rows: object) -> object:
-        if not isinstance(rows, list | tuple):
-            return rows
-        return [
-            {"node": _UNKNOWN_NODE, **row}
-            if isinstance(row, Mapping) and ("lat" in row or "lon" in row)
-            else row
-            for row in rows
-        ]
-
-    return {key: placed(rows) if key in _PLACES else rows for key, rows in data.items()}
-
-
-def _located(fleet: Fleet, network: RoadNetwork, source: str | Path) -> Fleet:
-    """The fleet with the nodes of its places that are given by latitude and longitude."""
-    places: list[tuple[str, _Place]] = [
-        *(("depots", depot) for depot in fleet.depots),
-        *(("stops", stop) for stop in fleet.stops),
-        *(("charging_stops", stop) for stop in fleet.charging_stops),
-    ]
-    if all(place.node != _UNKNOWN_NODE for _, place in places):
-        return fleet
-    kinds = [fleet.type_of(vehicle) for vehicle in fleet.vehicles]
-    snapper = Snapper(network, {RoutingProfile() if k is None else k.profile for k in kinds})
-    found: dict[str, list[_Place]] = {table: [] for table in _PLACES}
-    for table, place in places:
-        if place.node == _UNKNOWN_NODE:
-            node = _nearest_node(place, network, snapper, source, f"{table}.{place.id}")
-            place = place.model_copy(update={"node": node})
-        found[table].append(place)
-    parts = {name: getattr(fleet, name) for name in Fleet.model_fields}
-    return Fleet(**parts | {table: tuple(rows) for table, rows in found.items()})
-
-
-def _nearest_node(
-    place: _Place, network: RoadNetwork, snapper: Snapper, source: str | Path, key: str
-) -> str:
-    if network.projection is None or place.lat is None or place.lon is None:
-        problem = f"network {network.name!r} knows no latitude and longitude"
-        raise InputError(source, problem, "name a junction as node", key=f"{key}.lat")
-    try:
-        snapped = snapper.nearest(network.projection.place_m(place.lat, place.lon))
-    except ValueError as error:
-        mend = "name a junction as node"
-        raise InputError(source, str(error), mend, key=f"{key}.lat") from None
-    if snapped is None:
-        problem = "no road that a vehicle of the fleet may use"
-        raise InputError(source, problem, "check the vehicles' types", key=f"{key}.lat")
-    if snapped.distance_m > MAX_SNAP_M:
-        problem = f"{snapped.distance_m:.0f} m from the nearest road that its vehicles may use"
-        mend = f"give a place within {MAX_SNAP_M:.0f} m of one"
-        raise InputError(source, problem, mend, key=f"{key}.lat")
-    log.info(
-        "%s: %s lies %.0f m from %s and is served at its end %s",
-        source,
-        key,
-        snapped.distance_m,
-        snapped.segment,
-        snapped.node,
-    )
-    return snapped.node
-
-
-def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: str = "") -> None:
-    """Check what a fleet refers to. Stops that cannot be served are no fault of the file's:
-    `dispatcher_daemon.planning.servability.unservable` names them.
-
-    Args:
-        source: what errors name.
-        prefix: put before the keys in errors, where the fleet is part of a larger file.
-
-    Raises:
-        InputError: a duplicate id, an unknown node, depot or vehicle type, a charge that does not
-            fit the battery, or a first stop that does not exist or is claimed twice.
-    """
-    _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
-    _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
-    _no_duplicates(source, f"{prefix}vehicles", "id", (v.id for v in fleet.vehicles))
-    _no_duplicates(source, f"{prefix}vehicle_types", "id", (t.id for t in fleet.vehicle_types))
-    _no_duplicates(source, f"{prefix}charging_stops", "id", (c.id for c in fleet.charging_stops))
-    for name in (DEPOT, *fleet.depot_by_id):
-        if name in fleet.stop_by_id:
-            raise InputError(
-                source, "a stop has a depot's id", "rename it", key=f"{prefix}stops.{name}"
-            )
-    for name in fleet.charging_stop_by_id:
-        if name == DEPOT or name in fleet.stop_by_id or name in fleet.depot_by_id:
-            problem = "a charging stop has the id of a stop or depot"
-            raise InputError(source, problem, "rename it", key=f"{prefix}charging_stops.{name}")
-    for kind in fleet.vehicle_types:
-        if kind.id in PRESETS:
-            key = f"{prefix}vehicle_types.{kind.id}"
-            raise InputError(source, "a vehicle type has a preset's id", "rename it", key=key)
-    for place, node in (
-        *((f"depots.{d.id}", d.node) for d in fleet.depots),
-        *((f"stops.{s.id}", s.node) for s in fleet.stops),
-        *((f"charging_stops.{c.id}", c.node) for c in fleet.charging_stops),
-    ):
-        if node not in network.junctions:
-            raise InputError(
-                source,
-                f"unknown node {node!r}",
-                f"use a junction of network {network.name!r}",
-                key=f"{prefix}{place}.node",
-            )
-    for vehicle in fleet.vehicles:
-        key = f"{prefix}vehicles.{vehicle.id}"
-        if vehicle.depot is not None and vehicle.depot not in fleet.depot_by_id:
-            raise InputError(
-                source, f"no depot {vehicle.depot!r}", "name one of the depots", key=f"{key}.depot"
-            )
-        if vehicle.first_stop is not None and vehicle.first_stop not in fleet.stop_by_id:
-            raise InputError(
-                source,
-                f"no stop {vehicle.first_stop!r}",
-                "name one of the stops",
-                key=f"{key}.first_stop",
-            )
-        _check_type(fleet, vehicle, source, key)
-    first = [v.first_stop for v in fleet.vehicles if v.first_stop is not None]
-    mend = "give each vehicle a stop of its own"
-    _no_duplicates(source, f"{prefix}vehicles", "first_stop", first, mend)
-
-
-def _check_type(fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str) -> None:
-    known = [*PRESETS, *(kind.id for kind in fleet.vehicle_types)]
-    if vehicle.type is not None and vehicle.type not in known:
-        mend = f"use one of {', '.join(known)}"
-        raise InputError(source, f"no vehicle type {vehicle.type!r}", mend, key=f"{key}.type")
-    kind = fleet.type_of(vehicle)
-    capacity_kwh = None if kind is None else kind.battery_kwh
-    if vehicle.charge_kwh is None:
-        return
-    if capacity_kwh is None:
-        problem, mend = "a charge without a battery", "give its type a battery_kwh"
-        raise InputError(source, problem, mend, key=f"{key}.charge_kwh")
-    if vehicle.charge_kwh > capacity_kwh:
-        problem = f"{vehicle.charge_kwh:g} kWh in a battery of {capacity_kwh:g} kWh"
-        raise InputError(source, problem, "give what is in it", key=f"{key}.charge_kwh")
-
-
-def _no_duplicates(
-    source: str | Path, table: str, key: str, values: Iterable[str], mend: str = "rename one"
-) -> None:
-    for value, count in Counter(values).items():
-        if count > 1:
-            what = table.rpartition(".")[2]
-            raise InputError(source, f"{count} {what} with {key} {value!r}", mend, key=table)

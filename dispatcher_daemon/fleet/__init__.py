@@ -1,0 +1,33 @@
+"""The fleet: depots, stops and vehicles, read from a file and checked against the road network."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.fleet.loading import DEMO_FLEET, check_fleet, fleet_from, load_fleet
+from dispatcher_daemon.fleet.models import (
+    DEPOT,
+    ChargingStop,
+    Depot,
+    Fleet,
+    NamedVehicleType,
+    Stop,
+    Vehicle,
+    arc_form_obstacle,
+)
+from dispatcher_daemon.fleet.places import MAX_SNAP_M, distances
+
+__all__ = [
+    "DEMO_FLEET",
+    "DEPOT",
+    "MAX_SNAP_M",
+    "ChargingStop",
+    "Depot",
+    "Fleet",
+    "NamedVehicleType",
+    "Stop",
+    "Vehicle",
+    "arc_form_obstacle",
+    "check_fleet",
+    "distances",
+    "fleet_from",
+    "load_fleet",
+]
