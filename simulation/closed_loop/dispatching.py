@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from dispatcher_daemon.cycle import cycle_seed, run_cycle
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.learning import History
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
@@ -20,7 +21,6 @@ from simulation.closed_loop.dispatch_settings import (
     evaluation_solve,
 )
 from simulation.closed_loop.gates import WINDOW_S, Roadside
-from simulation.closed_loop.history import History
 from simulation.closed_loop.planned_platoons import PlannedPlatoons
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import CycleRecord

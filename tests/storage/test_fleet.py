@@ -73,6 +73,19 @@ def test_what_is_stored_with_a_cycle_is_loaded(url, make_cycle):
         assert database.load_fleet(NOW_NS + DAY_NS).plans == (accepted,)
 
 
+def test_a_plan_in_force_is_shown_until_a_later_one_is(url, make_cycle):
+    """A vehicle that got none in the latest cycle still follows its last one."""
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        report, (first, second), states = make_cycle(1)
+        database.record_cycle(report, (first, second), states)
+        report, (later, _), states = make_cycle(2)
+        database.record_cycle(report, (later,), states)
+        assert reader.latest_plans() == (later, second)
+        done = PlanRecord(second, "done", NOW_NS)
+        database.save_fleet(FleetRecords(plans=(done,)))
+        assert reader.latest_plans() == (later,)
+
+
 def test_the_life_of_an_order_is_kept(url):
     """Each change is a row, in order, numbered on from transaction to transaction."""
     order = make_order("s1")

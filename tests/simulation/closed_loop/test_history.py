@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dispatcher_daemon.learning import HOURS, History, Passages, Trace
 from simulation.closed_loop import history_recording as recording
-from simulation.closed_loop.history import HOURS, History
-from simulation.closed_loop.history_recording import Passages, Trace, history_of, record_history
+from simulation.closed_loop.history_recording import history_of, record_history
 from simulation.scenarios.day import DaySpec
 from simulation.scenarios.scenario import Background, load_scenario
 from simulation.sumo.vehicle_types import TYPES
