@@ -27,6 +27,7 @@ from slipstream.roads import RoadNetwork
 _ARRIVED_M: Final = 5.0
 _ARRIVED_MPS: Final = 1.0
 _TELL_S: Final = 1.0
+_SOON_NS: Final = 200_000_000
 
 
 class Agents(Protocol):
@@ -56,6 +57,7 @@ class _Van:
     Attributes:
         segment: that it stands at an end of.
         look_ns: when it asks its agent next while it stands.
+        since_ns: since when it stands; advice from before is for the road.
         tour: number of its tour, from 0.
         ready_s: since when it could leave.
         serves: stop at which it stands, and until when.
@@ -67,6 +69,7 @@ class _Van:
 
     segment: str
     look_ns: int = 0
+    since_ns: int = 0
     tour: int = -1
     leg: int = 0
     ready_s: float = 0.0
@@ -222,6 +225,9 @@ class FleetWorld:
         van.look_ns = now_ns + self._look_ns
         if advice is None or advice.cycle is None or advice.leg is None:
             return
+        if advice.time_ns < van.since_ns:
+            van.look_ns = now_ns + _SOON_NS
+            return
         plan = self._agents.plan(name, advice.cycle)
         if plan is None:
             return
@@ -351,7 +357,7 @@ class FleetWorld:
         )
         van.way, van.measured = None, None
         van.segment, van.leg, van.ready_s = way.path[-1], van.leg + 1, now_s
-        van.look_ns = 0
+        van.look_ns, van.since_ns = 0, self._clock_ns()
         if way.number + 1 < len(way.plan.stops) - 1:
             self._serve(van, way.plan.stops[way.number + 1].stop, now_s)
         else:
