@@ -96,7 +96,7 @@ class _World:
             _LOOK_S,
         )
         self._orders = FleetFile(spec.fleet, spec.deliveries, session.time_s)
-        self._legs, self._driven_m = 0, 0.0
+        self._legs, self._driven_m, self._platooned_m = 0, 0.0, 0.0
         self._driven: set[str] = set()
         self._pace = Pace(spec.step_s, time.monotonic)
         self._gridlock, self._look_s = GridlockWatch(), session.time_s + CHECK_S
@@ -114,6 +114,7 @@ class _World:
             for leg in self._fleet.step():
                 self._legs += 1
                 self._driven_m += leg.distance_m
+                self._platooned_m += leg.led_m + leg.followed_m
                 self._driven.add(leg.vehicle)
             self._pace.stepped()
             self._look_for_gridlock()
@@ -153,6 +154,8 @@ class _World:
             tours_finished=fleet.tours_finished,
             orders_served=len(fleet.begun_s),
             orders_served_again=len(fleet.again),
+            longest_silence_s=fleet.longest_silence_s,
+            platooned_m=self._platooned_m,
             legs_driven=self._legs,
             fleet_driven_m=self._driven_m,
             fleet_on_road=fleet.on_road,
