@@ -127,6 +127,8 @@ class FleetWorld:
         disengagements: close gaps given up because the state of the segment was turbulent.
         begun_s: when the service of each stop began.
         again: stops that were served once more.
+        longest_silence_s: for how long a partner had been without advice, and so silent, at most,
+            while a vehicle still followed it closely.
         tours_finished: that ended at the depot.
     """
 
@@ -154,6 +156,8 @@ class FleetWorld:
         self.disengagements = 0
         self.begun_s: dict[str, float] = {}
         self.again: list[str] = []
+        self.longest_silence_s = 0.0
+        self._advised_ns: dict[str, int] = {}
         self.tours_finished = 0
 
     @property
@@ -301,12 +305,20 @@ class FleetWorld:
             assert van.way is not None
             advice = self._agents.advise(self._sensed[name])
             self._navigate(name, van, van.way, advice)
+            if advice is not None:
+                self._advised_ns[name] = advice.time_ns
             was_close = van.driver.close
             van.driver.obey(advice, self._sensed[name].segment)
             if van.driver.close and advice is not None:
                 self._following[name] = advice.mode == "follow"
+                if advice.mode == "follow":
+                    self._note_silence(advice.partner, now_ns)
                 left = advice.mode == "open_gap" and was_close
                 self.disengagements += left and "turbulent" in (advice.reason or "")
+
+    def _note_silence(self, partner: str | None, now_ns: int) -> None:
+        heard_ns = self._advised_ns.get(partner or "", now_ns)
+        self.longest_silence_s = max(self.longest_silence_s, (now_ns - heard_ns) / 1e9)
 
     def _navigate(self, name: str, van: _Van, way: _Way, advice: VehicleAdvice | None) -> None:
         """Take another way to the next stop, as a newer plan has it."""
