@@ -236,9 +236,9 @@ class FleetWorld:
         if plan is None:
             return
         if advice.depart_ns is None:
-            stop = plan.stops[advice.leg].stop
-            if van.serves is None or van.serves[0] != stop:  # a further one at the same junction
-                self._serve(van, stop, now_s)
+            stop, known = plan.stops[advice.leg].stop, None if van.serves is None else van.serves[0]
+            if stop != known and stop in {s.stop for s in plan.service_stops}:
+                self._serve(van, stop, now_s)  # a further one at the same junction
         elif advice.depart_ns > now_ns:
             van.look_ns = min(van.look_ns, advice.depart_ns)
         else:
