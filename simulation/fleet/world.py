@@ -229,8 +229,8 @@ class FleetWorld:
         van.look_ns = now_ns + self._look_ns
         if advice is None or advice.cycle is None or advice.leg is None:
             return
-        if advice.time_ns < van.since_ns:
-            van.look_ns = now_ns + _SOON_NS
+        if advice.mode != "none" or advice.reason is not None or advice.time_ns < van.since_ns:
+            van.look_ns = now_ns + _SOON_NS  # it was for the road: over the bus it comes later
             return
         plan = self._agents.plan(name, advice.cycle)
         if plan is None:
