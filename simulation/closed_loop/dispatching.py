@@ -66,7 +66,7 @@ class Dispatching:
         self.time_worth_kw = 0.0 if self._history is None else self._history.time_worth_kw(network)
         self._expected: tuple[int, Expectations] | None = None
         self._settings = settings_of(policy, self.waiting_worth_kw)
-        self._solve = evaluation_solve()
+        self._solve = evaluation_solve(self._settings)
         self._tracker = FleetTracker(network)
         self._platoons = PlannedPlatoons()
         self._number = 0
@@ -179,7 +179,7 @@ def settings_of(policy: Policy, value_of_time_kw: float) -> DispatcherSettings:
         departure_window_s=DepartureSettings().window_s if "departures" in levers else 0.0,
         value_of_time_kw=value_of_time_kw,
     )
-    return evaluation_settings().model_copy(update={"advice": advice})
+    return evaluation_settings(solver=policy.solver).model_copy(update={"advice": advice})
 
 
 def with_gates(snapshot: TrafficSnapshot, open_: frozenset[str]) -> TrafficSnapshot:

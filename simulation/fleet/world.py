@@ -299,7 +299,7 @@ class FleetWorld:
             for name, van in self._vans.items()
             if van.way is not None and van.measured is not None
         }
-        self._following = {}
+        followed, self._following = self._following, {}
         for name in _front_to_back(self._sensed):
             van = self._vans[name]
             assert van.way is not None
@@ -307,13 +307,12 @@ class FleetWorld:
             self._navigate(name, van, van.way, advice)
             if advice is not None:
                 self._advised_ns[name] = advice.time_ns
-            was_close = van.driver.close
             van.driver.obey(advice, self._sensed[name].segment)
             if van.driver.close and advice is not None:
                 self._following[name] = advice.mode == "follow"
                 if advice.mode == "follow":
                     self._note_silence(advice.partner, now_ns)
-                left = advice.mode == "open_gap" and was_close
+                left = followed.get(name, False) and advice.mode == "open_gap"
                 self.disengagements += left and "turbulent" in (advice.reason or "")
 
     def _note_silence(self, partner: str | None, now_ns: int) -> None:
