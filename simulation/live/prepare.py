@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Final
 
 from simulation.live.fleet_file import FleetFile
 from simulation.live.world_spec import WorldSpec
-from simulation.scenarios.demand import draw_deliveries
+from simulation.scenarios.demand import Deliveries, draw_deliveries
 from simulation.scenarios.perception import Rsu
 from simulation.scenarios.scenario import day_spec, load_scenario, own_background, prepare
 from simulation.sumo import TYPES
@@ -52,7 +53,7 @@ def prepare_world(
             RSUs than cameras, or no order at that time of day.
     """
     scenario = load_scenario(name, net=net, demand=demand, rsus=rsus, fleet=fleet)
-    deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, name)
+    deliveries = named_anew(draw_deliveries(scenario.fleet, scenario.network, seed, name))
     folder.mkdir(parents=True, exist_ok=True)
     orders = folder / "fleet.json"
     if not FleetFile(orders, deliveries, begin_s).write(begin_s, ()):
@@ -80,6 +81,15 @@ def prepare_world(
         seed=seed,
         fps=fps,
     )
+
+
+def named_anew(deliveries: Deliveries) -> Deliveries:
+    """The same orders under names that no run before had: what a database knows as served would
+    not be planned again.
+    """
+    run = time.strftime("%m%d%H%M%S")
+    orders = tuple(replace(order, id=f"{run}-{order.id}") for order in deliveries.orders)
+    return replace(deliveries, orders=orders)
 
 
 def _check_count(name: str, rsus: Sequence[Rsu], cameras: int) -> None:
