@@ -301,9 +301,11 @@ def _parts(
         edge.getID(): tuple(sorted(known & {out.getID() for out in edge.getOutgoing()}))
         for edge in edges
     }
+    # In the order of the segments, whatever else of the net was read: seeds draw junctions by it.
+    ends = (node for edge in edges for node in (edge.getFromNode(), edge.getToNode()))
+    nodes = {node.getID(): node for node in (*ends, *net.getNodes())}
     junctions = {
-        node.getID(): (float(node.getCoord()[0]), float(node.getCoord()[1]))
-        for node in net.getNodes()
+        name: (float(node.getCoord()[0]), float(node.getCoord()[1])) for name, node in nodes.items()
     }
     signals = {
         node.getID() for node in net.getNodes() if node.getType().startswith("traffic_light")

@@ -110,6 +110,13 @@ def test_ways_through_junctions_are_read() -> None:
     assert not crossing.signal_groups
 
 
+def test_junctions_are_in_the_order_of_the_segments() -> None:
+    """Seeded draws go by it: the same whatever else of a net is read."""
+    network = load_network("demo")
+    ends = [name for segment in network.segments.values() for name in (segment.start, segment.end)]
+    assert list(network.junctions) == list(dict.fromkeys(ends))
+
+
 def test_a_crossing_with_signals_names_its_groups() -> None:
     """Troy's: the signals that stand at the segment's end, and a number a lane."""
     from simulation.scenarios.scenario import load_scenario

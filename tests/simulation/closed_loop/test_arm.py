@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -10,17 +11,18 @@ import pytest
 from simulation.closed_loop.arm import ArmSpec, run_arm
 from simulation.closed_loop.policy import LEVERS, Policy
 from simulation.closed_loop.record import ArmResult
+from simulation.evaluation.measures.figures import measure
 from simulation.scenarios.scenario import load_scenario, prepare
 from slipstream.errors import InputError
 
 pytestmark = pytest.mark.slow(long=True)
 
-BEGIN_S, END_S = 36000.0, 36900.0
+BEGIN_S, END_S = 36000.0, 37800.0
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[ArmResult, ArmResult, ArmResult]:
-    """A quarter of an hour at ten o'clock: the baseline once, every lever twice."""
+    """Half an hour at ten o'clock: the baseline once, every lever twice."""
     folder = tmp_path_factory.mktemp("arm")
     scenario = load_scenario("troy")
     background = prepare(scenario, 1, folder)
@@ -41,6 +43,43 @@ def test_the_same_order_gives_the_same_result(results: tuple[ArmResult, ...]) ->
     """Every speed, energy and count of an arm is there again, to the last bit."""
     _, first, again = results
     assert first == again
+    assert repr(first) == repr(again)
+
+
+def test_every_order_is_served_once_and_no_vehicle_is_sent_back(
+    results: tuple[ArmResult, ...],
+) -> None:
+    """Each leg begins where its vehicle's last one ended, in the order of legs and tours."""
+    segments = load_scenario("troy").network.segments
+    for result in results[:2]:
+        assert result.served_again == 0
+        begun = [service.order for service in result.services if service.begun_s is not None]
+        assert len(begun) == len(set(begun)) >= 15
+        for vehicle in {leg.vehicle for leg in result.legs}:
+            legs = [leg for leg in result.legs if leg.vehicle == vehicle]
+            for before, after in pairwise(legs):
+                assert segments[before.path[-1]].end == segments[after.path[0]].start
+                assert after.departed_s >= before.arrived_s
+                follows = (before.round, before.leg + 1), (before.round + 1, 0)
+                assert (after.round, after.leg) in follows
+
+
+def test_every_leg_is_as_long_as_its_path(results: tuple[ArmResult, ...]) -> None:
+    """With its junctions; a vehicle is taken off the road up to 5 m before the end."""
+    network = load_scenario("troy").network
+    for leg in (leg for result in results[:2] for leg in result.legs):
+        length_m = sum(network.segments[name].length_m for name in leg.path)
+        length_m += sum(network.crossings[pair].length_m for pair in pairwise(leg.path))
+        assert leg.distance_m == pytest.approx(length_m, abs=20.0)
+
+
+def test_planned_and_driven_platoons_stand_side_by_side(results: tuple[ArmResult, ...]) -> None:
+    """Both in kilometres, none of them negative; the baseline has neither."""
+    none, some = (measure(result) for result in results[:2])
+    assert (none.planned_platooned_km, none.platooned_km) == (0.0, 0.0)
+    assert some.planned_platooned_km >= 0.0
+    assert some.platooned_km >= 0.0
+    assert (none.faults, some.faults) == ((), ())
 
 
 def test_a_baseline_delivers_alone(results: tuple[ArmResult, ...]) -> None:
