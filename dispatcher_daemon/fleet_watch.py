@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
+from dispatcher_daemon.learning import MovementCosts
 from dispatcher_daemon.tracking import FleetTracker, Situation
+from dispatcher_daemon.traffic import Expectations
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -60,6 +63,7 @@ class FleetWatch:
         refuse: Callable[[InputError], None],
     ) -> None:
         self._tracker = FleetTracker(network, records, started_ns)
+        self._costs = MovementCosts(network, records.movements)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
 
@@ -70,6 +74,8 @@ class FleetWatch:
             return
         with self._lock:
             known = self._tracker.on_position(position, self._clock())
+            if known and position.vehicle in self._tracker.vehicles:
+                self._costs.on_position(position)
         if not known:
             unknown = f"unknown segment {position.segment!r}"
             self._refuse(InputError(key, unknown, "give the vehicle this network"))
@@ -122,12 +128,19 @@ class FleetWatch:
             plans = tracker.admissible(plans)
             tracker.publish(plans, stops, reference_ns, now_ns)
             try:
-                save(plans, tracker.pending_records())
+                save(plans, replace(tracker.pending_records(), movements=self._costs.pending()))
             except Exception:
                 tracker.retract(plans, now_ns)
                 raise
             tracker.stored()
+            self._costs.stored()
         return plans
+
+    def expectations(self, now_ns: int) -> Expectations | None:
+        """What movements are expected to cost; None: the fleet has driven too little."""
+        with self._lock:
+            self._costs.count()
+            return self._costs.expectations(now_ns)
 
     def store_all(self) -> None:
         """The next cycle stores the whole fleet: the database is another one."""

@@ -1,4 +1,5 @@
-"""What is recorded of orders, plans and vehicles: the life of each, with times and reasons.
+"""What is recorded of orders, plans and vehicles: the life of each, with times and reasons; and of
+movements, what they cost.
 
 An order is open, planned (a published plan has it), under_way (its vehicle has left with it), and
 served, failed or cancelled in the end. A plan is published, acknowledged by its vehicle, and in the
@@ -110,6 +111,29 @@ class VehicleRecord:
 
 
 @dataclass(frozen=True)
+class MovementSum:
+    """Sums over passages of a segment and the turn behind it, in one hour of the day.
+
+    Attributes:
+        segment: driven.
+        following: next segment.
+        hour: of the day, UTC.
+        count: passages.
+        loss_kwh: see `dispatcher_daemon.traffic.Expectations`.
+        seconds: likewise.
+        stops: times that vehicles came to a stand.
+    """
+
+    segment: str
+    following: str
+    hour: int
+    count: float
+    loss_kwh: float
+    seconds: float
+    stops: float
+
+
+@dataclass(frozen=True)
 class FleetRecords:
     """What a cycle stores of orders, plans and vehicles, or a start loads of them.
 
@@ -118,9 +142,11 @@ class FleetRecords:
         changes: in their order; none when loaded.
         plans: of earlier cycles whose status has changed, or all in force and lately lapsed.
         vehicles: that have changed, or all.
+        movements: what is to be added to their sums, or the sums.
     """
 
     orders: tuple[OrderRecord, ...] = ()
     changes: tuple[OrderChange, ...] = ()
     plans: tuple[PlanRecord, ...] = ()
     vehicles: tuple[VehicleRecord, ...] = ()
+    movements: tuple[MovementSum, ...] = ()

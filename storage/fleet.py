@@ -15,12 +15,13 @@ from slipstream.orders import (
     ENDED,
     IN_FORCE,
     FleetRecords,
+    MovementSum,
     OrderChange,
     OrderRecord,
     PlanRecord,
     VehicleRecord,
 )
-from storage.models import OrderChangeRow, OrderRow, PlanRow, VehicleRow
+from storage.models import MovementRow, OrderChangeRow, OrderRow, PlanRow, VehicleRow
 from storage.rows import vehicle_plan
 
 REMEMBERED_S: Final = 86_400.0
@@ -47,6 +48,13 @@ def save(session: Session, records: FleetRecords) -> None:
         )
     for vehicle in records.vehicles:
         session.merge(VehicleRow(**_vehicle_values(vehicle)))
+    for movement in records.movements:
+        known = session.get(MovementRow, (movement.segment, movement.following, movement.hour))
+        if known is None:
+            session.add(MovementRow(**asdict(movement)))
+            continue
+        for name in ("count", "loss_kwh", "seconds", "stops"):
+            setattr(known, name, getattr(known, name) + getattr(movement, name))
 
 
 def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:
@@ -81,10 +89,16 @@ def load(session: Session, now_ns: int) -> FleetRecords:
         .order_by(PlanRow.cycle, PlanRow.vehicle)
     )
     vehicles = session.scalars(select(VehicleRow).order_by(VehicleRow.vehicle))
+    movements = select(MovementRow).order_by(
+        MovementRow.segment, MovementRow.following, MovementRow.hour
+    )
     return FleetRecords(
         orders=tuple(_order(row) for row in orders),
         plans=tuple(_plan(row) for row in plans),
         vehicles=tuple(_vehicle(row) for row in vehicles),
+        movements=tuple(
+            MovementSum(**_values(row, MovementSum)) for row in session.scalars(movements)
+        ),
     )
 
 

@@ -202,6 +202,20 @@ class VehicleRow(Base):
     left_out_until: Mapped[int]
 
 
+class MovementRow(Base):
+    """Passages of a movement in one hour of the day (a `slipstream.orders.MovementSum`)."""
+
+    __tablename__ = "movements"
+
+    segment: Mapped[str] = mapped_column(primary_key=True)
+    following: Mapped[str] = mapped_column(primary_key=True)
+    hour: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    count: Mapped[float]
+    loss_kwh: Mapped[float]
+    seconds: Mapped[float]
+    stops: Mapped[float]
+
+
 class ClockRow(Base):
     """The one row of the time up to which the dispatcher's clock was to be trusted, UTC ns."""
 

@@ -6,13 +6,13 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Self
 
-from sqlalchemy import Engine, Select, func, select
+from sqlalchemy import Engine, Select, func, or_, select
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, selectinload
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
-from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord
+from slipstream.orders import IN_FORCE, ORDER_STATES, OrderChange, OrderRecord
 from storage import fleet, jobs, schema
 from storage.engine import (
     StorageError,
@@ -44,11 +44,18 @@ class Reader:
         return cycles[-1] if cycles else None
 
     def latest_plans(self) -> tuple[VehiclePlan, ...]:
-        """The plans of the latest cycle with plans, ordered by vehicle."""
+        """The plans of the latest cycle with plans, and the latest in force of each other vehicle:
+        one that is on its way gets a plan only where something changes. Ordered by vehicle.
+        """
         latest = select(func.max(PlanRow.cycle)).scalar_subquery()
-        query = select(PlanRow).where(PlanRow.cycle == latest).order_by(PlanRow.vehicle)
+        query = (
+            select(PlanRow)
+            .where(or_(PlanRow.cycle == latest, PlanRow.status.in_(IN_FORCE)))
+            .order_by(PlanRow.vehicle, PlanRow.cycle)
+        )
         with self._read_session() as session:
-            return tuple(vehicle_plan(row) for row in _all(session, query))
+            plans = {row.vehicle: row for row in _all(session, query)}
+            return tuple(vehicle_plan(row) for row in plans.values())
 
     def cycles(self, limit: int) -> tuple[CycleReport, ...]:
         """The last ``limit`` cycles, oldest first."""

@@ -27,7 +27,6 @@ from slipstream.messages import (
     SignalStatus,
     VehicleAdvice,
     VehiclePlan,
-    VehiclePosition,
     VehicleSensing,
     acknowledgement_key,
     plan_key,
@@ -35,8 +34,6 @@ from slipstream.messages import (
     platoon_controls_on,
     platoon_management_key,
     platoon_managements_to,
-    position_key,
-    progress_key,
     segment_states_key,
     signal_request_key,
     signal_status_key,
@@ -46,6 +43,7 @@ from slipstream.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.departure import LegDeparture
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
+from vehicle_agent.reports import Outgoing, Reports
 from vehicle_agent.roadside import CLOSED, Roadside
 from vehicle_agent.signals import (
     HORIZON_M,
@@ -61,11 +59,6 @@ CLOCK_ERROR_S: Final = 0.1
 """Largest error of a clock that platooning trusts."""
 
 _SENSING_AGE_S: Final = 0.5
-_POSITION_NS: Final = 1_000_000_000
-_STANDING_NS: Final = 5_000_000_000
-_PROGRESS_NS: Final = 5_000_000_000
-
-Outgoing = tuple[str, Message]
 
 
 DEFAULT_LENGTH_M: Final = 4.6
@@ -120,7 +113,7 @@ class Agent:
         self._mode: PlatoonMode = "alone"
         self._begun: Leg | None = None
         self._green_at: str | None = None
-        self._position_ns = self._progress_ns = 0
+        self._reports = Reports(vehicle)
         self._outgoing: list[Outgoing] = []
         self._topics: tuple[object, frozenset[str]] | None = None
 
@@ -159,7 +152,7 @@ class Agent:
                 answer = self.tour.report(message, now_ns)
                 if answer is not None:
                     self._send(acknowledgement_key(self.vehicle), answer)
-                self._tell_progress(now_ns)
+                self._outgoing += self._reports.progress(self.tour, now_ns)
 
     def advise(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
         """The advice for the coming control interval; called once an interval.
@@ -176,7 +169,7 @@ class Agent:
             if due_ns is not None and due_ns <= now_ns:
                 tour.skip(now_ns)
         changed = before != (tour.leg, tour.driving, tour.plan is None)
-        self._tell(sensing, now_ns, changed=changed)
+        self._outgoing += self._reports.due(self.tour, sensing, now_ns, changed=changed)
         if not sensing.on_road:
             return self._standing(sensing, now_ns)
         return self._driving(sensing, now_ns)
@@ -296,38 +289,6 @@ class Agent:
         self._green_at = None
         for request in self._requests.end(now_ns / 1e9):
             self._send(signal_request_key(request.intersection, self.vehicle), request)
-
-    def _tell(self, sensing: VehicleSensing, now_ns: int, *, changed: bool) -> None:
-        """Position once a second on the road, else like progress every few; both at each change."""
-        interval_ns = _POSITION_NS if sensing.on_road else _STANDING_NS
-        if changed or now_ns - self._position_ns >= interval_ns:
-            self._position_ns = now_ns
-            self._send(position_key(self.vehicle), self._position(sensing))
-        if changed or now_ns - self._progress_ns >= _PROGRESS_NS:
-            self._tell_progress(now_ns)
-
-    def _tell_progress(self, now_ns: int) -> None:
-        self._progress_ns = now_ns
-        self._send(progress_key(self.vehicle), self.tour.progress(now_ns))
-
-    def _position(self, sensing: VehicleSensing) -> VehiclePosition:
-        tour = self.tour
-        share = 1.0  # it stands at the end of the segment that it came by
-        if sensing.on_road:
-            leg, state = tour.current, tour.state
-            if leg is not None and state is not None:
-                share = 1.0 if state.crossing else state.front_m / leg.lengths_m[state.number]
-        return VehiclePosition(
-            vehicle=self.vehicle,
-            time_ns=sensing.time_ns,
-            segment=sensing.segment,
-            share=min(1.0, max(0.0, share)),
-            speed_mps=sensing.speed_mps,
-            on_road=sensing.on_road,
-            cycle=None if tour.plan is None else tour.plan.cycle,
-            leg=None if tour.plan is None else tour.leg,
-            charge_kwh=sensing.charge_kwh,
-        )
 
     def _advice(
         self,

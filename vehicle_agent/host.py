@@ -18,7 +18,8 @@ from slipstream.messages import (
     VehicleSensing,
     platoon_controls_on,
 )
-from vehicle_agent.agent import Agent, AgentParameters, Outgoing
+from vehicle_agent.agent import Agent, AgentParameters
+from vehicle_agent.reports import Outgoing
 from vehicle_agent.roadside import Roadside
 from vehicle_agent.signals import SignalTimings
 

@@ -36,7 +36,7 @@ def committed_legs(
     places.append((depot.id, depot.node))
     legs = []
     for number, (fixed, (start, end)) in enumerate(zip(own.legs, pairwise(places), strict=False)):
-        leg = leg_onward(roads, travel.searched, fixed.path, start, end, style)
+        leg = leg_onward(travel, fixed.path, start, end, style, complete=fixed.complete)
         if leg is None:
             return None
         if number == 0 and own.moving is not None:

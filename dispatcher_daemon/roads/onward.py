@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.roads.routes import Leg, empty_leg
-from dispatcher_daemon.roads.travel import Roads, leg_along
-from dispatcher_daemon.roads.weights import Weights
+from dispatcher_daemon.roads.travel import Roads, Travel, leg_along
 from slipstream.drive import DrivingStyle, plan_drive
 
 _MIN_REST_M = 1.0
@@ -19,31 +18,37 @@ _MIN_REST_M = 1.0
 
 
 def leg_onward(
-    roads: Roads,
-    searched: Weights,
+    travel: Travel,
     path: Sequence[str],
     start: tuple[str, str],
     end: tuple[str, str],
     style: DrivingStyle,
+    *,
+    complete: bool = False,
 ) -> Leg | None:
     """The leg that begins with a path and goes on as is cheapest; None if no way leads there.
 
     Args:
-        roads: of the cycle.
-        searched: costs to minimise.
+        travel: of the vehicle's profile.
         path: segments that it begins with; none: it begins at the start's junction.
         start: place and its junction.
         end: likewise.
         style: of the drive.
+        complete: whether the path is the whole leg.
     """
     if not path and start[1] == end[1]:
         return empty_leg(start[0], end[0])
-    rows = [roads.index[name] for name in path]
-    first = rows[-1:] or roads.leaving[start[1]]
-    onward = _cheapest(roads, searched, first, roads.entering[end[1]])
-    if onward is None:
+    roads = travel.roads
+    rows = [roads.index.get(name, -1) for name in path]
+    if -1 in rows or any(pair not in roads.turn_number for pair in pairwise(rows)):
         return None
-    return leg_along(roads, [*rows[:-1], *onward], start[0], end[0], style)
+    if not complete:
+        first = rows[-1:] or roads.leaving[start[1]]
+        onward = _cheapest(travel, first, roads.entering[end[1]])
+        if onward is None:
+            return None
+        rows = [*rows[:-1], *onward]
+    return leg_along(roads, rows, start[0], end[0], style)
 
 
 def leg_from(roads: Roads, leg: Leg, share: float, speed_mps: float, style: DrivingStyle) -> Leg:
@@ -75,23 +80,17 @@ def unhindered_s(roads: Roads, segment: str, share: float) -> float:
     return float(share * roads.length_m[row] / roads.speed_mps[row])
 
 
-def _cheapest(
-    roads: Roads, searched: Weights, first: Sequence[int], last: Sequence[int]
-) -> list[int] | None:
+def _cheapest(travel: Travel, first: Sequence[int], last: Sequence[int]) -> list[int] | None:
     """The cheapest path from one of some segments to one of others; None: there is none."""
     if not first or not last:
         return None
-    m = len(roads.ids)
-    onto = np.concatenate([roads.turn[1], np.array(first, dtype=np.int64)])
-    origin = np.concatenate([roads.turn[0], np.full(len(first), m)])
-    cost = np.concatenate([searched.turn, searched.begin[list(first)]])
-    graph = csr_array((cost, (origin, onto)), shape=(m + 1, m + 1))
-    distance, before = dijkstra(graph, indices=m, return_predecessors=True)
-    whole = distance[list(last)] + searched.finish[list(last)]
-    best = int(np.argmin(whole))
-    if not np.isfinite(whole[best]):
+    distance, before = dijkstra(travel.turn_graph, indices=list(first), return_predecessors=True)
+    whole = distance[:, list(last)] + travel.searched.finish[list(last)]
+    whole = whole + travel.searched.begin[list(first)][:, None]
+    origin, goal = divmod(int(np.argmin(whole)), len(last))
+    if not np.isfinite(whole[origin, goal]):
         return None
-    path = [int(last[best])]
-    while before[path[-1]] != m:
-        path.append(int(before[path[-1]]))
+    path = [int(last[goal])]
+    while path[-1] != first[origin]:
+        path.append(int(before[origin, path[-1]]))
     return path[::-1]

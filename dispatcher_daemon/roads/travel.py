@@ -205,6 +205,13 @@ class Travel:
         self._legs: dict[tuple[int, int], Leg | None] = {}
         self._paths: dict[tuple[int, int, int], list[list[int]]] = {}
 
+    @cached_property
+    def turn_graph(self) -> csr_array:
+        """Turns with their searched costs, over segments, shape (m, m)."""
+        m = len(self.roads.ids)
+        turn = self.roads.turn
+        return csr_array((self.searched.turn, (turn[0], turn[1])), shape=(m, m))
+
     def of(self, vehicle: Vehicle) -> Travel:
         """The paths of a vehicle's profile.
 

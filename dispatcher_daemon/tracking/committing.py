@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from typing import Final
 
@@ -141,15 +140,3 @@ def _committed(
         if not complete or target is None:
             break
     return found
-
-
-def is_at(
-    node: tuple[float, float],
-    ends: tuple[tuple[float, float], tuple[float, float]],
-    share: float,
-    within_m: float,
-) -> bool:
-    """Whether a place on the line between two ends is near a junction."""
-    (x0, y0), (x1, y1) = ends
-    there = (x0 + share * (x1 - x0), y0 + share * (y1 - y0))
-    return math.dist(there, node) <= within_m

@@ -7,10 +7,12 @@ from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
-from dispatcher_daemon.tracking.committing import commitment, is_at
+from dispatcher_daemon.tracking.availability import Availability
+from dispatcher_daemon.tracking.committing import commitment
 from dispatcher_daemon.tracking.orders import OrderBook
+from dispatcher_daemon.tracking.plan_life import PlanLife
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
-from dispatcher_daemon.tracking.vehicle import TrackedVehicle, ended, loaded
+from dispatcher_daemon.tracking.vehicle import TrackedVehicle, loaded
 from slipstream.messages import (
     OrderState,
     PlanAcknowledgement,
@@ -18,20 +20,9 @@ from slipstream.messages import (
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, PlanRecord, PlanStatus
+from slipstream.orders import FleetRecords, PlanRecord
 from slipstream.roads import RoadNetwork
 
-ANSWER_NS: Final = 5 * 10**9
-"""A vehicle that reports, and not by then that it follows its new plan, does not: the plan is taken
-back. That of a silent one is when it lapses: it may be on its way, with an answer that was lost."""
-LEAVE_NS: Final = 60 * 10**9
-"""So long after its departure a plan is taken back whose vehicle says that it follows none."""
-LEFT_OUT_CYCLES: Final = 3
-"""Cycles in which a vehicle that refused a plan, or did not answer it, is not planned."""
-AT_DEPOT_M: Final = 100.0
-"""A vehicle this near to its depot's junction stands in its yard."""
-RESUME_NS: Final = 10 * 10**9
-"""After a start, vehicles have this long to report before they count as never reporting."""
 MAX_STRANGERS: Final = 2000
 """Reports that are kept of vehicles which no fleet file has listed yet."""
 
@@ -55,11 +46,11 @@ class FleetTracker:
     ) -> None:
         stored = records or FleetRecords()
         self._network = network
-        self._started_ns = started_ns
         self.book = OrderBook(stored.orders)
+        self._life = PlanLife(self.book, self._may_have)
+        self._available = Availability(network, started_ns)
         self._vehicles = {record.vehicle: loaded(record) for record in stored.vehicles}
         self._strangers: dict[tuple[str, str], VehiclePosition | VehicleProgress] = {}
-        self._plans: dict[tuple[int, str], PlanRecord] = {}
         self._reported: set[str] = set()
         for record in stored.plans:
             self._resume(record)
@@ -92,18 +83,18 @@ class FleetTracker:
         self._heard(vehicle, now_ns)
         was_free = vehicle.is_fresh(now_ns) and vehicle.free_since_ns is not None
         vehicle.position, vehicle.heard_ns = position, now_ns
-        if position.cycle is not None or not self._is_home(vehicle):
+        if position.cycle is not None or not self._available.is_home(vehicle):
             vehicle.free_since_ns = None
         elif not was_free:
             vehicle.free_since_ns = now_ns
         if position.cycle is not None:
             left = position.on_road or bool(position.leg)
-            self._follows(vehicle, position.cycle, now_ns, left=left)
+            self._life.follows(vehicle, position.cycle, now_ns, left=left)
         accepted = vehicle.accepted
         if accepted is not None and position.cycle == accepted.plan.cycle:
             assert position.leg is not None
-            self._drives(vehicle, accepted.plan, position.leg, now_ns)
-        self._come_back(vehicle, now_ns)
+            self._life.drives(vehicle, accepted.plan, position.leg, now_ns)
+        self._life.come_back(vehicle, now_ns)
         return True
 
     def on_acknowledgement(self, answer: PlanAcknowledgement, now_ns: int) -> None:
@@ -115,24 +106,9 @@ class FleetTracker:
             return
         self._heard(vehicle, now_ns)
         if answer.accepted:
-            self._follows(vehicle, answer.cycle, now_ns)
-        elif vehicle.offered is not None and vehicle.offered.plan.cycle == answer.cycle:
-            refused = ended(vehicle.offered, "refused", now_ns, answer.reason)
-            self._note(refused)
-            vehicle.offered = None
-            if vehicle.accepted is None:
-                self.book.release(
-                    vehicle.id, now_ns, f"{vehicle.id} refused its plan: {answer.reason}"
-                )
-                vehicle.left_out_until = answer.cycle + 1 + LEFT_OUT_CYCLES
-        elif (
-            vehicle.accepted is not None
-            and vehicle.accepted.plan.cycle == answer.cycle
-            and not vehicle.left
-        ):
-            reason = f"{vehicle.id} gave its plan back: {answer.reason}"
-            self._drop(vehicle, vehicle.accepted, "refused", now_ns, reason)
-            vehicle.left_out_until = answer.cycle + 1 + LEFT_OUT_CYCLES
+            self._life.follows(vehicle, answer.cycle, now_ns)
+        else:
+            self._life.refused(vehicle, answer, now_ns)
 
     def on_progress(self, progress: VehicleProgress, now_ns: int) -> None:
         """Visits, each as often as it comes."""
@@ -147,12 +123,12 @@ class FleetTracker:
         if vehicle.is_news(before, progress.time_ns, now_ns):
             vehicle.progress = progress
             if progress.cycle is not None:
-                self._follows(vehicle, progress.cycle, now_ns)
+                self._life.follows(vehicle, progress.cycle, now_ns)
         visited = {visit.stop for visit in progress.visits}
         accepted = vehicle.accepted
         if accepted is not None and any(s.stop in visited for s in accepted.plan.service_stops):
-            self._leave(vehicle, now_ns)
-        self._come_back(vehicle, now_ns)
+            self._life.leave(vehicle, now_ns)
+        self._life.come_back(vehicle, now_ns)
 
     def list_fleet(self, fleet: Fleet | None, now_ns: int) -> None:
         """Take over the fleet's file as it is now; None: it has no order, or no vehicle."""
@@ -188,17 +164,17 @@ class FleetTracker:
             reference_s: from then to the moment that its plans are out, and that the fleet's times
                 count from.
         """
-        self._take_back(cycle, now_ns)
+        self._life.take_back(self._vehicles.values(), cycle, now_ns)
         reference_ns = now_ns + round(1e9 * reference_s)
         left_out: dict[str, str] = {}
         bound: list[Commitment] = []
         free: list[Vehicle] = []
         for vehicle in self._vehicles.values():
-            reason = self._obstacle(vehicle, cycle, now_ns)
+            reason = self._available.obstacle(vehicle, cycle, now_ns)
             if reason is not None:
                 left_out[vehicle.id] = reason
             elif vehicle.accepted is not None:
-                held = self._held(vehicle.id)
+                held = self.book.held_by(vehicle.id)
                 bound.append(commitment(vehicle, held, now_ns, reference_ns))
             elif vehicle.listed:
                 free.append(vehicle.charged())
@@ -208,7 +184,7 @@ class FleetTracker:
             bound,
             self._vehicles,
             self.book.orders,
-            lambda order: self._is_to_have(order, now_ns),
+            lambda order: self._may_have(order, now_ns),
             reference_ns,
         )
         return Situation(found, tuple(bound), left_out)
@@ -234,10 +210,7 @@ class FleetTracker:
         """
         for plan in plans:
             vehicle = self._vehicles[plan.vehicle]
-            if vehicle.offered is not None:
-                reason = f"by the plan of cycle {plan.cycle}"
-                self._note(ended(vehicle.offered, "superseded", now_ns, reason))
-            vehicle.offered = PlanRecord(plan, "published", now_ns)
+            self._life.offer(vehicle, plan, now_ns)
             self._reported.add(vehicle.id)
             if vehicle.accepted is None:
                 self.book.plan(plan, stops, reference_ns, now_ns)
@@ -259,7 +232,7 @@ class FleetTracker:
         return FleetRecords(
             orders,
             changes,
-            tuple(self._plans.values()),
+            self._life.pending,
             tuple(self._vehicles[name].record() for name in sorted(self._reported)),
         )
 
@@ -271,7 +244,8 @@ class FleetTracker:
     def stored(self) -> None:
         """The pending records are in the database."""
         self.book.stored()
-        self._plans, self._reported = {}, set()
+        self._life.stored()
+        self._reported = set()
 
     def _known(self, report: VehiclePosition | VehicleProgress) -> TrackedVehicle | None:
         """The vehicle of a report; one that nobody has listed yet is kept for later."""
@@ -285,179 +259,6 @@ class FleetTracker:
         vehicle.answered_ns = now_ns
         self._reported.add(vehicle.id)
 
-    def _note(self, record: PlanRecord) -> None:
-        self._plans[record.plan.cycle, record.plan.vehicle] = record
-
-    def _held(self, vehicle: str) -> frozenset[str]:
-        return frozenset(self.book.held_by(vehicle))
-
-    def _follows(
-        self, vehicle: TrackedVehicle, cycle: int, now_ns: int, *, left: bool = False
-    ) -> None:
-        """A vehicle has acknowledged the plan of a cycle, or says that it follows it.
-
-        A plan that was taken back counts again where the vehicle has left by it, or some of its
-        orders are still to be had.
-        """
-        offered, withdrawn, accepted = vehicle.offered, vehicle.withdrawn, vehicle.accepted
-        if offered is None or offered.plan.cycle != cycle:
-            if withdrawn is None or withdrawn.plan.cycle != cycle:
-                return
-            if accepted is not None and accepted.plan.cycle > cycle:
-                return
-            stops = [stop.stop for stop in withdrawn.plan.service_stops]
-            to_have = any(self._is_to_have(stop, now_ns) for stop in stops)
-            if accepted is None and not left and not to_have:
-                return
-            if offered is not None:
-                self._drop_offer(vehicle, "superseded", now_ns, "its vehicle follows another plan")
-                if accepted is None:
-                    self.book.release(vehicle.id, now_ns, f"{vehicle.id} follows another plan")
-            vehicle.offered, vehicle.withdrawn = withdrawn, None
-        for record in vehicle.accept(now_ns):
-            self._note(record)
-        assert vehicle.accepted is not None
-        for stop in vehicle.accepted.plan.service_stops:
-            if self._is_to_have(stop.stop, now_ns):
-                self.book.assign(stop.stop, vehicle.id, cycle, now_ns)
-
-    def _drives(self, vehicle: TrackedVehicle, plan: VehiclePlan, leg: int, now_ns: int) -> None:
-        """A vehicle is on a leg of its plan, or will drive it next."""
-        assert vehicle.position is not None
-        vehicle.leg = max(vehicle.leg, min(leg, len(plan.stops) - 2))
-        if vehicle.position.on_road or vehicle.leg > 0:
-            self._leave(vehicle, now_ns)
-        if not vehicle.reports_progress and vehicle.left:
-            passed = vehicle.leg + 1 if vehicle.position.on_road else vehicle.leg
-            for stop in plan.stops[:passed]:
-                reason = f"{vehicle.id} has driven on"
-                self.book.assume_served(vehicle.id, stop.stop, now_ns, reason)
-
-    def _leave(self, vehicle: TrackedVehicle, now_ns: int) -> None:
-        assert vehicle.accepted is not None
-        vehicle.left = True
-        self.book.leave(vehicle.id, vehicle.accepted.plan.service_stops, now_ns)
-
-    def _come_back(self, vehicle: TrackedVehicle, now_ns: int) -> None:
-        """End the tour of a vehicle that is free again."""
-        accepted = vehicle.accepted
-        if accepted is None or vehicle.free_since_ns is None:
-            return
-        if not vehicle.left and vehicle.free_since_ns <= accepted.plan.depart_ns + LEAVE_NS:
-            # Else it was not heard of when it was to leave, and may be back already.
-            return
-        if vehicle.reports_progress:
-            # Its visits come apart from its positions: the last ones may be on their way.
-            progress = vehicle.progress
-            if progress is None or progress.cycle is not None:
-                return
-        else:
-            for order in self.book.held_by(vehicle.id):
-                self.book.assume_served(vehicle.id, order, now_ns, f"{vehicle.id} is back")
-        self._note(ended(accepted, "done", now_ns))
-        if vehicle.offered is not None:
-            self._drop_offer(vehicle, "superseded", now_ns, "its vehicle is back")
-        vehicle.accepted, vehicle.left, vehicle.leg = None, False, 0
-        self.book.release(vehicle.id, now_ns, f"{vehicle.id} came back with it", loaded=True)
-
-    def _is_home(self, vehicle: TrackedVehicle) -> bool:
-        """Whether it stands at its depot."""
-        position = vehicle.position
-        if position is None or position.on_road:
-            return False
-        segment, home = self._network.segments[position.segment], vehicle.depot.node
-        if (position.share == 1.0 and segment.end == home) or (
-            position.share == 0.0 and segment.start == home
-        ):
-            return True
-        at = self._network.junctions
-        return is_at(at[home], (at[segment.start], at[segment.end]), position.share, AT_DEPOT_M)
-
-    def _obstacle(self, vehicle: TrackedVehicle, cycle: int, now_ns: int) -> str | None:
-        """Why a vehicle is not planned; None: it is."""
-        if not vehicle.has_telemetry:
-            return "has a plan of the run before" if self._may_be_gone(vehicle, now_ns) else None
-        if not vehicle.is_fresh(now_ns):
-            return "silent"
-        if vehicle.offered is not None:
-            return "has not answered its plan yet"
-        if cycle < vehicle.left_out_until:
-            return "refused its plan, or did not answer it"
-        assert vehicle.position is not None
-        if vehicle.accepted is not None:
-            if vehicle.position.cycle not in (None, vehicle.accepted.plan.cycle):
-                return "follows another plan than it has acknowledged"
-            if vehicle.free_since_ns is not None:
-                return "is about to leave, or its last visits are not known yet"
-            if vehicle.is_to_charge:
-                return "is on its way to charge, or charges"
-            return None
-        if not self._is_free(vehicle):
-            return "follows a plan that is not known, or is not at its depot"
-        return None
-
-    def _may_be_gone(self, vehicle: TrackedVehicle, now_ns: int) -> bool:
-        """Whether it may have left by a plan of the run before, and have had no time to say so."""
-        return (
-            vehicle.offered is not None
-            and vehicle.offered.since_ns < self._started_ns
-            and now_ns - self._started_ns < RESUME_NS
-        )
-
-    def _is_free(self, vehicle: TrackedVehicle) -> bool:
-        """Whether it stands at its depot and follows no plan but one that was taken back."""
-        assert vehicle.position is not None
-        withdrawn = None if vehicle.withdrawn is None else vehicle.withdrawn.plan.cycle
-        return vehicle.position.cycle in (None, withdrawn) and self._is_home(vehicle)
-
-    def _take_back(self, cycle: int, now_ns: int) -> None:
-        for vehicle in self._vehicles.values():
-            offered, accepted = vehicle.offered, vehicle.accepted
-            if offered is not None:
-                if not vehicle.has_telemetry:
-                    if now_ns >= offered.plan.valid_until_ns:
-                        self._drop(vehicle, offered, "lapsed", now_ns, "its plan has lapsed")
-                elif _is_unanswered(vehicle, offered, now_ns):
-                    vehicle.left_out_until = cycle + LEFT_OUT_CYCLES
-                    reason = f"{vehicle.id} did not answer its plan"
-                    if accepted is None:
-                        self._drop(vehicle, offered, "lapsed", now_ns, reason)
-                    else:
-                        self._drop_offer(vehicle, "lapsed", now_ns, reason)
-            if accepted is None or vehicle.left or not vehicle.is_fresh(now_ns):
-                continue
-            if now_ns > accepted.plan.depart_ns + LEAVE_NS and vehicle.free_since_ns is not None:
-                reason = f"{vehicle.id} did not leave by its plan"
-                self._drop(vehicle, accepted, "lapsed", now_ns, reason)
-            elif not self.book.held_by(vehicle.id):
-                self._drop(vehicle, accepted, "lapsed", now_ns, "it has no order left")
-
-    def _drop_offer(
-        self, vehicle: TrackedVehicle, status: PlanStatus, now_ns: int, reason: str
-    ) -> None:
-        """The plan on offer is none any more; what the vehicle has acknowledged stays."""
-        assert vehicle.offered is not None
-        gone = ended(vehicle.offered, status, now_ns, reason)
-        self._note(gone)
-        vehicle.offered = None
-        if status == "lapsed":
-            vehicle.withdrawn = gone
-
-    def _drop(
-        self,
-        vehicle: TrackedVehicle,
-        record: PlanRecord,
-        status: PlanStatus,
-        now_ns: int,
-        reason: str,
-    ) -> None:
-        """A vehicle that has not left has no plan any more, and its orders are open."""
-        gone = ended(record, status, now_ns, reason)
-        self._note(gone)
-        vehicle.offered = vehicle.accepted = None
-        vehicle.withdrawn, vehicle.leg = gone, 0
-        self.book.release(vehicle.id, now_ns, reason)
-
     def _fits(self, plan: VehiclePlan) -> bool:
         vehicle = self._vehicles.get(plan.vehicle)
         if vehicle is None:
@@ -470,11 +271,13 @@ class FleetTracker:
             return (started or not vehicle.left) and known.issuperset(stops)
         if plan.continues is not None:
             return False
-        if vehicle.has_telemetry and not (vehicle.offered is None and self._is_free(vehicle)):
+        if vehicle.has_telemetry and not (
+            vehicle.offered is None and self._available.is_free(vehicle)
+        ):
             return False
-        return all(self._is_to_have(stop, plan.issued_ns) for stop in stops)
+        return all(self._may_have(stop, plan.issued_ns) for stop in stops)
 
-    def _is_to_have(self, stop: str, now_ns: int) -> bool:
+    def _may_have(self, stop: str, now_ns: int) -> bool:
         """Whether an order is open, or planned for a vehicle that never answers."""
         order = self.book.orders.get(stop)
         if order is None or order.state not in ("open", "planned"):
@@ -482,7 +285,9 @@ class FleetTracker:
         if order.state == "open" or order.vehicle is None:
             return True
         holder = self._vehicles.get(order.vehicle)
-        return holder is None or not (holder.has_telemetry or self._may_be_gone(holder, now_ns))
+        return holder is None or not (
+            holder.has_telemetry or self._available.may_be_gone(holder, now_ns)
+        )
 
     def _resume(self, record: PlanRecord) -> None:
         vehicle = self._vehicles.get(record.plan.vehicle)
@@ -498,12 +303,3 @@ class FleetTracker:
                 self.book.orders[order].state == "under_way"
                 for order in self.book.held_by(vehicle.id)
             )
-
-
-def _is_unanswered(vehicle: TrackedVehicle, offered: PlanRecord, now_ns: int) -> bool:
-    """Whether a plan on offer has to be taken back; see `ANSWER_NS`."""
-    if vehicle.accepted is not None:
-        return now_ns - offered.since_ns > ANSWER_NS
-    if vehicle.is_fresh(now_ns):
-        return vehicle.heard_ns - offered.since_ns > ANSWER_NS
-    return now_ns >= offered.plan.valid_until_ns

@@ -104,7 +104,8 @@ def instance_from(data: object, source: str | Path) -> Instance:
 def write_instance(instance: Instance, path: str | Path) -> None:
     """Write an instance as JSON or TOML, by the path's suffix; read back it is equal.
 
-    The roads are written out. The states of RSUs that a snapshot was made from are not kept.
+    The roads are written out, without the ways through junctions and the projection. The states of
+    RSUs that a snapshot was made from are not kept.
 
     Raises:
         InputError: the suffix is another one.

@@ -15,6 +15,7 @@ from slipstream.config import Settings
 from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.messages import Identifier
+from slipstream.vehicle_types import VehicleClass
 
 FORMAT: Final = "slipstream-instance/1"
 
@@ -36,6 +37,21 @@ class JunctionRow(Settings):
     signal: bool = Field(default=False, description="It has traffic lights.")
 
 
+class AccessTable(Settings):
+    """Who may use a segment; left out: everybody."""
+
+    classes: tuple[VehicleClass, ...] | None = Field(
+        default=None, description="Vehicle classes that may; left out: all."
+    )
+    max_height_m: _NotNegative | None = None
+    max_width_m: _NotNegative | None = None
+    max_length_m: _NotNegative | None = None
+    max_mass_kg: _NotNegative | None = Field(default=None, description="Of the permitted mass.")
+    class_speeds_mps: dict[VehicleClass, Annotated[float, Field(gt=0, le=200)]] = Field(
+        default={}, description="Speed limits of classes, where they differ from the segment's."
+    )
+
+
 class SegmentRow(Settings):
     """A directed road segment."""
 
@@ -48,6 +64,15 @@ class SegmentRow(Settings):
     shape: Annotated[tuple[tuple[_Coordinate, _Coordinate], ...], Field(min_length=2)] | None = (
         Field(default=None, description="Points of its centre line, m; left out: straight.")
     )
+    access: AccessTable = AccessTable()
+
+
+class TurnClassesRow(Settings):
+    """A turn that not all may take."""
+
+    segment: Identifier
+    onto: Identifier
+    classes: tuple[VehicleClass, ...] = Field(description="Vehicle classes that may.")
 
 
 class TurnRow(Settings):
@@ -72,12 +97,17 @@ class NetworkTable(Settings):
         default=(),
         description="Segments without a row allow every turn but the one onto the way back.",
     )
+    turn_classes: tuple[TurnClassesRow, ...] = Field(
+        default=(), description="Turns without a row are for all classes."
+    )
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Self:
         if (self.sumo_net is None) != bool(self.segments):
             raise ValueError("give either sumo_net, or junctions and segments")
-        if self.sumo_net is not None and (self.junctions or self.turns or self.name is not None):
+        if self.sumo_net is not None and (
+            self.junctions or self.turns or self.turn_classes or self.name is not None
+        ):
             raise ValueError("sumo_net has its own name, junctions and turns")
         return self
 

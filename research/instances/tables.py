@@ -9,13 +9,16 @@ from types import MappingProxyType
 
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from research.instances.schema import (
+    AccessTable,
     JunctionRow,
     NetworkTable,
     SegmentRow,
     TrafficRow,
     TrafficTable,
+    TurnClassesRow,
     TurnRow,
 )
+from slipstream.access import Access
 from slipstream.errors import InputError
 from slipstream.roads import DEMO_NETWORK, RoadNetwork, Segment, build_network, load_network
 
@@ -59,9 +62,16 @@ def network_of(table: NetworkTable, name: str, source: str | Path) -> RoadNetwor
             row.speed_limit_mps,
             row.lanes,
             row.shape or (places.get(row.start, (0.0, 0.0)), places.get(row.end, (0.0, 0.0))),
+            _access_of(row.access),
         )
         for row in table.segments
     ]
+    known = {row.id for row in table.segments}
+    for turn in table.turn_classes:
+        for name_of in (turn.segment, turn.onto):
+            if name_of not in known:
+                key, problem = f"network.turn_classes.{turn.segment}", f"no segment {name_of!r}"
+                raise InputError(source, problem, "name one of the segments", key=key)
     given: Turns = {row.segment: row.onto for row in table.turns}
 
     def build(turns: Turns | None) -> RoadNetwork:
@@ -71,6 +81,9 @@ def network_of(table: NetworkTable, name: str, source: str | Path) -> RoadNetwor
             places,
             turns,
             signals=[row.id for row in table.junctions if row.signal],
+            turn_classes={
+                (row.segment, row.onto): frozenset(row.classes) for row in table.turn_classes
+            },
             source=str(source),
             prefix="network.segments.",
         )
@@ -80,7 +93,9 @@ def network_of(table: NetworkTable, name: str, source: str | Path) -> RoadNetwor
 
 
 def network_table(network: RoadNetwork) -> NetworkTable:
-    """The roads written out; `network_of` reverses it."""
+    """The roads written out; `network_of` reverses it. What only agents need is left out: the ways
+    through junctions, and the projection.
+    """
     straight = build_network("", network.segments.values(), network.junctions).follows
     return NetworkTable(
         name=network.name,
@@ -100,6 +115,7 @@ def network_table(network: RoadNetwork) -> NetworkTable:
                 if segment.shape
                 == (network.junctions[segment.start], network.junctions[segment.end])
                 else segment.shape,
+                access=_access_table(segment.access),
             )
             for segment in network.segments.values()
         ),
@@ -108,7 +124,27 @@ def network_table(network: RoadNetwork) -> NetworkTable:
             for name, onto in network.follows.items()
             if onto != straight[name]
         ),
+        turn_classes=tuple(
+            TurnClassesRow.model_validate(
+                {"segment": segment, "onto": onto, "classes": sorted(classes)}
+            )
+            for (segment, onto), classes in network.turn_classes.items()
+        ),
     )
+
+
+def _access_of(table: AccessTable) -> Access:
+    values = dict(table)
+    if table.classes is not None:
+        values["classes"] = frozenset(table.classes)
+    return Access(**values)
+
+
+def _access_table(access: Access) -> AccessTable:
+    values = {**vars(access)}
+    if access.classes is not None:
+        values["classes"] = sorted(access.classes)
+    return AccessTable.model_validate(values)
 
 
 def snapshot_of(table: TrafficTable, network: RoadNetwork, source: str | Path) -> TrafficSnapshot:

@@ -89,9 +89,9 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         InputError: SUMO refuses a file.
     """
     # Imported here: they need libsumo, or take a second to load.
+    from dispatcher_daemon.learning import History
     from simulation.closed_loop.dispatching import Dispatching
     from simulation.closed_loop.gates import WINDOW_S, Roadside
-    from simulation.closed_loop.history import History
     from simulation.fleet.exchange import Exchange
     from simulation.fleet.sensing import PREFIX
     from simulation.fleet.world import FleetWorld, yard

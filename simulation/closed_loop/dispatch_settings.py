@@ -7,6 +7,7 @@ from typing import Final
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import Solve, solve_in_process
+from dispatcher_daemon.solvers.registry import configured_solvers
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0
 """Value of driving time in a city at the limit; see `History.time_worth_kw`."""
@@ -15,7 +16,9 @@ _AMPLE_S: Final = 250.0
 """No cycle of a delivery fleet takes so long, however busy the machine is."""
 
 
-def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> DispatcherSettings:
+def evaluation_settings(
+    *, sync_window_s: float = 3.0, gap_m: float = 1.5, solver: str = "exact"
+) -> DispatcherSettings:
     """Settings under which iterations end every search, never the clock.
 
     Give `run_cycle` `reference_s=0` with them: a simulation does not advance during a cycle. By
@@ -39,7 +42,7 @@ def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> Di
         max_sweeps=6,
         patience=2,
         block_deadline_s=_AMPLE_S,
-        solvers=("exact",),
+        solvers=(solver,),
     )
     return DispatcherSettings(
         interval_s=300.0,
@@ -52,6 +55,6 @@ def evaluation_settings(*, sync_window_s: float = 3.0, gap_m: float = 1.5) -> Di
     )
 
 
-def evaluation_solve() -> Solve:
-    """The solver of these settings, in this process."""
-    return solve_in_process([ExactSolver()])
+def evaluation_solve(settings: DispatcherSettings | None = None) -> Solve:
+    """The solvers of these settings, in this process; by default the exact one."""
+    return solve_in_process([ExactSolver()] if settings is None else configured_solvers(settings))

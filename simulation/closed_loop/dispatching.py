@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from dispatcher_daemon.cycle import cycle_seed, run_cycle
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.learning import History
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
@@ -20,7 +21,6 @@ from simulation.closed_loop.dispatch_settings import (
     evaluation_solve,
 )
 from simulation.closed_loop.gates import WINDOW_S, Roadside
-from simulation.closed_loop.history import History
 from simulation.closed_loop.planned_platoons import PlannedPlatoons
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import CycleRecord
@@ -66,7 +66,7 @@ class Dispatching:
         self.time_worth_kw = 0.0 if self._history is None else self._history.time_worth_kw(network)
         self._expected: tuple[int, Expectations] | None = None
         self._settings = settings_of(policy, self.waiting_worth_kw)
-        self._solve = evaluation_solve()
+        self._solve = evaluation_solve(self._settings)
         self._tracker = FleetTracker(network)
         self._platoons = PlannedPlatoons()
         self._number = 0
@@ -179,7 +179,7 @@ def settings_of(policy: Policy, value_of_time_kw: float) -> DispatcherSettings:
         departure_window_s=DepartureSettings().window_s if "departures" in levers else 0.0,
         value_of_time_kw=value_of_time_kw,
     )
-    return evaluation_settings().model_copy(update={"advice": advice})
+    return evaluation_settings(solver=policy.solver).model_copy(update={"advice": advice})
 
 
 def with_gates(snapshot: TrafficSnapshot, open_: frozenset[str]) -> TrafficSnapshot:

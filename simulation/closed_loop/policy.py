@@ -40,6 +40,7 @@ class Policy:
         pace: the fleet's desired speed over the limit, in every arm 1 but in those that the
             baseline is slowed or hurried in to compare at equal travel time.
         coasting_budget: share of a leg's planned time that coasting may add to it.
+        solver: of the dispatcher's blocks, by its registered name.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Policy:
     noise: float = 0.0
     pace: float = 1.0
     coasting_budget: float = 0.06
+    solver: str = "exact"
 
     def __post_init__(self) -> None:
         if self.noise < 0 or self.pace <= 0 or self.coasting_budget < 0:

@@ -20,6 +20,9 @@ NOISES: Final = (0.1, 0.2, 0.3)
 EXOGENOUS: Final = "exogenous"
 """Asks for the paper's kind of evaluation too: `simulation.evaluation.exogenous`."""
 
+QUANTUM: Final = "C-lc-qaoa"
+"""The cooperative arm with circuits for blocks. Slow: only by its name, in no selection."""
+
 _GATINGS: Final[tuple[Gating, ...]] = ("open", "random")
 
 
@@ -60,6 +63,7 @@ def _policies() -> tuple[Policy, ...]:
         *(Policy(without(lever), every - {lever}) for lever in LEVERS if lever != "priority"),
         *(Policy(gated(gating), WITHOUT_PRIORITY, gating=gating) for gating in _GATINGS),
         *(Policy(noisy(noise), WITHOUT_PRIORITY, noise=noise) for noise in NOISES),
+        Policy(QUANTUM, WITHOUT_PRIORITY, solver="lc-qaoa"),
     )
 
 
@@ -70,7 +74,7 @@ _COMMON: Final = (BASELINE, *map(paced, PACES), COOPERATIVE)
 _LEVERS: Final = (EVERY_LEVER, *map(only, LEVERS), *map(without, LEVERS))
 
 SELECTIONS: Final[dict[str, tuple[str, ...]]] = {
-    "all": tuple(POLICIES),
+    "all": tuple(name for name in POLICIES if name != QUANTUM),
     "main": (SHORTEST, *_COMMON, EVERY_LEVER),
     "levers": (*_COMMON, *_LEVERS),
     "gating": (*_COMMON, *map(gated, _GATINGS)),

@@ -9,15 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Protocol
 
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 from slipstream.messages import VehicleSensing
-
-MIN_SPEED_MPS: Final = 5.0
-"""Below it no drag reduction is credited: there is next to no drag."""
-
-CLOSE_GAP_M: Final = 7.5
+from vehicle_agent.platooning import CLOSE_GAP_M, MIN_SPEED_MPS
 
 
 class Gates(Protocol):

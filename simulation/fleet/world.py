@@ -127,6 +127,8 @@ class FleetWorld:
         disengagements: close gaps given up because the state of the segment was turbulent.
         begun_s: when the service of each stop began.
         again: stops that were served once more.
+        longest_silence_s: for how long a partner had been without advice, and so silent, at most,
+            while a vehicle still followed it closely.
         tours_finished: that ended at the depot.
     """
 
@@ -154,6 +156,8 @@ class FleetWorld:
         self.disengagements = 0
         self.begun_s: dict[str, float] = {}
         self.again: list[str] = []
+        self.longest_silence_s = 0.0
+        self._advised_ns: dict[str, int] = {}
         self.tours_finished = 0
 
     @property
@@ -225,16 +229,16 @@ class FleetWorld:
         van.look_ns = now_ns + self._look_ns
         if advice is None or advice.cycle is None or advice.leg is None:
             return
-        if advice.time_ns < van.since_ns:
-            van.look_ns = now_ns + _SOON_NS
+        if advice.mode != "none" or advice.reason is not None or advice.time_ns < van.since_ns:
+            van.look_ns = now_ns + _SOON_NS  # it was for the road: over the bus it comes later
             return
         plan = self._agents.plan(name, advice.cycle)
         if plan is None:
             return
         if advice.depart_ns is None:
-            stop = plan.stops[advice.leg].stop
-            if van.serves is None or van.serves[0] != stop:  # a further one at the same junction
-                self._serve(van, stop, now_s)
+            stop, known = plan.stops[advice.leg].stop, None if van.serves is None else van.serves[0]
+            if stop != known and stop in {s.stop for s in plan.service_stops}:
+                self._serve(van, stop, now_s)  # a further one at the same junction
         elif advice.depart_ns > now_ns:
             van.look_ns = min(van.look_ns, advice.depart_ns)
         else:
@@ -295,18 +299,25 @@ class FleetWorld:
             for name, van in self._vans.items()
             if van.way is not None and van.measured is not None
         }
-        self._following = {}
+        followed, self._following = self._following, {}
         for name in _front_to_back(self._sensed):
             van = self._vans[name]
             assert van.way is not None
             advice = self._agents.advise(self._sensed[name])
             self._navigate(name, van, van.way, advice)
-            was_close = van.driver.close
+            if advice is not None:
+                self._advised_ns[name] = advice.time_ns
             van.driver.obey(advice, self._sensed[name].segment)
             if van.driver.close and advice is not None:
                 self._following[name] = advice.mode == "follow"
-                left = advice.mode == "open_gap" and was_close
+                if advice.mode == "follow":
+                    self._note_silence(advice.partner, now_ns)
+                left = followed.get(name, False) and advice.mode == "open_gap"
                 self.disengagements += left and "turbulent" in (advice.reason or "")
+
+    def _note_silence(self, partner: str | None, now_ns: int) -> None:
+        heard_ns = self._advised_ns.get(partner or "", now_ns)
+        self.longest_silence_s = max(self.longest_silence_s, (now_ns - heard_ns) / 1e9)
 
     def _navigate(self, name: str, van: _Van, way: _Way, advice: VehicleAdvice | None) -> None:
         """Take another way to the next stop, as a newer plan has it."""

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from simulation.live.fleet_file import FleetFile
 from simulation.live.world_spec import WorldSpec
-from simulation.scenarios.demand import draw_deliveries
+from simulation.scenarios.demand import Deliveries, draw_deliveries
 from simulation.scenarios.perception import Rsu
 from simulation.scenarios.scenario import day_spec, load_scenario, own_background, prepare
 from simulation.sumo import TYPES
@@ -18,6 +21,10 @@ from slipstream.errors import InputError
 
 WARM_UP_S: Final = 300.0
 """Simulated before the world opens, so that the roads are not empty then."""
+
+
+_RUN_S: Final = 10.0
+"""Runs that begin within it get the same names; after 194 days names begin again."""
 
 
 def prepare_world(
@@ -52,7 +59,7 @@ def prepare_world(
             RSUs than cameras, or no order at that time of day.
     """
     scenario = load_scenario(name, net=net, demand=demand, rsus=rsus, fleet=fleet)
-    deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, name)
+    deliveries = named_anew(draw_deliveries(scenario.fleet, scenario.network, seed, name))
     folder.mkdir(parents=True, exist_ok=True)
     orders = folder / "fleet.json"
     if not FleetFile(orders, deliveries, begin_s).write(begin_s, ()):
@@ -80,6 +87,17 @@ def prepare_world(
         seed=seed,
         fps=fps,
     )
+
+
+def named_anew(deliveries: Deliveries) -> Deliveries:
+    """The same orders under names that no run before had: what a database knows as served would
+    not be planned again.
+    """
+    run = np.base_repr(int(time.time() / _RUN_S) % 36**4, 36).lower()
+    orders = tuple(
+        replace(order, id=f"{run}-{number}") for number, order in enumerate(deliveries.orders, 1)
+    )
+    return replace(deliveries, orders=orders)
 
 
 def _check_count(name: str, rsus: Sequence[Rsu], cameras: int) -> None:

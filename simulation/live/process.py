@@ -36,6 +36,7 @@ class WorldProcess:
     """A running world as a context manager: `with WorldProcess(order) as world`.
 
     Attributes:
+        spec: of the world.
         counts: the latest; None before the world has opened.
 
     Raises:
@@ -46,7 +47,7 @@ class WorldProcess:
     def __init__(self, spec: WorldSpec) -> None:
         check_simulator()
         check_files(spec.day.net, (spec.day.routes, *spec.day.additional))
-        self._spec = spec
+        self.spec = spec
         self.counts: WorldCounts | None = None
         context = get_context("spawn")
         self._connection, self._other = context.Pipe()
@@ -111,7 +112,7 @@ class WorldProcess:
             kind, content = self._connection.recv()
         except (EOFError, OSError):
             self._process.join()
-            day = self._spec.day
+            day = self.spec.day
             raise InputError(
                 f"{day.net.name}, {day.routes.name}",
                 f"SUMO crashes on them (exit status {self._process.exitcode})",

@@ -24,13 +24,13 @@ from simulation.live.views import RADIUS_M, Views
 from simulation.live.world_spec import WorldCounts, WorldSpec
 from simulation.scenarios.day import sumo_options
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
-from simulation.scenarios.networks import scenario_network
+from simulation.scenarios.networks import largest_part
 from simulation.signals import SignalController
 from simulation.sumo.session import Session
 from simulation.sumo_view import SumoClipSettings, draw_pose
 from simulation.sumo_view.net import read_roads
 from slipstream.bus import Bus
-from slipstream.roads import RoadNetwork
+from slipstream.roads import RoadNetwork, load_network
 
 _WARM_STEP_S: Final = 10.0
 _REPORT_S: Final = 0.5
@@ -50,7 +50,7 @@ def run_world(spec: WorldSpec, connection: Connection) -> None:
         # Without a duration vehicles jump sideways from lane to lane, which no camera believes.
         *("--lanechange.duration", "2.5"),
     ]
-    network = scenario_network(day.net)
+    network = largest_part(load_network(day.net), day.net)
     with ExitStack() as stack:
         session = stack.enter_context(Session(options, (day.net, day.routes, *day.additional)))
         _warm_up(session, spec, lambda share: connection.send(("warm", share)))
@@ -96,7 +96,7 @@ class _World:
             _LOOK_S,
         )
         self._orders = FleetFile(spec.fleet, spec.deliveries, session.time_s)
-        self._legs, self._driven_m = 0, 0.0
+        self._legs, self._driven_m, self._platooned_m = 0, 0.0, 0.0
         self._driven: set[str] = set()
         self._pace = Pace(spec.step_s, time.monotonic)
         self._gridlock, self._look_s = GridlockWatch(), session.time_s + CHECK_S
@@ -114,6 +114,7 @@ class _World:
             for leg in self._fleet.step():
                 self._legs += 1
                 self._driven_m += leg.distance_m
+                self._platooned_m += leg.led_m + leg.followed_m
                 self._driven.add(leg.vehicle)
             self._pace.stepped()
             self._look_for_gridlock()
@@ -153,6 +154,8 @@ class _World:
             tours_finished=fleet.tours_finished,
             orders_served=len(fleet.begun_s),
             orders_served_again=len(fleet.again),
+            longest_silence_s=fleet.longest_silence_s,
+            platooned_m=self._platooned_m,
             legs_driven=self._legs,
             fleet_driven_m=self._driven_m,
             fleet_on_road=fleet.on_road,

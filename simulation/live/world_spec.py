@@ -95,6 +95,8 @@ class WorldCounts:
         tours_finished: of them, ended at the depot.
         orders_served: whose service has begun.
         orders_served_again: times that a vehicle came to an order that was served before.
+        longest_silence_s: see `simulation.fleet.world.FleetWorld`.
+        platooned_m: driven in platoons, at their front or behind.
         legs_driven: of the fleet, to their end.
         fleet_driven_m: on them.
         fleet_on_road: vehicles of the fleet on a leg now.
@@ -114,6 +116,8 @@ class WorldCounts:
     tours_finished: int
     orders_served: int
     orders_served_again: int
+    longest_silence_s: float
+    platooned_m: float
     legs_driven: int
     fleet_driven_m: float
     fleet_on_road: int

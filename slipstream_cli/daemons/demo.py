@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import tomli_w
 
@@ -20,6 +20,10 @@ from slipstream import __version__
 from slipstream.config import Settings
 from slipstream.errors import InputError
 from slipstream.service import SUPERVISED
+
+if TYPE_CHECKING:
+    from simulation.live.world_spec import WorldSpec
+    from vehicle_agent.settings import AgentSettings
 
 
 @dataclass(frozen=True)
@@ -108,11 +112,13 @@ def write_settings(
     dashboard_port: int,
     interval_s: float,
     hardware: str = "",
+    town: WorldSpec | None = None,
 ) -> dict[str, tuple[str, Path]]:
     """Write one settings file a daemon.
 
     Args:
         hardware: a quantum device, see `HardwareSettings.backend`.
+        town: whose vans are dispatched and have agents; None: the two vans of the demo's fleet.
 
     Returns:
         For each process name the sub-command to run and its settings file.
@@ -150,9 +156,12 @@ def write_settings(
                 "interval_s": interval_s,
                 "deadline_s": min(10.0, interval_s / 2),
                 **({"hardware": _device(hardware)} if hardware else {}),
+                **({} if town is None else _of_town(town)),
             }
         ),
     )
+    if town is not None:
+        daemons["agents"] = agents(town, folder.parent / "agents", bus)
     daemons["dashboard"] = (
         "dashboard",
         DashboardSettings.model_validate(
@@ -160,6 +169,35 @@ def write_settings(
         ),
     )
     return write_daemons(folder, daemons)
+
+
+def _of_town(town: WorldSpec) -> dict[str, object]:
+    """Settings of its dispatcher."""
+    return {
+        "fleet": str(town.fleet.absolute()),
+        "form": "route",
+        "advice": {"coasting_budget": 0.06},
+    }
+
+
+def agents(world: WorldSpec, folder: Path, bus: Mapping[str, object]) -> tuple[str, AgentSettings]:
+    """The agents of a world's vehicles, in one process: sub-command and settings.
+
+    Args:
+        world: whose vehicles stand at their depots when it begins.
+        folder: for their tours; those of a world before are over.
+        bus: settings.
+    """
+    from simulation.sumo import TYPES
+    from vehicle_agent.settings import AgentSettings
+
+    shutil.rmtree(folder, ignore_errors=True)
+    vehicles = [
+        {"id": name, "type": {"length_m": TYPES["cav"].length_m}}
+        for name in world.deliveries.vehicles
+    ]
+    settings = {"bus": bus, "vehicles": vehicles, "state": folder.absolute()}
+    return "agent", AgentSettings.model_validate(settings)
 
 
 def write_daemons(

@@ -7,7 +7,11 @@ import json
 import signal
 import sys
 import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings, check
@@ -15,13 +19,18 @@ from slipstream.errors import InputError
 from slipstream_cli.daemons.bus_counts import BusCounts
 from slipstream_cli.daemons.demo import make_clips, write_settings
 from slipstream_cli.daemons.local import check_port_is_free, locked, watch
+from slipstream_cli.daemons.movement import Movement
 from slipstream_cli.daemons.supervisor import Supervisor
+
+if TYPE_CHECKING:
+    from simulation.live.process import WorldProcess
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
     command = commands.add_parser(
-        "run", help="the demo on this machine: two RSUs on video, dispatcher, dashboard"
+        "run",
+        help="the demo here: two RSUs on video, a town's vans, dispatcher, dashboard",
     )
     command.add_argument("--port", type=int, default=8080, help="dashboard's port (default 8080)")
     command.add_argument(
@@ -63,9 +72,15 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     clips = make_clips(options.state / "clips", stopping)
     if stopping.is_set():
         return 0
-    with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
-        counts = BusCounts()
+    with (
+        Router() as router,
+        Bus.open(BusSettings(connect=(router.endpoint,))) as bus,
+        ExitStack() as stack,
+    ):
+        counts, movement = BusCounts(), Movement()
         counts.listen(bus)
+        movement.listen(bus)
+        town = _open_town(options.state / "town", router, stack, supervisor, stopping)
         files = write_settings(
             options.state / "settings",
             clips,
@@ -74,16 +89,21 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             dashboard_port=options.port,
             interval_s=options.interval,
             hardware=options.hardware,
+            town=None if town is None else town.spec,
         )
         address = f"http://127.0.0.1:{options.port}"
         try:
             for name, (command, path) in files.items():
                 supervisor.start(name, (command, "--config", str(path)))
-            status = watch(supervisor, address, options.seconds, stopping)
+            look = _town_monitor(town, supervisor)
+            status = watch(supervisor, address, options.seconds, stopping, look)
         finally:
             supervisor.stop()
     if options.json:
+        of_town = None if town is None else town.counts
         figures = counts.summary() | {
+            **movement.summary(),
+            "town": None if of_town is None else asdict(of_town),
             "dashboard_http": status,
             "processes_restarted": supervisor.restarted,
         }
@@ -91,3 +111,45 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
     if supervisor.refused:
         return 2
     return 1 if supervisor.given_up else 0
+
+
+def _open_town(
+    folder: Path,
+    router: Router,
+    stack: ExitStack,
+    supervisor: Supervisor,
+    stopping: threading.Event,
+) -> WorldProcess | None:
+    """Start the town's vans; None where SUMO is not installed, or cannot run it."""
+    try:
+        from simulation.live.process import WorldProcess, check_simulator
+        from simulation.live.town import town
+
+        check_simulator()
+        process = WorldProcess(town(folder, BusSettings(connect=(router.endpoint,))))
+        stack.enter_context(process)
+        process.open(stopping.is_set, lambda share: None)
+    except ModuleNotFoundError as error:
+        supervisor.say("town", f"no vans drive: {error.name} is not installed (slipstream[sim])")
+        return None
+    except (InputError, ChildProcessError) as error:
+        supervisor.say("town", f"no vans drive: {error}")
+        return None
+    return process
+
+
+def _town_monitor(town: WorldProcess | None, supervisor: Supervisor) -> Callable[[float], None]:
+    """A callback that reads the town's messages; its end leaves the daemons alone."""
+    ended = town is None
+
+    def look(_: float) -> None:
+        nonlocal ended
+        if town is None or ended:
+            return
+        try:
+            town.poll()
+        except (InputError, ChildProcessError) as error:
+            ended = True
+            supervisor.say("town", f"the vans have stopped: {error}")
+
+    return look

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipstream.config import Settings
-from slipstream_cli.daemons.demo import write_daemons
+from slipstream_cli.daemons.demo import agents, write_daemons
 
 if TYPE_CHECKING:
     from simulation.live.world_spec import CameraEndpoint, WorldSpec
@@ -32,8 +32,6 @@ def write_world_settings(
     from edge_daemon.settings import EdgeSettings
     from simulation.closed_loop.gates import WINDOW_S
     from simulation.closed_loop.policy import Policy
-    from simulation.sumo import TYPES
-    from vehicle_agent.settings import AgentSettings
 
     bus = {"connect": [bus_endpoint]}
     rsus = {camera.rsu: tuple(camera.segments) for camera in cameras}
@@ -80,19 +78,7 @@ def write_world_settings(
             }
         ),
     )
-    daemons["agents"] = (
-        "agent",
-        AgentSettings.model_validate(
-            {
-                "bus": bus,
-                "vehicles": [
-                    {"id": name, "type": {"length_m": TYPES["cav"].length_m}}
-                    for name in order.deliveries.vehicles
-                ],
-                "state": (folder / "agents").absolute(),
-            }
-        ),
-    )
+    daemons["agents"] = agents(order, folder / "agents", bus)
     depots = [depot.node for depot in order.deliveries.settings.depots]
     daemons["dashboard"] = (
         "dashboard",

@@ -111,3 +111,16 @@ def test_driving_style_is_checked(rate: float) -> None:
     """Rates must be positive."""
     with pytest.raises(ValueError, match="must be positive"):
         DrivingStyle(acceleration_mps2=rate)
+
+
+def test_a_drive_that_begins_at_a_speed() -> None:
+    """It is the rest of a drive from rest; a speed that it cannot have is lowered."""
+    whole = plan_drive([500.0, 900.0], [13.89, 16.67], STYLE)
+    rest = plan_drive([250.0, 900.0], [13.89, 16.67], STYLE, 13.89)
+    assert rest.speeds_mps[0] == 13.89
+    assert whole.duration_s - whole.entry_s[1] == pytest.approx(rest.duration_s - rest.entry_s[1])
+    assert rest.entry_s[1] == pytest.approx(250.0 / 13.89)
+    assert plan_drive([250.0], [10.0], STYLE, 30.0).speeds_mps[0] == 10.0
+    short = plan_drive([3.0], [10.0], STYLE, 10.0)
+    assert short.speeds_mps[0] == pytest.approx((2 * STYLE.braking_mps2 * 3.0) ** 0.5)
+    assert short.speeds_mps[-1] == 0.0

@@ -6,7 +6,14 @@ from dataclasses import replace
 
 import storage
 from slipstream.messages import VehiclePosition
-from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord, VehicleRecord
+from slipstream.orders import (
+    FleetRecords,
+    MovementSum,
+    OrderChange,
+    OrderRecord,
+    PlanRecord,
+    VehicleRecord,
+)
 
 NOW_NS = 1_790_000_000_000_000_000
 DAY_NS = 86_400_000_000_000
@@ -71,6 +78,32 @@ def test_what_is_stored_with_a_cycle_is_loaded(url, make_cycle):
         database.save_fleet(FleetRecords(plans=(lapsed, accepted)))
         assert database.load_fleet(NOW_NS).plans == (lapsed, accepted)
         assert database.load_fleet(NOW_NS + DAY_NS).plans == (accepted,)
+
+
+def test_a_plan_in_force_is_shown_until_a_later_one_is(url, make_cycle):
+    """A vehicle that got none in the latest cycle still follows its last one."""
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        report, (first, second), states = make_cycle(1)
+        database.record_cycle(report, (first, second), states)
+        report, (later, _), states = make_cycle(2)
+        database.record_cycle(report, (later,), states)
+        assert reader.latest_plans() == (later, second)
+        done = PlanRecord(second, "done", NOW_NS)
+        database.save_fleet(FleetRecords(plans=(done,)))
+        assert reader.latest_plans() == (later,)
+
+
+def test_sums_of_movements_add_up(url):
+    """What is stored of a movement and hour is added to what is there."""
+    first = MovementSum("a", "b", 8, 2.0, 0.5, 60.0, 1.0)
+    other = MovementSum("a", "b", 9, 1.0, 0.25, 30.0, 0.0)
+    with storage.open_database(url) as database:
+        database.save_fleet(FleetRecords(movements=(first,)))
+        database.save_fleet(FleetRecords(movements=(first, other)))
+        assert database.load_fleet(NOW_NS).movements == (
+            MovementSum("a", "b", 8, 4.0, 1.0, 120.0, 2.0),
+            other,
+        )
 
 
 def test_the_life_of_an_order_is_kept(url):

@@ -218,8 +218,11 @@ class Platooning:
             return
         self._lane, self._drop_back = found.lane, found.drop_back
         meets = found.rendezvous
-        joining.choose(found.front.vehicle, found.asked, meets.speedup, meets.slowdown, s.now_ns)
-        self._agreements.send(s.now_ns, "join_request", found.asked, slowdown=meets.slowdown)
+        # Who comes behind another one falls back from it: that one must not slow down as well.
+        slowdown = 0.0 if found.drop_back else meets.slowdown
+        speedup = 0.0 if found.drop_back else meets.speedup
+        joining.choose(found.front.vehicle, found.asked, speedup, slowdown, s.now_ns)
+        self._agreements.send(s.now_ns, "join_request", found.asked, slowdown=slowdown)
 
     def _close_up(self, s: Situation) -> None:
         """Ask the leader to wait while the gap cannot be closed below the limit."""

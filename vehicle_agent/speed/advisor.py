@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.messages import DrivingAdvice, SensedVehicle
@@ -47,7 +47,7 @@ class _Drive:
     advice: DrivingAdvice
     value_of_time_w: float
     budget_s: float
-    spent_s: float
+    spent_s: float = 0.0
     track: str | None = None
     track_mps: float = 0.0
 
@@ -77,18 +77,24 @@ class SpeedAdvisor:
         self._drive: _Drive | None = None
 
     def begin(self, leg: Leg, advice: DrivingAdvice) -> None:
-        """The vehicle begins a leg, or is given another way on it; spent coasting time is kept."""
+        """The vehicle begins a leg, or is given another way on it.
+
+        On another way the time that coasting may take and its price stay those of the leg, and what
+        has been spent counts: a plan that comes in the middle of it has only the rest of its road.
+        """
         known = self._drive
         if not (advice.eco_approach or advice.coasting_budget > 0):
             self._drive = None
+            return
+        if known is not None:
+            self._drive = replace(known, leg=leg, advice=advice)
             return
         free_s = plan_drive(leg.lengths_m, leg.limits_mps, DrivingStyle()).duration_s
         budget_s = advice.coasting_budget * free_s
         value_of_time_w = leg_value_of_time_w(
             leg, budget_s, self._coasting, self._parameters.braking_mps2, self._vehicle
         )
-        spent_s = 0.0 if known is None else known.spent_s
-        self._drive = _Drive(leg, advice, value_of_time_w, budget_s, spent_s)
+        self._drive = _Drive(leg, advice, value_of_time_w, budget_s)
 
     def end(self) -> None:
         """The vehicle has ended its leg."""

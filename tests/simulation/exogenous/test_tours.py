@@ -100,7 +100,7 @@ def test_a_round_is_driven_leg_by_leg_and_ends_at_the_depot(tours: Tours) -> Non
     """Each leg begins when the service at its beginning is over, whenever that really is."""
     segment = next(iter(tours.network.segments))
     (first,) = tours.begin(plan(segment))
-    assert (first.due_s, first.path, first.id) == (100.0, (segment,), "cav/van/0/0")
+    assert (first.due_s, first.path, first.id) == (100.0, (segment,), "van/0/0")
     assert first.free_s == free_s(tours.network, (segment,))
     assert "van" not in tours.idle
     assert tours.taken == {"o0", "o1"}

@@ -50,8 +50,6 @@ def _refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], *arguments: str
     [
         (("--begin", "25:00"), "--begin: '25:00' is no time of day; give HH:MM"),
         (("--begin", "noon"), "--begin: 'noon' is no time of day"),
-        (("--speed", "0"), "--speed: 0 is out of range; give 0.1 to 10"),
-        (("--speed", "nan"), "--speed: nan is out of range"),
         (("--rsus", "0"), "--rsus: 0 is out of range"),
         (("--seconds", "-1"), "--seconds: -1 is out of range"),
         (("--port", "0"), "--port: 0 is no port"),
@@ -129,7 +127,6 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
         BusSettings(),
         routes=routes,
         begin_s=27000.0,
-        speed=1.0,
         cameras=2,
         fps=10.0,
         priority=True,

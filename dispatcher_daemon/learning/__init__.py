@@ -1,0 +1,9 @@
+"""What movements cost, learned from drives: passages counted, sums by hour, and expectations."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.learning.costs import MovementCosts
+from dispatcher_daemon.learning.history import HOURS, History
+from dispatcher_daemon.learning.passages import Passages, Trace
+
+__all__ = ["HOURS", "History", "MovementCosts", "Passages", "Trace"]
