@@ -59,6 +59,7 @@ class _Van:
         look_ns: when it asks its agent next while it stands.
         since_ns: since when it stands; advice from before is for the road.
         tour: number of its tour, from 0.
+        begun: cycle of the plan that its tour began with.
         ready_s: since when it could leave.
         serves: stop at which it stands, and until when.
         told_s: when its driver last said that it is served.
@@ -71,6 +72,7 @@ class _Van:
     look_ns: int = 0
     since_ns: int = 0
     tour: int = -1
+    begun: int | None = None
     leg: int = 0
     ready_s: float = 0.0
     serves: tuple[str, float] | None = None
@@ -252,9 +254,10 @@ class FleetWorld:
 
     def _enter(self, name: str, van: _Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
         planned = _planned(plan, leg)
-        begins = plan.continues is None and leg == 0
+        # Not at leg 0: the first stop may be at the depot's junction.
+        begins = plan.continues is None and van.begun != plan.cycle
         if begins:
-            van.tour, van.leg = van.tour + 1, 0
+            van.tour, van.leg, van.begun = van.tour + 1, 0, plan.cycle
             van.ready_s = min(now_s, max(van.ready_s, self._time_s(plan.issued_ns)))
         due_s = self._time_s(plan.depart_ns) if begins else van.ready_s
         path = tuple(segment.segment for segment in planned)

@@ -257,8 +257,9 @@ def test_who_is_near_on_a_segment_drafts_there_but_for_one() -> None:
     second = replace(second, departed_s=40.0, arrived_s=40.0 + 152.0, path=("a", "b"))
     third = replace(third, departed_s=400.0, arrived_s=552.0)
     drag = first.alone.drag_kwh
+    lengths_m = {name: segment.length_m for name, segment in ROADS.segments.items()}
     together = [
-        proximity_kwh((first, second, third), ROADS.length_m, within_s)
+        proximity_kwh((first, second, third), lengths_m, within_s)
         for within_s in (10.0, 60.0, 600.0)
     ]
     # Segment a: 600 of 1500 m, or of 1100 m; b: 500; c: 400, which the second one does not drive.

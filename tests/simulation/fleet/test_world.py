@@ -94,19 +94,30 @@ def test_two_stops_at_one_junction_are_served_one_after_the_other(town: Running)
     assert town.world.again == []
 
 
+def test_a_stop_at_the_depots_junction_is_served_before_the_first_road(town: Running) -> None:
+    """The tour is counted from the first leg that has a road."""
+    town.exchange.send_plan(plan([*segments("a", 1), *segments("b", 2)], "one", "two"))
+    town.until(lambda: town.world.tours_finished == 1)
+    begun = town.world.begun_s
+    assert begun["one"] <= 6.0
+    assert [(leg.path, leg.round, leg.leg) for leg in town.legs] == [(("a",), 0, 0), (("b",), 0, 1)]
+    assert town.legs[0].departed_s >= begun["one"] + SERVICE_S
+    assert (town.world.tours_begun, town.world.again) == (1, [])
+
+
 def test_a_second_tour_begins_after_the_first(town: Running) -> None:
-    """Vehicles take plans from where they are; here the depot is where the tour ended."""
+    """Vehicles take plans when they are home; here that is where the tour ended."""
     town.exchange.send_plan(plan([*segments("a", 0), *segments("b", 1)], "one"))
     town.until(lambda: town.world.tours_finished == 1)
-    now_s = town.session.time_s
-    town.exchange.send_plan(
-        plan([*segments("c", 0), *segments("b", 1)], "two", cycle=2, depart_s=now_s + 5.0)
-    )
-    town.until(lambda: town.world.unfinished > 0, limit_s=10.0)
-    assert town.session.time_s >= now_s + 5.0
-    assert town.world.tours_begun == 2
+    for _ in town.steps_for(2.0):
+        assert town.world.unfinished == 0
+    leaves_s = town.session.time_s + 5.0
+    town.exchange.send_plan(plan(segments("c"), "two", cycle=2, depart_s=leaves_s))
     town.until(lambda: "two" in town.world.begun_s)
-    assert town.legs[-1].round == 1
+    last = town.legs[-1]
+    assert leaves_s <= last.departed_s <= leaves_s + 1.0
+    assert (last.path, last.round, last.leg) == (("c",), 1, 0)
+    assert town.world.tours_begun == 2
 
 
 def test_a_refused_plan_moves_nobody(town: Running) -> None:

@@ -1,4 +1,4 @@
-"""The live world's parts: pace, pictures over HTTP, plans, orders, gates, where cameras hang."""
+"""The live world's parts: pace, pictures over HTTP, orders, where cameras hang."""
 
 from __future__ import annotations
 
@@ -15,27 +15,14 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.fleet import Depot
-from simulation.live.fleet_file import FleetFile, open_since_s
-from simulation.live.gates import BusGates
+from simulation.live.fleet_file import FleetFile
 from simulation.live.pace import SLIP_S, Pace
-from simulation.live.plans import PendingPlans, PlanQueue, in_world_time
 from simulation.live.sites import camera_site
 from simulation.live.stream import LatestPicture, MjpegServer
 from simulation.live.world_spec import WorldSpec
 from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
 from simulation.scenarios.perception.rsus import Rsu, Stretch
-from slipstream.messages import (
-    Estimate,
-    KinematicFeatures,
-    PlannedSegment,
-    PlannedStop,
-    SegmentState,
-    VehiclePlan,
-)
 from slipstream.roads import Segment, build_network
-
-S = 1_000_000_000
-ISSUED_NS = 1_795_000_000 * S
 
 
 class Clock:
@@ -49,22 +36,22 @@ class Clock:
 
 
 def test_steps_are_due_by_the_wall_clock() -> None:
-    """At twice real time a step of 0.1 s is due each 0.05 s, whatever the ones before took."""
+    """A step of 0.1 s is due each 0.1 s, whatever the ones before took."""
     clock = Clock()
-    pace = Pace(0.1, 2.0, clock)
-    assert pace.wait_s() == pytest.approx(0.05)
-    clock.now_s += 0.05
+    pace = Pace(0.1, clock)
+    assert pace.wait_s() == pytest.approx(0.1)
+    clock.now_s += 0.1
     pace.stepped()
-    assert pace.due_s == pytest.approx(100.05)
-    clock.now_s += 0.03
-    assert pace.wait_s() == pytest.approx(0.02)
+    assert pace.due_s == pytest.approx(100.1)
+    clock.now_s += 0.06
+    assert pace.wait_s() == pytest.approx(0.04)
     assert (pace.steps, pace.late, pace.slipped_s) == (1, 0, 0.0)
 
 
 def test_a_short_delay_is_caught_up_with_a_long_one_is_not() -> None:
     """Late steps follow at once; a world far behind goes on from where it is, and tells so."""
     clock = Clock()
-    pace = Pace(0.1, 1.0, clock)
+    pace = Pace(0.1, clock)
     clock.now_s += 0.35
     assert pace.wait_s() == 0.0
     pace.stepped()
@@ -80,17 +67,15 @@ def test_a_short_delay_is_caught_up_with_a_long_one_is_not() -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed", "fps", "steps", "step_s"),
-    [(1.0, 10.0, 1, 0.1), (4.0, 10.0, 4, 0.1), (0.5, 10.0, 1, 0.05), (1.5, 10.0, 2, 0.075)],
+    ("fps", "steps", "step_s"), [(10.0, 1, 0.1), (2.5, 4, 0.1), (20.0, 1, 0.05), (4.0, 3, 0.083)]
 )
 def test_pictures_fall_on_steps(
-    speed: float, fps: float, steps: int, step_s: float, deliveries: Deliveries
+    fps: float, steps: int, step_s: float, deliveries: Deliveries
 ) -> None:
     """Steps are 0.1 s at most, and a whole number of them lies between two pictures."""
     order = WorldSpec(
         day=None,  # type: ignore[arg-type]
         begin_s=0.0,
-        speed=speed,
         rsus=(),
         deliveries=deliveries,
         fleet=Path(),
@@ -155,89 +140,6 @@ def test_a_dead_client_holds_nobody_up(camera: tuple[LatestPicture, MjpegServer]
         assert time.monotonic() - began < 2.0
 
 
-def _plan(vehicle: str, orders: list[str], cycle: int = 1, depart_s: float = 10.0) -> VehiclePlan:
-    """A plan that leaves so long after its issue, ten seconds a segment and at each stop."""
-    clock_ns = ISSUED_NS + round(depart_s * S)
-    stops = [PlannedStop(stop="d", node="a", arrival_ns=clock_ns, departure_ns=clock_ns)]
-    segments = []
-    for leg, stop in enumerate([*orders, "d"]):
-        segments.append(
-            PlannedSegment(
-                segment="ab",
-                entry_ns=clock_ns,
-                exit_ns=clock_ns + 10 * S,
-                speed_mps=10.0,
-                platoon=None,
-                place=None,
-                gap_m=None,
-                leg=leg,
-            )
-        )
-        clock_ns += 10 * S
-        stops.append(
-            PlannedStop(stop=stop, node="b", arrival_ns=clock_ns, departure_ns=clock_ns + 10 * S)
-        )
-        clock_ns += 10 * S
-    return VehiclePlan(
-        vehicle=vehicle,
-        cycle=cycle,
-        issued_ns=ISSUED_NS,
-        valid_until_ns=ISSUED_NS + 900 * S,
-        depart_ns=stops[0].departure_ns,
-        stops=tuple(stops),
-        segments=tuple(segments),
-        distance_m=200.0,
-        energy_kwh=0.1,
-    )
-
-
-def test_a_plans_times_count_from_its_issue_in_the_world() -> None:
-    """All times of a plan move to the simulated clock, and their distances stay."""
-    plan = in_world_time(_plan("van-1", ["o1"]), 27000.0)
-    assert plan.depart_ns == 27010 * S
-    assert [stop.arrival_ns / S for stop in plan.stops] == [27010, 27020, 27040]
-    assert [(p.entry_ns / S, p.exit_ns / S) for p in plan.segments] == [
-        (27010, 27020),
-        (27030, 27040),
-    ]
-    assert plan.valid_until_ns == 27900 * S
-
-
-def test_a_vehicle_takes_a_plan_only_when_it_is_free() -> None:
-    """On its round it takes none; back at the depot it takes the newest that has not left yet."""
-    waiting = PendingPlans({"van-1", "van-2"}, {"o1", "o2"})
-    waiting.add(in_world_time(_plan("van-1", ["o1"]), 0.0))
-    assert list(waiting.take({"van-2": 0.0}, set())) == []
-    assert list(waiting.take({"van-1": 50.0}, set())) == []
-    waiting.add(in_world_time(_plan("van-1", ["o1"], cycle=2), 60.0))
-    waiting.add(in_world_time(_plan("van-1", ["o2"], cycle=3), 65.0))
-    assert [plan.cycle for plan in waiting.take({"van-1": 50.0}, set())] == [3]
-    assert list(waiting.take({"van-1": 50.0}, set())) == []
-
-
-@pytest.mark.parametrize(
-    ("vehicle", "orders", "taken"),
-    [("van-9", ["o1"], []), ("van-1", ["strange"], []), ("van-1", ["o1", "o2"], ["o2"])],
-)
-def test_plans_that_do_not_fit_the_fleet_are_left_out(
-    vehicle: str, orders: list[str], taken: list[str]
-) -> None:
-    """Another fleet's vehicle or order, and an order that somebody else has taken."""
-    waiting = PendingPlans({"van-1"}, {"o1", "o2"})
-    waiting.add(in_world_time(_plan(vehicle, orders), 0.0))
-    assert list(waiting.take({"van-1": 0.0, "van-9": 0.0}, taken)) == []
-
-
-def test_only_plans_for_the_fleet_come_out_of_the_mailbox() -> None:
-    """Noise on the bus and other fleets' plans are dropped where they arrive."""
-    mailbox = PlanQueue(["van-1"])
-    mailbox.take("key", b"noise")
-    mailbox.take("key", _plan("van-9", ["o1"]).to_bytes())
-    mailbox.take("key", _plan("van-1", ["o1"]).to_bytes())
-    assert [plan.vehicle for plan in mailbox.drain()] == ["van-1"]
-    assert list(mailbox.drain()) == []
-
-
 @pytest.fixture
 def deliveries() -> Deliveries:
     """One van and three orders, released at six, seven and eight."""
@@ -249,57 +151,22 @@ def deliveries() -> Deliveries:
 
 
 def test_the_order_file_follows_the_day(tmp_path: Path, deliveries: Deliveries) -> None:
-    """Orders appear when they are ready and go when taken; a file without any says so."""
+    """Orders appear when they are ready and go when served, those of former waves count as served;
+    a file without any says so.
+    """
     path = tmp_path / "fleet.json"
-    file = FleetFile(path, deliveries)
     now_s = 7.5 * 3600
-    assert open_since_s(deliveries, now_s) == 6.5 * 3600
-    assert file.write(now_s, {"van-1": now_s - 60.0}, {"o6"}) == 1
+    file = FleetFile(path, deliveries, now_s)
+    assert file.write(now_s, set()) == 1
     fleet = json.loads(path.read_text())
     assert [stop["id"] for stop in fleet["stops"]] == ["o7"]
     assert fleet["stops"][0]["latest_s"] == pytest.approx(2200.0)
     assert [vehicle["id"] for vehicle in fleet["vehicles"]] == ["van-1"]
-    assert file.write(now_s, {}, {"o6", "o7"}) == 0
+    assert file.write(now_s + 3600.0, {"o7"}) == 1
+    assert [stop["id"] for stop in json.loads(path.read_text())["stops"]] == ["o8"]
+    assert file.write(now_s, {"o7"}) == 0
     assert json.loads(path.read_text())["stops"] == []
     assert [found.name for found in tmp_path.iterdir()] == ["fleet.json"]
-
-
-def _state(time_ns: int, y_e: int | None) -> SegmentState:
-    features = KinematicFeatures(
-        mean_speed_mps=Estimate(value=12.0),
-        mean_acceleration_mps2=Estimate(value=0.0),
-        density_veh_per_m=Estimate(value=0.02),
-        speed_std_mps=Estimate(value=0.5),
-        acceleration_variance_m2ps4=Estimate(value=0.1),
-    )
-    return SegmentState(
-        rsu="rsu-01",
-        segment="ab",
-        sequence=time_ns // S,
-        time_ns=time_ns,
-        window_s=60.0,
-        features=features,
-        y_e=y_e,  # type: ignore[arg-type]
-        reason=None if y_e is not None else "uncertain",
-        vehicles=5,
-        frames=600,
-        coverage=1.0,
-    )
-
-
-@pytest.mark.parametrize(
-    ("y_e", "age_s", "is_open", "is_turbulent"),
-    [(1, 1, True, False), (0, 1, False, True), (None, 1, False, False), (1, 9, False, False)],
-)
-def test_gates_are_what_fresh_states_say(
-    y_e: int | None, age_s: int, is_open: bool, is_turbulent: bool
-) -> None:
-    """Open on stable, turbulent on turbulent, neither where nothing fresh is known."""
-    gates = BusGates(lambda: ISSUED_NS)
-    gates.take("key", b"noise")
-    gates.take("key", _state(ISSUED_NS - age_s * S, y_e).to_bytes())
-    assert (gates.is_open("ab"), gates.is_turbulent("ab")) == (is_open, is_turbulent)
-    assert not gates.is_open("ba")
 
 
 @pytest.mark.parametrize("length_m", [400.0, 100.0])

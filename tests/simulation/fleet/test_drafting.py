@@ -1,0 +1,105 @@
+"""Drag reductions by measured gaps, as a pure function."""
+
+from __future__ import annotations
+
+import pytest
+
+from simulation.fleet.drafting import CLOSE_GAP_M, MIN_SPEED_MPS, drafting
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
+from slipstream.messages import SensedVehicle, VehicleSensing
+from tests.simulation.fleet.road import Flags
+
+OPEN = Flags({"a": 1, "b": 1})
+
+
+def sensed(
+    name: str,
+    ahead: str | None = None,
+    gap_m: float = 2.0,
+    speed_mps: float = 20.0,
+    segment: str = "a",
+    *,
+    of_fleet: bool = True,
+) -> VehicleSensing:
+    """A vehicle on the road, behind another one."""
+    front = ahead and SensedVehicle(
+        track=ahead, vehicle=ahead if of_fleet else None, gap_m=gap_m, speed_mps=speed_mps
+    )
+    return VehicleSensing(
+        vehicle=name,
+        time_ns=0,
+        on_road=True,
+        segment=segment,
+        crossing=False,
+        lane=0,
+        front_m=0.0,
+        speed_mps=speed_mps,
+        acceleration_mps2=0.0,
+        driven_m=0.0,
+        ahead=front or None,
+        behind=None,
+    )
+
+
+def three(**rear: object) -> dict[str, VehicleSensing]:
+    """Three vehicles in close gaps; the last one otherwise if so."""
+    return {
+        "one": sensed("one"),
+        "two": sensed("two", "one"),
+        "three": sensed("three", "two", **rear),  # type: ignore[arg-type]
+    }
+
+
+def test_leader_and_followers_have_their_reductions() -> None:
+    """The leader's for the first, a follower's for each behind it, none for vehicles alone."""
+    found = drafting(three(), {"two": True, "three": True}, OPEN)
+    assert found.eta == {"one": ETA_LEADER, "two": ETA_FOLLOWER, "three": ETA_FOLLOWER}
+    assert found.turbulent == frozenset()
+    assert drafting(three(), {}, OPEN).eta == {}
+    # The order in which vehicles are looked at does not matter.
+    assert drafting(three(), {"three": True, "two": True}, OPEN).eta == found.eta
+
+
+@pytest.mark.parametrize(
+    "rear",
+    [
+        pytest.param({"gap_m": CLOSE_GAP_M + 0.1}, id="far"),
+        pytest.param({"speed_mps": MIN_SPEED_MPS - 0.1}, id="slow"),
+        pytest.param({"segment": "c"}, id="gate closed"),
+        pytest.param({"of_fleet": False}, id="behind another car"),
+        pytest.param({"ahead": "elsewhere"}, id="behind one that is not on the road"),
+        pytest.param({"ahead": None}, id="behind nobody"),
+    ],
+)
+def test_what_is_not_a_close_gap_behind_an_open_gate_is_not_credited(
+    rear: dict[str, object],
+) -> None:
+    """The last one of three has nothing, and the one ahead of it goes on following."""
+    vehicles = three()
+    own: dict[str, object] = {"ahead": "two", **rear}
+    vehicles["three"] = sensed("three", **own)  # type: ignore[arg-type]
+    found = drafting(vehicles, {"two": True, "three": True}, OPEN)
+    assert found.eta == {"one": ETA_LEADER, "two": ETA_FOLLOWER}
+
+
+def test_at_the_limits_the_reduction_is_credited() -> None:
+    """7.5 m and 5 m/s are enough."""
+    rear = sensed("two", "one", gap_m=CLOSE_GAP_M, speed_mps=MIN_SPEED_MPS)
+    found = drafting({"one": sensed("one"), "two": rear}, {"two": True}, OPEN)
+    assert found.eta == {"one": ETA_LEADER, "two": ETA_FOLLOWER}
+
+
+def test_who_leaves_has_no_reduction() -> None:
+    """Its gap is close still, and counts as exposure where the traffic is turbulent."""
+    vehicles = {"one": sensed("one", segment="b"), "two": sensed("two", "one")}
+    assert drafting(vehicles, {"two": False}, OPEN).eta == {}
+    found = drafting(vehicles, {"two": False}, Flags({"a": 0, "b": 1}))
+    assert (found.eta, found.turbulent) == ({}, {"two"})
+    found = drafting(vehicles, {"two": False}, Flags({"a": 1, "b": 0}))
+    assert found.turbulent == {"one"}
+
+
+def test_a_leader_beyond_a_closed_gate_is_not_credited() -> None:
+    """Its follower is, as long as it is on an open segment."""
+    vehicles = {"one": sensed("one", segment="c"), "two": sensed("two", "one")}
+    assert drafting(vehicles, {"two": True}, OPEN).eta == {"two": ETA_FOLLOWER}
