@@ -200,6 +200,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         emergency_stops=counts.emergency_stops,
         gridlock_s=gridlock.since_s,
         unfinished=world.unfinished,
+        served_again=len(world.again),
     )
 
 

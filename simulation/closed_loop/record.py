@@ -80,6 +80,7 @@ class ArmResult:
         emergency_stops: brakings above the vehicle's emergency deceleration.
         gridlock_s: when most vehicles had stood for long; None: never.
         unfinished: vehicles of the fleet still on the road at the end.
+        served_again: services of orders that had been served.
     """
 
     scenario: str
@@ -97,3 +98,4 @@ class ArmResult:
     emergency_stops: int
     gridlock_s: float | None
     unfinished: int
+    served_again: int = 0

@@ -23,6 +23,7 @@ class Measures:
         travel_h: from when legs could begin to their arrivals, service left out.
         led_km: at the front of platoons.
         followed_km: as a follower.
+        planned_platooned_km: in platoons by the plans, what later ones replaced left out.
         stops: on the road.
         waited_h: standing on the road.
         orders: released.
@@ -49,6 +50,7 @@ class Measures:
     travel_h: float
     led_km: float
     followed_km: float
+    planned_platooned_km: float
     stops: int
     waited_h: float
     orders: int
@@ -101,6 +103,7 @@ def measure(result: ArmResult) -> Measures:
         travel_h=sum(leg.travel_s for leg in legs) / 3600,
         led_km=sum(leg.led_m for leg in legs) / 1000,
         followed_km=sum(leg.followed_m for leg in legs) / 1000,
+        planned_platooned_km=sum(cycle.planned_platooned_m for cycle in cycles) / 1000,
         stops=sum(leg.stops for leg in legs),
         waited_h=sum(leg.waited_s for leg in legs) / 3600,
         orders=len(result.services),
@@ -124,7 +127,9 @@ def measure(result: ArmResult) -> Measures:
 
 
 def faults(result: ArmResult) -> tuple[str, ...]:
-    """Faults that make an arm invalid: gridlock, teleports, collisions, emergency stops."""
+    """Faults that make an arm invalid: gridlock, teleports, collisions, emergency stops, an order
+    that was served twice.
+    """
     found = []
     if result.gridlock_s is not None:
         found.append(f"gridlock at {clock(result.gridlock_s)}")
@@ -132,6 +137,7 @@ def faults(result: ArmResult) -> tuple[str, ...]:
         (result.teleports, "teleport"),
         (result.collisions, "collision"),
         (result.emergency_stops, "emergency stop"),
+        (result.served_again, "second service"),
     ):
         if count:
             found.append(f"{count} {what}{'s' if count > 1 else ''}")

@@ -203,6 +203,7 @@ def driving_table(evaluation: Evaluation) -> Table:
             number(evaluation.figure(name, lambda m: m.stops / m.distance_km), 2),
             number(evaluation.figure(name, lambda m: m.waited_h), 2),
             number(evaluation.figure(name, lambda m: m.platooned_km), 1),
+            number(evaluation.figure(name, lambda m: m.planned_platooned_km), 1),
             percent(evaluation.figure(name, lambda m: m.platooned_share)),
             count(evaluation.figure(name, lambda m: m.disengagements)),
             number(evaluation.figure(name, lambda m: m.turbulent_s), 0),
@@ -215,14 +216,15 @@ def driving_table(evaluation: Evaluation) -> Table:
     return Table(
         "How they drove",
         (
-            *("arm", "stops", "stops/km", "standing, h", "platooned km", "share"),
+            *("arm", "stops", "stops/km", "standing, h", "platooned km", "planned", "share"),
             *("disengagements", "platooned in turbulence, s", "open gates in turbulence"),
             *("others, s a trip", "unfinished"),
         ),
         rows,
         arm_rows_source(evaluation),
         (
-            "Disengagements: platoons that had to part because the traffic was turbulent in truth. "
+            "Platooned km: driven with a drag reduction; planned: by the plans, what later ones "
+            "replaced left out. Disengagements: platoons that had to part because the traffic was turbulent in truth. "
             "Open gates in turbulence: segments let for platoons while turbulent in truth, summed "
             "over dispatch cycles (the paper: no violation). Others: mean duration of the "
             "background's trips against B's. Unfinished: legs on the road at the end.",

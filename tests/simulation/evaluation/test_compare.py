@@ -44,6 +44,7 @@ def test_an_order_is_late_once_its_time_is_over() -> None:
     )
     found = measure(arm("B", services=services))
     assert (found.orders, found.served, found.late) == (4, 2, 2)
+    assert found.planned_platooned_km == pytest.approx(3.6)
 
 
 @pytest.mark.parametrize(
@@ -53,6 +54,7 @@ def test_an_order_is_late_once_its_time_is_over() -> None:
         ({"teleports": 1}, "1 teleport"),
         ({"collisions": 2}, "2 collisions"),
         ({"emergency_stops": 1}, "1 emergency stop"),
+        ({"served_again": 1}, "1 second service"),
         ({"services": ()}, "no order was served"),
     ],
 )
