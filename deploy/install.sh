@@ -5,11 +5,12 @@ set -eu
 
 usage() {
     cat <<'TEXT'
-usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] edge|server|all
+usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] edge|agent|server|all
 
   edge        for an RSU box: edge daemons and a zenoh router
+  agent       for a vehicle's box, or for the agents of a depot: vehicle agents and a zenoh router
   server      for the server: dispatcher, dashboard and a zenoh router
-  all         both, for one machine
+  all         all of them, for one machine
 
   --dry-run   print what would be done, change nothing
   --no-venv   leave the Python environment as it is: units, settings and documentation only
@@ -44,15 +45,16 @@ set_password() (
     printf '%s\n' "$password" >"$bus/$1"
 )
 
-# The unit's User=edge-NAME has to be a user's name; for another one a drop-in gives a number.
+# A unit's User=edge-NAME or agent-NAME has to be a user's name; for another one a drop-in gives a
+# number.
 name_user() {
     case $1 in
         *[!A-Za-z0-9_-]* | ????????????????????????????????*) ;;
         *) return 0 ;;
     esac
-    drop_in=$root/etc/systemd/system/slipstream-edge@${1#edge-}.service.d
+    drop_in=$root/etc/systemd/system/slipstream-${1%%-*}@${1#*-}.service.d
     install -d -m 755 "$drop_in"
-    printf '[Service]\nUser=edge-%s\n' "$(printf %s "$1" | cksum | cut -d ' ' -f 1)" >"$drop_in/user.conf"
+    printf '[Service]\nUser=%s-%s\n' "${1%%-*}" "$(printf %s "$1" | cksum | cut -d ' ' -f 1)" >"$drop_in/user.conf"
 }
 
 umask 022 # the daemons are not root and have to read what is installed
@@ -68,7 +70,7 @@ while [ $# -gt 0 ]; do
             shift
             ;;
         -h | --help) usage; exit 0 ;;
-        edge | server | all)
+        edge | agent | server | all)
             [ -z "$role" ] || fail "one role only; see --help"
             role=$1
             ;;
@@ -76,7 +78,7 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
-[ -n "$role" ] || fail "say what this machine is: edge, server or all"
+[ -n "$role" ] || fail "say what this machine is: edge, agent, server or all"
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 source=$(dirname -- "$here")
@@ -91,6 +93,8 @@ fi
 
 case $role in
     edge) extras=edge units='slipstream-edge@ slipstream-router' settings='edge-rsu-1 camera-rsu-1' ;;
+    # Agents need nothing but what all daemons need.
+    agent) extras='' units='slipstream-agent@ slipstream-router' settings=agent-depot-1 ;;
     server)
         extras=dispatcher,dashboard
         units='slipstream-dispatcher slipstream-dashboard slipstream-router'
@@ -98,8 +102,9 @@ case $role in
         ;;
     all)
         extras=edge,dispatcher,dashboard
-        units='slipstream-edge@ slipstream-dispatcher slipstream-dashboard slipstream-router'
-        settings='edge-rsu-1 camera-rsu-1 dispatcher dashboard'
+        units='slipstream-edge@ slipstream-agent@ slipstream-dispatcher slipstream-dashboard'
+        units="$units slipstream-router"
+        settings='edge-rsu-1 camera-rsu-1 agent-depot-1 dispatcher dashboard'
         ;;
 esac
 
@@ -134,7 +139,7 @@ if [ "$venv" = yes ]; then
     run rm -f "$release/.complete"
     # A folder is installed anew each time, also where its version is the one that is there.
     run "$release/bin/python" -m pip install --quiet --disable-pip-version-check \
-        "${source}[$extras]"
+        "$source${extras:+[$extras]}"
     run touch "$release/.complete"
     # One rename: whoever starts now gets the old release or the new one.
     run ln -sfn "releases/$version" "$opt/current.new"
@@ -176,7 +181,8 @@ if [ ! -e "$etc/router.json5" ]; then
     run install -m 600 "$here/zenoh/router.json5" "$etc/router.json5"
 fi
 
-# Who the daemons are on the bus: each camera's daemon that has settings, and those of the server.
+# Who the daemons are on the bus: each camera's daemon and each process of agents that has settings,
+# what brings those vehicles' sensing, and those of the server.
 bus=$etc/bus
 run install -d -m 700 "$bus"
 for file in "$etc"/edge-*.toml; do
@@ -184,9 +190,16 @@ for file in "$etc"/edge-*.toml; do
     run set_password "$(basename -- "$file" .toml)"
     run name_user "$(basename -- "$file" .toml)"
 done
-if [ "$role" != edge ]; then
-    for user in dispatcher dashboard fleet; do run set_password "$user"; done
-fi
+for file in "$etc"/agent-*.toml; do
+    [ -e "$file" ] || continue
+    name=$(basename -- "$file" .toml)
+    run set_password "$name"
+    run set_password "vehicle-${name#agent-}"
+    run name_user "$name"
+done
+case $role in
+    server | all) for user in dispatcher dashboard fleet signals; do run set_password "$user"; done ;;
+esac
 
 if [ "$live" = yes ] && [ -d /run/systemd/system ]; then
     systemctl daemon-reload
@@ -200,24 +213,33 @@ cat <<TEXT
 Slipstream $version is in place ($role). Next:
 - Edit the settings in /etc/slipstream; examples are in /opt/slipstream/share/examples.
 TEXT
-if [ "$role" != server ]; then
+case $role in edge | all)
     cat <<'TEXT'
 - For each camera NAME write edge-NAME.toml and its calibration, run this again for its password on
   the bus, give it its keys in router.json5, then
     /opt/slipstream/current/bin/slipstream check /etc/slipstream/edge-NAME.toml
     systemctl enable --now slipstream-router slipstream-edge@NAME
 TEXT
-fi
-if [ "$role" != edge ]; then
+;; esac
+case $role in agent | all)
+    cat <<'TEXT'
+- For each depot, or on each vehicle's box, write agent-NAME.toml with its vehicles, run this again
+  for its passwords on the bus, give it its keys in router.json5 (on a box: examples/
+  router-vehicle.json5), then
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/agent-NAME.toml
+    systemctl enable --now slipstream-router slipstream-agent@NAME
+TEXT
+;; esac
+case $role in server | all)
     cat <<'TEXT'
 - Edit dispatcher.toml and dashboard.toml, then
     /opt/slipstream/current/bin/slipstream check /etc/slipstream/d*.toml
     systemctl enable --now slipstream-router slipstream-dispatcher slipstream-dashboard
   and open http://127.0.0.1:8080 on this machine; for other machines see examples/nginx.conf.
 TEXT
-fi
+;; esac
 shared=$(find "$etc" -maxdepth 2 -type f -perm /077 \
-    \( -name 'edge-*.toml' -o -name 'd*.toml' -o -name router.json5 -o -name '*.key' \))
+    \( -name 'edge-*.toml' -o -name 'agent-*.toml' -o -name 'd*.toml' -o -name router.json5 -o -name '*.key' \))
 if [ -n "$shared" ]; then
     printf '%s\n' "- Each daemon can read these, as before version 0.2; see 'Passwords and keys' in" \
         "  operations.md:" "$shared"

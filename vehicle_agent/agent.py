@@ -241,8 +241,8 @@ class Agent:
         # In a close gap it is platooning that keeps the gap safe.
         ahead = sensing.ahead if self._mode == "alone" else None
         top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
-        doubt = _doubt(sensing, plan, now_ns)
-        distrust = doubt or ("the signal ahead tells nothing" if top.signal_unknown else None)
+        doubt = _clock_doubt(sensing, now_ns)
+        distrust = doubt or _distrust(plan, now_ns, signal_unknown=top.signal_unknown)
         if distrust is not None:
             self._end_platooning(distrust)
         step = self._platooning.step(
@@ -323,16 +323,21 @@ class Agent:
         self._outgoing.append((key, message))
 
 
-def _doubt(sensing: VehicleSensing, plan: VehiclePlan, now_ns: int) -> str | None:
-    """Why close gaps must end; None: nothing speaks against them."""
+def _clock_doubt(sensing: VehicleSensing, now_ns: int) -> str | None:
+    """Why no advice can be given; None: nothing speaks against it."""
     age_s = freshness.age_s(sensing.time_ns, now_ns)
     if sensing.clock_error_s > CLOCK_ERROR_S or not -CLOCK_ERROR_S <= age_s <= _SENSING_AGE_S:
         return "the clock is in doubt"
+    return None
+
+
+def _distrust(plan: VehiclePlan, now_ns: int, *, signal_unknown: bool) -> str | None:
+    """Why there may be no close gaps, though advice goes on; None: nothing speaks against them."""
     if plan.valid_until_ns <= now_ns:
         return "the plan has lapsed"
     if plan.issued_ns > now_ns + round(freshness.FUTURE_TOLERANCE_S * 1e9):
         return "the plan is dated ahead of the clock"
-    return None
+    return "the signal ahead tells nothing" if signal_unknown else None
 
 
 def _text(mode: AdviceMode, speed_mps: float | None, step: PlatoonStep | None) -> str:

@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from simulation.live.fleet_file import FleetFile
 from simulation.live.world_spec import WorldSpec
 from simulation.scenarios.demand import Deliveries, draw_deliveries
@@ -19,6 +21,10 @@ from slipstream.errors import InputError
 
 WARM_UP_S: Final = 300.0
 """Simulated before the world opens, so that the roads are not empty then."""
+
+
+_RUN_S: Final = 10.0
+"""Runs that begin within it get the same names; after 194 days names begin again."""
 
 
 def prepare_world(
@@ -87,8 +93,10 @@ def named_anew(deliveries: Deliveries) -> Deliveries:
     """The same orders under names that no run before had: what a database knows as served would
     not be planned again.
     """
-    run = time.strftime("%m%d%H%M%S")
-    orders = tuple(replace(order, id=f"{run}-{order.id}") for order in deliveries.orders)
+    run = np.base_repr(int(time.time() / _RUN_S) % 36**4, 36).lower()
+    orders = tuple(
+        replace(order, id=f"{run}-{number}") for number, order in enumerate(deliveries.orders, 1)
+    )
     return replace(deliveries, orders=orders)
 
 

@@ -15,6 +15,7 @@ from slipstream.messages import (
     SignalPhaseAndTiming,
     SignalRequest,
     decode,
+    signal_request_key,
     signal_status_key,
     spat_key,
 )
@@ -64,9 +65,11 @@ class LiveSignals:
 
     def _on_request(self, key: str, payload: bytes) -> None:
         try:
-            self._requests.put(decode(SignalRequest, payload, key))
+            request = decode(SignalRequest, payload, key)
         except InputError:
             return
+        if signal_request_key(request.intersection, request.vehicle) == key:
+            self._requests.put(request)
 
 
 def in_utc(spat: SignalPhaseAndTiming, offset_ns: int) -> SignalPhaseAndTiming:

@@ -59,7 +59,7 @@ cp -p edge-rsu-1.toml edge-north.toml
 install -d -m 750 -g slipstream tls
 install -m 600 /dev/stdin tls/router.key </etc/hostname
 sh /srv/checkout/deploy/install.sh --no-venv all
-units='slipstream-router slipstream-dispatcher slipstream-dashboard slipstream-edge@rsu-1 slipstream-edge@north'
+units='slipstream-router slipstream-dispatcher slipstream-dashboard slipstream-edge@rsu-1 slipstream-edge@north slipstream-agent@depot-1'
 systemctl start $units
 {
     find /etc/slipstream -type f

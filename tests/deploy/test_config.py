@@ -7,30 +7,43 @@ from pathlib import Path
 
 import pytest
 
+from dispatcher_daemon.fleet_file import FleetFile
+from slipstream.roads import load_network
 from slipstream_cli.main import main
 
 from .conftest import DEPLOY
 
 
 def test_the_examples_are_valid(etc: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`slipstream check` accepts the settings of all three daemons as they are shipped."""
-    files = [etc / name for name in ("edge-rsu-1.toml", "dispatcher.toml", "dashboard.toml")]
+    """`slipstream check` accepts the settings of all daemons as they are shipped."""
+    names = ("edge-rsu-1", "dispatcher", "dashboard", "agent-depot-1")
+    files = [etc / f"{name}.toml" for name in names]
     assert main(["check", *map(str, files)]) == 0
     said = capsys.readouterr().out
-    assert [line.split()[-2] for line in said.splitlines()] == ["edge", "dispatcher", "dashboard"]
+    kinds = ["edge", "dispatcher", "dashboard", "agent"]
+    assert [line.split()[-2] for line in said.splitlines()] == kinds
 
 
 def test_the_examples_fit_together() -> None:
     """One router, one database, one network, no metrics port twice, the page on loopback."""
-    edge, dispatcher, dashboard = (
+    edge, dispatcher, dashboard, agent = daemons = tuple(
         tomllib.loads((DEPLOY / "config" / f"{name}.toml").read_text())
-        for name in ("edge-rsu-1", "dispatcher", "dashboard")
+        for name in ("edge-rsu-1", "dispatcher", "dashboard", "agent-depot-1")
     )
-    assert edge["bus"]["connect"] == dispatcher["bus"]["connect"] == dashboard["bus"]["connect"]
-    users = [settings["bus"]["user"] for settings in (edge, dispatcher, dashboard)]
-    assert users == [f"edge-{edge['rsu']}", "dispatcher", "dashboard"]
+    assert len({tuple(settings["bus"]["connect"]) for settings in daemons}) == 1
+    users = [settings["bus"]["user"] for settings in daemons]
+    assert users == [f"edge-{edge['rsu']}", "dispatcher", "dashboard", "agent-depot-1"]
+    roads = load_network(dispatcher["network"])
+    fleet = FleetFile(dispatcher["fleet"], roads).current()
+    assert fleet is not None
+    assert [vehicle["id"] for vehicle in agent["vehicles"]] == [one.id for one in fleet.vehicles]
+    assert agent["stale_after_s"] == dispatcher["stale_after_s"]
+    # The folder that the unit makes for it.
+    assert agent["state"] == "/var/lib/slipstream-agent/depot-1"
+    unit = (DEPLOY / "systemd" / "slipstream-agent@.service").read_text()
+    assert "\nStateDirectory=slipstream-agent/%i\n" in unit
     assert dispatcher["database_url"] == dashboard["database_url"]
     assert dispatcher["network"] == dashboard["network"]
-    ports = [s["service"]["metrics_port"] for s in (edge, dispatcher, dashboard)]
-    assert len({*ports, dashboard["port"]}) == 4
+    ports = [settings["service"]["metrics_port"] for settings in daemons]
+    assert len({*ports, dashboard["port"]}) == 5
     assert dashboard["host"] == "127.0.0.1"

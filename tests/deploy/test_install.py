@@ -43,13 +43,22 @@ def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
     """Units, settings and nothing of the other role; settings are not for everybody's eyes."""
     assert install("--root", tmp_path / "box", "edge").returncode == 0
     assert install("--root", tmp_path / "server", "server").returncode == 0
+    assert install("--root", tmp_path / "vehicle", "agent").returncode == 0
     units = "etc/systemd/system/slipstream-"
     box, server = tree(tmp_path / "box"), tree(tmp_path / "server")
+    vehicle = tree(tmp_path / "vehicle")
+    assert {name for name in vehicle if name.startswith(units)} == {
+        f"{units}agent@.service",
+        f"{units}router.service",
+    }
+    assert "etc/slipstream/agent-depot-1.toml" in vehicle
+    assert "opt/slipstream/share/examples/router-vehicle.json5" in vehicle
+    assert f"{units}agent@.service" not in box.keys() | server.keys()
     assert f"{units}edge@.service" in box
     assert f"{units}dispatcher.service" not in box
     assert {f"{units}dispatcher.service", f"{units}dashboard.service"} < server.keys()
     assert f"{units}edge@.service" not in server
-    for files in (box, server):
+    for files in (box, server, vehicle):
         assert f"{units}router.service" in files
         assert files["etc/slipstream/router.json5"][1] == 0o600
         assert "opt/slipstream/share/doc/operations.md" in files
@@ -78,28 +87,34 @@ def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
         return dict(line.split(":", 1) for line in lines)
 
     before = users()
-    assert before.keys() == {"edge-rsu-1", "dispatcher", "dashboard", "fleet"}
+    server = {"dispatcher", "dashboard", "fleet", "signals"}
+    assert before.keys() == server | {"edge-rsu-1", "agent-depot-1", "vehicle-depot-1"}
     assert len(set(before.values())) == len(before)
     assert min(map(len, before.values())) >= 32
     with (etc / "bus" / "users").open("a") as file:
         file.write("box-1:given:by hand\n")
     for name in ("north", "n.rth", "a-name-that-is-too-long-for-a-user"):
         (etc / f"edge-{name}.toml").write_text("")
+    (etc / "agent-d.2.toml").write_text("")
     assert install("--root", tmp_path, "edge").returncode == 0
     after = users()
     assert before.items() < after.items()
     assert after["box-1"] == "given:by hand"
     for user in after.keys() - {"box-1"}:
         assert (etc / "bus" / user).read_text() == after[user] + "\n"
-    # The unit's user is edge-NAME: where that is no user's name, a drop-in gives another.
+    assert after.keys() >= {"edge-north", "agent-d.2", "vehicle-d.2"}
+    # A unit's user is edge-NAME or agent-NAME; where that is no user's name, it has a drop-in.
     units = tmp_path / "etc" / "systemd" / "system"
     drop_ins = {path.parent.name: path.read_text() for path in units.glob("*.d/user.conf")}
     assert drop_ins.keys() == {
         "slipstream-edge@n.rth.service.d",
         "slipstream-edge@a-name-that-is-too-long-for-a-user.service.d",
+        "slipstream-agent@d.2.service.d",
     }
-    assert all(re.fullmatch(r"\[Service\]\nUser=edge-\d+\n", text) for text in drop_ins.values())
-    assert len(set(drop_ins.values())) == 2
+    for unit, text in drop_ins.items():
+        daemon = unit.removeprefix("slipstream-").split("@")[0]
+        assert re.fullmatch(rf"\[Service\]\nUser={daemon}-\d+\n", text)
+    assert len(set(drop_ins.values())) == 3
 
 
 def test_settings_of_the_version_before_stay_and_are_named(tmp_path: Path) -> None:
@@ -250,7 +265,7 @@ def test_a_dry_run_tells_and_does_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [((), "edge, server or all"), (("spaceship",), "spaceship"), (("--root",), "--root")],
+    [((), "edge, agent, server or all"), (("spaceship",), "spaceship"), (("--root",), "--root")],
 )
 def test_a_slip_of_the_tongue_is_one_line(arguments: tuple[str, ...], named: str) -> None:
     """Bad arguments: exit status 2 and what is wrong."""

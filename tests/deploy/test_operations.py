@@ -21,7 +21,9 @@ def test_every_health_field_is_explained(message: type[RsuHealth | DispatcherHea
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("daemon", ["edge_daemon", "dispatcher_daemon", "dashboard"])
+@pytest.mark.parametrize(
+    "daemon", ["edge_daemon", "dispatcher_daemon", "dashboard", "vehicle_agent"]
+)
 def test_every_metric_is_explained(daemon: str) -> None:
     """Each metric that a daemon registers is on the page, by the name Prometheus sees."""
     code = (
@@ -41,5 +43,8 @@ def test_every_unit_and_example_is_named() -> None:
     """What is installed can be found on the page."""
     for unit in (ROOT / "deploy" / "systemd").glob("*.service"):
         assert unit.stem.rstrip("@") in PAGE
-    for example in ("router-server.json5", "router-rsu.json5", "nginx.conf", "edge-rsu-1.toml"):
+    for example in (
+        *("router-server.json5", "router-rsu.json5", "router-vehicle.json5", "nginx.conf"),
+        *("edge-rsu-1.toml", "agent-depot-1.toml"),
+    ):
         assert example in PAGE

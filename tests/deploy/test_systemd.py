@@ -11,6 +11,7 @@ import pytest
 
 from edge_daemon.settings import EdgeSettings
 from slipstream_cli.main import EXIT_BAD_INPUT, parser
+from vehicle_agent.daemon import INTERVAL_S
 
 from .conftest import DEPLOY
 
@@ -75,6 +76,8 @@ def test_a_fault_is_mended_and_bad_input_is_not_repeated(unit: Path) -> None:
 def test_the_watchdog_is_slower_than_the_work(unit: Path) -> None:
     """Progress is told at least three times a watchdog period, whatever the settings."""
     slowest_beat = max(5.0, EdgeSettings.model_fields["state_interval_s"].metadata[-1].le)
+    if "agent" in unit.name:
+        slowest_beat = INTERVAL_S
     assert seconds(values(unit, "WatchdogSec")[0]) >= 3 * slowest_beat
 
 
@@ -96,6 +99,7 @@ def credentials(unit: Path) -> dict[str, str]:
 
 
 HANDED = {
+    "slipstream-agent@.service": {"bus/agent-%i", "agent-%i.toml"},
     "slipstream-dashboard.service": {"bus/dashboard", "dashboard.toml"},
     "slipstream-dispatcher.service": {"bus/dispatcher", "dispatcher.toml"},
     "slipstream-edge@.service": {"bus/edge-%i", "edge-%i.toml"},
@@ -117,7 +121,8 @@ def test_each_unit_gets_its_own_secrets_only(unit: Path) -> None:
     }
     # Instances of a template share a user, and so their secrets, unless they are told not to.
     if "@" in unit.name:
-        assert values(unit, "User") == ["edge-%i"]
+        daemon = unit.name.removeprefix("slipstream-").split("@")[0]
+        assert values(unit, "User") == [f"{daemon}-%i"]
     assert values(unit, "DynamicUser") == ["yes"] or "dispatcher" in unit.name
 
 

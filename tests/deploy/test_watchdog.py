@@ -174,3 +174,22 @@ def test_the_servers_daemons_tell_their_progress(
         manager.process.send_signal(signal.SIGTERM)
         assert manager.hears("STOPPING=1", 20)
         assert manager.process.wait(timeout=20) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_agents_without_a_vehicle_to_advise_tell_their_progress(tmp_path: Path) -> None:
+    """Without a router too: waiting for sensing is progress, a restart would not bring it."""
+    content: dict[str, object] = {
+        "vehicles": [{"id": "van"}],
+        "state": str(tmp_path / "tours"),
+        "bus": {"connect": [f"tcp/127.0.0.1:{free_port()}"]},
+    }
+    config = settings(tmp_path, "agent", content)
+    with managed(tmp_path, "-m", "slipstream_cli", "agent", "--config", config) as manager:
+        assert manager.hears("READY=1", 30)
+        for _ in range(2):
+            assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
+        manager.process.send_signal(signal.SIGTERM)
+        assert manager.hears("STOPPING=1", 10)
+        assert manager.process.wait(timeout=10) == 0

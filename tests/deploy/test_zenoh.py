@@ -17,16 +17,27 @@ import zenoh
 from slipstream.bus import RECEIVE_LIMIT_BYTES, Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.messages import (
+    ALL_ACKNOWLEDGEMENTS,
     ALL_PLANS,
+    ALL_POSITIONS,
+    ALL_PROGRESS,
     ALL_STATES,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     acknowledgement_key,
+    advice_key,
+    driver_key,
     plan_key,
+    platoon_control_key,
+    platoon_management_key,
     position_key,
     preview_key,
     progress_key,
     rsu_health_key,
+    sensing_key,
+    signal_request_key,
+    signal_status_key,
+    spat_key,
     state_key,
 )
 from slipstream.roads import load_network
@@ -53,7 +64,10 @@ class Seen:
         return payload in self.payloads
 
 
-USERS = ("dispatcher", "dashboard", "fleet", "edge-rsu-1", "box-1", "box-2")
+USERS = (
+    *("dispatcher", "dashboard", "fleet", "signals", "edge-rsu-1", "box-1", "box-2", "van-1"),
+    *("agent-depot-1", "vehicle-depot-1", "agent-van-1", "vehicle-van-1"),
+)
 CREDENTIALS = "/run/credentials/slipstream-router.service"
 
 
@@ -119,25 +133,72 @@ def machine(users: Path, tmp_path: Path) -> Iterator[int]:
         yield port
 
 
+def arrived(seen: Seen) -> set[str]:
+    """Who said what, without when."""
+    return {payload.decode().rsplit(" ", 1)[0] for payload in seen.payloads}
+
+
 PROBES = {
     "state": state_key("rsu-1", "avenue_east"),
     "another segment's state": state_key("rsu-1", "avenue_west"),
     "another RSU's state": state_key("rsu-2", "avenue_east"),
     "health": rsu_health_key("rsu-1"),
     "picture": preview_key("rsu-1"),
-    "plan": plan_key("van"),
+    "plan": plan_key("van-1"),
+    "another's plan": plan_key("truck"),
     "cycle": CYCLE_KEY,
     "dispatcher's health": DISPATCHER_HEALTH_KEY,
-    "position": position_key("van"),
-    "acknowledgement": acknowledgement_key("van"),
-    "progress": progress_key("van"),
+    "position": position_key("van-1"),
+    "acknowledgement": acknowledgement_key("van-1"),
+    "progress": progress_key("van-1"),
+    "another's position": position_key("truck"),
+    "another's acknowledgement": acknowledgement_key("truck"),
+    "another's progress": progress_key("truck"),
+    "control": platoon_control_key("avenue_west", "van-1"),
+    "another's control": platoon_control_key("avenue_west", "truck"),
+    "management": platoon_management_key("truck", "van-1"),
+    "another's management": platoon_management_key("van-1", "truck"),
+    "timing": spat_key("crossing"),
+    "status": signal_status_key("crossing"),
+    "request": signal_request_key("crossing", "van-1"),
+    "another's request": signal_request_key("crossing", "truck"),
+    "sensing": sensing_key("van-1"),
+    "another's sensing": sensing_key("truck"),
+    "driver": driver_key("van-1"),
+    "another's driver": driver_key("truck"),
+    "advice": advice_key("van-1"),
+    "another's advice": advice_key("truck"),
 }
+KEPT = {
+    *("state", "health", "cycle", "dispatcher's health", "acknowledgement", "progress"),
+    *("plan", "another's plan", "another's acknowledgement", "another's progress"),
+}
+"""What publishers keep for subscribers that come late; the rest is of the moment."""
 MAY = {
-    "dispatcher": {"plan", "cycle", "dispatcher's health"},
+    "dispatcher": {"plan", "another's plan", "cycle", "dispatcher's health"},
     "dashboard": set(),
-    "fleet": {"position", "acknowledgement", "progress"},
+    "fleet": {
+        *("position", "acknowledgement", "progress"),
+        *("another's position", "another's acknowledgement", "another's progress"),
+    },
     "edge-rsu-1": {"state", "health", "picture"},
+    "signals": {"timing", "status"},
+    "agent-depot-1": {
+        *("position", "acknowledgement", "progress"),
+        *("control", "management", "request", "advice"),
+    },
+    "vehicle-depot-1": {"sensing", "driver"},
 }
+HEARS = {
+    "edge-rsu-1": set(),
+    "signals": {"request", "another's request"},
+    "agent-depot-1": {
+        *("plan", "another's management", "control", "another's control"),
+        *("timing", "status", "state", "sensing", "driver"),
+    },
+    "vehicle-depot-1": {"advice"},
+}
+"""Of what others may publish; dispatcher, dashboard and `fleet` hear everything."""
 
 
 @pytest.mark.attack
@@ -146,33 +207,96 @@ MAY = {
 def test_each_daemon_publishes_its_own_keys_only(
     machine: int, users: Path, figure: Callable[[str], None]
 ) -> None:
-    """Everything by everybody: what is a user's own arrives early and live, nothing else does."""
+    """Everything by everybody: what is a user's own arrives early and live, nothing else does.
+
+    Those that may not hear everything listen for everything too.
+    """
     with ExitStack() as stack:
         publishers = {}
         for user in MAY:
             bus = stack.enter_context(open_bus(machine, users / user))
             for what, key in PROBES.items():
-                publisher = bus.publisher(key, best_effort=what == "picture")
+                publisher = bus.publisher(
+                    key, best_effort=what == "picture", history=int(what in KEPT)
+                )
                 publisher.put(f"{user}: {what} early".encode())
                 publishers[user, what] = publisher
-        seen, overheard = Seen(), Seen()
-        ears = stack.enter_context(open_bus(machine, users / "dashboard"))
-        ears.subscribe("slipstream/v1/**", seen)
-        camera = stack.enter_context(open_bus(machine, users / "edge-rsu-1"))
-        camera.subscribe("slipstream/v1/**", overheard)
+        listening = {}
+        for user in ("dashboard", *HEARS):
+            bus = stack.enter_context(open_bus(machine, users / user))
+            listening[user] = Seen()
+            bus.subscribe("slipstream/v1/**", listening[user], every=True)
+            if user != "dashboard":
+                for key in (*PROBES.values(), "slipstream/v1/platoon/avenue_west/*"):
+                    bus.subscribe(key, listening[user], every=True)
+        seen = listening["dashboard"]
         own = [(user, what) for user, allowed in MAY.items() for what in allowed]
         for user, what in own:
-            if what != "picture":
+            if what in KEPT:
                 assert seen.wait_for(f"{user}: {what} early".encode(), 20), (user, what)
         for (user, what), publisher in publishers.items():
             publisher.put(f"{user}: {what} live".encode())
         for user, what in own:
             assert seen.wait_for(f"{user}: {what} live".encode()), (user, what)
+            for listener, hears in HEARS.items():
+                if what in hears:
+                    found = listening[listener].wait_for(f"{user}: {what} live".encode())
+                    assert found, (listener, user, what)
         time.sleep(0.5)
-        arrived = {payload.decode().rsplit(" ", 1)[0] for payload in seen.payloads}
-        assert arrived == {f"{user}: {what}" for user, what in own}
-        assert overheard.payloads == []
+        assert arrived(seen) == {f"{user}: {what}" for user, what in own}
+        for listener, hears in HEARS.items():
+            expected = {f"{user}: {what}" for user, what in own if what in hears}
+            assert arrived(listening[listener]) == expected, listener
         figure(f"{len(publishers) - len(own)} of {len(publishers)} pairs of user and key denied")
+
+
+@pytest.mark.attack
+@pytest.mark.process
+def test_an_agent_speaks_for_no_pattern_of_names(machine: int, users: Path) -> None:
+    """One message on a pattern of keys that reaches beyond its own vehicles is dropped."""
+    with (
+        open_bus(machine, users / "agent-depot-1") as agent,
+        open_bus(machine, users / "dashboard") as dashboard,
+    ):
+        seen = Seen()
+        dashboard.subscribe("slipstream/v1/**", seen, every=True)
+        position = agent.publisher(PROBES["progress"])
+        position.put(b"own")
+        assert seen.wait_for(b"own", 20)
+        for pattern in ("fleet/*/position", "platoon/*/*", "signal/*/request/*", "fleet/**", "**"):
+            agent._session.put(f"slipstream/v1/{pattern}", b"forged")
+        position.put(b"after")
+        assert seen.wait_for(b"after")
+        assert set(seen.payloads) == {b"own", b"after"}
+
+
+BEFORE = Path(__file__).with_name("router-before-agents.json5")
+"""The router.json5 of the version before agents."""
+
+
+@pytest.mark.process
+def test_a_router_of_the_version_before_carries_what_it_knew(users: Path, tmp_path: Path) -> None:
+    """States, plans and positions; what it does not know is dropped and harms nobody."""
+    port, file = free_port(), tmp_path / "before.json5"
+    text = BEFORE.read_text().replace("127.0.0.1:7447", f"127.0.0.1:{port}")
+    file.write_text(text.replace(CREDENTIALS, str(users)))
+    senders = {"edge-rsu-1": "state", "dispatcher": "plan", "fleet": "position"}
+    with ExitStack() as stack:
+        stack.enter_context(zenoh.open(zenoh.Config.from_file(str(file))))
+        buses = {
+            user: stack.enter_context(open_bus(port, users / user))
+            for user in (*senders, "dashboard", "agent-depot-1")
+        }
+        seen = Seen()
+        for key in (ALL_STATES, ALL_PLANS, ALL_POSITIONS, ALL_ACKNOWLEDGEMENTS, ALL_PROGRESS):
+            buses["dashboard"].subscribe(key, seen, every=True)
+        agent = buses["agent-depot-1"].publisher(PROBES["progress"])
+        agent.put(b"not known")
+        for user, what in senders.items():
+            buses[user].publisher(PROBES[what]).put(what.encode())
+        for what in senders.values():
+            assert seen.wait_for(what.encode(), 20), what
+        assert b"not known" not in seen.payloads
 
 
 @pytest.mark.attack
@@ -324,9 +448,16 @@ def test_a_bad_configuration_is_one_line(tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
 
 
+BOXES = {
+    "box-1": "router-rsu.json5",
+    "box-2": "router-rsu.json5",
+    "van-1": "router-vehicle.json5",
+}
+
+
 @pytest.fixture
 def certificates(tool: Callable[[str], str], tmp_path: Path) -> Path:
-    """A folder with a certificate authority, the server's and two boxes' certificates."""
+    """A folder with a certificate authority, the server's and three boxes' certificates."""
     folder = tmp_path / "tls"
     folder.mkdir()
     openssl = tool("openssl")
@@ -336,7 +467,8 @@ def certificates(tool: Callable[[str], str], tmp_path: Path) -> Path:
         subprocess.run([openssl, *arguments], cwd=folder, check=True, capture_output=True)
 
     run("req", "-x509", *key, "ca.key", "-out", "ca.pem", "-days", "2", "-subj", "/CN=test ca")
-    for name, host in (("server", "localhost"), ("box-1", "box-1"), ("box-2", "box-2")):
+    for name in ("server", *BOXES):
+        host = "localhost" if name == "server" else name
         (folder / "extensions").write_text(
             f"subjectAltName=DNS:{host}\nextendedKeyUsage=serverAuth,clientAuth\n"
         )
@@ -350,8 +482,8 @@ def certificates(tool: Callable[[str], str], tmp_path: Path) -> Path:
 
 @pytest.fixture
 def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str, int]]:
-    """Routers of the server and two boxes over mutual TLS; the local port of each."""
-    ports = {name: free_port() for name in ("server", "box-1", "box-2")}
+    """Routers of the server, two RSUs' and a vehicle's box over mutual TLS; their local ports."""
+    ports = {name: free_port() for name in ("server", *BOXES)}
     tls = free_port()
     with ExitStack() as stack:
         server = open_router(
@@ -367,9 +499,10 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
             },
         )
         stack.callback(server.close)
-        for box in ("box-1", "box-2"):
+        for box, file in BOXES.items():
+            name = "van-1" if box == "van-1" else "box-1"
             router = open_router(
-                "router-rsu.json5",
+                file,
                 tmp_path / f"{box}.json5",
                 {
                     f"{CREDENTIALS}/router.key": str(certificates / f"{box}.key"),
@@ -378,7 +511,7 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
                     "/etc/slipstream/tls": str(certificates),
                     "tcp/127.0.0.1:7447": f"tcp/127.0.0.1:{ports[box]}",
                     "tls/SERVER:7448": f"tls/localhost:{tls}",
-                    'user: "box-1"': f'user: "{box}"',
+                    f'user: "{name}"': f'user: "{box}"',
                     'password: "PASSWORD"': f'password: "secret of {box}"',
                 },
             )
@@ -474,6 +607,82 @@ def test_a_box_is_known_by_certificate_and_password(
         # The mixed routers try to connect once a second at first.
         time.sleep(3.0)
         assert seen.payloads == [b"own"]
+
+
+@pytest.mark.attack
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+def test_a_vehicles_box_speaks_for_its_vehicle_only(
+    sites: dict[str, int], users: Path, tmp_path: Path
+) -> None:
+    """Its agent gets plan, roads and signals; the server gets the agent's answers and no sensing.
+
+    Then the box is in a thief's hands: its router passes everything on, both ways.
+    """
+    stolen = free_port()
+    text = (tmp_path / "van-1.json5").read_text().replace(f":{sites['van-1']}", f":{stolen}")
+    open_access = text.replace('default_permission: "deny"', 'default_permission: "allow"')
+    assert open_access != text
+    (tmp_path / "stolen.json5").write_text(open_access)
+    comes = ("plan", "another's management", "another's control", "timing", "status", "state")
+    goes = ("position", "acknowledgement", "progress", "control", "management", "request")
+    with ExitStack() as stack:
+        opened = [
+            stack.enter_context(open_bus(sites["server"], users / user))
+            for user in ("dispatcher", "signals", "fleet")
+        ]
+        stack.enter_context(zenoh.open(zenoh.Config.from_file(str(tmp_path / "stolen.json5"))))
+        thief = stack.enter_context(open_bus(stolen, users / "agent-van-1"))
+        agent = stack.enter_context(open_bus(sites["van-1"], users / "agent-van-1"))
+        vehicle = stack.enter_context(open_bus(sites["van-1"], users / "vehicle-van-1"))
+        rsu = stack.enter_context(open_bus(sites["box-1"], users / "edge-rsu-1"))
+        server, driven, heard, overheard = Seen(), Seen(), Seen(), Seen()
+        opened[0].subscribe("slipstream/v1/**", server, every=True)
+        for what in goes:
+            opened[0].subscribe(PROBES[what], server, every=True)
+        vehicle.subscribe(PROBES["advice"], driven, history=False)
+        for key in ("slipstream/v1/**", *PROBES.values()):
+            thief.subscribe(key, overheard, every=True)
+        for what in (*comes, "sensing", "driver"):
+            agent.subscribe(PROBES[what], heard, history=what == "plan", every=True)
+        sent = {what: agent.publisher(PROBES[what], history=int(what in KEPT)) for what in goes}
+        advice = agent.publisher(PROBES["advice"], history=0)
+        sensing = vehicle.publisher(PROBES["sensing"], history=0)
+        given = {
+            "plan": opened[0].publisher(PROBES["plan"]),
+            "another's plan": opened[0].publisher(PROBES["another's plan"]),
+            "timing": opened[1].publisher(PROBES["timing"], history=0),
+            "status": opened[1].publisher(PROBES["status"], history=0),
+            "another's position": opened[2].publisher(PROBES["another's position"]),
+            "state": rsu.publisher(PROBES["state"]),
+        }
+        forged = {
+            what: thief.publisher(key, history=int(what in KEPT))
+            for what, key in PROBES.items()
+            if what not in goes
+        }
+        deadline = time.monotonic() + 20
+        wanted = {what.encode() for what in given.keys() & set(comes)} | {b"sensing"}
+        while time.monotonic() < deadline:
+            for publishers in (sent, given, {"advice": advice, "sensing": sensing}):
+                for what, publisher in publishers.items():
+                    publisher.put(what.encode())
+            for publisher in forged.values():
+                publisher.put(b"forged")
+            if (
+                wanted <= set(heard.payloads)
+                and {what.encode() for what in goes} <= set(server.payloads)
+                and driven.payloads
+            ):
+                break
+            time.sleep(0.2)
+        time.sleep(0.5)
+        assert set(heard.payloads) == wanted
+        assert set(driven.payloads) == {b"advice"}
+        assert set(server.payloads) == {what.encode() for what in (*goes, *given)}
+        # At the thief's ears too: of others what all vehicles on the road hear.
+        heard_by_all = {what.encode() for what in (*comes, "control")}
+        assert set(overheard.payloads) - {b"forged"} <= heard_by_all
 
 
 @pytest.mark.slow(long=True)

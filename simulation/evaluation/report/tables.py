@@ -224,7 +224,8 @@ def driving_table(evaluation: Evaluation) -> Table:
         arm_rows_source(evaluation),
         (
             "Platooned km: driven with a drag reduction; planned: by the plans, what later ones "
-            "replaced left out. Disengagements: platoons that had to part because the traffic was turbulent in truth. "
+            "replaced left out. Disengagements: platoons that had to part because the traffic was "
+            "turbulent in truth. "
             "Open gates in turbulence: segments let for platoons while turbulent in truth, summed "
             "over dispatch cycles (the paper: no violation). Others: mean duration of the "
             "background's trips against B's. Unfinished: legs on the road at the end.",

@@ -146,7 +146,7 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
         dashboard_port=8080,
         interval_s=30.0,
     )
-    assert sorted(files) == ["dashboard", "dispatcher", "rsu-01", "rsu-02"]
+    assert sorted(files) == ["agents", "dashboard", "dispatcher", "rsu-01", "rsu-02"]
     edge = load(files["rsu-02"][1], EdgeSettings)
     assert (edge.source.url, edge.camera) == ("http://127.0.0.1:8001/", tmp_path / "rsu-02.toml")
     assert edge.stability.keep_s == 90.0
