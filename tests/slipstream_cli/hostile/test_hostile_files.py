@@ -29,7 +29,6 @@ COMMANDS = (
     "run --interval VALUE",
     "run --hardware VALUE",
     "world --port VALUE",
-    "world --speed VALUE",
     "world --fps VALUE",
     "world --rsus VALUE",
     "world --begin VALUE",
