@@ -193,9 +193,12 @@ def _can_pass(s: Situation) -> bool:
 def _spacings_aside(s: Situation, front: PlatoonControl, shared: SharedPath) -> float | None:
     """Distance to a vehicle on another lane of the same segment, in car-following gaps.
 
-    None where it is not on another lane, or overtaking is not possible.
+    None where it is not on another lane, or where neither a plan has it behind that one nor
+    overtaking is possible.
     """
     crossing = s.state.crossing or front.crossing
-    if shared.meets > 0 or crossing or s.state.lane == front.lane or not _can_pass(s):
+    if shared.meets > 0 or crossing or s.state.lane == front.lane:
+        return None
+    if not (is_planned_behind(s, front) or _can_pass(s)):
         return None
     return (shared.spacing_m - front.length_m) / IDM.desired_gap_m(s.state.speed_mps)

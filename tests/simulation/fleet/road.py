@@ -39,13 +39,13 @@ def ns(seconds: float) -> int:
     return round(seconds * 1e9)
 
 
-def write_line(folder: Path) -> tuple[Path, Path]:
+def write_line(folder: Path, limit_mps: float = LIMIT_MPS) -> tuple[Path, Path]:
     """Net and route file: three segments of two lanes in a line, the fleet's type, nobody else."""
     lines, begin = [], 0.0
     ends = {"a": "01", "b": "12", "c": "23"}
     for name, length in LENGTHS.items():
         lanes = "".join(
-            f'<lane id="{name}_{i}" index="{i}" speed="{LIMIT_MPS}" length="{length}" '
+            f'<lane id="{name}_{i}" index="{i}" speed="{limit_mps}" length="{length}" '
             f'shape="{begin},{3.2 * i} {begin + length},{3.2 * i}"/>'
             for i in range(2)
         )
@@ -79,7 +79,10 @@ def write_line(folder: Path) -> tuple[Path, Path]:
 
 
 def segments(
-    path: Sequence[str], leg: int = 0, place: int | None = None
+    path: Sequence[str],
+    leg: int = 0,
+    place: int | None = None,
+    limit_mps: float = LIMIT_MPS,
 ) -> tuple[PlannedSegment, ...]:
     """Planned segments of the line; with a place, in the platoon p."""
     return tuple(
@@ -87,13 +90,13 @@ def segments(
             segment=name,
             entry_ns=0,
             exit_ns=0,
-            speed_mps=LIMIT_MPS,
+            speed_mps=limit_mps,
             platoon=None if place is None else "p",
             place=place,
             gap_m=1.5 if place else None,
             leg=leg,
             length_m=LENGTHS[name],
-            speed_limit_mps=LIMIT_MPS,
+            speed_limit_mps=limit_mps,
             lanes=2,
         )
         for name in path

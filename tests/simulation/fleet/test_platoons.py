@@ -8,7 +8,7 @@ import libsumo
 import pytest
 
 from simulation.fleet.actuation import ALONE, FOLLOWER
-from tests.simulation.fleet.road import Running, plan, running, segments, write_line
+from tests.simulation.fleet.road import LIMIT_MPS, Running, plan, running, segments, write_line
 
 pytestmark = pytest.mark.slow
 
@@ -21,12 +21,14 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return write_line(tmp_path_factory.mktemp("line"))
 
 
-def send(town: Running, *departures_s: float, path: str = "abc") -> tuple[str, ...]:
+def send(
+    town: Running, *departures_s: float, path: str = "abc", limit_mps: float = LIMIT_MPS
+) -> tuple[str, ...]:
     """A platoon of so many vehicles, planned to set out so."""
     names = tuple(f"v{number}" for number in range(len(departures_s)))
     for place, (name, depart_s) in enumerate(zip(names, departures_s, strict=True)):
         town.exchange.send_plan(
-            plan(segments(path, 0, place), vehicle=name, depart_s=depart_s).model_copy(
+            plan(segments(path, 0, place, limit_mps), vehicle=name, depart_s=depart_s).model_copy(
                 update={"issued_ns": 0}
             )
         )
@@ -88,6 +90,18 @@ def test_members_that_set_out_apart_within_the_window_are_one_platoon(
         town.until(lambda: is_close(town, names), limit_s=90.0)
         town.until(lambda: town.world.tours_finished == 2)
     assert sum(leg.followed_m for leg in town.legs) > 3000.0
+    assert town.collisions == 0
+
+
+@pytest.mark.parametrize("apart_s", [0.1, 2.5])
+def test_on_a_citys_road_of_two_lanes_a_planned_platoon_forms_too(
+    tmp_path: Path, apart_s: float
+) -> None:
+    """Who comes onto the other lane falls back and changes lanes, as the plan has it behind."""
+    with running(write_line(tmp_path, 13.9), ["v0", "v1"]) as town:
+        open_gates(town)
+        names = send(town, 10.0, 10.0 + apart_s, limit_mps=13.9)
+        town.until(lambda: is_close(town, names), limit_s=90.0)
     assert town.collisions == 0
 
 
