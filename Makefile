@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world
+.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents
 
 setup: $(VENV)/.ready
 
@@ -114,6 +114,10 @@ bench-quantum: setup
 # three seeds; hours on an idle machine, and gone on with if interrupted. `SHORT=1`: minutes.
 bench-world: setup
 	$(BIN)/python -m benchmarks.world $(if $(SHORT),--short)
+
+# The real process with one agent and with a hundred, their vehicles driven over the bus.
+bench-agents: setup
+	$(BIN)/python -m benchmarks.agents $(if $(SHORT),--short)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv
