@@ -14,8 +14,8 @@ from dashboard.page import Page
 from dashboard.settings import DashboardSettings
 from slipstream.admission import check_rsus, refusal
 from slipstream.bus import Bus
-from slipstream.roads import load_network
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
+from slipstream.sumo_net import load_network
 
 log = logging.getLogger(__name__)
 

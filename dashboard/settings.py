@@ -9,7 +9,7 @@ from pydantic import Field
 from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import STALE_AFTER_S
-from slipstream.roads import DEMO_NETWORK
+from slipstream.sumo_net import DEMO_NETWORK
 
 HOST_NAME = r"^([A-Za-z0-9._-]+|[0-9A-Fa-f:.]+)$"
 """A DNS name or an IP address."""

@@ -46,8 +46,9 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.orders import FleetRecords
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
+from slipstream.sumo_net import load_network
 
 log = logging.getLogger(__name__)
 

@@ -85,7 +85,7 @@ def _check_edge(path: Path, _: str) -> Mapping[str, str]:
 def _check_dispatcher(path: Path, _: str) -> Mapping[str, str]:
     from dispatcher_daemon.settings import DispatcherSettings
     from slipstream.admission import check_rsus
-    from slipstream.roads import load_network
+    from slipstream.sumo_net import load_network
 
     settings = load(path, DispatcherSettings)
     roads = load_network(settings.network)
@@ -111,7 +111,7 @@ def _check_agent(path: Path, _: str) -> Mapping[str, str]:
 def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
     from dashboard.settings import DashboardSettings
     from slipstream.admission import check_rsus
-    from slipstream.roads import load_network
+    from slipstream.sumo_net import load_network
 
     settings = load(path, DashboardSettings)
     check_rsus(settings.rsus, load_network(settings.network), path)
@@ -119,7 +119,7 @@ def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
 
 
 def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
-    from slipstream.roads import load_network
+    from slipstream.sumo_net import load_network
 
     return _unservable(path, load_network(network))
 

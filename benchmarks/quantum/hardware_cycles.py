@@ -34,7 +34,7 @@ from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 from storage import open_database
 
 KILL_WORKER_EVERY: Final = 25

@@ -20,7 +20,8 @@ from research.instances.schema import (
 )
 from slipstream.access import Access
 from slipstream.errors import InputError
-from slipstream.roads import DEMO_NETWORK, RoadNetwork, Segment, build_network, load_network
+from slipstream.roads import RoadNetwork, Segment, build_network
+from slipstream.sumo_net import DEMO_NETWORK, load_network
 
 Turns = Mapping[str, tuple[str, ...]]
 

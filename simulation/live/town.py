@@ -14,7 +14,7 @@ from simulation.scenarios.day import DaySpec
 from simulation.scenarios.demand import FleetSettings, draw_deliveries
 from simulation.sumo import TYPES
 from slipstream.config import BusSettings
-from slipstream.roads import DEMO_NETWORK, load_network
+from slipstream.sumo_net import DEMO_NETWORK, load_network
 
 DEPOT: Final = "depot"
 VANS: Final = 12

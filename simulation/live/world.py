@@ -30,7 +30,8 @@ from simulation.sumo.session import Session
 from simulation.sumo_view import SumoClipSettings, draw_pose
 from simulation.sumo_view.net import read_roads
 from slipstream.bus import Bus
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
 
 _WARM_STEP_S: Final = 10.0
 _REPORT_S: Final = 0.5

@@ -26,7 +26,8 @@ from simulation.scenarios.networks import check_routes, scenario_network, write_
 from simulation.scenarios.perception import Rsu, load_rsus, place_rsus
 from slipstream.config import load
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
 
 BUILT_IN: Final = ("troy", "corridor")
 

@@ -17,7 +17,7 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
 )
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 
 S = 1_000_000_000
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dispatcher_daemon.fleet_file import FleetFile
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 from slipstream_cli.main import main
 
 from .conftest import DEPLOY

@@ -40,7 +40,7 @@ from slipstream.messages import (
     spat_key,
     state_key,
 )
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 
 from .conftest import DEPLOY
 

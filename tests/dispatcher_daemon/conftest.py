@@ -15,7 +15,8 @@ from dispatcher_daemon.roads.routes import candidate_arcs
 from dispatcher_daemon.roads.travel import least_energy_legs
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot, take_snapshot
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
-from slipstream.roads import Segment, build_network, load_network
+from slipstream.roads import Segment, build_network
+from slipstream.sumo_net import load_network
 
 NOW_NS = 1_800_000_000_000_000_000
 LIMIT_MPS = 16.67

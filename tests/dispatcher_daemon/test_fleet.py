@@ -11,7 +11,8 @@ import pytest
 from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, distances, fleet_from, load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
 from slipstream.vehicle_types import PRESETS, VehicleType
 
 

@@ -10,8 +10,9 @@ import pytest
 
 from slipstream.access import OPEN, Access
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
 from slipstream.snapping import Snapper
+from slipstream.sumo_net import load_network
 from slipstream.vehicle_types import PRESETS, RoutingProfile, VehicleType
 
 CAR = RoutingProfile()

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from slipstream.errors import InputError
-from slipstream.roads import Segment, build_network, load_network
+from slipstream.roads import Segment, build_network
+from slipstream.sumo_net import load_network
 
 
 def test_the_demo_network_is_whole() -> None:

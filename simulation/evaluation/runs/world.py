@@ -24,7 +24,7 @@ from simulation.scenarios.scenario import (
     prepare,
 )
 from simulation.sumo import Progress
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from scipy.sparse.csgraph import connected_components
 
 from simulation.sumo import check_files, check_vehicle_files, elements
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork, build_network, load_network
+from slipstream.roads import RoadNetwork, build_network
+from slipstream.sumo_net import load_network
 
 _MIN_SHARE: Final = 0.8
 """Smallest share of the road length in the largest part."""

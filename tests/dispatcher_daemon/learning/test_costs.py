@@ -14,7 +14,8 @@ from dispatcher_daemon.learning.costs import MIN_PASSAGES, MovementCosts
 from dispatcher_daemon.learning.traces import MAX_GAP, PositionTraces
 from slipstream.messages import VehiclePosition
 from slipstream.orders import MovementSum
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
 
 DAY_NS = 86_400 * 10**9
 EIGHT_NS = 20_000 * DAY_NS + 8 * 3600 * 10**9

@@ -12,7 +12,8 @@ import pytest
 from dispatcher_daemon.learning import HOURS, History, Passages, Trace
 from slipstream.energy import steady_energy_kwh, stop_energy_kwh, trace_energy
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
 
 LIMIT_MPS = 12.0
 

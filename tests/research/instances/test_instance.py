@@ -29,7 +29,7 @@ from slipstream.access import Access
 from slipstream.drive import DrivingStyle
 from slipstream.energy import VehicleParameters
 from slipstream.errors import InputError
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 
 DATA = Path(__file__).resolve().parents[3] / "slipstream" / "data"
 

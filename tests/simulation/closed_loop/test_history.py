@@ -17,7 +17,7 @@ from simulation.scenarios.day import DaySpec
 from simulation.scenarios.scenario import Background, load_scenario
 from simulation.sumo.vehicle_types import TYPES
 from slipstream.energy import steady_energy_kwh
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 
 
 @pytest.mark.process

@@ -13,7 +13,8 @@ from simulation.fleet.losses import Losses
 from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
 from slipstream.energy import Energy
 from slipstream.messages import PlannedSegment, PlannedStop, VehiclePlan
-from slipstream.roads import RoadNetwork, load_network
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
 
 NOTHING = Energy(0.0, 0.0, 0.0, 0.0)
 S = 10**9

@@ -14,7 +14,7 @@ from simulation.signals import PrioritySettings, SignalController
 from simulation.sumo.session import Session
 from simulation.sumo.vehicle_types import TYPES
 from slipstream.messages import SignalRequest, SignalStatus
-from slipstream.roads import load_network
+from slipstream.sumo_net import load_network
 from vehicle_agent.leg import Leg
 from vehicle_agent.signals import SignalRequests, SignalTimings, intersections_ahead
 
