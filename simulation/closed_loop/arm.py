@@ -94,7 +94,8 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     from simulation.closed_loop.gates import WINDOW_S, Roadside
     from simulation.fleet.exchange import Exchange
     from simulation.fleet.sensing import PREFIX
-    from simulation.fleet.world import FleetWorld, yard
+    from simulation.fleet.van import yard
+    from simulation.fleet.world import FleetWorld
     from simulation.signals import SignalController
     from simulation.sumo.session import Session
 

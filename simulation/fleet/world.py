@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Final, Protocol
 
 import libsumo
@@ -12,16 +11,15 @@ from simulation.fleet.actuation import Driver
 from simulation.fleet.drafting import Gates, drafting
 from simulation.fleet.driven_leg import DrivenLeg, Measurement, free_s
 from simulation.fleet.sensing import PREFIX, sense, standing
+from simulation.fleet.van import Van, Way, planned_leg
 from simulation.sumo.session import Session
 from slipstream.energy import ETA_ALONE, PAPER_CAR, VehicleParameters
 from slipstream.messages import (
     DriverReport,
-    PlannedSegment,
     VehicleAdvice,
     VehiclePlan,
     VehicleSensing,
 )
-from slipstream.roads import RoadNetwork
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
 _ARRIVED_M: Final = 5.0
@@ -48,65 +46,6 @@ class Agents(Protocol):
     def is_due(self, vehicle: str) -> bool:
         """Whether there is something new for a vehicle that stands."""
         ...
-
-
-@dataclass
-class _Van:
-    """One vehicle of the fleet.
-
-    Attributes:
-        segment: that it stands at an end of.
-        look_ns: when it asks its agent next while it stands.
-        since_ns: since when it stands; advice from before is for the road.
-        tour: number of its tour, from 0.
-        begun: cycle of the plan that its tour began with.
-        ready_s: since when it could leave.
-        serves: stop at which it stands, and until when.
-        told_s: when its driver last said that it is served.
-        way: of the leg that it drives, or waits to enter the road for.
-        entering: whether it waits for a gap in the traffic.
-        measured: of the leg, while it is on the road.
-    """
-
-    segment: str
-    look_ns: int = 0
-    since_ns: int = 0
-    tour: int = -1
-    begun: int | None = None
-    leg: int = 0
-    ready_s: float = 0.0
-    serves: tuple[str, float] | None = None
-    told_s: float = 0.0
-    way: _Way | None = None
-    entering: bool = False
-    measured: Measurement | None = None
-    driver: Driver = field(default_factory=lambda: Driver(""))
-
-
-@dataclass
-class _Way:
-    """A leg that is driven.
-
-    Attributes:
-        plan: that it is of.
-        number: of the leg in that plan.
-        path: its segments.
-        first: number of the first one that was driven on this plan.
-        driven: segments of the leg before that one, on earlier plans.
-        behind: segments of the path that lay behind when SUMO was given its present route.
-        due_s: when it should have begun.
-        free_s: see `DrivenLeg`.
-    """
-
-    plan: VehiclePlan
-    number: int
-    path: tuple[str, ...]
-    due_s: float
-    free_s: float
-    first: int = 0
-    driven: tuple[str, ...] = ()
-    behind: int = 0
-    at: int = 0
 
 
 class FleetWorld:
@@ -152,7 +91,7 @@ class FleetWorld:
         self._gates, self._service_s, self._step_s = gates, service_s, step_s
         self._clock_ns = clock_ns
         self._look_ns, self._pace, self._physics = round(look_s * 1e9), pace, physics
-        self._vans = {name: _Van(segment) for name, segment in sorted(places.items())}
+        self._vans = {name: Van(segment) for name, segment in sorted(places.items())}
         self._sensed: dict[str, VehicleSensing] = {}
         self._following: dict[str, bool] = {}
         self.disengagements = 0
@@ -214,7 +153,7 @@ class FleetWorld:
         self._admit(after_s)
         return ended
 
-    def _stand(self, name: str, van: _Van, now_s: float, now_ns: int) -> None:
+    def _stand(self, name: str, van: Van, now_s: float, now_ns: int) -> None:
         """Serve; ask the agent; leave when it says so."""
         if van.serves is not None and now_s >= max(van.serves[1], van.told_s + _TELL_S):
             # Said again until the agent has taken it in: it may have been restarted.
@@ -246,14 +185,14 @@ class FleetWorld:
         else:
             self._enter(name, van, plan, advice.leg, now_s)
 
-    def _serve(self, van: _Van, stop: str, now_s: float) -> None:
+    def _serve(self, van: Van, stop: str, now_s: float) -> None:
         if stop in self.begun_s:
             self.again.append(stop)
         self.begun_s.setdefault(stop, now_s)
         van.serves, van.told_s = (stop, now_s + self._service_s(stop)), 0.0
 
-    def _enter(self, name: str, van: _Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
-        planned = _planned(plan, leg)
+    def _enter(self, name: str, van: Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
+        planned = planned_leg(plan, leg)
         # Not at leg 0: the first stop may be at the depot's junction.
         begins = plan.continues is None and van.begun != plan.cycle
         if begins:
@@ -261,7 +200,7 @@ class FleetWorld:
             van.ready_s = min(now_s, max(van.ready_s, self._time_s(plan.issued_ns)))
         due_s = self._time_s(plan.depart_ns) if begins else van.ready_s
         path = tuple(segment.segment for segment in planned)
-        van.way = _Way(plan, leg, path, due_s, free_s(planned))
+        van.way = Way(plan, leg, path, due_s, free_s(planned))
         van.serves, van.entering = None, True
         sumo = f"{PREFIX}{name}/{van.tour}/{van.leg}"
         van.driver = Driver(sumo, self._pace)
@@ -322,14 +261,14 @@ class FleetWorld:
         heard_ns = self._advised_ns.get(partner or "", now_ns)
         self.longest_silence_s = max(self.longest_silence_s, (now_ns - heard_ns) / 1e9)
 
-    def _navigate(self, name: str, van: _Van, way: _Way, advice: VehicleAdvice | None) -> None:
+    def _navigate(self, name: str, van: Van, way: Way, advice: VehicleAdvice | None) -> None:
         """Take another way to the next stop, as a newer plan has it."""
         if advice is None or advice.cycle is None or advice.cycle == way.plan.cycle:
             return
         plan = self._agents.plan(name, advice.cycle)
         if plan is None or advice.leg is None:
             return
-        planned = _planned(plan, advice.leg)
+        planned = planned_leg(plan, advice.leg)
         path = tuple(segment.segment for segment in planned)
         present = way.path[way.at]
         if present not in path:
@@ -347,7 +286,7 @@ class FleetWorld:
         way.driven += way.path[way.first : way.at]
         way.plan, way.number, way.path, way.at, way.first = plan, advice.leg, path, at, at
 
-    def _has_arrived(self, sumo: str, way: _Way, speed_mps: float) -> bool:
+    def _has_arrived(self, sumo: str, way: Way, speed_mps: float) -> bool:
         if way.at < len(way.path) - 1 or speed_mps > _ARRIVED_MPS:
             return False
         if libsumo.vehicle.getRoadID(sumo).startswith(":"):
@@ -355,7 +294,7 @@ class FleetWorld:
         left_m = self._lengths_m[way.path[-1]] - libsumo.vehicle.getLanePosition(sumo)
         return bool(left_m < _ARRIVED_M)
 
-    def _end(self, name: str, van: _Van, now_s: float) -> DrivenLeg:
+    def _end(self, name: str, van: Van, now_s: float) -> DrivenLeg:
         assert van.way is not None
         assert van.measured is not None
         way = van.way
@@ -381,15 +320,6 @@ class FleetWorld:
     def _time_s(self, time_ns: int) -> float:
         """The simulation's time of a moment, s."""
         return self._session.time_s + (time_ns - self._clock_ns()) / 1e9
-
-
-def yard(network: RoadNetwork, node: str) -> str:
-    """A segment that ends at a depot's junction, for a vehicle that stands in its yard."""
-    return min(segment.id for segment in network.segments.values() if segment.end == node)
-
-
-def _planned(plan: VehiclePlan, leg: int) -> tuple[PlannedSegment, ...]:
-    return tuple(segment for segment in plan.segments if segment.leg == leg)
 
 
 def _front_to_back(sensed: Mapping[str, VehicleSensing]) -> Iterator[str]:

@@ -13,7 +13,8 @@ from typing import Final
 
 import libsumo
 
-from simulation.fleet.world import FleetWorld, yard
+from simulation.fleet.van import yard
+from simulation.fleet.world import FleetWorld
 from simulation.live.agents import BusAgents, BusGates
 from simulation.live.camera import Camera, CameraSpec
 from simulation.live.fleet_file import FleetFile
