@@ -17,8 +17,7 @@ from vehicle_agent.tour import Tour
 Outgoing = tuple[str, Message]
 """Key and message."""
 
-_ON_ROAD_NS: Final = 1_000_000_000
-_STANDING_NS: Final = 5_000_000_000
+_POSITION_NS: Final = 1_000_000_000
 _PROGRESS_NS: Final = 5_000_000_000
 
 
@@ -36,7 +35,7 @@ class Reports:
     def due(
         self, tour: Tour, sensing: VehicleSensing, now_ns: int, *, changed: bool
     ) -> Iterator[Outgoing]:
-        """Position once a second on the road, else like progress every five; both at each change.
+        """Position once a second, progress every five; both at each change.
 
         Args:
             tour: of the vehicle.
@@ -44,8 +43,7 @@ class Reports:
             now_ns: UTC.
             changed: it has left or come to a stop, or has another leg or plan.
         """
-        interval_ns = _ON_ROAD_NS if sensing.on_road else _STANDING_NS
-        if changed or now_ns - self._position_ns >= interval_ns:
+        if changed or now_ns - self._position_ns >= _POSITION_NS:
             self._position_ns = now_ns
             yield position_key(self._vehicle), _position(tour, sensing)
         if changed or now_ns - self._progress_ns >= _PROGRESS_NS:
