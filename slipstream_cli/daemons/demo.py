@@ -41,7 +41,8 @@ ROADSIDES: Final = (
     Roadside("rsu-west", "avenue_west", "turbulent", 2),
 )
 _SECONDS: Final = 30
-_FPS: Final = 30
+_FPS: Final = 15
+"""Ten are enough for speeds and flags; thirty would take all of two cores for two cameras."""
 
 
 def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
@@ -69,7 +70,7 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
 
 
 def _name(roadside: Roadside) -> str:
-    return f"{roadside.segment}-{roadside.scenario}-{roadside.seed}-{_SECONDS}s-v{__version__}"
+    return f"{roadside.segment}-{roadside.scenario}-{roadside.seed}-{_SECONDS}s-{_FPS}fps-v{__version__}"
 
 
 def _render(roadside: Roadside, target: Path, stopping: threading.Event) -> None:
