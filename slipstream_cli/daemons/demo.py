@@ -70,7 +70,8 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
 
 
 def _name(roadside: Roadside) -> str:
-    return f"{roadside.segment}-{roadside.scenario}-{roadside.seed}-{_SECONDS}s-{_FPS}fps-v{__version__}"
+    form = f"{roadside.seed}-{_SECONDS}s-{_FPS}fps"
+    return f"{roadside.segment}-{roadside.scenario}-{form}-v{__version__}"
 
 
 def _render(roadside: Roadside, target: Path, stopping: threading.Event) -> None:
