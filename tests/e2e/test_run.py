@@ -130,7 +130,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     page.goto(f"http://127.0.0.1:{run.port}")
     page.wait_for_selector("canvas", timeout=60_000)
     page.get_by_text("Traffic is calm on 1 of 2 watched roads").wait_for(timeout=60_000)
-    for text in ("avenue_east", "avenue_west", "van-01", "van-12", "rsu-east"):
+    for text in ("avenue_east", "avenue_west", "van-01", "rsu-east"):
         page.get_by_text(text).first.wait_for(timeout=30_000)
     page.get_by_text("platooning open in cycle").first.wait_for(timeout=40_000)
     page.get_by_text("turbulent traffic").first.wait_for(timeout=30_000)
