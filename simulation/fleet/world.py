@@ -112,6 +112,11 @@ class FleetWorld:
         return sum(van.way is not None for van in self._vans.values())
 
     @property
+    def driven(self) -> int:
+        """Vehicles that have come onto the road at all."""
+        return sum(van.measured is not None or van.leg > 0 for van in self._vans.values())
+
+    @property
     def on_road(self) -> int:
         """Vehicles on the road."""
         return sum(van.measured is not None for van in self._vans.values())

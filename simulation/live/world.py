@@ -99,7 +99,6 @@ class _World:
         )
         self._orders = FleetFile(spec.fleet, spec.deliveries, session.time_s)
         self._legs, self._driven_m, self._platooned_m = 0, 0.0, 0.0
-        self._driven: set[str] = set()
         self._pace = Pace(spec.step_s, time.monotonic)
         self._gridlock, self._look_s = GridlockWatch(), session.time_s + CHECK_S
 
@@ -117,7 +116,6 @@ class _World:
                 self._legs += 1
                 self._driven_m += leg.distance_m
                 self._platooned_m += leg.led_m + leg.followed_m
-                self._driven.add(leg.vehicle)
             self._pace.stepped()
             self._look_for_gridlock()
             if self._pace.steps % self._spec.steps_a_frame == 0:
@@ -161,7 +159,7 @@ class _World:
             legs_driven=self._legs,
             fleet_driven_m=self._driven_m,
             fleet_on_road=fleet.on_road,
-            fleet_vehicles_driven=len(self._driven),
+            fleet_vehicles_driven=fleet.driven,
         )
 
 
