@@ -112,6 +112,12 @@ class RoadNetwork:
             leaving[segment.start].append(segment)
         return MappingProxyType({name: tuple(group) for name, group in leaving.items()})
 
+    @cached_property
+    def intersections(self) -> tuple[str, ...]:
+        """Ids of the signals that ways through junctions obey, sorted."""
+        found = {crossing.intersection for crossing in self.crossings.values()}
+        return tuple(sorted(name for name in found if name is not None))
+
     def turns(self, segment: str) -> tuple[str, ...]:
         """Segments that a vehicle may drive on into without stopping; all where none is known."""
         known = self.follows.get(segment)

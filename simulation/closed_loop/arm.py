@@ -94,7 +94,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     from simulation.closed_loop.gates import WINDOW_S, Roadside
     from simulation.fleet.exchange import Exchange
     from simulation.fleet.sensing import PREFIX
-    from simulation.fleet.van import yard
+    from simulation.fleet.van import yards
     from simulation.fleet.world import FleetWorld
     from simulation.signals import SignalController
     from simulation.sumo.session import Session
@@ -105,10 +105,6 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     deliveries = draw_deliveries(scenario.fleet, network, order.seed)
     orders = {one.id: one for one in deliveries.orders}
     over = {one.id for one in deliveries.orders if one.release_s < order.begin_s}
-    depots = {depot.id: depot.node for depot in deliveries.settings.depots}
-    intersections = sorted(
-        {c.intersection for c in network.crossings.values() if c.intersection is not None}
-    )
     history = None if order.history is None else History.load(order.history)
     roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
     day = DaySpec(
@@ -136,8 +132,8 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
             )
             exchange = Exchange(
                 dict.fromkeys(deliveries.vehicles, parameters),
-                SignalController(intersections, "priority" in policy.levers),
-                intersections,
+                SignalController(network.intersections, "priority" in policy.levers),
+                network.intersections,
                 lambda: session.time_s,
                 lambda message: dispatching.receive(message),
                 parameters.stale_after_s,
@@ -147,7 +143,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
             )
             world = FleetWorld(
                 session,
-                {van: yard(network, depots[depot]) for van, depot in deliveries.vehicles.items()},
+                yards(deliveries, network),
                 lengths_m,
                 exchange,
                 roadside,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from simulation.fleet.actuation import Driver
 from simulation.fleet.driven_leg import Measurement
+from simulation.scenarios.demand import Deliveries
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 
@@ -72,6 +73,12 @@ class Way:
 def yard(network: RoadNetwork, node: str) -> str:
     """A segment that ends at a depot's junction, for a vehicle that stands in its yard."""
     return min(segment.id for segment in network.segments.values() if segment.end == node)
+
+
+def yards(deliveries: Deliveries, network: RoadNetwork) -> dict[str, str]:
+    """Where each vehicle of a fleet stands when its day begins; see `yard`."""
+    nodes = {depot.id: depot.node for depot in deliveries.settings.depots}
+    return {van: yard(network, nodes[depot]) for van, depot in deliveries.vehicles.items()}
 
 
 def planned_leg(plan: VehiclePlan, leg: int) -> tuple[PlannedSegment, ...]:

@@ -13,7 +13,7 @@ from typing import Final
 
 import libsumo
 
-from simulation.fleet.van import yard
+from simulation.fleet.van import yards
 from simulation.fleet.world import FleetWorld
 from simulation.live.agents import BusAgents, BusGates
 from simulation.live.camera import Camera, CameraSpec
@@ -78,17 +78,14 @@ class _World:
         self._cameras, self._views = cameras, views
         vehicles = spec.deliveries.vehicles
         lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
-        intersections = sorted(
-            {c.intersection for c in network.crossings.values() if c.intersection is not None}
-        )
+        intersections = network.intersections
         self._signals = LiveSignals(
             bus, SignalController(intersections, spec.priority), intersections
         )
         orders = {order.id: order for order in spec.deliveries.orders}
-        depots = {depot.id: depot.node for depot in spec.deliveries.settings.depots}
         self._fleet = FleetWorld(
             session,
-            {name: yard(network, depots[depot]) for name, depot in vehicles.items()},
+            yards(spec.deliveries, network),
             lengths_m,
             BusAgents(bus, vehicles),
             BusGates(bus),

@@ -175,10 +175,12 @@ def write_settings(
 
 def _of_town(town: WorldSpec) -> dict[str, object]:
     """Settings of its dispatcher."""
+    from simulation.closed_loop.policy import Policy
+
     return {
         "fleet": str(town.fleet.absolute()),
         "form": "route",
-        "advice": {"coasting_budget": 0.06},
+        "advice": {"coasting_budget": Policy("town").coasting_budget},
     }
 
 
