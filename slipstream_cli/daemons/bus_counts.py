@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import Counter
 from dataclasses import dataclass, field
 
 from slipstream.bus import Bus
@@ -23,6 +24,8 @@ from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
+_FLAG = {1: "stable", 0: "turbulent", None: "unknown"}
+
 
 @dataclass
 class BusCounts:
@@ -31,8 +34,7 @@ class BusCounts:
     Attributes:
         frames: frames that ended runs of each RSU had processed.
         health: last health of each RSU.
-        states: last state of each segment.
-        state_count: states seen.
+        flags: states seen of each segment, by flag.
         cycle_count: cycles seen that gave an energy.
         last_cycle: the newest of them.
         plan_count: plans seen.
@@ -40,8 +42,7 @@ class BusCounts:
 
     frames: int = 0
     health: dict[str, RsuHealth] = field(default_factory=dict)
-    states: dict[str, SegmentState] = field(default_factory=dict)
-    state_count: int = 0
+    flags: dict[str, Counter[str]] = field(default_factory=dict)
     cycle_count: int = 0
     last_cycle: CycleReport | None = None
     plan_count: int = 0
@@ -66,8 +67,7 @@ class BusCounts:
     def _count(self, key: str, payload: bytes) -> None:
         if key.endswith("/state"):
             state = decode(SegmentState, payload, key)
-            self.state_count += 1
-            self.states[state.segment] = state
+            self.flags.setdefault(state.segment, Counter())[_FLAG[state.y_e]] += 1
         elif key.endswith("/plan"):
             plan = decode(VehiclePlan, payload, key)
             self.plan_count += plan.cycle > self._last_plan.get(plan.vehicle, -1)
@@ -91,10 +91,10 @@ class BusCounts:
             energy = self.last_cycle.energy if self.last_cycle else None
             return {
                 "frames": self.frames + sum(h.frames for h in self.health.values()),
-                "segment_states": self.state_count,
+                "segment_states": sum(flags.total() for flags in self.flags.values()),
                 "cycles": self.cycle_count,
                 "plans": self.plan_count,
-                "y_e": {s.segment: s.y_e for s in self.states.values()},
+                "y_e": {segment: dict(flags) for segment, flags in self.flags.items()},
                 "energy_kwh": {
                     "baseline": energy.baseline_kwh if energy else None,
                     "cooperative": energy.cooperative_kwh if energy else None,

@@ -28,19 +28,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Roadside:
-    """One RSU of the demo: a clip of that scenario, watched as that road segment."""
+    """One RSU of the demo: a clip of changing traffic, watched as that road segment."""
 
     rsu: str
     segment: str
-    scenario: str
+    seconds: int
     seed: int
 
 
 ROADSIDES: Final = (
-    Roadside("rsu-east", "avenue_east", "stable", 1),
-    Roadside("rsu-west", "avenue_west", "turbulent", 2),
+    # Of two lengths, so that each is calm or not beside a calm and beside a turbulent other one.
+    Roadside("rsu-east", "avenue_east", 64, 1),
+    Roadside("rsu-west", "avenue_west", 48, 2),
 )
-_SECONDS: Final = 30
+_SCENARIO: Final = "changing"
 _FPS: Final = 15
 """Ten are enough for speeds and flags; thirty would take all of two cores for two cameras."""
 
@@ -70,17 +71,17 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
 
 
 def _name(roadside: Roadside) -> str:
-    form = f"{roadside.seed}-{_SECONDS}s-{_FPS}fps"
-    return f"{roadside.segment}-{roadside.scenario}-{form}-v{__version__}"
+    form = f"{roadside.seed}-{roadside.seconds}s-{_FPS}fps"
+    return f"{roadside.segment}-{_SCENARIO}-{form}-v{__version__}"
 
 
 def _render(roadside: Roadside, target: Path, stopping: threading.Event) -> None:
     unfinished = target.with_name(f"{target.name}.{os.getpid()}.part")
     options = {
         "--out": str(unfinished),
-        "--seconds": str(_SECONDS),
+        "--seconds": str(roadside.seconds),
         "--fps": str(_FPS),
-        "--scenario": roadside.scenario,
+        "--scenario": _SCENARIO,
         "--seed": str(roadside.seed),
         "--segment": roadside.segment,
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -125,30 +126,34 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     """Video becomes flags, flags gate platoons, plans go out, and the page tells all of it."""
     run = start("--interval", "10", "--json")
     run.says(lambda line: "the dashboard is at" in line, 600)
-    began = time.monotonic()
     page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.goto(f"http://127.0.0.1:{run.port}")
     page.wait_for_selector("canvas", timeout=60_000)
-    page.get_by_text("Traffic is calm on 1 of 2 watched roads").wait_for(timeout=60_000)
+    page.get_by_text(re.compile("Traffic is calm on [12] of 2 watched roads")).wait_for(
+        timeout=60_000
+    )
     for text in ("avenue_east", "avenue_west", "van-01", "rsu-east"):
         page.get_by_text(text).first.wait_for(timeout=30_000)
     page.get_by_text("platooning open in cycle").first.wait_for(timeout=40_000)
-    page.get_by_text("turbulent traffic").first.wait_for(timeout=30_000)
+    # Traffic turns on both avenues, after 24 s on one and after 32 on the other.
+    page.get_by_text("turbulent traffic").first.wait_for(timeout=60_000)
     page.wait_for_function(
         "[...document.images].filter(i => i.complete && i.naturalWidth === 640).length === 2",
         timeout=30_000,
     )
     page.screenshot(path=os.environ.get("SLIPSTREAM_SCREENSHOT", str(tmp_path / "page.png")))
     page.close()
-    # A browser that draws without a GPU takes the cameras' processors; their windows have 10 s.
-    time.sleep(max(25.0, began + 40 - time.monotonic()))
+    # A browser that draws without a GPU takes the cameras' processors. Each sees its whole clip.
+    time.sleep(70.0)
     run.process.send_signal(signal.SIGINT)
     output, _ = run.process.communicate(timeout=120)
     assert run.process.returncode == 0, "\n".join(run.log)
     figures = json.loads(output)
     assert figures["dashboard_http"] == 200
     assert figures["processes_restarted"] == 0, "\n".join(run.log)
-    assert figures["y_e"] == {"avenue_east": 1, "avenue_west": 0}
+    for flags in figures["y_e"].values():
+        assert flags["stable"] >= 5
+        assert flags["turbulent"] >= 5
     assert figures["frames"] >= 300
     assert figures["segment_states"] >= 50
     assert figures["cycles"] >= 2

@@ -36,7 +36,7 @@ def test_frames_of_runs_before_a_restart_still_count() -> None:
     assert counts.summary()["frames"] == 27
 
 
-def test_states_are_counted_and_the_last_flag_kept_and_noise_survived() -> None:
+def test_states_are_counted_by_flag_and_noise_is_survived() -> None:
     """A message that is none changes nothing."""
     counts = BusCounts()
     state = SegmentState(
@@ -56,5 +56,5 @@ def test_states_are_counted_and_the_last_flag_kept_and_noise_survived() -> None:
     counts.take(state_key("r", "s"), b"noise")
     summary = counts.summary()
     assert summary["segment_states"] == 1
-    assert summary["y_e"] == {"s": None}
+    assert summary["y_e"] == {"s": {"unknown": 1}}
     assert summary["energy_kwh"] == {"baseline": None, "cooperative": None}
