@@ -18,7 +18,7 @@ from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.plans import Cycle
-from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.reports import error_text, failed_report, idle_report
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
@@ -255,7 +255,7 @@ class Dispatcher:
         if fleet is None:
             return None
         if self._problem is None or fleet is not self._problem.fleet:
-            self._problem = RoutingProblem(self._network, fleet)
+            self._problem = routing_problem(self._network, fleet, self._settings)
             self._stops = {}
         return self._problem
 

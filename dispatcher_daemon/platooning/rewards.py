@@ -67,6 +67,9 @@ def judge_pairs(
 ) -> Iterator[JudgedPair]:
     """Judge every pair of arcs of two vehicles that share a segment (paper section III-A).
 
+    Under the objective "energy" a reward also needs certain departures, and the two must be due to
+    leave the segment as a platoon: what it counts comes about.
+
     Args:
         sync_window_s: Δt_sync; the largest difference of entry times that still counts.
         watched_only: leave out segments that no RSU has reported on, where every reward is 0.
@@ -90,6 +93,8 @@ def judge_pairs(
                     reason = (
                         f"entry times {difference_s:.1f} s apart, more than {sync_window_s:g} s"
                     )
+                elif problem.objective == "energy":
+                    reason = _doubt(segment.id, arcs[first], arcs[second], sync_window_s)
                 saving = 0.0
                 if reason is None:
                     # Who enters first leads.
@@ -97,6 +102,20 @@ def judge_pairs(
                     leader, follower = (problem.profile_of(arcs[i].vehicle) for i in pair)
                     saving = pair_saving_kwh(segment, traffic, leader, follower)
                 yield JudgedPair(name, first, second, first_entry, second_entry, saving, reason)
+
+
+def _doubt(segment: str, first: RoutedArc, second: RoutedArc, sync_window_s: float) -> str | None:
+    """Why two arcs whose entries are close may make no platoon on a segment; None: they do."""
+    for arc in (first, second):
+        if not arc.exact:
+            return f"when {arc.vehicle} leaves {arc.leg.start} depends on the stops before it"
+    entered = first.entries_s()[segment] - second.entries_s()[segment]
+    left = first.leavings_s()[segment] - second.leavings_s()[segment]
+    if abs(left) > sync_window_s:
+        return f"due to leave it {abs(left):.1f} s apart, more than {sync_window_s:g} s"
+    if entered * left < 0:
+        return f"who enters first is due to leave last, by {abs(left):.2f} s"
+    return None
 
 
 def rewards(pairs: Sequence[JudgedPair]) -> tuple[ArcReward, ...]:

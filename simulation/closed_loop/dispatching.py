@@ -156,8 +156,8 @@ class Dispatching:
             self._network,
             fleet,
             search=self._policy.search,
-            value_of_time_kw=self.time_worth_kw,
-            value_of_waiting_kw=self.waiting_worth_kw,
+            price_of_time_kw=self.time_worth_kw,
+            price_of_waiting_kw=self.waiting_worth_kw,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:

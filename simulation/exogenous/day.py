@@ -167,7 +167,7 @@ class _FleetDay:
                         tours.network,
                         fleet,
                         style=_STYLE,
-                        value_of_waiting_kw=DEFAULT_TIME_WORTH_KW,
+                        price_of_waiting_kw=DEFAULT_TIME_WORTH_KW,
                     ),
                     snapshot,
                     self.settings,

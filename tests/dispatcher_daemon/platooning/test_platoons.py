@@ -68,7 +68,7 @@ def test_drafting_is_credited_to_leader_and_follower_and_the_parts_add_up(
     assert leader.platooned_m == pytest.approx(1995.8, abs=1.0)
 
     alone = [route_energy(demo, route, {}) for route in routes]
-    summary = summarise("alone", alone, [leader, follower])
+    summary = summarise("alone", alone, [leader, follower], 2.0)
     assert summary.saved_distance_kwh == pytest.approx(0.0, abs=1e-12)
     assert summary.saved_acceleration_kwh == pytest.approx(0.0, abs=1e-12)
     assert summary.saved_drag_kwh == pytest.approx(saved_leader + saved_follower)
