@@ -156,6 +156,8 @@ class Dispatching:
             self._network,
             fleet,
             search=self._policy.search,
+            # Without the lever vans are routed as the paper routes them.
+            objective="energy" if "routes" in self._policy.levers else "paper",
             price_of_time_kw=self.time_worth_kw,
             price_of_waiting_kw=self.waiting_worth_kw,
         )

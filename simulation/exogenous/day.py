@@ -167,6 +167,7 @@ class _FleetDay:
                         tours.network,
                         fleet,
                         style=_STYLE,
+                        objective="paper",
                         price_of_waiting_kw=DEFAULT_TIME_WORTH_KW,
                     ),
                     snapshot,
