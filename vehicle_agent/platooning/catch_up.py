@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream.messages import PlatoonControl
+from slipstream.spacing import wanted_gap_m
 from slipstream.traction import ETA_FOLLOWER, ETA_LEADER
 from vehicle_agent.platooning.gap_control import (
     IDM,
     MIN_SPEED_MPS,
     closing_mps,
-    wanted_gap_m,
 )
 from vehicle_agent.platooning.join_leave import is_planned_behind
 from vehicle_agent.platooning.neighbours import SILENT_NS, Neighbours

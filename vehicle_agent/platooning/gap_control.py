@@ -1,9 +1,8 @@
 """Gap control: speeds that close, keep and open a gap, as pure functions of both motions.
 
-A follower wants the gap g* = g_advised + max(b Δt², h v): the first term is what an emergency
-braking ahead takes within a control interval Δt of an evaluation, the second the time gap
-h = `RESPONSE_S`. It is commanded v = v_ahead + k (g − g*), where v_ahead is the latest speed that
-is known of the vehicle ahead, τ old.
+A follower wants the gap g* of `slipstream.spacing`, with a time gap h = `RESPONSE_S`. It is
+commanded v = v_ahead + k (g − g*), where v_ahead is the latest speed that is known of the vehicle
+ahead, τ old.
 
 **String stability.** Let both speeds deviate from a common one. With g' = v_ahead − v and
 v = e^{−τs} v_ahead + k (g − h v), a follower's deviation is G(s) times that of the vehicle ahead,
@@ -32,11 +31,9 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.spacing import MAX_BRAKING_MPS2, RESPONSE_S, wanted_gap_m
 from slipstream.traction import VehicleParameters
-from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, RESPONSE_S, AheadMotion
-
-ADVISED_GAP_M: Final = 1.5
-"""Where a plan names none; see `DispatcherSettings.gap_m`."""
+from vehicle_agent.platooning.safe_gap import AheadMotion
 
 CLOSE_GAP_M: Final = 7.5
 """Largest gap for which drag reductions are credited."""
@@ -83,11 +80,6 @@ class Own:
     def coasting_mps2(self) -> float:
         """Its deceleration without traction and brake."""
         return coasting_mps2(self.speed_mps, self.vehicle)
-
-
-def wanted_gap_m(speed_mps: float, advised_gap_m: float, interval_s: float) -> float:
-    """Gap g* that followers keep, m: see the module."""
-    return advised_gap_m + max(MAX_BRAKING_MPS2 * interval_s**2, RESPONSE_S * speed_mps)
 
 
 def coasting_mps2(speed_mps: float, vehicle: VehicleParameters) -> float:

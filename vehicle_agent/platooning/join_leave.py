@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from slipstream.messages import PlatoonControl
+from slipstream.spacing import wanted_gap_m
 from slipstream.traction import ETA_FOLLOWER
 from vehicle_agent.platooning.gap_control import (
     CLOSE_GAP_M,
     IDM,
     MIN_SPEED_MPS,
     leaving_distance_m,
-    wanted_gap_m,
 )
 from vehicle_agent.platooning.rendezvous import MARGIN_KWH, best_rendezvous
 from vehicle_agent.platooning.shared_path import SharedPath, find_shared_path

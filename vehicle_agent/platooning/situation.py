@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
+from slipstream.spacing import ADVISED_GAP_M, MAX_BRAKING_MPS2, RESPONSE_S
 from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
-from vehicle_agent.platooning.gap_control import ADVISED_GAP_M, COMFORTABLE_MPS2, Own
+from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates
 from vehicle_agent.platooning.neighbours import MAX_AHEAD_NS, SILENT_NS, Neighbours
-from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, RESPONSE_S, AheadMotion
+from vehicle_agent.platooning.safe_gap import AheadMotion
 
 MAX_SPEED_MPS: Final = 100.0
 """Values beyond these are taken as these: no vehicle of a road has them."""
