@@ -255,7 +255,7 @@ class Dispatcher:
         if fleet is None:
             return None
         if self._problem is None or fleet is not self._problem.fleet:
-            self._problem = RoutingProblem(self._network, fleet)
+            self._problem = RoutingProblem(self._network, fleet, advised_gap_m=self._settings.gap_m)
             self._stops = {}
         return self._problem
 

@@ -13,6 +13,7 @@ from dispatcher_daemon.fleet import Fleet, Vehicle
 from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.roads import RoadNetwork
+from slipstream.spacing import ADVISED_GAP_M
 from slipstream.vehicle_types import RoutingProfile
 
 
@@ -27,6 +28,7 @@ class RoutingProblem:
             hour costs 1 kWh and energy nothing.
         value_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
             the departure windows limit the wait.
+        advised_gap_m: that plans advise to followers.
     """
 
     network: RoadNetwork
@@ -36,6 +38,7 @@ class RoutingProblem:
     search: Literal["energy", "time"] = "energy"
     value_of_time_kw: float = 0.0
     value_of_waiting_kw: float = 0.0
+    advised_gap_m: float = ADVISED_GAP_M
 
     def __post_init__(self) -> None:
         for name in ("value_of_time_kw", "value_of_waiting_kw"):

@@ -70,7 +70,7 @@ _TRUCK_MIDDLE: Final = (0.283, 0.251, 0.228, 0.193, 0.149, 0.120)
 _TRUCK_LAST: Final = (0.255, 0.265, 0.264, 0.244, 0.202, 0.167)
 
 
-def drag_reductions(law: DragLaw, gap_m: float) -> DragReductions:
+def reductions_at(law: DragLaw, gap_m: float) -> DragReductions:
     """η_drag of each place at a gap.
 
     Args:

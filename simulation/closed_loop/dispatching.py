@@ -158,6 +158,7 @@ class Dispatching:
             search=self._policy.search,
             value_of_time_kw=self.time_worth_kw,
             value_of_waiting_kw=self.waiting_worth_kw,
+            advised_gap_m=self._settings.gap_m,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:

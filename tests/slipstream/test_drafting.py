@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipstream.drafting import DragLaw, DragReductions, drag_reductions
+from slipstream.drafting import DragLaw, DragReductions, reductions_at
 from slipstream.spacing import wanted_gap_m
 from slipstream.traction import ETA_FOLLOWER, ETA_LEADER
 
@@ -19,7 +19,7 @@ gaps_m = st.floats(0.0, 500.0)
 @given(gaps_m)
 def test_the_papers_law_knows_no_gap(gap_m: float) -> None:
     """0.05 in front and 0.20 behind, in platoons of any size."""
-    found = drag_reductions("paper", gap_m)
+    found = reductions_at("paper", gap_m)
     for members in (2, 3, 7):
         etas = [found.at(n, members) for n in range(members)]
         assert etas == [ETA_LEADER, *[ETA_FOLLOWER] * (members - 1)]
@@ -28,14 +28,14 @@ def test_the_papers_law_knows_no_gap(gap_m: float) -> None:
 @given(st.sampled_from(LAWS), gaps_m, gaps_m)
 def test_no_reduction_rises_with_the_gap(law: DragLaw, one_m: float, other_m: float) -> None:
     """Nor falls below 0, nor reaches 1."""
-    near, far = (drag_reductions(law, gap) for gap in sorted((one_m, other_m)))
+    near, far = (reductions_at(law, gap) for gap in sorted((one_m, other_m)))
     assert all(0.0 <= b <= a < 0.5 for a, b in zip(near, far, strict=True))
 
 
 @given(st.sampled_from(LAWS), gaps_m)
 def test_a_reduction_has_no_jumps(law: DragLaw, gap_m: float) -> None:
     """A centimetre more costs at most the steepest slope, the van leader's 0.30 in 3.25 m."""
-    near, far = drag_reductions(law, gap_m), drag_reductions(law, gap_m + 0.01)
+    near, far = reductions_at(law, gap_m), reductions_at(law, gap_m + 0.01)
     assert all(a - b <= 0.01 * 0.30 / 3.25 + 1e-12 for a, b in zip(near, far, strict=True))
 
 
@@ -56,7 +56,7 @@ def test_two_trucks_save_the_fuel_that_was_measured(
     """η times drag's share of the traction is within the confidence interval of the fuel saved,
     and exactly it where no neighbours are pooled.
     """
-    found = drag_reductions("truck", gap_m)
+    found = reductions_at("truck", gap_m)
     assert 0.641 * found.leader == pytest.approx(front, abs=front_ci)
     assert 0.641 * found.follower == pytest.approx(rear, abs=rear_ci)
     if gap_m < 40.0:
@@ -67,7 +67,7 @@ def test_two_trucks_save_the_fuel_that_was_measured(
 
 def test_pooled_neighbours_have_their_mean() -> None:
     """By hand: the rear truck's three smallest gaps, the front one's two largest."""
-    near, far = drag_reductions("truck", 9.144), drag_reductions("truck", 78.6384)
+    near, far = reductions_at("truck", 9.144), reductions_at("truck", 78.6384)
     assert 0.641 * near.follower == pytest.approx((0.1036 + 0.1177 + 0.1159) / 3)
     assert 0.641 * far.leader == pytest.approx((0.0048 + 0.0124) / 2)
     assert near.last == pytest.approx((0.255 + 0.265 + 0.264) / 3)
@@ -78,13 +78,13 @@ def test_pooled_neighbours_have_their_mean() -> None:
 )
 def test_longer_platoons_of_trucks(gap_m: float, middle: float, last: float) -> None:
     """The fit of four trucks at two of its gaps."""
-    found = drag_reductions("truck", gap_m)
+    found = reductions_at("truck", gap_m)
     assert (found.middle, found.last) == pytest.approx((middle, last))
 
 
 def test_the_middle_truck_saves_most_when_close_and_the_last_one_farther_apart() -> None:
     """As McAuliffe et al. 2018 found with three: the two change places near 12 m."""
-    near, far = drag_reductions("truck", 9.0), drag_reductions("truck", 15.24)
+    near, far = reductions_at("truck", 9.0), reductions_at("truck", 15.24)
     assert near.leader < near.follower < near.last < near.middle
     assert far.leader < far.follower < far.middle < far.last
 
@@ -93,14 +93,14 @@ def test_vans_by_hand() -> None:
     """Measured at half a length and at three; linear between; of four close ones the mean is
     near the 0.38 that Zabat et al. 1994 measured.
     """
-    half = drag_reductions("van", 3.25)
+    half = reductions_at("van", 3.25)
     assert half == DragReductions(0.30, 0.43, 0.43, 0.43)
     four = [half.at(n, 4) for n in range(4)]
     assert sum(four) / 4 == pytest.approx(0.38, abs=0.02)
-    assert drag_reductions("van", 19.5).follower == pytest.approx(0.20)
-    assert drag_reductions("van", (3.25 + 19.5) / 2).follower == pytest.approx((0.43 + 0.20) / 2)
-    assert drag_reductions("van", 4.875).leader == pytest.approx(0.15)
-    assert drag_reductions("van", 6.5).leader == 0.0
+    assert reductions_at("van", 19.5).follower == pytest.approx(0.20)
+    assert reductions_at("van", (3.25 + 19.5) / 2).follower == pytest.approx((0.43 + 0.20) / 2)
+    assert reductions_at("van", 4.875).leader == pytest.approx(0.15)
+    assert reductions_at("van", 6.5).leader == 0.0
 
 
 @pytest.mark.parametrize(
@@ -108,11 +108,11 @@ def test_vans_by_hand() -> None:
 )
 def test_outside_the_measured_gaps(law: DragLaw, nearest_m: float, farthest_m: float) -> None:
     """Nothing more below the smallest; half of it half-way to twice the largest, then nothing."""
-    assert drag_reductions(law, 0.0) == drag_reductions(law, nearest_m)
-    last, beyond = drag_reductions(law, farthest_m), drag_reductions(law, 1.5 * farthest_m)
+    assert reductions_at(law, 0.0) == reductions_at(law, nearest_m)
+    last, beyond = reductions_at(law, farthest_m), reductions_at(law, 1.5 * farthest_m)
     assert beyond == pytest.approx(tuple(eta / 2 for eta in last))
-    assert drag_reductions(law, 2 * farthest_m) == (0.0, 0.0, 0.0, 0.0)
-    assert drag_reductions(law, 10 * farthest_m) == (0.0, 0.0, 0.0, 0.0)
+    assert reductions_at(law, 2 * farthest_m) == (0.0, 0.0, 0.0, 0.0)
+    assert reductions_at(law, 10 * farthest_m) == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_the_gap_of_followers() -> None:
