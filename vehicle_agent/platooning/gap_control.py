@@ -31,6 +31,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.drafting import DragLaw, DragReductions, reductions_at
 from slipstream.spacing import MAX_BRAKING_MPS2, RESPONSE_S, wanted_gap_m
 from slipstream.traction import VehicleParameters
 from vehicle_agent.platooning.safe_gap import AheadMotion
@@ -62,6 +63,7 @@ class Own:
         advised_gap_m: g_advised.
         interval_s: Δt, of its control.
         vehicle: its physics.
+        drafting: law of its drag reduction.
     """
 
     speed_mps: float
@@ -70,6 +72,12 @@ class Own:
     advised_gap_m: float
     interval_s: float
     vehicle: VehicleParameters
+    drafting: DragLaw = "paper"
+
+    def reductions(self, speed_mps: float) -> DragReductions:
+        """η_drag of each place at the gap that it keeps at a speed."""
+        gap_m = wanted_gap_m(speed_mps, self.advised_gap_m, self.interval_s)
+        return reductions_at(self.drafting, gap_m)
 
     @property
     def wanted_gap_m(self) -> float:

@@ -6,7 +6,6 @@ from typing import Final
 
 from slipstream.messages import PlatoonControl
 from slipstream.spacing import wanted_gap_m
-from slipstream.traction import ETA_FOLLOWER
 from vehicle_agent.platooning.gap_control import (
     CLOSE_GAP_M,
     IDM,
@@ -89,7 +88,7 @@ def _worth(s: Situation, shared: SharedPath, front: PlatoonControl, *, keeps: bo
         gap_m - followed_m,
         cruise_mps,
         lambda way_m: max(0.0, drafted_m - way_m),
-        ETA_FOLLOWER,
+        own.reductions(cruise_mps).follower,
         max_speedup=s.max_speedup,
         vehicle=own.vehicle,
         margin_kwh=0.0 if is_planned_behind(s, front) else MARGIN_KWH,

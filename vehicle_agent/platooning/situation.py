@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.drafting import DragLaw
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
 from slipstream.spacing import ADVISED_GAP_M, MAX_BRAKING_MPS2, RESPONSE_S
 from slipstream.traction import VehicleParameters
@@ -80,6 +81,7 @@ def look(
     vehicle: VehicleParameters,
     pace: float,
     interval_s: float,
+    drafting: DragLaw = "paper",
 ) -> Situation:
     """The situation of a vehicle now; see `Platooning`."""
     state = VehicleState(
@@ -113,6 +115,7 @@ def look(
             advised_gap_m=min(planned.gap_m or ADVISED_GAP_M, _MAX_ADVISED_GAP_M),
             interval_s=interval_s,
             vehicle=vehicle,
+            drafting=drafting,
         ),
         planned=planned,
         ahead=sensing.ahead,
