@@ -65,9 +65,16 @@ _TRUCK_GAPS_M: Final = (9.144, 12.192, 15.24, 22.86, 45.72, 78.6384)
 _TRUCK_FRONT_FUEL: Final = (0.0624, 0.0502, 0.0355, 0.0225, 0.0048, 0.0124)
 _TRUCK_REAR_FUEL: Final = (0.1036, 0.1177, 0.1159, 0.1066, 0.0710, 0.0574)
 _TRUCK_DRAG_SHARE: Final = 0.641
-# Four trucks: Hussein, Rakha 2022, rational polynomials of measured reductions, at the same gaps.
-_TRUCK_MIDDLE: Final = (0.283, 0.251, 0.228, 0.193, 0.149, 0.120)
-_TRUCK_LAST: Final = (0.255, 0.265, 0.264, 0.244, 0.202, 0.167)
+# Four trucks at the same gaps, middle and last: Hussein, Rakha 2022, rational polynomials of drag.
+# Their level exceeds what three trucks saved on a track, so only their ratio counts.
+_TRUCK_MIDDLE_AND_LAST: Final = (
+    (0.283, 0.255),
+    (0.251, 0.265),
+    (0.228, 0.264),
+    (0.193, 0.244),
+    (0.149, 0.202),
+    (0.120, 0.167),
+)
 
 
 def reductions_at(law: DragLaw, gap_m: float) -> DragReductions:
@@ -109,17 +116,24 @@ def _pooled(values: Sequence[float]) -> list[float]:
     return [mean for mean, count in runs for _ in range(count)]
 
 
-def _truck(values: Sequence[float], share: float = 1.0) -> _Points:
-    return tuple(zip(_TRUCK_GAPS_M, (v / share for v in _pooled(values)), strict=True))
+def _truck_points() -> tuple[_Points, _Points, _Points, _Points]:
+    """Of leader, follower, middle and last: the two behind the leader of three save together what
+    two followers of platoons of two do.
+    """
+    front = [fuel / _TRUCK_DRAG_SHARE for fuel in _TRUCK_FRONT_FUEL]
+    rear = _pooled([fuel / _TRUCK_DRAG_SHARE for fuel in _TRUCK_REAR_FUEL])
+    both = list(zip(rear, _TRUCK_MIDDLE_AND_LAST, strict=True))
+    middle = [2 * eta * m / (m + last) for eta, (m, last) in both]
+    last = [2 * eta * last / (m + last) for eta, (m, last) in both]
+    leader, follower, between, end = (
+        tuple(zip(_TRUCK_GAPS_M, _pooled(etas), strict=True))
+        for etas in (front, rear, middle, last)
+    )
+    return leader, follower, between, end
 
 
 _MEASURED: Final[Mapping[DragLaw, tuple[_Points, _Points, _Points, _Points]]] = {
     "van": (_VAN_FRONT, _VAN_REAR, _VAN_REAR, _VAN_REAR),
-    "truck": (
-        _truck(_TRUCK_FRONT_FUEL, _TRUCK_DRAG_SHARE),
-        _truck(_TRUCK_REAR_FUEL, _TRUCK_DRAG_SHARE),
-        _truck(_TRUCK_MIDDLE),
-        _truck(_TRUCK_LAST),
-    ),
+    "truck": _truck_points(),
 }
 """Points of leader, follower, middle and last."""
