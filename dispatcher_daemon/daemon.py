@@ -53,6 +53,8 @@ from slipstream.sumo_net import load_network
 log = logging.getLogger(__name__)
 
 HEALTH_EVERY_S = 1.0
+HEARD_AFTER_S = 2.5
+"""By then vehicles that the run before knew have said where they are: they do so each second."""
 
 
 class MessagePublisher(Protocol):
@@ -402,6 +404,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             return
         for name, reason in not_ready.items():
             log.warning("solver %s is not ready: %s", name, reason)
+        records = database.load_fleet(time.time_ns())
         job_manager = open_job_manager(settings, pool, database)
         if job_manager is not None:
             stack.enter_context(job_manager)
@@ -415,7 +418,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             executor,
             job_manager,
             fleet_file,
-            database.load_fleet(time.time_ns()),
+            records,
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
@@ -423,6 +426,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             dispatcher.run_cycle,
             settings.interval_s,
             lambda kind: metrics.CYCLE_FAULTS.labels(kind).inc(),
+            min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
         )
         scheduler.start()
         service.ready()

@@ -14,6 +14,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.roads import RoadNetwork
+from slipstream.spacing import ADVISED_GAP_M
 from slipstream.vehicle_types import RoutingProfile
 
 
@@ -31,6 +32,7 @@ class RoutingProblem:
             hour costs 1 kWh and energy nothing.
         price_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
             the departure windows limit the wait.
+        advised_gap_m: that plans advise to followers.
     """
 
     network: RoadNetwork
@@ -41,6 +43,7 @@ class RoutingProblem:
     objective: Literal["energy", "paper"] = "energy"
     price_of_time_kw: float = 0.0
     price_of_waiting_kw: float = 0.0
+    advised_gap_m: float = ADVISED_GAP_M
 
     def __post_init__(self) -> None:
         for name in ("price_of_time_kw", "price_of_waiting_kw"):
@@ -77,13 +80,14 @@ def routing_problem(
 ) -> RoutingProblem:
     """The problem of a dispatcher's fleet under its settings' objective and prices."""
     if settings.objective == "paper":
-        return RoutingProblem(network, fleet, objective="paper")
+        return RoutingProblem(network, fleet, objective="paper", advised_gap_m=settings.gap_m)
     prices = settings.prices
     return RoutingProblem(
         network,
         fleet,
         price_of_time_kw=prices.price_of_time_kw,
         price_of_waiting_kw=prices.price_of_waiting_kw,
+        advised_gap_m=settings.gap_m,
     )
 
 

@@ -12,6 +12,7 @@ from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import DrivingAdvice
 from slipstream.plugins import plugin_names
+from slipstream.spacing import ADVISED_GAP_M
 
 BUILT_IN_SOLVERS: Final = (
     "exact",
@@ -468,7 +469,10 @@ class DispatcherSettings(Settings):
         "lights, which no camera measures.",
     )
     gap_m: float = Field(
-        default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers, m."
+        default=ADVISED_GAP_M,
+        gt=0,
+        allow_inf_nan=False,
+        description="Gap advised to followers, m; while they drive they keep 0.1 s more.",
     )
     advice: DrivingAdvice = Field(
         default=DrivingAdvice(),

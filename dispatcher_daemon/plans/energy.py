@@ -38,7 +38,7 @@ def route_energy(
     Expected energy of a leg beyond that of its profile counts as acceleration: traffic and signals
     cause it.
     """
-    reductions = drag_reductions(route, places)
+    reductions = drag_reductions(problem, route, places)
     none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
     drives = [leg.drive for leg in route.legs]
     physics = problem.profile_of(route.vehicle).physics

@@ -160,6 +160,7 @@ class Dispatching:
             objective="energy" if "routes" in self._policy.levers else "paper",
             price_of_time_kw=self.time_worth_kw,
             price_of_waiting_kw=self.waiting_worth_kw,
+            advised_gap_m=self._settings.gap_m,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:
