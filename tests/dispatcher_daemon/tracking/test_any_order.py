@@ -129,11 +129,11 @@ class AnyOrder(RuleBasedStateMachine):
         """A driver will refuse the next plan."""
         self.day.vans[name].refuses = True
 
-    @precondition(lambda self: self.day.number > 0)
+    @precondition(lambda self: len(self.day.store.load().vehicles) == len(VANS))
     @rule()
     def restart(self) -> None:
-        """The dispatcher is killed: what it has not stored is lost. Before its first cycle that is
-        who has ever reported, see the limits in docs/fleet.md.
+        """The dispatcher is killed: what it has not stored is lost. Before the first cycle of its
+        fleet that is who has ever reported, see the limits in docs/fleet.md.
         """
         self.day.restart()
 
