@@ -36,7 +36,7 @@ def drawn_freight(
     ``preferred_s``; they are ready for the earliest of that.
     """
     window_ms = round(60 * MS * window_min)
-    trips = []
+    trips: list[Trip] = []
     for path, at_s, carrier in zip(paths, preferred_s.tolist(), carriers, strict=True):
         preferred_ms = round(MS * at_s)
         arrival_ms = preferred_ms + sum(segments[part].duration_ms for part in path)
