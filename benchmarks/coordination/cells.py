@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import json
 import time
@@ -25,6 +26,8 @@ Place = Literal["one", "ten", "region"]
 """The corridor with one carrier or ten, or the region."""
 
 _SEED: Final = 1
+_BOUND_MODULES: Final = ("bound", "bins")
+_STRATEGY_MODULES: Final = ("strategies", "local_search", "pairwise", "threshold", "schedule")
 
 
 @dataclass(frozen=True)
@@ -66,68 +69,119 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Result:
-    """A cell with what came out.
+class Plans:
+    """What all strategies reached in a cell.
 
     Attributes:
-        cell: planned.
         ceiling_kwh: saving if everybody were a follower all the way.
-        bound_kwh: no plan's net value is above it.
-        bin_s: of the bound.
-        bound_s: time that it took.
         open_km: driven where platoons may.
         rows: one a strategy.
-        code: digest of the code that made it.
     """
 
-    cell: Cell
     ceiling_kwh: float
-    bound_kwh: float
-    bin_s: float
-    bound_s: float
     open_km: float
     rows: tuple[Row, ...]
-    code: str
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """A cell's bound.
+
+    Attributes:
+        bound_kwh: no plan's net value is above it.
+        bin_s: its bins.
+        wall_s: time that it took.
+    """
+
+    bound_kwh: float
+    bin_s: float
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class Result:
+    """A cell with what came out."""
+
+    cell: Cell
+    plans: Plans
+    bounded: Bounded
 
     @property
     def best(self) -> Row:
         """Of the highest net value."""
-        return max(self.rows, key=lambda row: row.net_kwh)
+        return max(self.plans.rows, key=lambda row: row.net_kwh)
+
+    @property
+    def bound_share(self) -> float:
+        """The bound as a share of the ceiling."""
+        return self.bounded.bound_kwh / self.plans.ceiling_kwh
 
 
 def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
-    """A cell's result, from the folder if this code has put it there.
+    """A cell's result; what this code has put into the folder before is not made again.
 
     A window in which no trip can use all its time at the price gives the same as a shorter one that
     does, which is then measured in its place.
+
+    Raises:
+        RuntimeError: a strategy above the bound.
     """
     smallest = _smallest_window(cell)
-    made = _stored(folder / f"{smallest.name}.json")
-    if made is None:
-        made = _measure(smallest, say)
-        path = folder / f"{smallest.name}.json"
-        draft = path.with_suffix(".part")
-        draft.write_text(json.dumps(asdict(made), indent=1) + "\n", encoding="utf-8")
-        draft.replace(path)
-    return replace(made, cell=cell)
+    plans, bounded = _stored_plans(smallest, folder), _stored_bound(smallest, folder)
+    if plans is None:
+        plans = _plan(smallest, say)
+        _store(_path(smallest, folder, "plans"), asdict(plans), plans_digest())
+    if bounded is None:
+        bounded = _bound(smallest, say)
+        _store(_path(smallest, folder, "bound"), asdict(bounded), bound_digest())
+    for row in plans.rows:
+        if row.net_kwh > bounded.bound_kwh * (1 + 1e-9) + 1e-9:
+            raise RuntimeError(f"{smallest.name}: {row.strategy} is above the bound")
+    return Result(cell, plans, bounded)
 
 
 def found(cell: Cell, folder: Path) -> Result | None:
     """A cell's result if it was measured before."""
-    made = _stored(folder / f"{_smallest_window(cell).name}.json")
-    return None if made is None else replace(made, cell=cell)
+    smallest = _smallest_window(cell)
+    plans, bounded = _stored_plans(smallest, folder), _stored_bound(smallest, folder)
+    return None if plans is None or bounded is None else Result(cell, plans, bounded)
 
 
 @cache
-def code_digest() -> str:
-    """Of the modules that results depend on."""
+def plans_digest() -> str:
+    """Of the code that plans depend on, but for comments and docstrings."""
+    return _digest(lambda name: name not in _BOUND_MODULES)
+
+
+@cache
+def bound_digest() -> str:
+    """Of the code that bounds depend on."""
+    return _digest(lambda name: name not in _STRATEGY_MODULES)
+
+
+def _digest(counts: Callable[[str], bool]) -> str:
     digest = hashlib.sha256()
     for path in sorted(Path(research.coordination.__path__[0]).glob("*.py")):
-        digest.update(path.read_bytes())
+        if not counts(path.stem):
+            continue
+        tree = ast.parse(path.read_bytes())
+        for node in ast.walk(tree):
+            body = getattr(node, "body", None)
+            if isinstance(body, list):
+                node.body = [part for part in body if not _is_text(part)]  # type: ignore[attr-defined]
+        digest.update(ast.dump(tree).encode())
     return digest.hexdigest()[:16]
 
 
-def _measure(cell: Cell, say: Callable[[str], None]) -> Result:
+def _is_text(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def _plan(cell: Cell, say: Callable[[str], None]) -> Plans:
     case = _case(cell)
     rows = []
     for name, strategy in STRATEGIES.items():
@@ -150,23 +204,16 @@ def _measure(cell: Cell, say: Callable[[str], None]) -> Result:
             )
         )
         say(f"{cell.name}: {name}, {outcome.net_kwh / case.ceiling_kwh:.1%}, {wall_s:.1f} s")
+    return Plans(case.ceiling_kwh, outcome.open_km, tuple(rows))
+
+
+def _bound(cell: Cell, say: Callable[[str], None]) -> Bounded:
+    case = _case(cell)
     began = time.perf_counter()
     bound = upper_bound(case)
     wall_s = time.perf_counter() - began
     say(f"{cell.name}: bound, {bound.kwh / case.ceiling_kwh:.1%}, {wall_s:.1f} s")
-    for row in rows:
-        if row.net_kwh > bound.kwh * (1 + 1e-9) + 1e-9:
-            raise RuntimeError(f"{cell.name}: {row.strategy} is above the bound")
-    return Result(
-        cell,
-        case.ceiling_kwh,
-        bound.kwh,
-        bound.bin_s,
-        wall_s,
-        outcome.open_km,
-        tuple(rows),
-        code_digest(),
-    )
+    return Bounded(bound.kwh, bound.bin_s, wall_s)
 
 
 def _case(cell: Cell) -> Case:
@@ -190,12 +237,31 @@ def _smallest_window(cell: Cell) -> Cell:
     return cell
 
 
-def _stored(path: Path) -> Result | None:
+def _path(cell: Cell, folder: Path, kind: str) -> Path:
+    return folder / f"{cell.name}.{kind}.json"
+
+
+def _store(path: Path, content: Mapping[str, Any], digest: str) -> None:
+    draft = path.with_suffix(".part")
+    draft.write_text(json.dumps({"code": digest, **content}, indent=1) + "\n", encoding="utf-8")
+    draft.replace(path)
+
+
+def _stored(path: Path, digest: str) -> dict[str, Any] | None:
     try:
-        content: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if content.get("code") != code_digest():
+    return content if content.pop("code", None) == digest else None
+
+
+def _stored_plans(cell: Cell, folder: Path) -> Plans | None:
+    content = _stored(_path(cell, folder, "plans"), plans_digest())
+    if content is None:
         return None
-    rows = tuple(Row(**row) for row in content["rows"])
-    return Result(**{**content, "cell": Cell(**content["cell"]), "rows": rows})
+    return Plans(**{**content, "rows": tuple(Row(**row) for row in content["rows"])})
+
+
+def _stored_bound(cell: Cell, folder: Path) -> Bounded | None:
+    content = _stored(_path(cell, folder, "bound"), bound_digest())
+    return None if content is None else Bounded(**content)

@@ -32,9 +32,9 @@ def checks(results: Iterable[Result]) -> list[Check]:
     shares, ahead, worst = [], [], []
     for result in results:
         own = _row(result, OWN)
-        if result.bound_kwh > _NONE_KWH:
-            shares.append(own.net_kwh / result.bound_kwh)
-        rivals = [row.net_kwh for row in result.rows if row.strategy != OWN and _is_fair(row)]
+        if result.bounded.bound_kwh > _NONE_KWH:
+            shares.append(own.net_kwh / result.bounded.bound_kwh)
+        rivals = [row.net_kwh for row in result.plans.rows if row.strategy != OWN and _is_fair(row)]
         ahead.append(own.net_kwh - max(rivals))
         worst.append(own.worst_carrier_kwh)
     if not shares:
@@ -88,8 +88,12 @@ def _net(results: Iterable[Result]) -> list[str]:
     rows = []
     for r in results:
         shares = [_share(r, _row(r, name)) for name in STRATEGIES]
-        tight = f"{r.best.net_kwh / r.bound_kwh:.1%}" if r.bound_kwh > _NONE_KWH else "–"
-        bound = f"{r.bound_kwh / r.ceiling_kwh:.1%}"
+        tight = (
+            f"{r.best.net_kwh / r.bounded.bound_kwh:.1%}"
+            if r.bounded.bound_kwh > _NONE_KWH
+            else "–"
+        )
+        bound = f"{r.bound_share:.1%}"
         rows.append((*_cell(r), *shares, bound, tight))
     columns = (*_CELL_COLUMNS, *STRATEGIES, "bound", "best of the bound")
     text = (
@@ -107,15 +111,15 @@ def _ours(results: Iterable[Result]) -> list[str]:
             (
                 *_cell(r),
                 f"{own.drafting_kwh:.1f}",
-                f"{own.drafting_kwh / r.ceiling_kwh:.1%}",
+                f"{own.drafting_kwh / r.plans.ceiling_kwh:.1%}",
                 f"{own.stops_kwh:.1f}",
                 f"{own.mean_wait_s:.0f}",
                 f"{own.max_wait_s:.0f}",
-                f"{own.platooned_km / r.open_km:.1%}",
+                f"{own.platooned_km / r.plans.open_km:.1%}",
                 f"{own.worst_carrier_kwh:.2f}",
                 f"{own.wall_s:.1f}",
-                f"{r.bin_s:g}",
-                f"{r.bound_s:.1f}",
+                f"{r.bounded.bin_s:g}",
+                f"{r.bounded.wall_s:.1f}",
             )
         )
     columns = (
@@ -135,7 +139,7 @@ def _cell(result: Result) -> tuple[str, str, str]:
 
 
 def _row(result: Result, strategy: str) -> Row:
-    return next(row for row in result.rows if row.strategy == strategy)
+    return next(row for row in result.plans.rows if row.strategy == strategy)
 
 
 def draw(results: Sequence[Result], folder: Path) -> Path | None:
@@ -169,10 +173,10 @@ def draw(results: Sequence[Result], folder: Path) -> Path | None:
 
 def _panel(axes: Any, results: Sequence[Result], title: str) -> None:
     vehicles = [r.cell.vehicles for r in results]
-    bound = [100 * r.bound_kwh / r.ceiling_kwh for r in results]
+    bound = [100 * r.bound_share for r in results]
     axes.plot(vehicles, bound, "k--", linewidth=1.2, label="upper bound")
     for name, colour in zip(reversed(STRATEGIES), reversed(_COLOURS), strict=False):
-        shares = [100 * _row(r, name).net_kwh / r.ceiling_kwh for r in results]
+        shares = [100 * _row(r, name).net_kwh / r.plans.ceiling_kwh for r in results]
         axes.plot(vehicles, shares, "o-", color=colour, markersize=3.5, linewidth=1.4, label=name)
     axes.set(xscale="log", xlabel="vehicles a day", title=title)
     axes.set_xticks(vehicles, [f"{count:,}" for count in vehicles], fontsize=8)
@@ -182,7 +186,7 @@ def _panel(axes: Any, results: Sequence[Result], title: str) -> None:
 
 
 def _share(result: Result, row: Row) -> str:
-    share = f"{row.net_kwh / result.ceiling_kwh:.1%}"
+    share = f"{row.net_kwh / result.plans.ceiling_kwh:.1%}"
     return share if _is_fair(row) else rf"{share}\*"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,33 +14,45 @@ _LENGTHS_MS: Final = tuple(
 )
 _MAX_BINS: Final = 150
 """Of a trip: with more of them the descent needs more iterations."""
-_MAX_CELLS: Final = 1_000_000
-"""Greatest number of (trip, link, bin): memory and time grow with it."""
+_MAX_CELLS: Final = 2_500_000
+"""Greatest number of (trip, link, bin), about: memory and time grow with it."""
+_PARTS: Final = 8
+
+
+@dataclass(frozen=True)
+class Part:
+    """Trips of about the same number of links, so that their arrays have little padding.
+
+    A *pool* is a link and a bin: vehicles that may platoon there behind one that enters in it.
+
+    Attributes:
+        trips: their numbers.
+        delay_ms: least delay in a bin, shape (trips, bins).
+        reached: bins that a trip has, same shape.
+        pool: number of each trip's pools, shape (links of a trip, trips, bins + ahead): at k those
+            of the bin k − ahead; 0 is no pool.
+    """
+
+    trips: Ints
+    delay_ms: Floats
+    reached: Bools
+    pool: Ints
 
 
 @dataclass(frozen=True)
 class Bins:
     """Where each trip can be, by bins of its delay.
 
-    A *pool* is a link and a bin: vehicles that may platoon there behind one that enters in it.
-
     Attributes:
         length_ms: of a bin.
         ahead: so many bins before its own may the first vehicle of a trip's platoon be.
-        delay_ms: least delay in a bin, shape (trips, bins).
-        reached: bins that a trip has, same shape.
-        pool: number of each trip's pools, shape (links of a trip, trips, bins + ahead): at k those
-            of the bin k − ahead; 0 is no pool.
-        pools: number of pools, with that of none.
-        link: of each pool; −1 of none.
+        parts: all trips.
+        link: of each pool; −1 of the first, which is none.
     """
 
     length_ms: int
     ahead: int
-    delay_ms: Floats
-    reached: Bools
-    pool: Ints
-    pools: int
+    parts: tuple[Part, ...]
     link: Ints
 
 
@@ -52,7 +64,8 @@ def choose_bins(case: Case) -> Bins:
             a bin lies between.
     """
     longest_ms = int(case.useful_ms.max() + 1)
-    at_least_ms = longest_ms * max(1 / _MAX_BINS, int((case.link >= 0).sum()) / _MAX_CELLS)
+    in_all_ms = int((case.link_count * (case.useful_ms + 1)).sum())
+    at_least_ms = max(longest_ms / _MAX_BINS, in_all_ms / _MAX_CELLS)
     for length_ms in _LENGTHS_MS:
         if length_ms >= at_least_ms or length_ms == _LENGTHS_MS[-1]:
             clock = _clocks(case, length_ms)
@@ -67,24 +80,25 @@ def _bins(case: Case, length_ms: int, clock: Ints) -> Bins:
     at_ms = case.ready_ms[:, None] + case.offset_ms - np.append(clock, 0)[case.link]
     base, phase_ms = np.divmod(at_ms, length_ms)
     count = (phase_ms[:, 0] + case.useful_ms) // length_ms + 1
-    numbers = np.arange(int(count.max()))
-    reached = numbers < count[:, None]
-    delay_ms = np.maximum(numbers * length_ms - phase_ms[:, :1], 0).astype(np.float64)
     low = int(base[present].min()) - ahead
-    width = int(base[present].max()) - low + len(numbers) + 1
-    in_pool = np.zeros((len(reached), len(numbers) + ahead), dtype=bool)
-    for shift in range(ahead + 1):
-        in_pool[:, shift : shift + len(numbers)] |= reached
-    pool = np.zeros((case.link.shape[1], *in_pool.shape), dtype=np.int64)
-    steps = np.arange(-ahead, len(numbers))
-    for position, there in enumerate(present.T):
-        keys = (case.link[there, position] * width + base[there, position] - low)[:, None] + steps
-        pool[position, there] = np.where(in_pool[there], keys, -1) + 1
-    used, numbered = np.unique(pool, return_inverse=True)
-    if used[0] != 0:
-        used, numbered = np.append(0, used), numbered + 1
-    link = np.where(used > 0, (used - 1) // width, -1)
-    return Bins(length_ms, ahead, delay_ms, reached, numbered.reshape(pool.shape), len(used), link)
+    width = int(base[present].max()) - low + int(count.max()) + 1
+    parts = []
+    order = np.lexsort((count, case.link_count))
+    for trips in np.array_split(order, min(_PARTS, len(order))):
+        numbers = np.arange(int(count[trips].max()))
+        reached = numbers < count[trips, None]
+        delay_ms = np.maximum(numbers * length_ms - phase_ms[trips, :1], 0).astype(np.float64)
+        in_pool = np.zeros((len(trips), len(numbers) + ahead), dtype=bool)
+        for shift in range(ahead + 1):
+            in_pool[:, shift : shift + len(numbers)] |= reached
+        links = case.link[trips, : int(case.link_count[trips].max())].T
+        first = links * width + base[trips, : len(links)].T - low
+        keys = first[..., None] + np.arange(-ahead, len(numbers))
+        pool = np.where(in_pool & (links >= 0)[..., None], keys, -1) + 1
+        parts.append(Part(trips, delay_ms, reached, pool))
+    used = np.unique(np.concatenate([[0], *(part.pool.ravel() for part in parts)]))
+    numbered = (replace(part, pool=np.searchsorted(used, part.pool)) for part in parts)
+    return Bins(length_ms, ahead, tuple(numbered), np.where(used > 0, (used - 1) // width, -1))
 
 
 def _clocks(case: Case, length_ms: int) -> Ints | None:

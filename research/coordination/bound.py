@@ -13,12 +13,14 @@ Beck and Teboulle 2003 for the descent).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
-from research.coordination.bins import Bins, choose_bins
+from research.coordination.bins import Bins, Part, choose_bins
 from research.coordination.case import Case, Floats
 
 _ITERATIONS: Final = (150, 1000)
@@ -62,105 +64,120 @@ def upper_bound(case: Case, iterations: int | None = None) -> Bound:
     lowest = np.inf
     hot, cold = _TEMPERATURES
     for iteration in range(iterations):
-        gains = prices.charge()
-        value = _answers(case, bins, gains)
+        values = prices.answers()
         # A trip's best is never below that of leaving undelayed and alone.
-        lowest = min(lowest, float(np.maximum(value.max(axis=1), 0.0).sum()))
-        prices.descend(value, hot * (cold / hot) ** (iteration / iterations))
+        total = sum(float(np.maximum(value.max(axis=1), 0.0).sum()) for value in values)
+        lowest = min(lowest, total)
+        prices.descend(values, hot * (cold / hot) ** (iteration / iterations))
     return Bound(lowest, bins.length_ms / 1000)
 
 
 class _Prices:
-    """Shares of the losses, and γ."""
+    """Shares of the losses, and γ: by the part of `Bins.parts` that trips are in."""
 
     def __init__(self, case: Case, bins: Bins) -> None:
         follower, leader = np.append(case.follower_kwh, 0.0), np.append(case.leader_kwh, 0.0)
         self._case, self._bins = case, bins
-        self._follower = follower[case.link.T]
-        self._ceiling = self._follower.sum(axis=0)
         self._loss = (follower - leader)[bins.link]
         self._leader = leader[bins.link]
-        self._scores = np.where(bins.reached, 0.0, -np.inf)
+        self._follower = [follower[case.link[p.trips, : len(p.pool)].T] for p in bins.parts]
+        self._scores = [np.where(part.reached, 0.0, -np.inf) for part in bins.parts]
         # Who can meet nobody loses all of F: γ = L for good.
-        self._is_single = self._summed(self._spread(bins.reached.astype(np.float64))) <= 1.0
+        can = [self._spread(part.reached.astype(np.float64)) for part in bins.parts]
+        self._is_single = self._summed(can) <= 1.0
         self._back = np.where(self._is_single, self._leader, 0.0)
+        self._mass: list[Floats] = []
+        self._pools: list[npt.NDArray[np.int8]] = []
+        self._total = np.empty(0)
 
-    def charge(self) -> Floats:
-        """What each trip gains on each stretch in each bin, less charges, kWh.
-
-        Returns:
-            Shape (stretches, trips, bins).
+    def answers(self) -> list[Floats]:
+        """Value of each trip's best against the charges by the bin of its first stretch, kWh, by
+        part: shape (trips, bins).
         """
-        case, bins = self._case, self._bins
-        self._mass = np.exp(self._scores - self._scores.max())
-        self._total = np.maximum(self._summed(self._spread(self._mass)), _LEAST)
+        top = max(float(scores.max()) for scores in self._scores)
+        self._mass = [np.exp(scores - top) for scores in self._scores]
+        self._total = np.maximum(self._summed([self._spread(m) for m in self._mass]), _LEAST)
         rate = (self._loss + 2 * self._back) / self._total
         rate[0] = 0.0
-        width = bins.reached.shape[1]
-        rates, backs = rate[bins.pool], self._back[bins.pool]
-        # A vehicle's pools differ by the bin of their first vehicle: it is in the cheapest.
-        charges = self._mass * rates[..., :width] - backs[..., :width]
-        self._pool = np.zeros(charges.shape, dtype=np.int8)
-        for ahead in range(1, bins.ahead + 1):
-            other = self._mass * rates[..., ahead : ahead + width]
-            other -= backs[..., ahead : ahead + width]
-            is_less = other < charges
-            charges[is_less] = other[is_less]
-            self._pool[is_less] = ahead
-        gains = np.zeros((case.stop_kwh.shape[1], *bins.reached.shape))
-        for position in range(len(charges)):
-            there = np.flatnonzero(case.link[:, position] >= 0)
-            gain = self._follower[position, there, None] - charges[position, there]
-            gains[case.stretch[there, position], there] += gain
-        return gains
+        self._pools = []
+        values = []
+        for part, mass, follower in zip(self._bins.parts, self._mass, self._follower, strict=True):
+            charges, pools = self._charges(part, mass, rate)
+            self._pools.append(pools)
+            values.append(_answers(self._case, part, follower, charges))
+        return values
 
-    def descend(self, value: Floats, temperature: float) -> None:
+    def descend(self, values: list[Floats], temperature: float) -> None:
         """Move shares towards trips that answer with a bin, and γ against its slope.
 
         Args:
-            value: of each trip's best by the bin of its first stretch, shape (trips, bins).
+            values: as `answers` gave them.
             temperature: of answers, as a share of a trip's drafting ceiling.
         """
-        bins, width = self._bins, self._bins.reached.shape[1]
-        excess = value - value.max(axis=1, keepdims=True)
-        answers = np.exp(excess / (temperature * self._ceiling[:, None]))
-        answers /= answers.sum(axis=1, keepdims=True)
-        slope = np.zeros(bins.pools)
-        for ahead in range(bins.ahead + 1):
-            pool = bins.pool[..., ahead : ahead + width]
-            terms = np.where(
-                self._pool == ahead, answers * (1 - 2 * self._mass / self._total[pool]), 0.0
-            )
-            slope += np.bincount(pool.ravel(), terms.ravel(), minlength=bins.pools)
+        slope = np.zeros(len(self._loss))
+        for number, (part, value) in enumerate(zip(self._bins.parts, values, strict=True)):
+            mass, width = self._mass[number], value.shape[1]
+            ceiling = self._follower[number].sum(axis=0)[:, None]
+            answers = np.exp((value - value.max(axis=1, keepdims=True)) / (temperature * ceiling))
+            answers /= answers.sum(axis=1, keepdims=True)
+            for ahead in range(self._bins.ahead + 1):
+                pool = part.pool[..., ahead : ahead + width]
+                terms = answers * (1 - 2 * mass / self._total[pool])
+                terms[self._pools[number] != ahead] = 0.0
+                slope += np.bincount(pool.ravel(), terms.ravel(), minlength=len(slope))
+            self._scores[number] = self._scores[number] + answers
         moved = np.clip(self._back - _BACK_STEP * self._leader * slope, 0.0, self._leader)
         self._back = np.where(self._is_single, self._leader, moved)
         self._back[0] = 0.0
-        self._scores = self._scores + answers
+
+    def _charges(
+        self, part: Part, mass: Floats, rate: Floats
+    ) -> tuple[Floats, npt.NDArray[np.int8]]:
+        """(Charge less γ, number of the pool): of the pools that a trip can be in, which differ by
+        the bin of the first vehicle, the cheapest; shapes (links of a trip, trips, bins).
+        """
+        width = mass.shape[1]
+        rates, backs = rate[part.pool], self._back[part.pool]
+        charges = mass * rates[..., :width] - backs[..., :width]
+        pools = np.zeros(charges.shape, dtype=np.int8)
+        for ahead in range(1, self._bins.ahead + 1):
+            other = mass * rates[..., ahead : ahead + width]
+            other -= backs[..., ahead : ahead + width]
+            is_less = other < charges
+            charges[is_less] = other[is_less]
+            pools[is_less] = ahead
+        return charges, pools
 
     def _spread(self, by_bin: Floats) -> Floats:
         """The greatest of the values of the bins that share a pool, for each of a trip's pools."""
         ahead, width = self._bins.ahead, by_bin.shape[1]
         spread = np.zeros((len(by_bin), width + ahead))
         for shift in range(ahead + 1):
-            part = spread[:, shift : shift + width]
-            np.maximum(part, by_bin, out=part)
+            there = spread[:, shift : shift + width]
+            np.maximum(there, by_bin, out=there)
         return spread
 
-    def _summed(self, by_trip: Floats) -> Floats:
+    def _summed(self, by_trip: Sequence[Floats]) -> Floats:
         """Sums over the trips of each pool, shape (pools,)."""
-        pool = self._bins.pool
-        weights = np.broadcast_to(by_trip, pool.shape)
-        found = np.bincount(pool.ravel(), weights.ravel(), minlength=self._bins.pools)
+        found = np.zeros(len(self._loss))
+        for part, values in zip(self._bins.parts, by_trip, strict=True):
+            weights = np.broadcast_to(values, part.pool.shape)
+            found += np.bincount(part.pool.ravel(), weights.ravel(), minlength=len(found))
         found[0] = 0.0
-        return np.asarray(found, dtype=np.float64)
+        return found
 
 
-def _answers(case: Case, bins: Bins, gains: Floats) -> Floats:
-    """Value of each trip's best by the bin of its first stretch, kWh; hubs as in a plan."""
-    value = np.where(bins.reached, -case.price_kwh_per_ms * bins.delay_ms, -np.inf)
+def _answers(case: Case, part: Part, follower: Floats, charges: Floats) -> Floats:
+    """Best by the bin of the first stretch: a dynamic program over stretches, as for a plan."""
+    stops_kwh, trips = case.stop_kwh[part.trips], part.trips
+    gains = np.zeros((int(case.stretch[trips].max()) + 1, *part.reached.shape))
+    for position, charge in enumerate(charges):
+        there = np.flatnonzero(case.link[trips, position] >= 0)
+        gain = follower[position, there, None] - charge[there]
+        gains[case.stretch[trips[there], position], there] += gain
+    value = np.where(part.reached, -case.price_kwh_per_ms * part.delay_ms, -np.inf)
     for number in range(len(gains) - 1, 0, -1):
         value = value + gains[number]
         later = np.maximum.accumulate(value[:, :0:-1], axis=1)[:, ::-1]
-        later = later - case.stop_kwh[:, number, None]
-        value[:, :-1] = np.maximum(value[:, :-1], later)
+        value[:, :-1] = np.maximum(value[:, :-1], later - stops_kwh[:, number, None])
     return np.asarray(value + gains[0])

@@ -20,11 +20,9 @@ def best_threshold(case: Case) -> Plan:
     """The best of several thresholds, with waits at origins only and at all hubs; undelayed if all
     of them lose. For this case it is chosen afterwards, which favours it.
 
-    The rule is the (k, T) policy of batch service; for platoons at hubs: A. Johansson, E. Nekouei,
-    K. H. Johansson, J. Mårtensson: Strategic hub-based platoon coordination under uncertain travel
-    times, IEEE T-ITS 23 (2022), among their comparisons; J. Larson, K.-Y. Liang, K. H. Johansson: A
-    distributed framework for coordinated heavy-duty vehicle platooning, IEEE T-ITS 16 (2015), has
-    the local controllers at junctions.
+    Waiting until enough are there is the feedback policy of A. Adler, D. Miculescu, S. Karaman:
+    Optimal policies for platooning and ride sharing in autonomy-enabled transportation, WAFR 2016;
+    the longest wait bounds it.
     """
     plans = [undelayed(case)]
     longest_s = int(case.useful_ms.max()) / MS

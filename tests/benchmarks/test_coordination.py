@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.coordination.__main__ import main
-from benchmarks.coordination.cells import Cell, Result, Row
+from benchmarks.coordination.cells import Bounded, Cell, Plans, Result, Row
 from benchmarks.coordination.report import OWN, checks, draw, markdown
 
 
@@ -23,9 +23,8 @@ def result(own_kwh: float, rival_kwh: float, bound_kwh: float, worst_kwh: float 
     names = ("as ready", "threshold", "pairwise leaders")
     rows = (*(row(name, 0.0) for name in names), row("hub waiting", rival_kwh))
     cell = Cell("one", 20, 10, 10)
-    return Result(
-        cell, 10.0, bound_kwh, 2.0, 1.0, 50.0, (*rows, row(OWN, own_kwh, worst_kwh)), "code"
-    )
+    plans = Plans(10.0, 50.0, (*rows, row(OWN, own_kwh, worst_kwh)))
+    return Result(cell, plans, Bounded(bound_kwh, 2.0, 1.0))
 
 
 def test_aims() -> None:
@@ -37,9 +36,9 @@ def test_aims() -> None:
     unfair = result(9.0, 9.1, 10.0)
     rows = tuple(
         replace(r, worst_carrier_kwh=-1.0) if r.strategy == "hub waiting" else r
-        for r in unfair.rows
+        for r in unfair.plans.rows
     )
-    unfair = replace(unfair, rows=rows)
+    unfair = replace(unfair, plans=replace(unfair.plans, rows=rows))
     assert all(check.reached for check in checks([unfair]))
     assert "91.0%\\*" in markdown([unfair], {})
 
@@ -74,7 +73,7 @@ def test_a_small_form_reports_and_goes_on(
     main(words)
     first = json.loads(capsys.readouterr().out)
     assert len(first["results"]) == 4
-    assert len(list((tmp_path / "cells").iterdir())) == 2
+    assert len(list((tmp_path / "cells").iterdir())) == 4
     main(words)
     again = capsys.readouterr()
     assert json.loads(again.out)["results"] == first["results"]
