@@ -90,7 +90,8 @@ def run_cycle(
     energy = None
     if chosen is not None and isinstance(found.baseline, Candidate):
         name = f"{found.baseline_solver}, without platooning"
-        energy = summarise(name, found.baseline.energies, chosen.energies)
+        price_kw = cycle.problem.price_of_time_kw
+        energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings

@@ -18,7 +18,7 @@ from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.plans import Cycle
-from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.reports import error_text, failed_report, idle_report
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
@@ -53,6 +53,8 @@ from slipstream.sumo_net import load_network
 log = logging.getLogger(__name__)
 
 HEALTH_EVERY_S = 1.0
+HEARD_AFTER_S = 2.5
+"""By then vehicles that the run before knew have said where they are: they do so each second."""
 
 
 class MessagePublisher(Protocol):
@@ -255,7 +257,7 @@ class Dispatcher:
         if fleet is None:
             return None
         if self._problem is None or fleet is not self._problem.fleet:
-            self._problem = RoutingProblem(self._network, fleet)
+            self._problem = routing_problem(self._network, fleet, self._settings)
             self._stops = {}
         return self._problem
 
@@ -402,6 +404,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             return
         for name, reason in not_ready.items():
             log.warning("solver %s is not ready: %s", name, reason)
+        records = database.load_fleet(time.time_ns())
         job_manager = open_job_manager(settings, pool, database)
         if job_manager is not None:
             stack.enter_context(job_manager)
@@ -415,7 +418,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             executor,
             job_manager,
             fleet_file,
-            database.load_fleet(time.time_ns()),
+            records,
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
@@ -423,6 +426,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             dispatcher.run_cycle,
             settings.interval_s,
             lambda kind: metrics.CYCLE_FAULTS.labels(kind).inc(),
+            min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
         )
         scheduler.start()
         service.ready()

@@ -10,9 +10,11 @@ from itertools import pairwise
 from typing import Literal
 
 from dispatcher_daemon.fleet import Fleet, Vehicle
+from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, VehicleParameters
 from slipstream.roads import RoadNetwork
+from slipstream.spacing import ADVISED_GAP_M
 from slipstream.vehicle_types import RoutingProfile
 
 
@@ -23,10 +25,14 @@ class RoutingProblem:
     Attributes:
         vehicle: physical data of the vehicles that the fleet gives no type.
         search: what routes minimise. Reports contain energies in both cases.
-        value_of_time_kw: with search "energy", cost of travel time, kWh an hour. With "time" an
+        objective: with search "energy", what a path costs. "energy": its exact drive, with all
+            changes of speed, and what traffic and signals are expected to add. "paper": the sum of
+            its segments at their planning speeds (section III-C).
+        price_of_time_kw: with search "energy", cost of travel time, kWh an hour. With "time" an
             hour costs 1 kWh and energy nothing.
-        value_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
+        price_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
             the departure windows limit the wait.
+        advised_gap_m: that plans advise to followers.
     """
 
     network: RoadNetwork
@@ -34,11 +40,13 @@ class RoutingProblem:
     vehicle: VehicleParameters = PAPER_CAR
     style: DrivingStyle = field(default_factory=DrivingStyle)
     search: Literal["energy", "time"] = "energy"
-    value_of_time_kw: float = 0.0
-    value_of_waiting_kw: float = 0.0
+    objective: Literal["energy", "paper"] = "energy"
+    price_of_time_kw: float = 0.0
+    price_of_waiting_kw: float = 0.0
+    advised_gap_m: float = ADVISED_GAP_M
 
     def __post_init__(self) -> None:
-        for name in ("value_of_time_kw", "value_of_waiting_kw"):
+        for name in ("price_of_time_kw", "price_of_waiting_kw"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be >= 0, got {value}")
@@ -65,6 +73,22 @@ class RoutingProblem:
         """
         of = self.fleet.vehicle_by_id[vehicle] if isinstance(vehicle, str) else vehicle
         return self._profiles[of.type, of.own_type]
+
+
+def routing_problem(
+    network: RoadNetwork, fleet: Fleet, settings: DispatcherSettings
+) -> RoutingProblem:
+    """The problem of a dispatcher's fleet under its settings' objective and prices."""
+    if settings.objective == "paper":
+        return RoutingProblem(network, fleet, objective="paper", advised_gap_m=settings.gap_m)
+    prices = settings.prices
+    return RoutingProblem(
+        network,
+        fleet,
+        price_of_time_kw=prices.price_of_time_kw,
+        price_of_waiting_kw=prices.price_of_waiting_kw,
+        advised_gap_m=settings.gap_m,
+    )
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 from apscheduler.events import EVENT_JOB_ERROR, EVENT_JOB_MAX_INSTANCES, EVENT_JOB_MISSED, JobEvent
 from apscheduler.executors.pool import ThreadPoolExecutor
@@ -20,7 +20,7 @@ CLOCK_TOLERANCE_S = 1.0
 
 
 class CycleScheduler:
-    """Calls a function at once and then every ``interval_s``, on one thread of its own.
+    """Calls a function soon and then every ``interval_s``, on one thread of its own.
 
     A run that is due while the last one is still running is skipped and counted as overlapped. Runs
     that could not start in time are replaced by one, and counted as missed if they are later than a
@@ -33,6 +33,7 @@ class CycleScheduler:
         run: the cycle.
         interval_s: from start to start, s.
         on_fault: called with "overlapped", "missed", "raised" or "clock".
+        first_after_s: time to the first run, s.
     """
 
     def __init__(
@@ -40,6 +41,7 @@ class CycleScheduler:
         run: Callable[[], None],
         interval_s: float,
         on_fault: Callable[[str], None] = lambda kind: None,
+        first_after_s: float = 0.0,
     ) -> None:
         self._on_fault = on_fault
         self._interval_s = interval_s
@@ -56,7 +58,7 @@ class CycleScheduler:
             max_instances=1,
             coalesce=True,
             misfire_grace_time=max(1, int(interval_s)),
-            next_run_time=datetime.now(UTC),
+            next_run_time=datetime.now(UTC) + timedelta(seconds=first_after_s),
         )
 
     def _note(self, event: JobEvent) -> None:
@@ -99,7 +101,7 @@ class CycleScheduler:
         return int(job.next_run_time.timestamp() * 1e9)
 
     def start(self) -> None:
-        """Begin; the first run is due at once."""
+        """Begin."""
         self._scheduler.start()
 
     def stop(self) -> None:

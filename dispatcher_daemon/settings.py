@@ -12,6 +12,7 @@ from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import DrivingAdvice
 from slipstream.plugins import plugin_names
+from slipstream.spacing import ADVISED_GAP_M
 
 BUILT_IN_SOLVERS: Final = (
     "exact",
@@ -362,6 +363,39 @@ class CitySettings(Settings):
     )
 
 
+class PriceSettings(Settings):
+    """What the objective weighs against energy (``[prices]``), in one currency."""
+
+    energy_kwh: float = Field(
+        default=0.30, gt=0, le=1e6, allow_inf_nan=False, description="A kWh of energy."
+    )
+    driving_hour: float = Field(
+        default=0.60,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="An hour of driving, such as a wage. 0: only energy counts.",
+    )
+    waiting_hour: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="An hour of waiting at the depot for other vehicles, within the departure "
+        "window. 0: a wait is free.",
+    )
+
+    @property
+    def price_of_time_kw(self) -> float:
+        """Of driving: kWh an hour."""
+        return self.driving_hour / self.energy_kwh
+
+    @property
+    def price_of_waiting_kw(self) -> float:
+        """Of waiting: kWh an hour."""
+        return self.waiting_hour / self.energy_kwh
+
+
 class DispatcherSettings(Settings):
     """All settings of the dispatcher; the defaults run the built-in demo."""
 
@@ -435,11 +469,23 @@ class DispatcherSettings(Settings):
         "lights, which no camera measures.",
     )
     gap_m: float = Field(
-        default=1.5, gt=0, allow_inf_nan=False, description="Gap advised to followers, m."
+        default=ADVISED_GAP_M,
+        gt=0,
+        allow_inf_nan=False,
+        description="Gap advised to followers, m; while they drive they keep 0.1 s more.",
     )
     advice: DrivingAdvice = Field(
         default=DrivingAdvice(),
         description="Advice in plans for signals, turns and stops.",
+    )
+    objective: Literal["energy", "paper"] = Field(
+        default="energy",
+        description="What a route costs. energy: its drive with all changes of speed, expected "
+        "stops and turbulence, and the price of its time; paper: its segments at planning speed, "
+        "as in the paper.",
+    )
+    prices: PriceSettings = Field(
+        default=PriceSettings(), description="Of energy and of time, for the objective energy."
     )
     form: Literal["auto", "arc", "route"] = Field(
         default="auto",

@@ -262,7 +262,7 @@ class EdgeDaemon:
             rsu=self._settings.rsu,
             time_ns=time.time_ns(),
             started_ns=self._started_ns,
-            source=str(self._settings.source.clip or "camera"),
+            source=str(next(iter(self._settings.source.clips), "camera")),
             segments=tuple(self._state_publishers),
             status=status,  # type: ignore[arg-type]
             fault=self._fault,

@@ -29,7 +29,10 @@ class SourceSettings(Settings):
 
     renamed: ClassVar[Mapping[str, str]] = {"stall_s": "stall_timeout_s"}
 
-    clip: Path | None = Field(default=None, description="Path of a video file.")
+    clip: Path | Annotated[tuple[Path, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Path of a video file, or a list of paths: one camera's clips, played in turn.",
+    )
     url: str | None = Field(
         default=None,
         pattern=r"^(rtsp|rtsps|http|https)://",
@@ -44,6 +47,11 @@ class SourceSettings(Settings):
         default=5.0,
         description="A camera is connected again after so long without a frame, s.",
     )
+
+    @property
+    def clips(self) -> tuple[Path, ...]:
+        """Of `clip`, in order; none for a camera."""
+        return (self.clip,) if isinstance(self.clip, Path) else self.clip or ()
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

@@ -40,6 +40,7 @@ __all__ = [
     "VehicleParameters",
     "drag_saving_kwh",
     "drive_energies",
+    "drive_energy_kwh",
     "phase_energies",
     "split_saving",
     "stack_traces",
@@ -290,3 +291,8 @@ def drive_energies(
             for part in phase_energies(start, end, seconds, eta, vehicle)
         )
     )
+
+
+def drive_energy_kwh(drive: Drive, vehicle: VehicleParameters = PAPER_CAR) -> float:
+    """`drive_energies` of one drive without drafting."""
+    return drive_energies([drive], [[ETA_ALONE] * len(drive.entry_s)], vehicle).sum().total_kwh

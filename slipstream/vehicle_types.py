@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from slipstream.config import Settings
+from slipstream.drafting import DragLaw
 from slipstream.traction import PAPER_CAR, VehicleParameters
 
 VehicleClass = Literal[
@@ -53,6 +54,7 @@ class RoutingProfile:
         width_m: likewise.
         length_m: likewise.
         gross_mass_kg: its permitted mass; likewise.
+        drafting: by which law its drag falls in a platoon.
     """
 
     physics: VehicleParameters = PAPER_CAR
@@ -62,6 +64,7 @@ class RoutingProfile:
     width_m: float | None = None
     length_m: float | None = None
     gross_mass_kg: float | None = None
+    drafting: DragLaw = "paper"
 
 
 class VehicleType(Settings):
@@ -89,6 +92,11 @@ class VehicleType(Settings):
     )
     recuperation_efficiency: _Share = Field(
         default=0.0, description="Share of braking work that comes back into the battery."
+    )
+    drafting: DragLaw = Field(
+        default="paper",
+        description="Drag reduction in platoons: the paper's constants, or measured by place and "
+        "gap.",
     )
     length_m: _Positive | None = Field(default=None, description="None: not known.")
     width_m: _Positive | None = Field(default=None, description="None: not known.")
@@ -150,6 +158,7 @@ class VehicleType(Settings):
             self.width_m,
             self.length_m,
             self.gross_mass_kg,
+            self.drafting,
         )
 
 
@@ -164,6 +173,7 @@ _PRESET_VALUES: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
             "rolling_resistance": 0.008,
             "powertrain_efficiency": 0.83,
             "recuperation_efficiency": 0.73,
+            "drafting": "van",
             "length_m": 6.5,
             "width_m": 2.16,
             "height_m": 2.86,
@@ -181,6 +191,7 @@ _PRESET_VALUES: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
             "rolling_resistance": 0.0055,
             "powertrain_efficiency": 0.83,
             "recuperation_efficiency": 0.73,
+            "drafting": "truck",
             "length_m": 16.5,
             "width_m": 2.55,
             "height_m": 4.0,

@@ -77,8 +77,8 @@ def _check_edge(path: Path, _: str) -> Mapping[str, str]:
     camera = load_camera(settings.camera)
     read_reference(camera)
     open_detector(settings.detector)
-    if settings.source.clip is not None:
-        open_clip(settings.source.clip, loop=False, size=camera.size).close()
+    if settings.source.clips:
+        open_clip(*settings.source.clips, loop=False, size=camera.size).close()
     return {}
 
 

@@ -58,6 +58,9 @@ class CycleRow(Base):
     saved_drag_kwh: Mapped[float | None]
     saved_acceleration_kwh: Mapped[float | None]
     platooned_distance_m: Mapped[float | None]
+    baseline_driving_s: Mapped[float | None]
+    cooperative_driving_s: Mapped[float | None]
+    price_of_time_kw: Mapped[float | None]
     unserved: Mapped[list[Any]] = mapped_column(server_default="[]")
 
     solver_runs: Mapped[list[SolverRunRow]] = relationship(

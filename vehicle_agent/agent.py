@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream import freshness
+from slipstream.drafting import DragLaw
 from slipstream.messages import (
     AdviceMode,
     DriverReport,
@@ -74,6 +75,7 @@ class AgentParameters:
         max_speed_mps: it drives no faster; None: as fast as the roads allow.
         interval_s: from one advice to the next.
         stale_after_s: age limit of a SegmentState.
+        drafting: law of its drag reduction.
     """
 
     vehicle: VehicleParameters = PAPER_CAR
@@ -81,6 +83,7 @@ class AgentParameters:
     max_speed_mps: float | None = None
     interval_s: float = 0.1
     stale_after_s: float = freshness.STALE_AFTER_S
+    drafting: DragLaw = "paper"
 
 
 class Agent:
@@ -105,7 +108,9 @@ class Agent:
         self.tour = Tour(vehicle, own.max_speed_mps)
         self._timings = timings or SignalTimings()
         self._roadside = roadside or Roadside(own.stale_after_s)
-        self._platooning = Platooning(vehicle, own.vehicle, own.length_m, own.interval_s)
+        self._platooning = Platooning(
+            vehicle, own.vehicle, own.length_m, own.interval_s, drafting=own.drafting
+        )
         self._speed = SpeedAdvisor(self._timings, own.interval_s, own.vehicle)
         self._requests = SignalRequests(vehicle, self._timings)
         self._departure = LegDeparture(self._timings, own.vehicle)

@@ -56,6 +56,7 @@ class AgentDaemon:
                 vehicle.type.max_speed_mps,
                 INTERVAL_S,
                 settings.stale_after_s,
+                vehicle.type.drafting,
             )
             for vehicle in settings.vehicles
         }

@@ -157,7 +157,7 @@ def _energy(city: Instance, plan: FleetPlan) -> dict[str, object]:
     places = form_platoons(ours, city.snapshot, city.sync_window_s, 1)
     driven = [route_energy(city.problem, route, places) for route in ours]
     alone: list[RouteEnergy] = [route_energy(city.problem, route, {}) for route in base]
-    summary = summarise("the VRP without platooning", alone, driven)
+    summary = summarise("the VRP without platooning", alone, driven, city.problem.price_of_time_kw)
     stops_kwh = [expected_stops_kwh(city.problem, city.snapshot, routes) for routes in (ours, base)]
     return {
         "base_driven_kwh": summary.baseline_kwh,

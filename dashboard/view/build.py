@@ -263,6 +263,8 @@ def _cycle(report: CycleReport, now_ns: int) -> CycleView:
             saved_drag_kwh=e.saved_drag_kwh,
             saved_acceleration_kwh=e.saved_acceleration_kwh,
             platooned_km=e.platooned_distance_m / 1000,
+            baseline_driving_s=e.baseline_driving_s,
+            cooperative_driving_s=e.cooperative_driving_s,
         )
     return CycleView(
         number=report.cycle,

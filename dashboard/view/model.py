@@ -95,6 +95,8 @@ class EnergyView:
     saved_drag_kwh: float
     saved_acceleration_kwh: float
     platooned_km: float
+    baseline_driving_s: float | None
+    cooperative_driving_s: float | None
 
 
 @dataclass(frozen=True)

@@ -248,5 +248,5 @@ class Planner:
             return None
         waits_s = route.visits[0].departure_s - self.window_s(number)[0]
         cost = sum(leg.cost_kwh for leg in legs)
-        cost += self.problem.value_of_waiting_kw * max(0.0, waits_s) / _S_PER_H
+        cost += self.problem.price_of_waiting_kw * max(0.0, waits_s) / _S_PER_H
         return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))

@@ -21,11 +21,13 @@ class RouteEnergy:
         driven: with the drag reductions of its platoons.
         undrafted: the same drive without any.
         platooned_m: distance driven in a platoon, as leader or follower.
+        driving_s: time on the road, without stands at stops.
     """
 
     driven: Energy
     undrafted: Energy
     platooned_m: float
+    driving_s: float
 
 
 def route_energy(
@@ -36,18 +38,13 @@ def route_energy(
     Expected energy of a leg beyond that of its profile counts as acceleration: traffic and signals
     cause it.
     """
-    reductions = drag_reductions(route, places)
+    reductions = drag_reductions(problem, route, places)
     none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
     drives = [leg.drive for leg in route.legs]
     physics = problem.profile_of(route.vehicle).physics
     driven = drive_energies(drives, reductions, physics).sum()
-    by_leg = drive_energies(drives, none, physics)
-    undrafted = by_leg.sum()
-    beyond = sum(
-        leg.expected_kwh - float(profile_kwh)
-        for leg, profile_kwh in zip(route.legs, by_leg.total_kwh, strict=True)
-        if leg.expected_kwh is not None
-    )
+    undrafted = drive_energies(drives, none, physics).sum()
+    beyond = sum(leg.beyond_kwh for leg in route.legs)
     driven, undrafted = (
         e._replace(total_kwh=e.total_kwh + beyond, acceleration_kwh=e.acceleration_kwh + beyond)
         for e in (driven, undrafted)
@@ -57,7 +54,7 @@ def route_energy(
         for number, position, segment, _, _ in route.entries_s()
         if (route.vehicle, number, position) in places
     )
-    return RouteEnergy(driven, undrafted, platooned_m)
+    return RouteEnergy(driven, undrafted, platooned_m, sum(d.duration_s for d in drives))
 
 
 def planned_charges_kwh(
@@ -79,7 +76,10 @@ def planned_charges_kwh(
 
 
 def summarise(
-    name: str, baseline: Sequence[RouteEnergy], cooperative: Sequence[RouteEnergy]
+    name: str,
+    baseline: Sequence[RouteEnergy],
+    cooperative: Sequence[RouteEnergy],
+    price_of_time_kw: float,
 ) -> EnergySummary:
     """Set a plan's energy against the baseline's, in which every vehicle drives alone.
 
@@ -96,4 +96,7 @@ def summarise(
         saved_drag_kwh=saving.drag_kwh,
         saved_acceleration_kwh=saving.acceleration_kwh,
         platooned_distance_m=sum(e.platooned_m for e in cooperative),
+        baseline_driving_s=sum(e.driving_s for e in baseline),
+        cooperative_driving_s=sum(e.driving_s for e in cooperative),
+        price_of_time_kw=price_of_time_kw,
     )

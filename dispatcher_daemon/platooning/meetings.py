@@ -1,7 +1,9 @@
 """Savings of platoons on open segments, with incremental evaluation of changes.
 
-On a segment, a platoon of m ≥ 2 has one leader and m − 1 followers, so it saves L + (m − 1) F: the
-pairwise sum of the paper would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8).
+On a segment, each vehicle of a platoon saves by its place: the leader, and behind it the follower
+of a platoon of two, or in longer ones those in the middle and the last one. By the paper's law all
+followers save the same, so that m ≥ 2 vehicles save L + (m − 1) F: the pairwise sum of the paper
+would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8).
 """
 
 from __future__ import annotations
@@ -11,10 +13,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from dispatcher_daemon.platooning.platoons import TimedPassage, platoons_of
+from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route, planning_speed_mps
-from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
+from slipstream.energy import drag_saving_kwh
+from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile
 
 VehicleNumber = tuple[int]
@@ -26,10 +30,39 @@ Traversals = Mapping[str, Sequence[Traversal]]
 
 @dataclass(frozen=True)
 class Shares:
-    """Energy saved on one open segment, kWh: by a leader with followers, and by each follower."""
+    """Energy that one vehicle saves on one open segment, kWh.
+
+    Attributes:
+        leader_kwh: in front of any number of followers.
+        follower_kwh: behind a leader, as the only follower.
+        longer_kwh: in a platoon of three and more, between two others and as the last one; None:
+            as the only follower, each.
+    """
 
     leader_kwh: float
     follower_kwh: float
+    longer_kwh: tuple[float, float] | None = None
+
+    def at(self, number: int, members: int) -> float:
+        """Saving at one place.
+
+        Args:
+            number: 0 is the leader.
+            members: of the platoon, at least two.
+        """
+        if number == 0:
+            return self.leader_kwh
+        if members == 2 or self.longer_kwh is None:
+            return self.follower_kwh
+        middle_kwh, last_kwh = self.longer_kwh
+        return last_kwh if number == members - 1 else middle_kwh
+
+    def platoon_kwh(self, members: int) -> float:
+        """Saving of a platoon of at least two vehicles that all have these shares."""
+        if members == 2 or self.longer_kwh is None:
+            return self.leader_kwh + (members - 1) * self.follower_kwh
+        middle_kwh, last_kwh = self.longer_kwh
+        return self.leader_kwh + (members - 2) * middle_kwh + last_kwh
 
 
 def open_shares(
@@ -42,13 +75,17 @@ def open_shares(
     """
     of = problem.profiles[0] if profile is None else profile
 
-    def saving(name: str, eta: float) -> float:
-        segment = problem.network.segments[name]
-        speed = planning_speed_mps(segment, snapshot.segments[name], of)
-        return drag_saving_kwh(segment.length_m, speed, eta, of.physics)
+    def shares(segment: Segment, traffic: SegmentTraffic) -> Shares:
+        speed = planning_speed_mps(segment, traffic, of)
+        leader, follower, middle, last = (
+            drag_saving_kwh(segment.length_m, speed, eta, of.physics)
+            for eta in planned_reductions(problem, of, speed)
+        )
+        alike = middle == last == follower
+        return Shares(leader, follower, None if alike else (middle, last))
 
     return {
-        name: Shares(saving(name, ETA_LEADER), saving(name, ETA_FOLLOWER))
+        name: shares(problem.network.segments[name], traffic)
         for name, traffic in snapshot.segments.items()
         if traffic.open
     }
@@ -87,10 +124,13 @@ def saving_kwh(
         if len(group) < 2:
             continue
         if own:
-            leader, *followers = (own.get(number, shares) for _, _, (number,) in group)
-            total += leader.leader_kwh + sum(follower.follower_kwh for follower in followers)
+            leader, *followers = (
+                own.get(number, shares).at(place, len(group))
+                for place, (_, _, (number,)) in enumerate(group)
+            )
+            total += leader + sum(followers)
         else:
-            total += shares.leader_kwh + (len(group) - 1) * shares.follower_kwh
+            total += shares.platoon_kwh(len(group))
     return total
 
 

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from dispatcher_daemon.roads import Route
+from dispatcher_daemon.platooning.reductions import planned_reductions
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads import Leg, Route
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, ETA_LEADER
+from slipstream.energy import ETA_ALONE
 
 Passage = tuple[str, int, int]
 """A vehicle's passage of one segment: (vehicle, leg, position in the leg)."""
@@ -21,10 +23,17 @@ TimedPassage = tuple[float, float, Key]
 
 @dataclass(frozen=True)
 class Place:
-    """A vehicle's place in a platoon; 0 is the leader."""
+    """A vehicle's place in a platoon.
+
+    Attributes:
+        platoon: its name.
+        number: 0 is the leader.
+        members: of the platoon, at least two.
+    """
 
     platoon: str
     number: int
+    members: int
 
 
 def form_platoons(
@@ -67,7 +76,7 @@ def form_platoons(
                 continue
             name = names.setdefault(members, f"c{cycle}-p{len(names) + 1}")
             for number, (_, _, passage) in enumerate(group):
-                places[passage] = Place(name, number)
+                places[passage] = Place(name, number, len(group))
     return places
 
 
@@ -100,15 +109,28 @@ def platoons_of(
         waiting = rest
 
 
-def drag_reductions(route: Route, places: Mapping[Passage, Place]) -> list[list[float]]:
-    """η_drag on each segment of each leg: 0.20 behind, 0.05 in front, 0 alone (paper II-B)."""
+def drag_reductions(
+    problem: RoutingProblem, route: Route, places: Mapping[Passage, Place]
+) -> list[list[float]]:
+    """η_drag on each segment of each leg, by place and by the gap at the mean speed there; 0 alone.
 
-    def eta(place: Place | None) -> float:
+    By the paper's law 0.05 in front and 0.20 behind (II-B).
+    """
+    profile = problem.profile_of(route.vehicle)
+
+    def eta(number: int, leg: Leg, position: int) -> float:
+        place = places.get((route.vehicle, number, position))
         if place is None:
             return ETA_ALONE
-        return ETA_FOLLOWER if place.number > 0 else ETA_LEADER
+        drive = leg.drive
+        entry_s = drive.unhindered_s() if drive.waiting_s else drive.entry_s
+        times_s = (*entry_s, drive.times_s[-1])
+        length_m = problem.network.segments[leg.path[position]].length_m
+        speed_mps = length_m / (times_s[position + 1] - times_s[position])
+        reductions = planned_reductions(problem, profile, speed_mps)
+        return reductions.at(place.number, place.members)
 
     return [
-        [eta(places.get((route.vehicle, number, position))) for position in range(len(leg.path))]
+        [eta(number, leg, position) for position in range(len(leg.path))]
         for number, leg in enumerate(route.legs)
     ]

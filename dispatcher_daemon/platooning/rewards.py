@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import ArcReward, RoutingProblem
 from dispatcher_daemon.roads import RoutedArc, planning_speed_mps
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.energy import drag_saving_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile
 
@@ -48,13 +49,23 @@ class JudgedPair:
 
 
 def pair_saving_kwh(
-    segment: Segment, traffic: SegmentTraffic, leader: RoutingProfile, follower: RoutingProfile
+    problem: RoutingProblem,
+    segment: Segment,
+    traffic: SegmentTraffic,
+    leader: RoutingProfile,
+    follower: RoutingProfile,
 ) -> float:
-    """Saving of a leader and a follower on a segment, whatever gate and timing, kWh."""
-    return sum(
-        drag_saving_kwh(segment.length_m, planning_speed_mps(segment, traffic, of), eta, of.physics)
-        for of, eta in ((leader, ETA_LEADER), (follower, ETA_FOLLOWER))
-    )
+    """Saving of a platoon of two on a segment, whatever gate and timing, kWh.
+
+    The paper's form rewards pairs only, so in it a third vehicle saves as behind one leader too.
+    """
+
+    def saving_kwh(of: RoutingProfile, number: int) -> float:
+        speed_mps = planning_speed_mps(segment, traffic, of)
+        eta = planned_reductions(problem, of, speed_mps).at(number, 2)
+        return drag_saving_kwh(segment.length_m, speed_mps, eta, of.physics)
+
+    return saving_kwh(leader, 0) + saving_kwh(follower, 1)
 
 
 def judge_pairs(
@@ -66,6 +77,9 @@ def judge_pairs(
     watched_only: bool = True,
 ) -> Iterator[JudgedPair]:
     """Judge every pair of arcs of two vehicles that share a segment (paper section III-A).
+
+    Under the objective "energy" a reward also needs certain departures, and the two must be due to
+    leave the segment as a platoon: what it counts comes about.
 
     Args:
         sync_window_s: Δt_sync; the largest difference of entry times that still counts.
@@ -90,13 +104,29 @@ def judge_pairs(
                     reason = (
                         f"entry times {difference_s:.1f} s apart, more than {sync_window_s:g} s"
                     )
+                elif problem.objective == "energy":
+                    reason = _doubt(segment.id, arcs[first], arcs[second], sync_window_s)
                 saving = 0.0
                 if reason is None:
                     # Who enters first leads.
                     pair = (first, second) if first_entry <= second_entry else (second, first)
                     leader, follower = (problem.profile_of(arcs[i].vehicle) for i in pair)
-                    saving = pair_saving_kwh(segment, traffic, leader, follower)
+                    saving = pair_saving_kwh(problem, segment, traffic, leader, follower)
                 yield JudgedPair(name, first, second, first_entry, second_entry, saving, reason)
+
+
+def _doubt(segment: str, first: RoutedArc, second: RoutedArc, sync_window_s: float) -> str | None:
+    """Why two arcs whose entries are close may make no platoon on a segment; None: they do."""
+    for arc in (first, second):
+        if not arc.exact:
+            return f"when {arc.vehicle} leaves {arc.leg.start} depends on the stops before it"
+    entered = first.entries_s()[segment] - second.entries_s()[segment]
+    left = first.leavings_s()[segment] - second.leavings_s()[segment]
+    if abs(left) > sync_window_s:
+        return f"due to leave it {abs(left):.1f} s apart, more than {sync_window_s:g} s"
+    if entered * left < 0:
+        return f"who enters first is due to leave last, by {abs(left):.2f} s"
+    return None
 
 
 def rewards(pairs: Sequence[JudgedPair]) -> tuple[ArcReward, ...]:

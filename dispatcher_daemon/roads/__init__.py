@@ -18,6 +18,7 @@ from dispatcher_daemon.roads.travel import (
     Travel,
     fleet_travel,
     least_energy_legs,
+    leg_along,
     roads_of,
     searched_again,
 )
@@ -32,6 +33,7 @@ __all__ = [
     "fleet_travel",
     "lateness_s",
     "least_energy_legs",
+    "leg_along",
     "leg_from",
     "leg_onward",
     "planning_speed_mps",

@@ -9,7 +9,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Vehicle
 from dispatcher_daemon.roads.routes import Leg
-from slipstream.energy import ETA_ALONE, VehicleParameters, drive_energies
+from slipstream.energy import VehicleParameters, drive_energy_kwh
 
 _S_PER_H: Final = 3600.0
 TOLERANCE_KWH: Final = 1e-6
@@ -65,9 +65,7 @@ def battery_of(fleet: Fleet, vehicle: Vehicle) -> Battery | None:
 
 def leg_energy_kwh(leg: Leg, physics: VehicleParameters) -> float:
     """Energy that a leg takes out of the battery, every vehicle driving alone."""
-    if leg.expected_kwh is not None:
-        return leg.expected_kwh
-    return drive_energies([leg.drive], [[ETA_ALONE] * len(leg.path)], physics).sum().total_kwh
+    return drive_energy_kwh(leg.drive, physics) + leg.beyond_kwh
 
 
 def charges_kwh(

@@ -37,7 +37,15 @@ def planning_speed_mps(segment: Segment, traffic: SegmentTraffic, profile: Routi
 def segment_cost_kwh(
     segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile = PAPER_CAR_PROFILE
 ) -> float:
-    """Energy that a vehicle alone is expected to need for a segment, kWh, > 0.
+    """Energy that a vehicle alone is expected to need for a segment, kWh, > 0: that of
+    `held_cost_kwh`, and for each expected stop the kinetic energy of the planning speed.
+    """
+    stop_kwh = stop_energy_kwh(planning_speed_mps(segment, traffic, profile), profile.physics)
+    return held_cost_kwh(segment, traffic, profile) + traffic.stops * stop_kwh
+
+
+def held_cost_kwh(segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile) -> float:
+    """The same for a vehicle that is on the segment at its planning speed, and does not stop.
 
     Where traffic is not known to be turbulent, the vehicle holds the planning speed: the paper's
     c_ij with a = 0. A mean acceleration in a camera's short view does not hold for a whole segment,
@@ -45,15 +53,12 @@ def segment_cost_kwh(
 
     In turbulent traffic the vehicle follows the traffic, with a ~ N(ā, σ²_a), and the cost is that
     of the expected tractive force. There |ā| is limited to v²_limit/2d, the maximum for
-    speeds between standstill and the limit over the segment's length d.
-
-    Expected stops are added to either, each with the kinetic energy of the planning speed. What
-    the vehicle recuperates is taken off.
+    speeds between standstill and the limit over the segment's length d. What the vehicle
+    recuperates is taken off.
     """
     vehicle, speed = profile.physics, planning_speed_mps(segment, traffic, profile)
-    stops_kwh = traffic.stops * stop_energy_kwh(speed, vehicle)
     if traffic.y_e != 0 or traffic.measured_speed_mps is None:
-        return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle) + stops_kwh
+        return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle)
     bound = segment.speed_limit_mps**2 / (2 * segment.length_m)
     mean_acceleration = min(bound, max(-bound, traffic.mean_acceleration_mps2))
     resistance_n = vehicle.rolling_force_n + vehicle.drag_force_n(speed)
@@ -66,4 +71,4 @@ def segment_cost_kwh(
         net_kwh = cost_kwh - vehicle.recovered_kwh(braking_n * segment.length_m)
         # Of a force of 1 N, as above: a cost is > 0.
         cost_kwh = max(net_kwh, vehicle.electrical_kwh(segment.length_m))
-    return cost_kwh + stops_kwh
+    return cost_kwh

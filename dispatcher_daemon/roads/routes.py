@@ -26,9 +26,9 @@ class Leg:
 
     Attributes:
         path: segments.
-        cost_kwh: its cost in the search: expected energy, and travel time by its value.
+        cost_kwh: expected energy and the price of its time, or what else the search minimises.
         drive: speed profile and times.
-        expected_kwh: expected energy from observed movements; None: that of the drive.
+        beyond_kwh: expected energy beyond that of the drive, because of traffic and signals.
         charging: at its end; None: none.
     """
 
@@ -37,7 +37,7 @@ class Leg:
     path: tuple[str, ...]
     cost_kwh: float
     drive: Drive
-    expected_kwh: float | None = None
+    beyond_kwh: float = 0.0
     charging: Charging | None = None
 
 
@@ -62,6 +62,13 @@ class RoutedArc:
         return {
             segment: self.depart_s + entry
             for segment, entry in zip(self.leg.path, self.leg.drive.entry_s, strict=True)
+        }
+
+    def leavings_s(self) -> dict[str, float]:
+        """Predicted time of leaving each segment under the arc."""
+        ends = (*self.leg.drive.entry_s[1:], self.leg.drive.duration_s)
+        return {
+            segment: self.depart_s + end for segment, end in zip(self.leg.path, ends, strict=True)
         }
 
 

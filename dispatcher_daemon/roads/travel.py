@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,13 +19,20 @@ from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.costs import planning_speed_mps, segment_cost_kwh
+from dispatcher_daemon.roads.costs import (
+    held_cost_kwh,
+    planning_speed_mps,
+    segment_cost_kwh,
+)
 from dispatcher_daemon.roads.routes import Leg, empty_leg
-from dispatcher_daemon.roads.turns import Basis, objective
+from dispatcher_daemon.roads.turns import Basis, TurnCosts, search_weights
 from dispatcher_daemon.roads.weights import Floats, Ints, Weights, k_shortest_paths
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy import drive_energy_kwh, steady_energy_kwh
 from slipstream.vehicle_types import RoutingProfile
+
+_S_PER_H = 3600.0
 
 
 @dataclass(frozen=True)
@@ -39,10 +47,10 @@ class Roads:
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
         turn: pairs of segments (from, onto) that the vehicles may take, shape (2, t).
-        energy: expected energy of paths, kWh.
-        time: their durations, to about a second, s.
-        objective: cost that the search minimises, by the problem's `search`, kWh.
-        waiting_s: expected delay before each turn, s, shape (t,); None: not known.
+        costs: of paths; durations to about a second.
+        objective: cost that the search minimises, kWh.
+        search: the problem's.
+        price_of_time_kw: the problem's.
         index: position by id.
         leaving: positions of the segments that leave a junction and that the vehicles may use, by
             junction; so `entering`.
@@ -54,10 +62,10 @@ class Roads:
     speed_mps: Floats
     length_m: Floats
     turn: Ints
-    energy: Weights
-    time: Weights
+    costs: TurnCosts
     objective: Weights
-    waiting_s: Floats | None
+    search: Literal["energy", "time"]
+    price_of_time_kw: float
     index: Mapping[str, int] = field(repr=False)
     leaving: Mapping[str, list[int]] = field(repr=False)
     entering: Mapping[str, list[int]] = field(repr=False)
@@ -88,6 +96,11 @@ class Roads:
     def cost(self, weights: Weights, path: Sequence[int]) -> float:
         """Cost of a path over these segments."""
         return weights.along(path, [self.turn_number[pair] for pair in pairwise(path)])
+
+    def searched_kwh(self, energy_kwh: float, duration_s: float) -> float:
+        """What the search minimises, of a drive."""
+        price_kw, of_energy = (1.0, 0.0) if self.search == "time" else (self.price_of_time_kw, 1.0)
+        return of_energy * energy_kwh + price_kw * duration_s / _S_PER_H
 
 
 def roads_of(
@@ -131,10 +144,22 @@ def roads_of(
         rolling = own.electrical_kwh(own.rolling_force_n)
         factor = np.maximum(factor, rolling / other.electrical_kwh(other.rolling_force_n))
     length = np.array([network.segments[s].length_m for s in ids])
-    basis = Basis(ids, turn, cost, speed, length)
-    energy, time, waiting_s = basis.weights(
-        problem.style, profile.physics, snapshot.expected, factor
+    held = np.array([held_cost_kwh(*pair, profile) for pair in segments])
+    calm = [
+        steady_energy_kwh(*pair, vehicle=profile.physics)
+        for pair in zip(length, speed, strict=True)
+    ]
+    stops = np.array([traffic.stops for _, traffic in segments])
+    basis = Basis(
+        *(ids, turn, cost, held, np.array(calm), stops, speed, length),
+        problem.style,
+        profile.physics,
     )
+    exact = problem.objective == "energy"
+    if snapshot.expected is not None:
+        costs = basis.observed_costs(snapshot.expected, factor, exact=exact)
+    else:
+        costs = basis.drive_costs() if exact else basis.paper_costs()
     return Roads(
         profile,
         ids,
@@ -142,10 +167,10 @@ def roads_of(
         speed,
         length,
         turn,
-        energy,
-        time,
-        objective(energy, time, problem.search, problem.value_of_time_kw),
-        waiting_s,
+        costs,
+        search_weights(costs, problem.search, problem.price_of_time_kw),
+        problem.search,
+        problem.price_of_time_kw,
         index,
         leaving,
         entering,
@@ -229,7 +254,7 @@ class Travel:
         start = np.repeat(np.arange(m, m + n), [len(o) for o in out])
         graph = csr_array(
             (
-                np.concatenate([cost.turn, *(cost.begin[o] for o in out)]),
+                np.concatenate([cost.turn, *(cost.entry[o] for o in out)]),
                 (np.concatenate([roads.turn[0], start]), onto),
             ),
             shape=(m + n, m + n),
@@ -258,7 +283,7 @@ class Travel:
         turn = np.zeros((n, m), dtype=np.int64)
         for origin, number in roads.predecessors:
             turn = np.where(before[:, :m] == origin, number, turn)
-        kinds = (searched, roads.energy, roads.time)
+        kinds = (searched, roads.costs.energy, roads.costs.time)
         sums = [
             np.hstack(
                 [np.where(before[:, :m] == m, w.begin, _values_at(w.turn, turn)), np.zeros((n, 1))]
@@ -360,19 +385,21 @@ def leg_along(roads: Roads, path: Sequence[int], start: str, end: str, style: Dr
     """The leg along given segments (indices into ``roads.ids``)."""
     rows = np.array(path)
     drive = plan_drive(roads.length_m[rows].tolist(), roads.speed_mps[rows].tolist(), style)
-    expected_kwh = None
-    if roads.waiting_s is not None:
-        expected_kwh = roads.cost(roads.energy, path)
+    costs = roads.costs
+    if costs.waiting_s is not None:
         turns_taken = [roads.turn_number[pair] for pair in pairwise(path)]
-        drive = drive.delayed([*roads.waiting_s[turns_taken].tolist(), 0.0])
-    return Leg(
-        start,
-        end,
-        tuple(roads.ids[i] for i in path),
-        roads.cost(roads.objective, path),
-        drive,
-        expected_kwh,
-    )
+        drive = drive.delayed([*costs.waiting_s[turns_taken].tolist(), 0.0])
+    names = tuple(roads.ids[i] for i in path)
+    if costs.beyond is not None:
+        beyond_kwh = roads.cost(costs.beyond, path)
+        energy_kwh = drive_energy_kwh(drive, roads.profile.physics) + beyond_kwh
+        cost_kwh = roads.searched_kwh(energy_kwh, drive.duration_s)
+        return Leg(start, end, names, cost_kwh, drive, beyond_kwh)
+    beyond_kwh = 0.0
+    if costs.waiting_s is not None:
+        beyond_kwh = roads.cost(costs.energy, path)
+        beyond_kwh -= drive_energy_kwh(drive, roads.profile.physics)
+    return Leg(start, end, names, roads.cost(roads.objective, path), drive, beyond_kwh)
 
 
 def _values_at(values: Floats, at: Ints) -> Floats:

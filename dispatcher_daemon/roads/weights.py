@@ -24,7 +24,7 @@ class Weights:
 
     Attributes:
         turn: of each turn, > 0, shape (t,).
-        begin: of each segment as the first one of a path, > 0, shape (m,).
+        begin: of each segment as the first one of a path, shape (m,).
         finish: of each segment as the last one, ≥ 0, shape (m,).
         on_exit: True if a segment's cost is part of the turn that leaves it, and of the finish for
             the last one; False if it is part of the turn that enters it, and of the begin for the
@@ -35,6 +35,12 @@ class Weights:
     begin: Floats
     finish: Floats
     on_exit: bool = False
+
+    @property
+    def entry(self) -> Floats:
+        """`begin` raised by one number to be > 0, as searches need it; a path has one begin."""
+        lowest = self.begin.min(initial=MIN_COST)
+        return self.begin if lowest >= MIN_COST else self.begin - lowest + MIN_COST
 
     def plus(self, other: Weights, times: float) -> Weights:
         """The sum of this and ``times`` another one with the same `on_exit`."""
@@ -88,7 +94,7 @@ def k_shortest_paths(
     rows = np.concatenate([pairs[0], np.full(len(first), m), last])
     columns = np.concatenate([pairs[1], first, np.full(len(last), m + 1)])
     ends = np.maximum(weights.finish[last], MIN_COST)
-    cost = np.concatenate([weights.turn, weights.begin[first], ends])
+    cost = np.concatenate([weights.turn, weights.entry[first], ends])
     graph = csr_array((cost, (rows, columns)), shape=(m + 2, m + 2))
     # scipy's yen takes 32-bit indices only.
     graph.indices, graph.indptr = graph.indices.astype(np.int32), graph.indptr.astype(np.int32)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 
 import cv2
@@ -50,47 +51,50 @@ class ClipFrame:
 
 
 class ClipReader:
-    """Decodes a video file, with times that go on where a loop starts again."""
+    """Decodes video files in turn, with times that go on where the next one or a loop begins."""
 
     def __init__(
-        self, path: Path, capture: cv2.VideoCapture, shape: tuple[int, ...], *, loop: bool
+        self,
+        clips: Sequence[tuple[Path, cv2.VideoCapture]],
+        shape: tuple[int, ...],
+        *,
+        loop: bool,
     ) -> None:
-        """Read from a capture that stands at its first frame.
+        """Read from captures that stand at their first frames.
 
         Args:
-            path: the file.
-            capture: opened on it.
-            shape: (height, width, 3) of its frames; others are left out.
-            loop: start again at its end.
+            clips: files, each with a capture that is opened on it; a file may be there twice.
+            shape: (height, width, 3) of their frames; others are left out.
+            loop: start again after the last one.
         """
-        self.path = path
+        self._clips = clips
+        self.path, capture = clips[0]
         self._shape = shape
-        self._capture = capture
         self._pool = ImagePool(shape)
         self._loop = loop
         fps = float(capture.get(cv2.CAP_PROP_FPS))
         self.fps = fps if 0 < fps <= _MAX_FPS else 30.0
-        self._expected = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        self._expected = int(sum(c.get(cv2.CAP_PROP_FRAME_COUNT) for _, c in clips))
         self.counters = SourceCounters()
         self._limiter = LogLimiter()
 
     @property
     def expected_frames(self) -> int:
-        """How many frames the file says it has; may be wrong."""
+        """How many frames the files say they have; may be wrong."""
         return self._expected
 
     def read_all(self) -> Iterator[ClipFrame]:
-        """All frames in order; ends with the clip unless it loops."""
+        """All frames in order; ends with the last clip unless they loop."""
         cut = False
         start, step = 0.0, min(1 / self.fps, _MAX_STEP_S)
-        while True:
+        for path, capture in cycle(self._clips) if self._loop else self._clips:
             shown, last, before = 0, start - step, 0.0
             while True:
                 self.counters.tried_s = time.monotonic()
-                ok, image = self._capture.read(self._pool.acquire())
+                ok, image = capture.read(self._pool.acquire())
                 if not ok or image is None:
                     break
-                position = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                position = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
                 jumped = shown > 0 and not -_BACK_S < position - before < _LEAP_S
                 before = position
                 if jumped or (shown == 0 and position > _LEAP_S):
@@ -107,19 +111,20 @@ class ClipReader:
                     continue
                 yield ClipFrame(np.asarray(image, dtype=np.uint8), at, cut, jumped)
                 cut = False
-            if shown < 0.98 * self._expected:
+            expected = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+            if shown < 0.98 * expected:
                 self.counters.decode_errors += 1
                 if self._limiter.allow("short"):
                     log.warning(
                         "%s: %d of %d frames could be read; the rest is lost",
-                        self.path,
+                        path,
                         shown,
-                        self._expected,
+                        expected,
                     )
-            if not self._loop or shown == 0:
+            if shown == 0:
                 return
             start = last + step
-            self._capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+            capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
 
     def _leave_out(self, shape: tuple[int, ...]) -> None:
         self.counters.decode_errors += 1
@@ -133,21 +138,32 @@ class ClipReader:
             )
 
     def close(self) -> None:
-        """Release the file."""
-        self._capture.release()
+        """Release the files."""
+        for _, capture in self._clips:
+            capture.release()
 
 
-def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) -> ClipReader:
-    """Open a video file.
+def open_clip(*paths: Path, loop: bool, size: tuple[int, int] | None = None) -> ClipReader:
+    """Open video files that are played in turn.
 
     Args:
-        path: the file.
-        loop: start again at its end.
-        size: (width, height) that it must have, px; None takes any.
+        paths: the files, at least one.
+        loop: start again after the last one.
+        size: (width, height) that they must have, px; None takes that of the first one.
 
     Raises:
-        InputError: it is missing, no video, of another size, or its first frame is unreadable.
+        InputError: one is missing, no video, of another size, or its first frame is unreadable.
     """
+    captures: dict[Path, cv2.VideoCapture] = {}
+    for path in paths:
+        if path not in captures:
+            captures[path], size = _open(path, size)
+    assert size is not None
+    return ClipReader([(path, captures[path]) for path in paths], (size[1], size[0], 3), loop=loop)
+
+
+def _open(path: Path, size: tuple[int, int] | None) -> tuple[cv2.VideoCapture, tuple[int, int]]:
+    """(capture that stands at its first frame, its width and height)."""
     if not path.is_file():
         raise InputError(path, "no such video", "check the path")
     first = first_frame(path)
@@ -165,7 +181,7 @@ def open_clip(path: Path, *, loop: bool, size: tuple[int, int] | None = None) ->
     # Opened again: going back to the start would lose the first frame of a file without an index.
     # Decoding overlaps with everything else as it is: more threads would only hold frames back.
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
-    return ClipReader(path, capture, first.shape, loop=loop)
+    return capture, (width, height)
 
 
 def first_frame(path: Path) -> Image | None:

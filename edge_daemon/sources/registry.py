@@ -20,8 +20,8 @@ def open_source(settings: SourceSettings, size: tuple[int, int] | None = None) -
         InputError: a clip that is missing, no video, or of another size. A camera need not be
             reachable yet.
     """
-    if settings.clip is not None:
-        reader = open_clip(settings.clip, loop=settings.loop, size=size)
+    if settings.clips:
+        reader = open_clip(*settings.clips, loop=settings.loop, size=size)
         return FastClip(reader) if settings.pace == "fast" else paced_clip(reader)
     if settings.url is None:
         raise InputError("source", "neither clip nor url", "give one of them")

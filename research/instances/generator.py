@@ -152,7 +152,7 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> tuple[RoutingProblem, Tra
         vehicles=vehicles,
     )
     snapshot = _traffic(recipe.stability, land.network, rng)
-    problem = RoutingProblem(land.network, fleet)
+    problem = RoutingProblem(land.network, fleet, objective="paper")
     return (
         _with_meeting_after_stop(problem, snapshot, rng) if recipe.meet == "stops" else problem
     ), snapshot

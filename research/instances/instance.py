@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -60,8 +60,9 @@ class Instance:
         problem: roads, fleet, vehicle data, driving style.
         snapshot: the traffic.
         provenance: where the instance comes from.
-        optimum: what is known of its solution.
+        optimum: what is known of its solution by the paper's objective.
         sync_window_s: Δt_sync.
+        energy_optimum: by the objective "energy".
     """
 
     name: str
@@ -70,6 +71,16 @@ class Instance:
     provenance: str = ""
     optimum: Optimum | None = None
     sync_window_s: float = 3.0
+    energy_optimum: Optimum | None = None
+
+    @property
+    def known(self) -> Optimum | None:
+        """What is known by the problem's objective."""
+        return self.optimum if self.problem.objective == "paper" else self.energy_optimum
+
+    def under(self, objective: Literal["paper", "energy"]) -> Instance:
+        """The same roads, fleet and traffic under an objective."""
+        return replace(self, problem=replace(self.problem, objective=objective))
 
 
 def load_instance(path: str | Path) -> Instance:
@@ -93,11 +104,21 @@ def instance_from(data: object, source: str | Path) -> Instance:
     file = check(data, InstanceFile, source)
     network = network_of(file.network, file.name, source)
     check_fleet(file.fleet, network, source, "fleet.")
-    problem = RoutingProblem(network, file.fleet, file.vehicle, DrivingStyle(**dict(file.style)))
-    snapshot = snapshot_of(file.traffic, network, source)
-    optimum = _optimum(file, source)
+    problem = RoutingProblem(
+        network,
+        file.fleet,
+        file.vehicle,
+        DrivingStyle(**dict(file.style)),
+        objective=file.objective,
+    )
     return Instance(
-        file.name, problem, snapshot, file.provenance, optimum, sync_window_s=file.sync_window_s
+        file.name,
+        problem,
+        snapshot_of(file.traffic, network, source),
+        file.provenance,
+        _optimum(file, file.optimum, source, "optimum"),
+        file.sync_window_s,
+        _optimum(file, file.energy_optimum, source, "energy_optimum"),
     )
 
 
@@ -125,14 +146,15 @@ def instance_schema() -> dict[str, Any]:
     return {"$schema": dialect, **InstanceFile.model_json_schema()}
 
 
-def _optimum(file: InstanceFile, source: str | Path) -> Optimum | None:
-    table = file.optimum
+def _optimum(
+    file: InstanceFile, table: OptimumTable | None, source: str | Path, name: str
+) -> Optimum | None:
     if table is None:
         return None
     vehicles = {vehicle.id for vehicle in file.fleet.vehicles}
     repeated = first_twice(row.vehicle for row in table.routes)
     for row in table.routes:
-        key = f"optimum.routes.{row.vehicle}"
+        key = f"{name}.routes.{row.vehicle}"
         unknown = next((stop for stop in row.stops if stop not in file.fleet.stop_by_id), None)
         if row.vehicle not in vehicles:
             raise InputError(source, "unknown vehicle", "name one of the fleet", key=key)
@@ -145,7 +167,7 @@ def _optimum(file: InstanceFile, source: str | Path) -> Optimum | None:
 
 
 def _plain(instance: Instance) -> dict[str, Any]:
-    problem, optimum = instance.problem, instance.optimum
+    problem = instance.problem
     file = InstanceFile(
         format=FORMAT,
         name=instance.name,
@@ -156,15 +178,9 @@ def _plain(instance: Instance) -> dict[str, Any]:
         traffic=traffic_table(instance.snapshot, problem.network),
         vehicle=problem.vehicle,
         style=StyleTable(**asdict(problem.style)),
-        optimum=None
-        if optimum is None
-        else OptimumTable(
-            form=optimum.form,
-            objective_kwh=optimum.objective_kwh,
-            proven=optimum.proven,
-            method=optimum.method,
-            routes=tuple(RouteRow(vehicle=v, stops=s) for v, s in optimum.routes.items()),
-        ),
+        objective=problem.objective,
+        optimum=_table(instance.optimum),
+        energy_optimum=_table(instance.energy_optimum),
     )
     data: dict[str, Any] = json.loads(file.model_dump_json(exclude_none=True))
     brief = json.loads(file.model_dump_json(exclude_none=True, exclude_defaults=True))
@@ -180,7 +196,21 @@ def _plain(instance: Instance) -> dict[str, Any]:
     for row, given in zip(data["fleet"]["stops"], brief["fleet"]["stops"], strict=True):
         if "mass_kg" not in given:
             del row["mass_kg"]
+    if "objective" not in brief:
+        del data["objective"]
     return {**data, "network": brief["network"], "traffic": brief.get("traffic", {})}
+
+
+def _table(optimum: Optimum | None) -> OptimumTable | None:
+    if optimum is None:
+        return None
+    return OptimumTable(
+        form=optimum.form,
+        objective_kwh=optimum.objective_kwh,
+        proven=optimum.proven,
+        method=optimum.method,
+        routes=tuple(RouteRow(vehicle=v, stops=s) for v, s in optimum.routes.items()),
+    )
 
 
 def _as_json(data: Mapping[str, Any]) -> str:

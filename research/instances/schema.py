@@ -188,4 +188,9 @@ class InstanceFile(Settings):
     traffic: TrafficTable = TrafficTable()
     vehicle: VehicleParameters = PAPER_CAR
     style: StyleTable = StyleTable()
-    optimum: OptimumTable | None = None
+    objective: Literal["paper", "energy"] = Field(
+        default="paper",
+        description="What a path costs: its segments at planning speed, or its exact drive.",
+    )
+    optimum: OptimumTable | None = Field(default=None, description="By the paper's objective.")
+    energy_optimum: OptimumTable | None = Field(default=None, description="By the exact drives.")

@@ -97,7 +97,7 @@ def open_case(name: str) -> Case:
         InputError: it has no proven optimum in arc form.
     """
     instance = open_instance(name)
-    known, form = instance.optimum, arc_form_of(instance)
+    known, form = instance.known, arc_form_of(instance)
     if known is None or not known.proven or known.form != "arc" or form.unserved:
         raise InputError(
             name, "no proven optimum of its arc form", "take one of solve --list", key="optimum"

@@ -156,8 +156,11 @@ class Dispatching:
             self._network,
             fleet,
             search=self._policy.search,
-            value_of_time_kw=self.time_worth_kw,
-            value_of_waiting_kw=self.waiting_worth_kw,
+            # Without the lever vans are routed as the paper routes them.
+            objective="energy" if "routes" in self._policy.levers else "paper",
+            price_of_time_kw=self.time_worth_kw,
+            price_of_waiting_kw=self.waiting_worth_kw,
+            advised_gap_m=self._settings.gap_m,
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:

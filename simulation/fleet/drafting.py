@@ -1,8 +1,10 @@
 """Drag reductions by the gaps that vehicles of the fleet have in the running simulation.
 
-They are measured, not told by agents. The reduction is that of the advised gap of 1.5 m: in steps
-of 0.5 s followers keep 3.75 m and more, and the advised gap is given in the evaluation, not in the
-motion. It is credited for gaps of at most 7.5 m, at 5 m/s and more, behind an open gate.
+They are measured, not told by agents, and credited for gaps of at most 7.5 m, at 5 m/s and more,
+behind an open gate. By a measured law the reduction is that of the gap in the simulation and of the
+place in the row of vehicles that close up. The paper's is that of the advised gap of 1.5 m: in
+steps of 0.5 s followers keep 3.75 m and more, and the advised gap is given in the evaluation, not
+in the motion.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
+from slipstream.drafting import DragLaw, reductions_at
 from slipstream.messages import VehicleSensing
 from vehicle_agent.platooning import CLOSE_GAP_M, MIN_SPEED_MPS
 
@@ -33,12 +35,14 @@ class Drafting:
     """Platooning in one step.
 
     Attributes:
-        eta: drag reduction by vehicle; vehicles without one are left out.
+        eta: drag reduction by vehicle of a platoon; others are left out.
+        places: of the same vehicles; 0 is the leader.
         turbulent: vehicles in a close gap, leaving ones included, on segments whose true traffic is
             turbulent.
     """
 
     eta: Mapping[str, float] = field(default_factory=dict)
+    places: Mapping[str, int] = field(default_factory=dict)
     turbulent: frozenset[str] = frozenset()
 
 
@@ -46,6 +50,7 @@ def drafting(
     sensed: Mapping[str, VehicleSensing],
     following: Mapping[str, bool],
     gates: Gates,
+    laws: Mapping[str, DragLaw] | None = None,
 ) -> Drafting:
     """The drag reductions of a step.
 
@@ -53,8 +58,11 @@ def drafting(
         sensed: by vehicle, of all on the road.
         following: by vehicle whose gap its agent keeps: whether it follows, or leaves.
         gates: of the segments.
+        laws: by vehicle; of others the paper's.
     """
-    eta: dict[str, float] = {}
+    front_of: dict[str, str] = {}
+    ahead_m: dict[str, float] = {}
+    behind_m: dict[str, float] = {}
     exposed: set[str] = set()
     for name, follows in following.items():
         own = sensed[name]
@@ -67,7 +75,22 @@ def drafting(
         exposed.update(v.vehicle for v in (own, front) if gates.is_turbulent(v.segment))
         fast = min(own.speed_mps, front.speed_mps) >= MIN_SPEED_MPS
         if follows and fast and gates.is_open(own.segment):
-            eta[name] = ETA_FOLLOWER
-            if gates.is_open(front.segment):
-                eta.setdefault(front.vehicle, ETA_LEADER)
-    return Drafting(eta, frozenset(exposed))
+            front_of[name], ahead_m[name] = front.vehicle, ahead.gap_m
+            behind_m[front.vehicle] = min(ahead.gap_m, behind_m.get(front.vehicle, ahead.gap_m))
+    places = {name: _place(name, front_of) for name in front_of}
+    leaders = [name for name in behind_m if name not in front_of]
+    places |= dict.fromkeys((n for n in leaders if gates.is_open(sensed[n].segment)), 0)
+    eta, law_of = {}, laws or {}
+    for name, place in places.items():
+        gap_m = ahead_m[name] if place > 0 else behind_m[name]
+        reductions = reductions_at(law_of.get(name, "paper"), gap_m)
+        eta[name] = reductions.at(place, place + 1 + (name in behind_m))
+    return Drafting(eta, places, frozenset(exposed))
+
+
+def _place(name: str, front_of: Mapping[str, str]) -> int:
+    """Vehicles in front of one in its row; where a row closes to a ring, all others."""
+    place = 0
+    while name in front_of and place < len(front_of):
+        place, name = place + 1, front_of[name]
+    return place

@@ -7,7 +7,7 @@ from typing import Final
 
 from simulation.fleet.losses import Losses, losses
 from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.energy import ETA_ALONE, ETA_FOLLOWER, Energy, VehicleParameters, trace_energy
+from slipstream.energy import ETA_ALONE, Energy, VehicleParameters, trace_energy
 from slipstream.messages import PlannedSegment
 
 _STANDING_MPS: Final = 0.1
@@ -84,7 +84,14 @@ class Measurement:
     _moved: bool = False
 
     def take(
-        self, speed_mps: float, driven_m: float, eta: float, step_s: float, *, turbulent: bool
+        self,
+        speed_mps: float,
+        driven_m: float,
+        eta: float,
+        step_s: float,
+        *,
+        place: int | None,
+        turbulent: bool,
     ) -> None:
         """Add a step.
 
@@ -93,13 +100,14 @@ class Measurement:
             driven_m: since the leg began.
             eta: drag reduction in it.
             step_s: its length.
+            place: in a platoon, 0 is the leader; None: alone.
             turbulent: whether it was spent in a close gap in truly turbulent traffic.
         """
         way_m = driven_m - self.driven_m
-        if eta >= ETA_FOLLOWER:
-            self.followed_m += way_m
-        elif eta > 0:
+        if place == 0:
             self.led_m += way_m
+        elif place is not None:
+            self.followed_m += way_m
         self.turbulent_s += step_s if turbulent else 0.0
         self.speeds_mps.append(speed_mps)
         self.eta.append(eta)

@@ -13,15 +13,17 @@ from simulation.fleet.driven_leg import DrivenLeg, Measurement, free_s
 from simulation.fleet.sensing import PREFIX, sense, standing
 from simulation.fleet.van import Van, Way, planned_leg
 from simulation.sumo.session import Session
-from slipstream.energy import ETA_ALONE, PAPER_CAR, VehicleParameters
+from slipstream.energy import ETA_ALONE
 from slipstream.messages import (
     DriverReport,
     VehicleAdvice,
     VehiclePlan,
     VehicleSensing,
 )
+from slipstream.vehicle_types import RoutingProfile
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
+_PAPER_CAR: Final = RoutingProfile()
 _ARRIVED_M: Final = 5.0
 _ARRIVED_MPS: Final = 1.0
 _TELL_S: Final = 1.0
@@ -62,7 +64,7 @@ class FleetWorld:
         clock_ns: the moment of the simulation as agents and dispatcher have it.
         look_s: a vehicle that stands asks its agent at least so often.
         pace: desired speed of the fleet's vehicles over the limit.
-        physics: of the vehicles.
+        profiles: of vehicles that are no paper's cars.
 
     Attributes:
         disengagements: close gaps given up because the state of the segment was turbulent.
@@ -85,12 +87,13 @@ class FleetWorld:
         clock_ns: Callable[[], int],
         look_s: float,
         pace: float = 1.0,
-        physics: VehicleParameters = PAPER_CAR,
+        profiles: Mapping[str, RoutingProfile] | None = None,
     ) -> None:
         self._session, self._lengths_m, self._agents = session, lengths_m, agents
         self._gates, self._service_s, self._step_s = gates, service_s, step_s
         self._clock_ns = clock_ns
-        self._look_ns, self._pace, self._physics = round(look_s * 1e9), pace, physics
+        self._look_ns, self._pace, self._profiles = round(look_s * 1e9), pace, profiles or {}
+        self._laws = {name: profile.drafting for name, profile in self._profiles.items()}
         self._vans = {name: Van(segment) for name, segment in sorted(places.items())}
         self._sensed: dict[str, VehicleSensing] = {}
         self._following: dict[str, bool] = {}
@@ -132,7 +135,7 @@ class FleetWorld:
             if van.way is None:
                 self._stand(name, van, now_s, now_ns)
         self._drive(now_ns)
-        drafts = drafting(self._sensed, self._following, self._gates)
+        drafts = drafting(self._sensed, self._following, self._gates, self._laws)
         self._session.advance()
         after_s, gone = self._session.time_s, set(libsumo.simulation.getArrivedIDList())
         ended = []
@@ -147,6 +150,7 @@ class FleetWorld:
                     float(libsumo.vehicle.getDistance(sumo)),
                     drafts.eta.get(name, ETA_ALONE),
                     self._step_s,
+                    place=drafts.places.get(name),
                     turbulent=name in drafts.turbulent,
                 )
                 van.way.at = van.way.behind + max(0, libsumo.vehicle.getRouteIndex(sumo))
@@ -311,7 +315,7 @@ class FleetWorld:
             way.free_s,
             way.driven + way.path[way.first :],
             self._step_s,
-            self._physics,
+            self._profiles.get(name, _PAPER_CAR).physics,
         )
         van.way, van.measured = None, None
         van.segment, van.leg, van.ready_s = way.path[-1], van.leg + 1, now_s

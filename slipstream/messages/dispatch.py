@@ -49,7 +49,11 @@ class Gate(Message):
 
 
 class EnergySummary(Message):
-    """Physical energy of a plan set against the named baseline, and where the saving comes from."""
+    """Physical energy of a plan set against the named baseline, and where the saving comes from.
+
+    Driving times, s, and the price that the objective puts on an hour, kWh, are None of a sender
+    that does not tell them.
+    """
 
     baseline: str
     baseline_kwh: NonNegative
@@ -58,6 +62,9 @@ class EnergySummary(Message):
     saved_drag_kwh: Finite
     saved_acceleration_kwh: Finite
     platooned_distance_m: NonNegative
+    baseline_driving_s: NonNegative | None = None
+    cooperative_driving_s: NonNegative | None = None
+    price_of_time_kw: NonNegative | None = None
 
 
 class Unserved(Message):

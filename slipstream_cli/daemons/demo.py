@@ -28,25 +28,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Roadside:
-    """One RSU of the demo: a clip of changing traffic, watched as that road segment."""
+    """One RSU of the demo: clips of one camera, watched as that road segment.
+
+    Attributes:
+        clips: scenarios in the order in which they are played, again and again.
+    """
 
     rsu: str
     segment: str
-    seconds: int
     seed: int
+    clips: tuple[str, ...]
 
 
 ROADSIDES: Final = (
-    # Of two lengths, so that each is calm or not beside a calm and beside a turbulent other one.
-    Roadside("rsu-east", "avenue_east", 64, 1),
-    Roadside("rsu-west", "avenue_west", 48, 2),
+    # Periods of 2½ and 3½ minutes, so that each road is calm beside a calm and a turbulent other.
+    Roadside("rsu-east", "avenue_east", 1, ("stable",) * 5 + ("turbulent",) * 2),
+    Roadside("rsu-west", "avenue_west", 2, ("stable",) * 3 + ("turbulent",) * 2),
 )
-_SCENARIO: Final = "changing"
+_SECONDS: Final = 30
 _FPS: Final = 15
 """Ten are enough for speeds and flags; thirty would take all of two cores for two cameras."""
 
 
-def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
+def make_clips(folder: Path, stopping: threading.Event) -> dict[str, dict[str, Path]]:
     """Render the missing clips in parallel.
 
     Args:
@@ -54,7 +58,7 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
         stopping: set from outside to stop.
 
     Returns:
-        The folder of each RSU's clip; some are missing if it was stopped.
+        The folder of each RSU's clips, by scenario; some are missing if it was stopped.
 
     Raises:
         InputError: rendering failed; the renderer has said why.
@@ -62,26 +66,34 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for left_over in folder.glob("*.part"):
         shutil.rmtree(left_over, ignore_errors=True)
-    clips = {r.rsu: folder / _name(r) for r in ROADSIDES}
-    missing = [r for r in ROADSIDES if not clips[r.rsu].is_dir()]
-    with ThreadPoolExecutor(max(1, len(missing))) as pool:
-        for future in [pool.submit(_render, r, clips[r.rsu], stopping) for r in missing]:
+    clips = {
+        roadside.rsu: {s: folder / _name(roadside, s) for s in sorted({*roadside.clips})}
+        for roadside in ROADSIDES
+    }
+    missing = [
+        (roadside, scenario, path)
+        for roadside in ROADSIDES
+        for scenario, path in clips[roadside.rsu].items()
+        if not path.is_dir()
+    ]
+    with ThreadPoolExecutor(len(ROADSIDES)) as pool:
+        for future in [pool.submit(_render, *clip, stopping) for clip in missing]:
             future.result()
     return clips
 
 
-def _name(roadside: Roadside) -> str:
-    form = f"{roadside.seed}-{roadside.seconds}s-{_FPS}fps"
-    return f"{roadside.segment}-{_SCENARIO}-{form}-v{__version__}"
+def _name(roadside: Roadside, scenario: str) -> str:
+    form = f"{roadside.seed}-{_SECONDS}s-{_FPS}fps"
+    return f"{roadside.segment}-{scenario}-{form}-v{__version__}"
 
 
-def _render(roadside: Roadside, target: Path, stopping: threading.Event) -> None:
+def _render(roadside: Roadside, scenario: str, target: Path, stopping: threading.Event) -> None:
     unfinished = target.with_name(f"{target.name}.{os.getpid()}.part")
     options = {
         "--out": str(unfinished),
-        "--seconds": str(roadside.seconds),
+        "--seconds": str(_SECONDS),
         "--fps": str(_FPS),
-        "--scenario": _SCENARIO,
+        "--scenario": scenario,
         "--seed": str(roadside.seed),
         "--segment": roadside.segment,
     }
@@ -108,7 +120,7 @@ def _render(roadside: Roadside, target: Path, stopping: threading.Event) -> None
 
 def write_settings(
     folder: Path,
-    clips: dict[str, Path],
+    clips: Mapping[str, Mapping[str, Path]],
     *,
     bus_endpoint: str,
     database: Path,
@@ -139,8 +151,12 @@ def write_settings(
             EdgeSettings.model_validate(
                 {
                     "rsu": roadside.rsu,
-                    "camera": clips[roadside.rsu] / "camera.toml",
-                    "source": {"clip": clips[roadside.rsu] / "video.mp4", "loop": True},
+                    # The same in all of them: the seed decides it.
+                    "camera": clips[roadside.rsu]["stable"] / "camera.toml",
+                    "source": {
+                        "clip": [clips[roadside.rsu][s] / "video.mp4" for s in roadside.clips],
+                        "loop": True,
+                    },
                     # Two cameras on one small machine: a thread each, not all cores for both.
                     "detector": {"threads": 1},
                     "bus": bus,

@@ -23,10 +23,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     _add_common(street)
     street.add_argument(
         "--scenario",
-        choices=("stable", "turbulent", "mixed", "changing", "paper"),
+        choices=("stable", "turbulent", "mixed", "paper"),
         default="stable",
-        help="calm traffic; stop-and-go; calm in, stop-and-go out; one half calm, one "
-        "stop-and-go; the paper's law of motion",
+        help="calm traffic; stop-and-go; calm in, stop-and-go out; the paper's law of motion",
     )
     street.add_argument("--segment", default="approach", help="id of the watched road segment")
     street.set_defaults(run=run_streetdrive)

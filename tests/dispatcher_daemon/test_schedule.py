@@ -37,6 +37,23 @@ def test_first_run_is_immediate_and_others_follow() -> None:
         assert len(times) < 3 or times[2] - began >= 0.5
 
 
+def test_a_first_run_may_wait() -> None:
+    """Nothing runs before; that the first run is not now is no clock that was set."""
+    times: list[float] = []
+    began = time.monotonic()
+    scheduler = CycleScheduler(
+        lambda: times.append(time.monotonic()), interval_s=30.0, first_after_s=1.0
+    )
+    scheduler.start()
+    try:
+        assert scheduler.next_run_ns is not None
+        assert not scheduler.follow_clock()
+        assert wait_for(lambda: times)
+    finally:
+        scheduler.stop()
+    assert times[0] - began >= 0.9
+
+
 @pytest.mark.slow
 def test_overlapping_runs_are_left_out_and_counted() -> None:
     """A cycle longer than the interval never runs beside itself."""

@@ -36,6 +36,8 @@ pytestmark = [
     pytest.mark.slow(long=True),
     pytest.mark.alone,
     pytest.mark.attack,
+    # A hundred kills take 20 minutes.
+    pytest.mark.timeout(3600),
 ]
 
 SEGMENTS = ("avenue_east", "avenue_west")

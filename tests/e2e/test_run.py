@@ -135,8 +135,8 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     for text in ("avenue_east", "avenue_west", "van-01", "rsu-east"):
         page.get_by_text(text).first.wait_for(timeout=30_000)
     page.get_by_text("platooning open in cycle").first.wait_for(timeout=40_000)
-    # Traffic turns on both avenues, after 24 s on one and after 32 on the other.
-    page.get_by_text("turbulent traffic").first.wait_for(timeout=60_000)
+    # It turns on the first avenue after 1½ minutes.
+    page.get_by_text("turbulent traffic").first.wait_for(timeout=150_000)
     page.wait_for_function(
         "[...document.images].filter(i => i.complete && i.naturalWidth === 640).length === 2",
         timeout=30_000,
@@ -144,16 +144,16 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     page.screenshot(path=os.environ.get("SLIPSTREAM_SCREENSHOT", str(tmp_path / "page.png")))
     page.close()
     # A browser that draws without a GPU takes the cameras' processors. Each sees its whole clip.
-    time.sleep(70.0)
+    time.sleep(40.0)
     run.process.send_signal(signal.SIGINT)
     output, _ = run.process.communicate(timeout=120)
     assert run.process.returncode == 0, "\n".join(run.log)
     figures = json.loads(output)
     assert figures["dashboard_http"] == 200
     assert figures["processes_restarted"] == 0, "\n".join(run.log)
-    for flags in figures["y_e"].values():
-        assert flags["stable"] >= 5
-        assert flags["turbulent"] >= 5
+    assert set(figures["y_e"]) == {"avenue_east", "avenue_west"}
+    assert all(flags["stable"] >= 20 for flags in figures["y_e"].values())
+    assert figures["y_e"]["avenue_west"]["turbulent"] >= 10
     assert figures["frames"] >= 300
     assert figures["segment_states"] >= 50
     assert figures["cycles"] >= 2

@@ -13,6 +13,15 @@ def test_the_default_is_the_papers_car() -> None:
     assert VehicleType().profile == RoutingProfile(PAPER_CAR)
     assert PRESETS["paper_car"] == VehicleType()
     assert VehicleType().battery_kwh is None
+    assert VehicleType().profile.drafting == "paper"
+
+
+def test_presets_have_measured_drag_laws() -> None:
+    """A type of its own may take another one."""
+    assert PRESETS["van"].profile.drafting == "van"
+    assert PRESETS["truck_40t"].profile.drafting == "truck"
+    box = check({"preset": "van", "drafting": "paper"}, VehicleType, "fleet.toml")
+    assert box.profile.drafting == "paper"
 
 
 def test_a_type_begins_with_its_preset() -> None:
@@ -41,6 +50,7 @@ def test_energies_count_the_load_and_roads_the_permitted_mass() -> None:
         ({"powertrain_efficiency": 1.2}, "powertrain_efficiency"),
         ({"recuperation_efficiency": 2}, "recuperation_efficiency"),
         ({"vehicle_class": "tram"}, "vehicle_class"),
+        ({"drafting": "cyclist"}, "drafting"),
         ({"battery_reserve": 1.0}, "battery_reserve"),
         ({"weight": 3}, "weight"),
         ({"preset": "van", "load_kg": 2000}, "gross_mass_kg"),

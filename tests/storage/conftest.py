@@ -128,6 +128,9 @@ def _cycle(number: int) -> Cycle:
             saved_drag_kwh=0.15,
             saved_acceleration_kwh=0.05,
             platooned_distance_m=4000.0,
+            baseline_driving_s=600.0,
+            cooperative_driving_s=620.0,
+            price_of_time_kw=2.0,
         ),
         plans=2,
         unserved=(

@@ -4,7 +4,7 @@ Pure: messages, motion and gates in, speeds and messages out. Each vehicle decid
 """
 
 from vehicle_agent.platooning.controller import Platooning
-from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, MIN_SPEED_MPS, wanted_gap_m
+from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, MIN_SPEED_MPS
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
 from vehicle_agent.platooning.rendezvous import MAX_SLOWDOWN
 
@@ -15,5 +15,4 @@ __all__ = [
     "Gates",
     "PlatoonStep",
     "Platooning",
-    "wanted_gap_m",
 ]

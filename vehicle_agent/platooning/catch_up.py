@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream.messages import PlatoonControl
-from slipstream.traction import ETA_FOLLOWER, ETA_LEADER
+from slipstream.spacing import wanted_gap_m
 from vehicle_agent.platooning.gap_control import (
     IDM,
     MIN_SPEED_MPS,
     closing_mps,
-    wanted_gap_m,
 )
 from vehicle_agent.platooning.join_leave import is_planned_behind
 from vehicle_agent.platooning.neighbours import SILENT_NS, Neighbours
@@ -146,11 +145,14 @@ def _rendezvous(
 ) -> Rendezvous | None:
     if not _is_worth_speed(s, shared):
         return None
-    added = ETA_FOLLOWER - (ETA_LEADER if leads else 0.0)
-    if front.mode != "following":
-        added += ETA_LEADER
     own = s.own
     speed_mps = max(MIN_SPEED_MPS, min(own.desired_mps, front.desired_mps))
+    etas = own.reductions(speed_mps)
+    # A platoon that has followers already gets one more between its leader and its last vehicle.
+    added = etas.middle if front.mode == "following" else etas.follower
+    added -= etas.leader if leads else 0.0
+    if front.mode != "following":
+        added += etas.leader
     wanted_m = wanted_gap_m(speed_mps, own.advised_gap_m, own.interval_s)
     return best_rendezvous(
         max(0.0, shared.spacing_m - front.length_m - wanted_m),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from slipstream.drafting import DragLaw
 from slipstream.messages import PlatoonControl, PlatoonManagement, PlatoonMode, VehicleSensing
 from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
@@ -49,6 +50,7 @@ class Platooning:
         length_m: of it.
         interval_s: between two steps, and between two messages of every vehicle.
         pace: share of the limit that it drives at alone, in (0, 1].
+        drafting: law of its drag reduction, by which it judges what joining saves.
     """
 
     def __init__(
@@ -58,8 +60,9 @@ class Platooning:
         length_m: float,
         interval_s: float,
         pace: float = 1.0,
+        drafting: DragLaw = "paper",
     ) -> None:
-        self._vehicle, self._parameters = vehicle, vehicle_parameters
+        self._vehicle, self._parameters, self._drafting = vehicle, vehicle_parameters, drafting
         self._interval_s, self._pace = interval_s, pace
         self._neighbours = Neighbours(vehicle, interval_s)
         self._agreements = Agreements(vehicle)
@@ -149,6 +152,7 @@ class Platooning:
         s = look(
             *(now_ns, leg, state, sensing, gates),
             *(self._neighbours, self._parameters, self._pace, self._interval_s),
+            self._drafting,
         )
         if len(self._neighbours) or self._mode != "alone" or self._agreements.joining.front:
             self._decide(s)

@@ -1,9 +1,8 @@
 """Gap control: speeds that close, keep and open a gap, as pure functions of both motions.
 
-A follower wants the gap g* = g_advised + max(b Δt², h v): the first term is what an emergency
-braking ahead takes within a control interval Δt of an evaluation, the second the time gap
-h = `RESPONSE_S`. It is commanded v = v_ahead + k (g − g*), where v_ahead is the latest speed that
-is known of the vehicle ahead, τ old.
+A follower wants the gap g* of `slipstream.spacing`, with a time gap h = `RESPONSE_S`. It is
+commanded v = v_ahead + k (g − g*), where v_ahead is the latest speed that is known of the vehicle
+ahead, τ old.
 
 **String stability.** Let both speeds deviate from a common one. With g' = v_ahead − v and
 v = e^{−τs} v_ahead + k (g − h v), a follower's deviation is G(s) times that of the vehicle ahead,
@@ -32,11 +31,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.drafting import DragLaw, DragReductions, reductions_at
+from slipstream.spacing import MAX_BRAKING_MPS2, RESPONSE_S, wanted_gap_m
 from slipstream.traction import VehicleParameters
-from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, RESPONSE_S, AheadMotion
-
-ADVISED_GAP_M: Final = 1.5
-"""Where a plan names none; see `DispatcherSettings.gap_m`."""
+from vehicle_agent.platooning.safe_gap import AheadMotion
 
 CLOSE_GAP_M: Final = 7.5
 """Largest gap for which drag reductions are credited."""
@@ -65,6 +63,7 @@ class Own:
         advised_gap_m: g_advised.
         interval_s: Δt, of its control.
         vehicle: its physics.
+        drafting: law of its drag reduction.
     """
 
     speed_mps: float
@@ -73,6 +72,12 @@ class Own:
     advised_gap_m: float
     interval_s: float
     vehicle: VehicleParameters
+    drafting: DragLaw = "paper"
+
+    def reductions(self, speed_mps: float) -> DragReductions:
+        """η_drag of each place at the gap that it keeps at a speed."""
+        gap_m = wanted_gap_m(speed_mps, self.advised_gap_m, self.interval_s)
+        return reductions_at(self.drafting, gap_m)
 
     @property
     def wanted_gap_m(self) -> float:
@@ -83,11 +88,6 @@ class Own:
     def coasting_mps2(self) -> float:
         """Its deceleration without traction and brake."""
         return coasting_mps2(self.speed_mps, self.vehicle)
-
-
-def wanted_gap_m(speed_mps: float, advised_gap_m: float, interval_s: float) -> float:
-    """Gap g* that followers keep, m: see the module."""
-    return advised_gap_m + max(MAX_BRAKING_MPS2 * interval_s**2, RESPONSE_S * speed_mps)
 
 
 def coasting_mps2(speed_mps: float, vehicle: VehicleParameters) -> float:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 from slipstream.messages import PlatoonControl
-from slipstream.traction import ETA_FOLLOWER
+from slipstream.spacing import wanted_gap_m
 from vehicle_agent.platooning.gap_control import (
     CLOSE_GAP_M,
     IDM,
     MIN_SPEED_MPS,
     leaving_distance_m,
-    wanted_gap_m,
 )
 from vehicle_agent.platooning.rendezvous import MARGIN_KWH, best_rendezvous
 from vehicle_agent.platooning.shared_path import SharedPath, find_shared_path
@@ -89,7 +88,7 @@ def _worth(s: Situation, shared: SharedPath, front: PlatoonControl, *, keeps: bo
         gap_m - followed_m,
         cruise_mps,
         lambda way_m: max(0.0, drafted_m - way_m),
-        ETA_FOLLOWER,
+        own.reductions(cruise_mps).follower,
         max_speedup=s.max_speedup,
         vehicle=own.vehicle,
         margin_kwh=0.0 if is_planned_behind(s, front) else MARGIN_KWH,

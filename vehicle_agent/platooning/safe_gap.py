@@ -26,12 +26,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-MAX_BRAKING_MPS2: Final = 9.0
-"""Strongest braking of any vehicle: dry asphalt."""
-
-RESPONSE_S: Final = 0.1
-"""From a partner's change of speed to the answer to it: one message and one control interval of the
-platoon control message, sent ten times a second."""
+from slipstream.spacing import MAX_BRAKING_MPS2
 
 STANDING_M: Final = 0.5
 """Left between two vehicles that have braked to a stand."""

@@ -6,13 +6,15 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.drafting import DragLaw
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
+from slipstream.spacing import ADVISED_GAP_M, MAX_BRAKING_MPS2, RESPONSE_S
 from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
-from vehicle_agent.platooning.gap_control import ADVISED_GAP_M, COMFORTABLE_MPS2, Own
+from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates
 from vehicle_agent.platooning.neighbours import MAX_AHEAD_NS, SILENT_NS, Neighbours
-from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, RESPONSE_S, AheadMotion
+from vehicle_agent.platooning.safe_gap import AheadMotion
 
 MAX_SPEED_MPS: Final = 100.0
 """Values beyond these are taken as these: no vehicle of a road has them."""
@@ -79,6 +81,7 @@ def look(
     vehicle: VehicleParameters,
     pace: float,
     interval_s: float,
+    drafting: DragLaw = "paper",
 ) -> Situation:
     """The situation of a vehicle now; see `Platooning`."""
     state = VehicleState(
@@ -112,6 +115,7 @@ def look(
             advised_gap_m=min(planned.gap_m or ADVISED_GAP_M, _MAX_ADVISED_GAP_M),
             interval_s=interval_s,
             vehicle=vehicle,
+            drafting=drafting,
         ),
         planned=planned,
         ahead=sensing.ahead,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from slipstream.messages import PlatoonControl, PlatoonMode
+from slipstream.spacing import MAX_BRAKING_MPS2
 from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.gap_control import following_mps, leaving_mps, waiting_mps
-from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, safe_mps
+from vehicle_agent.platooning.safe_gap import safe_mps
 from vehicle_agent.platooning.situation import Situation, allowed_mps
 
 

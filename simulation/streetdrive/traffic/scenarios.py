@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from simulation.streetdrive.traffic.paper_law import paper_lane
 from simulation.streetdrive.traffic.road import Lane, LengthOf, Road, Track
 
-SCENARIOS = ("stable", "turbulent", "mixed", "changing", "paper")
+SCENARIOS = ("stable", "turbulent", "mixed", "paper")
 
 FAR_M = 300.0
 """x at which lanes begin (incoming) or end (outgoing)."""
@@ -231,26 +231,6 @@ def simulate(
         raise ValueError(f"unknown scenario {scenario!r}")
     frames = round(seconds * fps)
     ids = iter(range(1, 1_000_000))
-
-    def drive(traffic: str, frames: int) -> list[Track]:
-        return _drive(traffic, road, frames, fps, seed, ids, length_of)
-
-    if scenario != "changing":
-        return drive(scenario, frames)
-    # A cut between them, as a jam takes minutes to build up and to dissolve.
-    calm, rough = drive("stable", frames // 2), drive("turbulent", frames - frames // 2)
-    return calm + [replace(t, first_frame=t.first_frame + frames // 2) for t in rough]
-
-
-def _drive(
-    scenario: str,
-    road: Road,
-    frames: int,
-    fps: float,
-    seed: int,
-    ids: Iterator[int],
-    length_of: LengthOf,
-) -> list[Track]:
     tracks: list[Track] = []
     for number, lane in enumerate(road.lanes):
         rng = np.random.default_rng([seed, 1, number])

@@ -33,8 +33,8 @@ def test_stable_avenue_makes_the_vans_cross(
     assert decode(problem, result.selected).routes == routes
 
 
-def test_crossing_costs_13_wh_more_and_earns_19(demo_arcs: Demo) -> None:
-    """The figures behind the flip: 0.013 kWh dearer on its own, 0.019 kWh saved by drafting."""
+def test_crossing_costs_16_wh_more_and_earns_19(demo_arcs: Demo) -> None:
+    """The figures behind the flip: 0.016 kWh dearer on its own, 0.019 kWh saved by drafting."""
     problem = demo_arcs(avenue_west=1)
     crossing = problem.selection({"van-a": ("c1", "c4"), "van-b": ("c3", "c2")})
     parallel = problem.selection({"van-a": ("c1", "c2"), "van-b": ("c3", "c4")})
@@ -43,7 +43,7 @@ def test_crossing_costs_13_wh_more_and_earns_19(demo_arcs: Demo) -> None:
     alone = problem.without_platooning()
     dearer = alone.objective_kwh(crossing) - alone.objective_kwh(parallel)
     earned = alone.objective_kwh(crossing) - problem.objective_kwh(crossing)
-    assert dearer == pytest.approx(0.013, abs=0.001)
+    assert dearer == pytest.approx(0.016, abs=0.001)
     assert earned == pytest.approx(0.019, abs=0.001)
     assert problem.objective_kwh(parallel) == alone.objective_kwh(parallel)
 

@@ -26,11 +26,11 @@ def planned(
     town: Town,
     vehicles: Sequence[dict[str, float]],
     stops: Sequence[object] = ("33",) * 4,
-    value_of_waiting_kw: float = 0.0,
+    price_of_waiting_kw: float = 0.0,
 ) -> tuple[Planner, list[Itinerary]]:
     """Each vehicle on its way to a stop of its own, as soon as it is ready."""
     problem, snapshot = town(stops, vehicles)
-    problem = replace(problem, value_of_waiting_kw=value_of_waiting_kw)
+    problem = replace(problem, price_of_waiting_kw=price_of_waiting_kw)
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0, 10.0)
     itineraries = []
     for number in range(len(vehicles)):
@@ -67,7 +67,7 @@ def test_nobody_waits_for_what_is_worth_less_than_the_time(
     gain = sum(
         planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in late.traversals
     )
-    planner, (early, late) = planned(town, vans, value_of_waiting_kw=share * gain * 3600 / 40)
+    planner, (early, late) = planned(town, vans, price_of_waiting_kw=share * gain * 3600 / 40)
     assert early.cost_kwh == sum(leg.cost_kwh for leg in planner.legs(0, early.stops) or ())
     meetings = Meetings(planner.shares, 3.0)
     meetings.add(late.traversals)

@@ -51,7 +51,7 @@ def start() -> tuple[Planner, list[Itinerary]]:
     """A city on one road network with many open gates, everybody leaving when ready."""
     city = generate_city(
         3, vehicles=12, stops=36, segments=160, shape=CityShape(depots=1, open_share=0.9)
-    )
+    ).under("paper")
     travel = Travel(city.problem, roads_of(city.problem, city.snapshot))
     names = [stop.id for stop in city.problem.fleet.stops]
     search = SearchSettings(rounds=2, workers=1)

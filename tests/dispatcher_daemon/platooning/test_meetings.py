@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -15,11 +16,16 @@ from dispatcher_daemon.platooning.meetings import (
     open_shares,
     saving_kwh,
 )
+from dispatcher_daemon.platooning.platoons import platoons_of
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads import planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.drafting import reductions_at
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.vehicle_types import PRESETS
 
-SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0)}
+SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0, (2.5, 2.25))}
+OTHERS = {"e": Shares(3.0, 5.0, (7.0, 6.0)), "f": Shares(0.25, 1.0)}
 WINDOW_S = 3.0
 VehicleTraversals = dict[str, list[Traversal]]
 
@@ -43,22 +49,34 @@ def traversals_of_vehicles(draw: st.DrawFn) -> list[VehicleTraversals]:
     return found
 
 
-def from_scratch(present: Sequence[Mapping[str, Sequence[Traversal]]]) -> float:
-    """Savings of vehicles on the road, without any bookkeeping."""
-    return sum(
-        saving_kwh(sorted(p for way in present for p in way.get(s, ())), SHARES[s], WINDOW_S)
-        for s in SHARES
-    )
+def from_scratch(
+    present: Sequence[Mapping[str, Sequence[Traversal]]], other: Collection[int]
+) -> float:
+    """Savings of vehicles on the road, without any bookkeeping; some have other shares."""
+    total = 0.0
+    for segment, shares in SHARES.items():
+        passages = sorted(p for way in present for p in way.get(segment, ()))
+        for group in platoons_of(passages, WINDOW_S):
+            if len(group) > 1:
+                for place, (_, _, (number,)) in enumerate(group):
+                    own = OTHERS[segment] if number in other else shares
+                    total += own.at(place, len(group))
+    return total
 
 
 @pytest.mark.slow
-@given(traversals_of_vehicles(), st.randoms(use_true_random=False))
-def test_changes_add_up_to_the_whole(every: list[VehicleTraversals], random: object) -> None:
-    """Vehicles come and go in any order: each change is the difference of evaluations from
-    nothing, and a gain that is asked for is the change that then happens.
+@given(
+    traversals_of_vehicles(), st.frozensets(st.integers(0, 7)), st.randoms(use_true_random=False)
+)
+def test_changes_add_up_to_the_whole(
+    every: list[VehicleTraversals], others: frozenset[int], random: object
+) -> None:
+    """Vehicles of one type or of two come and go in any order: each change is the difference of
+    evaluations from nothing, and a gain that is asked for is the change that then happens.
     """
     assert hasattr(random, "choice")
-    meetings, before = Meetings(SHARES, WINDOW_S), 0.0
+    meetings = Meetings(SHARES, WINDOW_S, dict.fromkeys(others, OTHERS))
+    before = 0.0
     present: list[VehicleTraversals] = []
     for way in [*every, *every, *every]:
         if way in present:
@@ -72,7 +90,7 @@ def test_changes_add_up_to_the_whole(every: list[VehicleTraversals], random: obj
         if len(present) > 2 and random.choice([True, False]):
             other = present.pop(0)
             change += meetings.remove(other)
-        after = from_scratch(present)
+        after = from_scratch(present, others)
         assert change == pytest.approx(after - before, abs=1e-9)
         before = after
     on_road = sorted(p for way in present for p in way.get("e", ()))
@@ -101,6 +119,24 @@ def test_a_platoon_has_one_leader_and_the_rest_follow(members: int) -> None:
     passages = [(0.5 * n, 10.0 + 0.5 * n, (n,)) for n in range(members)]
     expected = 1.0 + 4.0 * (members - 1) if members > 1 else 0.0
     assert saving_kwh(passages, SHARES["e"], WINDOW_S) == pytest.approx(expected)
+
+
+@given(
+    st.floats(0, 9),
+    st.floats(0, 9),
+    st.none() | st.tuples(st.floats(0, 9), st.floats(0, 9)),
+    st.integers(2, 9),
+)
+def test_a_platoon_saves_what_its_places_do(
+    leader: float, follower: float, longer: tuple[float, float] | None, members: int
+) -> None:
+    """Of vehicles that all have the same shares."""
+    shares = Shares(leader, follower, longer)
+    every = [shares.at(number, members) for number in range(members)]
+    assert shares.platoon_kwh(members) == pytest.approx(sum(every))
+    assert every[0] == leader
+    if longer is not None and members > 2:
+        assert every[1:] == [*[longer[0]] * (members - 2), longer[1]]
 
 
 def test_who_leaves_first_cannot_follow() -> None:
@@ -133,3 +169,50 @@ def test_only_open_segments_have_shares(
         assert share.leader_kwh == drag_saving_kwh(length, speed, ETA_LEADER, problem.vehicle)
         assert share.follower_kwh == drag_saving_kwh(length, speed, ETA_FOLLOWER, problem.vehicle)
         assert 0 < share.leader_kwh < share.follower_kwh
+        assert share.longer_kwh is None
+
+
+@pytest.mark.parametrize(
+    ("members", "expected_kwh"),
+    [
+        (2, 0.0468026464650489),
+        (3, 0.08424476363708804),
+        (4, 0.12168688080912715),
+        (6, 0.1965711151532054),
+    ],
+)
+def test_by_the_papers_law_platoons_save_what_they_did(
+    town: Callable[..., tuple[RoutingProblem, TrafficSnapshot]],
+    members: int,
+    expected_kwh: float,
+) -> None:
+    """Figures of the version that knew no other law, on all open segments together."""
+    problem, snapshot = town(["33"], [{}], open_share=0.5)
+    passages = [(0.1 * n, 30.0 + 0.1 * n, (n,)) for n in range(members)]
+    shares = open_shares(problem, snapshot).values()
+    assert sum(saving_kwh(passages, s, WINDOW_S) for s in shares) == expected_kwh
+
+
+def test_measured_shares_count_the_gap_at_the_planning_speed(
+    town: Callable[..., tuple[RoutingProblem, TrafficSnapshot]],
+) -> None:
+    """A van's leader saves less on faster roads, where the gap is larger; a wider advised gap saves
+    less still, and the paper's law knows neither.
+    """
+    problem, snapshot = town(["33"], [{}])
+    van = PRESETS["van"].profile
+    near, wide = (
+        open_shares(problem, snapshot, van),
+        open_shares(replace(problem, advised_gap_m=3.0), snapshot, van),
+    )
+    for name, shares in near.items():
+        speed = planning_speed_mps(problem.network.segments[name], snapshot.segments[name], van)
+        length = problem.network.segments[name].length_m
+        eta = reductions_at("van", 1.5 + 0.1 * speed)
+        expected = [drag_saving_kwh(length, speed, e, van.physics) for e in eta]
+        assert shares == Shares(expected[0], expected[1])
+        assert wide[name].leader_kwh < shares.leader_kwh
+    truck = PRESETS["truck_40t"].profile
+    assert all(s.longer_kwh is not None for s in open_shares(problem, snapshot, truck).values())
+    far = replace(problem, advised_gap_m=20.0)
+    assert open_shares(far, snapshot) == open_shares(problem, snapshot)

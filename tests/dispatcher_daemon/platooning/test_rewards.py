@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
+from typing import Any, Literal
 
 import pytest
 
@@ -124,3 +125,37 @@ def test_unwatched_segments_are_judged_on_request(demo: RoutingProblem, traffic:
     assert list(judge_pairs(demo, arcs, snapshot, 3.0)) == []
     everything = list(judge_pairs(demo, arcs, snapshot, 3.0, watched_only=False))
     assert {p.reason for p in everything} == {"gate closed (unwatched)"}
+
+
+def test_the_exact_objective_counts_no_reward_that_may_not_come_about(
+    demo: RoutingProblem, traffic: Traffic
+) -> None:
+    """What the paper's form rewards is judged again: an uncertain departure, or leaving a segment
+    apart or in another order, earns nothing, and the explanation says which.
+    """
+    snapshot = traffic(avenue_east=1, avenue_west=1)
+    arcs = candidate_arcs(demo, least_energy_legs(demo, snapshot))
+
+    def judged(arcs: tuple[RoutedArc, ...], objective: Literal["energy", "paper"]) -> JudgedPair:
+        problem = replace(demo, objective=objective)
+        return next(
+            p for p in judge_pairs(problem, arcs, snapshot, 3.0) if p.saving_kwh or p.reason
+        )
+
+    pair = judged(arcs, "paper")
+    assert pair.saving_kwh > 0
+    first, second = arcs[pair.first], arcs[pair.second]
+
+    def with_second(**changes: Any) -> tuple[RoutedArc, ...]:
+        changed = replace(second, **changes)
+        return tuple(changed if arc is second else arc for arc in (first, second))
+
+    assert judged((first, second), "energy").saving_kwh == pair.saving_kwh
+    unsure = with_second(exact=False)
+    assert judged(unsure, "paper").saving_kwh == pair.saving_kwh
+    assert "depends on the stops before it" in (judged(unsure, "energy").reason or "")
+    waiting = [0.0] * len(second.leg.path)
+    waiting[second.leg.path.index(pair.segment)] = 8.0
+    late = with_second(leg=replace(second.leg, drive=second.leg.drive.delayed(waiting)))
+    assert judged(late, "paper").saving_kwh == pair.saving_kwh
+    assert "due to leave it" in (judged(late, "energy").reason or "")

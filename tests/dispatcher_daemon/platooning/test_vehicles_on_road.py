@@ -56,7 +56,8 @@ def cycle(city: Instance, now_ns: int, users: tuple[RoadUser, ...] = ()) -> Cycl
 def city() -> Instance:
     """Four vehicles at one depot, arterials open."""
     shape = CityShape(depots=1, open_share=1.0, ready_within_s=60.0)
-    return generate_city(8, vehicles=4, stops=16, segments=120, shape=shape)
+    city = generate_city(8, vehicles=4, stops=16, segments=120, shape=shape)
+    return city.under("paper")
 
 
 @pytest.fixture(scope="module")

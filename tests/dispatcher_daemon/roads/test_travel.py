@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice, pairwise, product
 
 import networkx as nx
@@ -17,8 +18,11 @@ PLACES = ("11", "33", "20", "33", "02", "q")
 
 
 def made(town: Town, seed: int) -> tuple[RoutingProblem, Roads, Travel]:
-    """A town with stops here and there, two at one junction, one out of reach."""
+    """A town with stops here and there, two at one junction, one out of reach; a path costs what
+    its segments do.
+    """
     problem, snapshot = town(PLACES, [{}], seed=seed)
+    problem = replace(problem, objective="paper")
     roads = roads_of(problem, snapshot)
     return problem, roads, Travel(problem, roads)
 

@@ -10,7 +10,13 @@ from typing import Any
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+)
 
 from dispatcher_daemon.fleet import Fleet, fleet_from
 from dispatcher_daemon.problem import RoutingProblem
@@ -123,9 +129,12 @@ class AnyOrder(RuleBasedStateMachine):
         """A driver will refuse the next plan."""
         self.day.vans[name].refuses = True
 
+    @precondition(lambda self: len(self.day.store.load().vehicles) == len(VANS))
     @rule()
     def restart(self) -> None:
-        """The dispatcher is killed: what it has not stored is lost."""
+        """The dispatcher is killed: what it has not stored is lost. Before the first cycle of its
+        fleet that is who has ever reported, see the limits in docs/fleet.md.
+        """
         self.day.restart()
 
     @invariant()

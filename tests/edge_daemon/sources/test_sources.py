@@ -66,6 +66,24 @@ def test_a_loop_goes_on_in_time_and_marks_the_cut(clip: Path) -> None:
     assert [i for i, f in enumerate(frames) if f.cut] == [45, 90]
 
 
+def test_clips_are_played_in_turn(clip: Path, tmp_path: Path) -> None:
+    """One after the other, some twice, then again from the first; each begins with a cut."""
+    dark = tmp_path / "dark.mp4"
+    writer = cv2.VideoWriter(str(dark), cv2.VideoWriter.fourcc(*"mp4v"), FPS, (320, 180))
+    for _ in range(15):
+        writer.write(np.zeros((180, 320, 3), dtype=np.uint8))
+    writer.release()
+    settings = SourceSettings(clip=(dark, clip, clip), loop=True, pace="fast")
+    frames = taken(open_source(settings), 125)
+    assert [i for i, f in enumerate(frames) if f.cut] == [15, 60, 105, 120]
+    assert [i for i, f in enumerate(frames) if f.image.max() < 10] == [*range(15), *range(105, 120)]
+    assert (np.diff([f.media_time_s for f in frames]) > 0).all()
+    once = SourceSettings(clip=(dark, clip), pace="fast")
+    assert len(taken(open_source(once))) == 15 + FRAMES
+    with pytest.raises(InputError, match="nowhere"):
+        open_source(SourceSettings(clip=(dark, tmp_path / "nowhere.mp4")))
+
+
 @pytest.mark.slow
 def test_real_time_plays_at_the_clips_own_speed(clip: Path) -> None:
     """1.5 s of video take 1.5 s, and a reader that keeps up loses nothing."""

@@ -11,9 +11,13 @@ from dispatcher_daemon.arc_form.arcs import arc_problem_of
 from dispatcher_daemon.formulations.arc import ArcVariable, OrderBit, SlackBit, build_arc_model
 from dispatcher_daemon.formulations.decode import decode
 from dispatcher_daemon.formulations.milp import solve_milp
+from dispatcher_daemon.plans import Candidate, attempt
 from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
 from research.instances import instance_names, open_instance
 from research.instances.catalogue import CATALOGUE
+from research.instances.forms import arc_form_of
 from research.instances.generator import generate
 from research.instances.instance import load_instance, write_instance
 from research.instances.publish import make_instance
@@ -59,6 +63,29 @@ def test_published_optima_are_optima(name: str) -> None:
     assert selected is not None
     assert decode(problem, selected).routes == known.routes
     assert problem.objective_kwh(selected) == pytest.approx(known.objective_kwh, abs=2e-9)
+
+
+@pytest.mark.parametrize("name", list(CATALOGUE))
+def test_optima_of_the_energy_need_no_more_energy_and_promise_no_more(name: str) -> None:
+    """Under the objective "energy" HiGHS finds the published optimum. Driven, it needs no more than
+    the plan without platooning, and drafting saves what is counted but for changes of speed.
+    """
+    instance = open_instance(name).under("energy")
+    form, known = arc_form_of(instance), instance.known
+    assert known is not None
+    solve = solve_in_process([ExactSolver()])
+    (outcome,) = solve([Job("exact", form.problem, 1)], 30.0)
+    plan, (_, alone) = attempt(form, outcome).candidate, form.baseline(solve, 30.0)
+    assert plan is not None
+    assert outcome.selected is not None
+    found = form.problem.objective_kwh(outcome.selected)
+    assert found == pytest.approx(known.objective_kwh, abs=2e-9)
+    assert isinstance(alone, Candidate)
+    assert plan.driven.total_kwh <= alone.driven.total_kwh + 1e-9
+    promised = form.problem.without_platooning().objective_kwh(outcome.selected) - found
+    saved = plan.undrafted.total_kwh - plan.driven.total_kwh
+    # Pairs count more than a leader and its followers save where a platoon has three.
+    assert saved >= 0.5 * promised - 1e-8
 
 
 def test_platooning_changes_the_routes_of_most() -> None:

@@ -71,7 +71,7 @@ def test_an_instance_without_an_optimum_is_refused(
 ) -> None:
     """Shares of the optimum need one."""
     path = tmp_path_factory.mktemp("bench") / "open.json"
-    write_instance(replace(open_instance("arc06-valley"), optimum=None), path)
+    write_instance(replace(open_instance("arc06-valley"), optimum=None, energy_optimum=None), path)
     with pytest.raises(InputError, match="optimum"):
         open_case(str(path))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from simulation.fleet.drafting import CLOSE_GAP_M, MIN_SPEED_MPS, drafting
+from slipstream.drafting import DragLaw, reductions_at
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
 from slipstream.messages import SensedVehicle, VehicleSensing
 from tests.simulation.fleet.road import Flags
@@ -54,6 +55,7 @@ def test_leader_and_followers_have_their_reductions() -> None:
     """The leader's for the first, a follower's for each behind it, none for vehicles alone."""
     found = drafting(three(), {"two": True, "three": True}, OPEN)
     assert found.eta == {"one": ETA_LEADER, "two": ETA_FOLLOWER, "three": ETA_FOLLOWER}
+    assert found.places == {"one": 0, "two": 1, "three": 2}
     assert found.turbulent == frozenset()
     assert drafting(three(), {}, OPEN).eta == {}
     # The order in which vehicles are looked at does not matter.
@@ -103,3 +105,36 @@ def test_a_leader_beyond_a_closed_gate_is_not_credited() -> None:
     """Its follower is, as long as it is on an open segment."""
     vehicles = {"one": sensed("one", segment="c"), "two": sensed("two", "one")}
     assert drafting(vehicles, {"two": True}, OPEN).eta == {"two": ETA_FOLLOWER}
+
+
+def test_measured_laws_count_real_gaps_and_places() -> None:
+    """A truck leads by the gap behind it; a van follows by its own law and gap, and the last truck
+    saves as the last of three. In the middle of four is who has one behind it.
+    """
+    vehicles = {
+        "truck": sensed("truck"),
+        "van": sensed("van", "truck", gap_m=4.0),
+        "last": sensed("last", "van", gap_m=6.5),
+    }
+    follows = {"van": True, "last": True}
+    found = drafting(vehicles, follows, OPEN, {"truck": "truck", "van": "van", "last": "truck"})
+    assert found.eta == {
+        "truck": reductions_at("truck", 4.0).leader,
+        "van": reductions_at("van", 4.0).middle,
+        "last": reductions_at("truck", 6.5).last,
+    }
+    assert reductions_at("van", 4.0).middle != reductions_at("van", 6.5).middle
+    trucks: dict[str, DragLaw] = dict.fromkeys(("truck", "van", "last", "fourth"), "truck")
+    vehicles["fourth"] = sensed("fourth", "last", gap_m=5.0)
+    found = drafting(vehicles, {**follows, "fourth": True}, OPEN, trucks)
+    close = reductions_at("truck", 5.0)
+    assert list(found.eta.values()) == [close.middle, close.middle, close.last, close.leader]
+    alone = {name: vehicles[name] for name in ("truck", "van")}
+    assert drafting(alone, {"van": True}, OPEN, trucks).eta["van"] == close.follower
+
+
+def test_a_row_that_closes_to_a_ring_is_credited() -> None:
+    """Nobody leads it."""
+    vehicles = {"one": sensed("one", "two"), "two": sensed("two", "one")}
+    found = drafting(vehicles, {"one": True, "two": True}, OPEN)
+    assert found.eta == {"one": ETA_FOLLOWER, "two": ETA_FOLLOWER}

@@ -19,7 +19,7 @@ def test_a_device_is_configured_where_it_is_asked_for(
     tmp_path: Path, hardware: str, shots: int, budget_s: float
 ) -> None:
     """Off by default; a fake device gets a trial's settings, a real one the careful defaults."""
-    clips = {roadside.rsu: tmp_path for roadside in ROADSIDES}
+    clips = {r.rsu: dict.fromkeys(r.clips, tmp_path) for r in ROADSIDES}
     files = write_settings(
         tmp_path,
         clips,

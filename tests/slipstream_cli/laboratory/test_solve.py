@@ -174,7 +174,13 @@ def test_a_stop_that_nobody_can_serve_is_listed_and_the_rest_solved(
     )
     path = tmp_path / "heavy.toml"
     write_instance(
-        replace(instance, problem=replace(instance.problem, fleet=fleet), optimum=None), path
+        replace(
+            instance,
+            problem=replace(instance.problem, fleet=fleet),
+            optimum=None,
+            energy_optimum=None,
+        ),
+        path,
     )
     for form in ("arc", "route"):
         document = solve(capsys, "--instance", str(path), "--form", form)

@@ -76,7 +76,13 @@ def test_more_than_can_be_looked_at_is_refused(tmp_path: Path, capsys: Capture) 
     fleet = type(fleet)(name="free", depots=fleet.depots, stops=fleet.stops, vehicles=free)
     path = tmp_path / "free.json"
     write_instance(
-        replace(instance, problem=replace(instance.problem, fleet=fleet), optimum=None), path
+        replace(
+            instance,
+            problem=replace(instance.problem, fleet=fleet),
+            optimum=None,
+            energy_optimum=None,
+        ),
+        path,
     )
     assert main(["verify", str(path)]) == 2
     assert "40 variables in the reduced encoding of the arc form" in capsys.readouterr().err
@@ -104,7 +110,12 @@ def test_a_city_is_refused_at_once(tmp_path: Path, capsys: Capture) -> None:
     large = fleet.model_copy(update={"stops": stops})
     path = tmp_path / "city.json"
     large = type(fleet).model_validate(large.model_dump())
-    write_instance(replace(small, problem=replace(small.problem, fleet=large), optimum=None), path)
+    write_instance(
+        replace(
+            small, problem=replace(small.problem, fleet=large), optimum=None, energy_optimum=None
+        ),
+        path,
+    )
     assert main(["verify", str(path)]) == 2
     assert "up to 251001 candidate arcs" in capsys.readouterr().err
 

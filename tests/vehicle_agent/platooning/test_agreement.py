@@ -2,6 +2,7 @@
 
 import pytest
 
+from slipstream.drafting import DragLaw
 from slipstream.energy import PAPER_CAR
 from slipstream.messages import PlatoonControl, PlatoonManagement, SensedVehicle
 from tests.vehicle_agent.platooning.test_limits import sensing_of, told
@@ -197,6 +198,22 @@ def test_whoever_is_behind_another_vehicle_asks_nobody() -> None:
     platooning.receive(message, BEGIN_NS)
     sensing = sensing_of(state, between, BEGIN_NS)
     assert platooning.step(BEGIN_NS, leg, state, sensing, Roadside()).messages == ()
+
+
+def test_who_saves_more_by_its_law_asks_for_less_way() -> None:
+    """On two segments of 400 m a van by its measured law, on two of 500 m by the paper's too."""
+
+    def asks(length_m: float, law: DragLaw) -> bool:
+        leg = road("ab", length_m, 20.0)
+        platooning = Platooning("me", PAPER_CAR, 4.6, 0.1, drafting=law)
+        message = told(BEGIN_NS, 1, 260.0, 20.0, 20.0).model_copy(update={"path": leg.path})
+        platooning.receive(message, BEGIN_NS)
+        state = VehicleState("a", 0, False, 0, 200.0, 20.0)
+        sensing = sensing_of(state, None, BEGIN_NS)
+        return platooning.step(BEGIN_NS, leg, state, sensing, Roadside()).messages != ()
+
+    assert (asks(400.0, "van"), asks(400.0, "paper")) == (True, False)
+    assert (asks(500.0, "van"), asks(500.0, "paper")) == (True, True)
 
 
 def test_a_vehicle_that_follows_sends_askers_away() -> None:

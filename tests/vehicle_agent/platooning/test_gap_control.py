@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from slipstream.energy import PAPER_CAR
+from slipstream.spacing import MAX_BRAKING_MPS2, wanted_gap_m
 from vehicle_agent.platooning.gap_control import (
     IDM,
     Own,
@@ -15,9 +16,8 @@ from vehicle_agent.platooning.gap_control import (
     leaving_distance_m,
     leaving_mps,
     waiting_mps,
-    wanted_gap_m,
 )
-from vehicle_agent.platooning.safe_gap import MAX_BRAKING_MPS2, STANDING_M, AheadMotion, safe_mps
+from vehicle_agent.platooning.safe_gap import STANDING_M, AheadMotion, safe_mps
 
 
 def own(speed: float, interval_s: float, max_mps: float = 31.5) -> Own:

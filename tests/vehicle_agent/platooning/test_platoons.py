@@ -5,6 +5,7 @@ from itertools import pairwise
 import pytest
 
 from slipstream.messages import PlatoonControl
+from slipstream.spacing import wanted_gap_m
 from tests.vehicle_agent.platooning.world import (
     LENGTH_M,
     Car,
@@ -15,7 +16,6 @@ from tests.vehicle_agent.platooning.world import (
     string,
 )
 from vehicle_agent.leg import Leg
-from vehicle_agent.platooning import wanted_gap_m
 
 LIMIT = 30.0
 MODES = [pytest.param(0.1, True, id="live"), pytest.param(0.5, False, id="evaluation")]

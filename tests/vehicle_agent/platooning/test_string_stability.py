@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from slipstream.spacing import RESPONSE_S, wanted_gap_m
 from tests.vehicle_agent.platooning.world import World, road, string
-from vehicle_agent.platooning.gap_control import wanted_gap_m
-from vehicle_agent.platooning.safe_gap import RESPONSE_S, STANDING_M
+from vehicle_agent.platooning.safe_gap import STANDING_M
 
 Script = Callable[[float], float]
 CALM_S = 10.0
