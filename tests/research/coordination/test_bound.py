@@ -66,6 +66,7 @@ def best_by_enumeration(case: Case) -> float:
     return max(evaluate(case, np.array(plan)).net_kwh for plan in product(*choices))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(small_cases())
 def test_no_plan_is_above_the_bound(case: Case) -> None:

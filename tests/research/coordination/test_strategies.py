@@ -26,6 +26,7 @@ def one_segment(ready_s: list[int], slack_s: int = 60, price_kw: float = 0.0) ->
     return build_case(Freight("day", segments, trips), price_kw, sync_window_s=3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_plans_can_be_driven_and_are_the_same_again(name: str) -> None:
     """Nobody late; same case, same plan."""
