@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents
+.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-coordination
 
 setup: $(VENV)/.ready
 
@@ -118,6 +118,11 @@ bench-world: setup
 # The real process with one agent and with a hundred, their vehicles driven over the bus.
 bench-agents: setup
 	$(BIN)/python -m benchmarks.agents $(if $(SHORT),--short)
+
+# Coordination of platoons by density, window and carriers, planned only: rivals, upper bound,
+# picture; hours, gone on with if interrupted. `SHORT=1`: a minute or two, no picture in docs.
+bench-coordination: setup
+	$(BIN)/python -m benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short,--picture docs)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv

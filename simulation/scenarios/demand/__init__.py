@@ -18,6 +18,7 @@ from simulation.scenarios.demand.trips import (
     Indices,
     Trips,
     Zone,
+    departures,
     draw_trips,
     gateways,
 )
@@ -35,6 +36,7 @@ __all__ = [
     "Routes",
     "Trips",
     "Zone",
+    "departures",
     "draw_breakdowns",
     "draw_deliveries",
     "draw_trips",
