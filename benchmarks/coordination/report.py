@@ -175,7 +175,7 @@ def _panel(axes: Any, results: Sequence[Result], title: str) -> None:
     vehicles = [r.cell.vehicles for r in results]
     bound = [100 * r.bound_share for r in results]
     axes.plot(vehicles, bound, "k--", linewidth=1.2, label="upper bound")
-    for name, colour in zip(reversed(STRATEGIES), reversed(_COLOURS), strict=False):
+    for name, colour in zip(reversed([*STRATEGIES]), reversed(_COLOURS), strict=False):
         shares = [100 * _row(r, name).net_kwh / r.plans.ceiling_kwh for r in results]
         axes.plot(vehicles, shares, "o-", color=colour, markersize=3.5, linewidth=1.4, label=name)
     axes.set(xscale="log", xlabel="vehicles a day", title=title)
