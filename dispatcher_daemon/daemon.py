@@ -8,7 +8,6 @@ import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import replace
 from typing import Protocol
 
 from dispatcher_daemon import metrics
@@ -196,7 +195,7 @@ class Dispatcher:
                 future_tolerance_s=self._settings.future_tolerance_s,
                 stops_at_signals=self._settings.stops_at_signals,
             )
-            snapshot = replace(snapshot, expected=self.fleet_watch.expectations(now_ns))
+            snapshot = self.fleet_watch.expected(snapshot)
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
             situation = self.fleet_watch.situation(

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
-from dispatcher_daemon.learning import MovementCosts
+from dispatcher_daemon.learning import HOURS, MovementCosts, UsualSpeeds
 from dispatcher_daemon.tracking import FleetTracker, Situation
-from dispatcher_daemon.traffic import Expectations
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -29,6 +29,7 @@ from slipstream.messages import (
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 
+_HOUR_NS = 3600 * 10**9
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
@@ -64,6 +65,7 @@ class FleetWatch:
     ) -> None:
         self._tracker = FleetTracker(network, records, started_ns)
         self._costs = MovementCosts(network, records.movements)
+        self._speeds = UsualSpeeds(network, records.speeds)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
 
@@ -128,19 +130,27 @@ class FleetWatch:
             plans = tracker.admissible(plans)
             tracker.publish(plans, stops, reference_ns, now_ns)
             try:
-                save(plans, replace(tracker.pending_records(), movements=self._costs.pending()))
+                learned = {"movements": self._costs.pending(), "speeds": self._speeds.pending()}
+                save(plans, replace(tracker.pending_records(), **learned))  # type: ignore[arg-type]
             except Exception:
                 tracker.retract(plans, now_ns)
                 raise
             tracker.stored()
             self._costs.stored()
+            self._speeds.stored()
         return plans
 
-    def expectations(self, now_ns: int) -> Expectations | None:
-        """What movements are expected to cost; None: the fleet has driven too little."""
+    def expected(self, snapshot: TrafficSnapshot) -> TrafficSnapshot:
+        """The traffic of a cycle with what was learned until now, which it adds to: usual speeds
+        where no state is fresh, and what movements cost if the fleet has driven enough.
+        """
         with self._lock:
+            hour = snapshot.now_ns // _HOUR_NS % HOURS
+            self._speeds.on_traffic(snapshot, hour)
+            usual_mps = self._speeds.speeds_mps(hour)
             self._costs.count()
-            return self._costs.expectations(now_ns)
+            expected = self._costs.expectations(snapshot.now_ns, usual_mps)
+        return replace(snapshot.at_usual_speeds(usual_mps), expected=expected)
 
     def store_all(self) -> None:
         """The next cycle stores the whole fleet: the database is another one."""

@@ -86,6 +86,15 @@ class TrafficSnapshot:
     states: tuple[SegmentState, ...]
     expected: Expectations | None = None
 
+    def at_usual_speeds(self, usual_mps: Mapping[str, float]) -> TrafficSnapshot:
+        """The same with these planning speeds of segments where none is measured."""
+        slowed = {
+            name: replace(traffic, speed_mps=usual_mps[name])
+            for name, traffic in self.segments.items()
+            if name in usual_mps and traffic.measured_speed_mps is None
+        }
+        return replace(self, segments=MappingProxyType({**self.segments, **slowed}))
+
     def gates(self) -> tuple[Gate, ...]:
         """Gates of all segments that an RSU has ever reported on, by id."""
         watched = sorted({state.segment for state in self.states})

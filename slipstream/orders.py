@@ -134,6 +134,23 @@ class MovementSum:
 
 
 @dataclass(frozen=True)
+class SpeedSum:
+    """Sums over the mean speeds that RSUs have measured on a segment in one hour of the day.
+
+    Attributes:
+        segment: watched.
+        hour: of the day, UTC.
+        count: measurements, one a cycle.
+        speed_mps: their sum.
+    """
+
+    segment: str
+    hour: int
+    count: float
+    speed_mps: float
+
+
+@dataclass(frozen=True)
 class FleetRecords:
     """What a cycle stores of orders, plans and vehicles, or a start loads of them.
 
@@ -143,6 +160,7 @@ class FleetRecords:
         plans: of earlier cycles whose status has changed, or all in force and lately lapsed.
         vehicles: that have changed, or all.
         movements: what is to be added to their sums, or the sums.
+        speeds: likewise.
     """
 
     orders: tuple[OrderRecord, ...] = ()
@@ -150,3 +168,4 @@ class FleetRecords:
     plans: tuple[PlanRecord, ...] = ()
     vehicles: tuple[VehicleRecord, ...] = ()
     movements: tuple[MovementSum, ...] = ()
+    speeds: tuple[SpeedSum, ...] = ()

@@ -19,9 +19,17 @@ from slipstream.orders import (
     OrderChange,
     OrderRecord,
     PlanRecord,
+    SpeedSum,
     VehicleRecord,
 )
-from storage.models import MovementRow, OrderChangeRow, OrderRow, PlanRow, VehicleRow
+from storage.models import (
+    MovementRow,
+    OrderChangeRow,
+    OrderRow,
+    PlanRow,
+    SpeedRow,
+    VehicleRow,
+)
 from storage.rows import vehicle_plan
 
 REMEMBERED_S: Final = 86_400.0
@@ -49,12 +57,26 @@ def save(session: Session, records: FleetRecords) -> None:
     for vehicle in records.vehicles:
         session.merge(VehicleRow(**_vehicle_values(vehicle)))
     for movement in records.movements:
-        known = session.get(MovementRow, (movement.segment, movement.following, movement.hour))
-        if known is None:
-            session.add(MovementRow(**asdict(movement)))
-            continue
-        for name in ("count", "loss_kwh", "seconds", "stops"):
-            setattr(known, name, getattr(known, name) + getattr(movement, name))
+        key = movement.segment, movement.following, movement.hour
+        _add(session, MovementRow, key, movement, ("count", "loss_kwh", "seconds", "stops"))
+    for speed in records.speeds:
+        _add(session, SpeedRow, (speed.segment, speed.hour), speed, ("count", "speed_mps"))
+
+
+def _add(
+    session: Session,
+    model: type[MovementRow | SpeedRow],
+    key: tuple[object, ...],
+    sums: MovementSum | SpeedSum,
+    columns: Sequence[str],
+) -> None:
+    """Add sums to the row of a key; the first ones are the row."""
+    known = session.get(model, key)
+    if known is None:
+        session.add(model(**asdict(sums)))
+        return
+    for name in columns:
+        setattr(known, name, getattr(known, name) + getattr(sums, name))
 
 
 def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:
@@ -98,6 +120,10 @@ def load(session: Session, now_ns: int) -> FleetRecords:
         vehicles=tuple(_vehicle(row) for row in vehicles),
         movements=tuple(
             MovementSum(**_values(row, MovementSum)) for row in session.scalars(movements)
+        ),
+        speeds=tuple(
+            SpeedSum(**_values(row, SpeedSum))
+            for row in session.scalars(select(SpeedRow).order_by(SpeedRow.segment, SpeedRow.hour))
         ),
     )
 

@@ -219,6 +219,17 @@ class MovementRow(Base):
     stops: Mapped[float]
 
 
+class SpeedRow(Base):
+    """Measured speeds of a segment in one hour of the day (a `slipstream.orders.SpeedSum`)."""
+
+    __tablename__ = "speeds"
+
+    segment: Mapped[str] = mapped_column(primary_key=True)
+    hour: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    count: Mapped[float]
+    speed_mps: Mapped[float]
+
+
 class ClockRow(Base):
     """The one row of the time up to which the dispatcher's clock was to be trusted, UTC ns."""
 

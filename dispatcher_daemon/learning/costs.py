@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 import numpy as np
@@ -65,20 +65,25 @@ class MovementCosts:
         """What was pending is in the database."""
         self._pending = {}
 
-    def expectations(self, now_ns: int) -> Expectations | None:
+    def expectations(
+        self, now_ns: int, usual_mps: Mapping[str, float] | None = None
+    ) -> Expectations | None:
         """What movements are expected to cost at this hour, computed once in it; None: too little
         is known.
+
+        Args:
+            usual_mps: speeds of segments that RSUs watch.
         """
         hour = now_ns // _HOUR_NS
         if self._expected is None or self._expected[0] != hour:
-            self._expected = hour, self._compute(int(hour) % HOURS)
+            self._expected = hour, self._compute(int(hour) % HOURS, usual_mps)
         return self._expected[1]
 
-    def _compute(self, hour: int) -> Expectations | None:
+    def _compute(self, hour: int, usual_mps: Mapping[str, float] | None) -> Expectations | None:
         known = {a: table for a, table in self._sums.items() if set(a) <= set(self._limits)}
         if sum(float(table[0].sum()) for table in known.values()) < MIN_PASSAGES:
             return None
         movements = tuple(sorted(known))
         count, loss, seconds, stops = np.stack([known[a] for a in movements], axis=1)
         history = History(movements, count, loss, seconds, stops)
-        return history.expectations(self._network, hour)
+        return history.expectations(self._network, hour, usual_mps)

@@ -9,6 +9,7 @@ or of all others (shrinkage with a fixed number of pseudo-observations).
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,8 +30,8 @@ HOURS: Final = 24
 _KIND: Final = "slipstream movements 1"
 _OF_DAY: Final = 8.0
 """So many passages at the mean that is drawn towards are added to a movement's and a segment's."""
-_OF_HOUR: Final = 16.0
-_NEIGHBOUR: Final = 0.5
+OF_HOUR: Final = 16.0
+NEIGHBOUR: Final = 0.5
 """What passages of the hours before and after count for."""
 _MIN_SHARE: Final = 0.2
 """No movement is expected to cost less, of what it costs at the limit without a stop."""
@@ -58,21 +59,29 @@ class History:
     def _row(self) -> dict[Movement, int]:
         return {movement: i for i, movement in enumerate(self.movements)}
 
-    def expectations(self, network: RoadNetwork, hour: float) -> Expectations:
+    def expectations(
+        self, network: RoadNetwork, hour: float, usual_mps: Mapping[str, float] | None = None
+    ) -> Expectations:
         """What all movements of a network are expected to cost at an hour of the day.
 
-        Where no vehicle drove, it is the physics of the limit and what signals, or other junctions,
-        cost on average.
+        Where no vehicle drove, it is the physics of the segment's usual speed, or of the limit, and
+        what signals, or other junctions, cost on average.
+
+        Args:
+            usual_mps: of segments of which it is known.
         """
+        usual = usual_mps or {}
         pairs = [(a, b) for a in network.segments for b in network.turns(a)]
         basis = [network.segments[a] for a, _ in pairs]
-        steady = np.array([steady_energy_kwh(s.length_m, s.speed_limit_mps) for s in basis])
-        free_s = np.array([s.free_flow_s for s in basis])
+        speeds = [usual.get(s.id, s.speed_limit_mps) for s in basis]
+        held = zip(basis, speeds, strict=True)
+        steady = np.array([steady_energy_kwh(s.length_m, speed) for s, speed in held])
+        free_s = np.array([s.length_m for s in basis]) / np.array(speeds)
         segment = np.unique([a for a, _ in pairs], return_inverse=True)[1]
         kind = np.array([s.end in network.signals for s in basis], dtype=np.int64)
         at = np.array([self._row.get(pair, -1) for pair in pairs])
         weight = np.zeros(HOURS)
-        for step, share in ((0, 1.0), (-1, _NEIGHBOUR), (1, _NEIGHBOUR)):
+        for step, share in ((0, 1.0), (-1, NEIGHBOUR), (1, NEIGHBOUR)):
             weight[(int(hour) + step) % HOURS] += share
 
         def beyond(table: Array, alone: Array) -> Array:
@@ -82,7 +91,7 @@ class History:
             mean = _pooled(extra, passed, kind, np.zeros(len(pairs)), 0.0)
             mean = _pooled(extra, passed, segment, mean, _OF_DAY)
             mean = (extra + _OF_DAY * mean) / (passed + _OF_DAY)
-            return np.asarray((extra_now + _OF_HOUR * mean) / (passed_now + _OF_HOUR))
+            return np.asarray((extra_now + OF_HOUR * mean) / (passed_now + OF_HOUR))
 
         loss = np.maximum(steady + beyond(self.loss_kwh, steady), _MIN_SHARE * steady)
         seconds = np.maximum(free_s + beyond(self.seconds, free_s), _MIN_SHARE * free_s)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -13,10 +14,12 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
+from dispatcher_daemon.traffic import take_snapshot
 from slipstream.messages import (
     DispatcherHealth,
     Message,
     PlanAcknowledgement,
+    SegmentState,
     VehiclePlan,
     VehiclePosition,
     VehicleProgress,
@@ -24,7 +27,9 @@ from slipstream.messages import (
     acknowledgement_key,
     position_key,
     progress_key,
+    state_key,
 )
+from slipstream.orders import FleetRecords
 from storage import Database, open_database, open_reader
 
 SETTINGS = DispatcherSettings(solvers=("exact",))
@@ -155,6 +160,35 @@ def test_a_van_in_mid_route_is_never_planned_from_its_depot(demo: RoutingProblem
     assert new.segments[0].segment == second.segment
     with open_reader(url) as reader:
         assert reader.orders(("served",))[0].order == first.stop
+
+
+def test_measured_speeds_are_learned_and_survive_a_restart(
+    demo: RoutingProblem, url: str, state: Callable[..., SegmentState]
+) -> None:
+    """Each cycle with a fresh state counts once; a road that is not seen is as slow as usual."""
+
+    def report(dispatcher: Dispatcher) -> None:
+        seen = state("avenue_east", 0).model_copy(update={"time_ns": time.time_ns()})
+        dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        dispatcher.run_cycle()
+
+    with open_database(url) as database:
+        first = make(demo, Bus(), database)
+        report(first)
+        first.run_cycle()
+        (learned,) = database.load_fleet(time.time_ns()).speeds
+        features = state("avenue_east", 0).features
+        assert features is not None
+        assert learned.segment == "avenue_east"
+        assert learned.count == 2.0
+        assert learned.speed_mps == pytest.approx(2 * features.mean_speed_mps.value)
+        more = replace(learned, count=100.0, speed_mps=700.0)
+        database.save_fleet(FleetRecords(speeds=(more,)))
+        again = make(demo, Bus(), database)
+        unseen = take_snapshot(demo.network, (), time.time_ns(), stale_after_s=5.0)
+        expected = again.fleet_watch.expected(unseen)
+        assert expected.segments["avenue_east"].speed_mps == pytest.approx(7.0, abs=0.5)
+        assert expected.segments["avenue_west"] == unseen.segments["avenue_west"]
 
 
 def test_messages_that_are_not_what_their_key_says_are_counted(

@@ -1,0 +1,71 @@
+"""Usual speeds of watched segments, learned from RSUs' states by hour of the day."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+
+from dispatcher_daemon.learning.history import HOURS, NEIGHBOUR, OF_HOUR, Array
+from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot
+from slipstream.orders import SpeedSum
+from slipstream.roads import RoadNetwork
+
+MIN_WINDOWS: Final = 30.0
+"""Fewer say too little of a segment: its speed is the limit until then."""
+
+
+class UsualSpeeds:
+    """Sums of the mean speeds that RSUs have measured, once a cycle, and what they lead to expect.
+
+    Args:
+        network: roads.
+        sums: of the runs before.
+    """
+
+    def __init__(self, network: RoadNetwork, sums: Iterable[SpeedSum] = ()) -> None:
+        self._limits = {name: s.speed_limit_mps for name, s in network.segments.items()}
+        self._sums: dict[str, Array] = {}
+        self._pending: dict[tuple[str, int], Array] = {}
+        for one in sums:
+            table = self._sums.setdefault(one.segment, np.zeros((2, HOURS)))
+            table[:, one.hour] += (one.count, one.speed_mps)
+
+    def on_traffic(self, snapshot: TrafficSnapshot, hour: int) -> None:
+        """The traffic of one cycle; of segments without a fresh state it says nothing."""
+        for name, traffic in snapshot.segments.items():
+            if traffic.measured_speed_mps is None:
+                continue
+            seen = np.array([1.0, min(traffic.measured_speed_mps, self._limits[name])])
+            self._sums.setdefault(name, np.zeros((2, HOURS)))[:, hour] += seen
+            self._pending[name, hour] = self._pending.get((name, hour), 0.0) + seen
+
+    def pending(self) -> tuple[SpeedSum, ...]:
+        """What has been counted since `stored` was called last."""
+        return tuple(
+            SpeedSum(name, hour, float(count), float(speed_mps))
+            for (name, hour), (count, speed_mps) in sorted(self._pending.items())
+        )
+
+    def stored(self) -> None:
+        """What was pending is in the database."""
+        self._pending = {}
+
+    def speeds_mps(self, hour: int) -> dict[str, float]:
+        """Usual speeds at an hour of the day, of segments that were seen often enough.
+
+        The mean of the hour and, at half their weight, its neighbours, drawn towards the day's as
+        in `dispatcher_daemon.learning.History`.
+        """
+        weight = np.zeros(HOURS)
+        for step, share in ((0, 1.0), (-1, NEIGHBOUR), (1, NEIGHBOUR)):
+            weight[(hour + step) % HOURS] += share
+        found = {}
+        for name, table in self._sums.items():
+            count, speed = table.sum(axis=1)
+            if name in self._limits and count >= MIN_WINDOWS:
+                count_now, speed_now = table @ weight
+                usual = (speed_now + OF_HOUR * speed / count) / (count_now + OF_HOUR)
+                found[name] = max(MIN_SPEED_MPS, float(min(usual, self._limits[name])))
+        return found
