@@ -314,7 +314,7 @@ RUN = """
 import sys
 from pathlib import Path
 from dispatcher_daemon.daemon import run_dispatcher
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings, PriceSettings
 from slipstream.config import BusSettings
 
 if __name__ == "__main__":
@@ -326,6 +326,7 @@ if __name__ == "__main__":
             interval_s=3.0,
             deadline_s=2.5,
             stale_after_s=30.0,
+            prices=PriceSettings(driving_hour=0.0),
         )
     )
 """
