@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
-from dispatcher_daemon.learning import HOURS, MovementCosts, UsualSpeeds
+from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualSpeeds
 from dispatcher_daemon.tracking import FleetTracker, Situation
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
@@ -29,7 +29,6 @@ from slipstream.messages import (
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 
-_HOUR_NS = 3600 * 10**9
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
@@ -130,8 +129,12 @@ class FleetWatch:
             plans = tracker.admissible(plans)
             tracker.publish(plans, stops, reference_ns, now_ns)
             try:
-                learned = {"movements": self._costs.pending(), "speeds": self._speeds.pending()}
-                save(plans, replace(tracker.pending_records(), **learned))  # type: ignore[arg-type]
+                records = replace(
+                    tracker.pending_records(),
+                    movements=self._costs.pending(),
+                    speeds=self._speeds.pending(),
+                )
+                save(plans, records)
             except Exception:
                 tracker.retract(plans, now_ns)
                 raise
@@ -145,7 +148,7 @@ class FleetWatch:
         where no state is fresh, and what movements cost if the fleet has driven enough.
         """
         with self._lock:
-            hour = snapshot.now_ns // _HOUR_NS % HOURS
+            hour = snapshot.now_ns // HOUR_NS % HOURS
             self._speeds.on_traffic(snapshot, hour)
             usual_mps = self._speeds.speeds_mps(hour)
             self._costs.count()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dispatcher_daemon.learning.costs import MovementCosts
-from dispatcher_daemon.learning.history import HOURS, History
+from dispatcher_daemon.learning.history import HOUR_NS, HOURS, History
 from dispatcher_daemon.learning.passages import Passages, Trace
 from dispatcher_daemon.learning.speeds import UsualSpeeds
 
-__all__ = ["HOURS", "History", "MovementCosts", "Passages", "Trace", "UsualSpeeds"]
+__all__ = ["HOURS", "HOUR_NS", "History", "MovementCosts", "Passages", "Trace", "UsualSpeeds"]

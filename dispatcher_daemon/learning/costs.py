@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.learning.history import HOURS, Array, History
+from dispatcher_daemon.learning.history import HOUR_NS, HOURS, Array, History
 from dispatcher_daemon.learning.passages import Passages
 from dispatcher_daemon.learning.traces import STEP_S, PositionTraces
 from dispatcher_daemon.traffic import Expectations
@@ -17,7 +17,6 @@ from slipstream.roads import RoadNetwork
 
 MIN_PASSAGES: Final = 1000.0
 """Fewer tell too little of a network: costs are those of segments until then."""
-_HOUR_NS: Final = 3600 * 10**9
 
 
 class MovementCosts:
@@ -74,7 +73,7 @@ class MovementCosts:
         Args:
             usual_mps: speeds of segments that RSUs watch.
         """
-        hour = now_ns // _HOUR_NS
+        hour = now_ns // HOUR_NS
         if self._expected is None or self._expected[0] != hour:
             self._expected = hour, self._compute(int(hour) % HOURS, usual_mps)
         return self._expected[1]

@@ -27,11 +27,12 @@ from slipstream.roads import RoadNetwork
 Array = npt.NDArray[np.float64]
 
 HOURS: Final = 24
+HOUR_NS: Final = 3600 * 10**9
 _KIND: Final = "slipstream movements 1"
 _OF_DAY: Final = 8.0
 """So many passages at the mean that is drawn towards are added to a movement's and a segment's."""
 OF_HOUR: Final = 16.0
-NEIGHBOUR: Final = 0.5
+_NEIGHBOUR: Final = 0.5
 """What passages of the hours before and after count for."""
 _MIN_SHARE: Final = 0.2
 """No movement is expected to cost less, of what it costs at the limit without a stop."""
@@ -80,9 +81,7 @@ class History:
         segment = np.unique([a for a, _ in pairs], return_inverse=True)[1]
         kind = np.array([s.end in network.signals for s in basis], dtype=np.int64)
         at = np.array([self._row.get(pair, -1) for pair in pairs])
-        weight = np.zeros(HOURS)
-        for step, share in ((0, 1.0), (-1, NEIGHBOUR), (1, NEIGHBOUR)):
-            weight[(int(hour) + step) % HOURS] += share
+        weight = hour_weights(int(hour))
 
         def beyond(table: Array, alone: Array) -> Array:
             day, now = (self._taken(table @ w, at) for w in (np.ones(HOURS), weight))
@@ -158,6 +157,14 @@ class History:
             return cls(pairs, count, loss / 1e6, seconds, stops)
         except (ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
             raise InputError(path, f"not a history: {error}", mend) from None
+
+
+def hour_weights(hour: int) -> Array:
+    """What observations of each hour of the day count for at one of them, shape (24,)."""
+    weight = np.zeros(HOURS)
+    for step, share in ((0, 1.0), (-1, _NEIGHBOUR), (1, _NEIGHBOUR)):
+        weight[(hour + step) % HOURS] += share
+    return weight
 
 
 def _pooled(

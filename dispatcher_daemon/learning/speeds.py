@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.learning.history import HOURS, NEIGHBOUR, OF_HOUR, Array
+from dispatcher_daemon.learning.history import HOURS, OF_HOUR, Array, hour_weights
 from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot
 from slipstream.orders import SpeedSum
 from slipstream.roads import RoadNetwork
@@ -58,10 +58,7 @@ class UsualSpeeds:
         The mean of the hour and, at half their weight, its neighbours, drawn towards the day's as
         in `dispatcher_daemon.learning.History`.
         """
-        weight = np.zeros(HOURS)
-        for step, share in ((0, 1.0), (-1, NEIGHBOUR), (1, NEIGHBOUR)):
-            weight[(hour + step) % HOURS] += share
-        found = {}
+        weight, found = hour_weights(hour), {}
         for name, table in self._sums.items():
             count, speed = table.sum(axis=1)
             if name in self._limits and count >= MIN_WINDOWS:

@@ -110,7 +110,9 @@ class Basis:
         """
         origin, speed = self.turn[0], self.speed_mps
         if exact:
-            energy, unknown_s = self.drive_costs().energy, self._stop()[1]
+            drive = self.drive_costs()
+            assert drive.waiting_s is not None
+            energy, unknown_s = drive.energy, drive.waiting_s
         else:
             finish_kwh = self.cost_kwh + [stop_energy_kwh(v, self.vehicle) for v in speed]
             energy = Weights(self.cost_kwh[origin], np.full(len(speed), MIN_COST), finish_kwh, True)
