@@ -21,7 +21,12 @@ from dispatcher_daemon.platooning.platoons import (
     form_platoons,
     platoons_of,
 )
-from dispatcher_daemon.platooning.rewards import JudgedPair, judge_pairs, rewards
+from dispatcher_daemon.platooning.rewards import (
+    JudgedPair,
+    apart_at_the_end,
+    judge_pairs,
+    rewards,
+)
 from dispatcher_daemon.platooning.vehicles_on_road import (
     RoadUser,
     joined_segments,
@@ -39,6 +44,7 @@ __all__ = [
     "TimedPassage",
     "Traversal",
     "Traversals",
+    "apart_at_the_end",
     "clusters",
     "drag_reductions",
     "form_platoons",

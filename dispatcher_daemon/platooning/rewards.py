@@ -120,12 +120,27 @@ def _doubt(segment: str, first: RoutedArc, second: RoutedArc, sync_window_s: flo
     for arc in (first, second):
         if not arc.exact:
             return f"when {arc.vehicle} leaves {arc.leg.start} depends on the stops before it"
-    entered = first.entries_s()[segment] - second.entries_s()[segment]
-    left = first.leavings_s()[segment] - second.leavings_s()[segment]
-    if abs(left) > sync_window_s:
-        return f"due to leave it {abs(left):.1f} s apart, more than {sync_window_s:g} s"
-    if entered * left < 0:
-        return f"who enters first is due to leave last, by {abs(left):.2f} s"
+    entries_s = first.entries_s()[segment] - second.entries_s()[segment]
+    leavings_s = first.leavings_s()[segment] - second.leavings_s()[segment]
+    return apart_at_the_end(entries_s, leavings_s, sync_window_s)
+
+
+def apart_at_the_end(entries_s: float, leavings_s: float, sync_window_s: float) -> str | None:
+    """Why two that enter a segment together do not leave it as a platoon; None: they do. See
+    `dispatcher_daemon.platooning.form_platoons`.
+
+    Args:
+        entries_s: difference of their entries.
+        leavings_s: likewise, in the same order.
+    """
+    if entries_s * leavings_s < 0:
+        return (
+            f"who enters first, by {abs(entries_s):.2f} s, is due to leave last, "
+            f"by {abs(leavings_s):.2f} s"
+        )
+    if abs(leavings_s) > sync_window_s:
+        apart = f"{abs(leavings_s):.1f} s apart, more than {sync_window_s:g} s"
+        return f"they are due to leave it {apart}"
     return None
 
 

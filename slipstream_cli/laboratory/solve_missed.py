@@ -60,15 +60,12 @@ def missed_rewards(form: Form, tried: Attempt, window_s: float) -> Missed | None
 
 def _reason(first: tuple[float, float], second: tuple[float, float], window_s: float) -> str:
     """Why two passages (entry, exit), s, are no platoon; see `form_platoons`."""
+    from dispatcher_daemon.platooning import apart_at_the_end
+
     entries, leavings = first[0] - second[0], first[1] - second[1]
     if abs(entries) > window_s:
         return f"by the timetable entries are {abs(entries):.1f} s apart, more than {window_s:g} s"
-    if entries * leavings < 0:
-        return (
-            f"who enters first, by {abs(entries):.2f} s, is due to leave last, "
-            f"by {abs(leavings):.2f} s"
-        )
-    return f"they are due to leave it {abs(leavings):.1f} s apart, more than {window_s:g} s"
+    return apart_at_the_end(entries, leavings, window_s) or "they form none"
 
 
 def _passage(routes: tuple[Route, ...], arc: RoutedArc, segment: str) -> tuple[float, float]:
