@@ -47,7 +47,8 @@ class Commitment:
         place: stop or depot that it left last, or stands at.
         node: of that place.
         arrived_ns: at that place, UTC.
-        departs_ns: from that place, UTC; not used of one that moves.
+        ready_ns: when it can leave that place, UTC; not used of one that moves.
+        departs_ns: when its plan has it leave, later where it waits for others; likewise.
         moving: where it is on its first committed segment; None: it stands at the place.
         legs: of which something is fixed, at least one; the leg of number i ends at stop i, or at
             the depot after all stops. They fix the order of their stops.
@@ -61,12 +62,18 @@ class Commitment:
     place: str
     node: str
     arrived_ns: int
+    ready_ns: int
     departs_ns: int
     moving: Moving | None
     legs: tuple[CommittedLeg, ...]
     stops: tuple[str, ...]
     under_way: bool = True
     lost: bool = False
+
+    @property
+    def may_wait(self) -> bool:
+        """Whether it stands at a stop and could stay there longer."""
+        return self.under_way and self.moving is None and not self.legs[0].path
 
     @property
     def continues(self) -> int | None:

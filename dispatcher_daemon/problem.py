@@ -51,6 +51,13 @@ class RoutingProblem:
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be >= 0, got {value}")
 
+    @property
+    def price_of_standing_kw(self) -> float:
+        """Cost of waiting for other vehicles on a tour, kWh an hour: that of driving time, and no
+        less than waiting at the depot costs.
+        """
+        return max(self.price_of_time_kw, self.price_of_waiting_kw)
+
     @cached_property
     def _profiles(self) -> dict[tuple[object, object], RoutingProfile]:
         found: dict[tuple[object, object], RoutingProfile] = {}

@@ -93,7 +93,8 @@ class Tour:
     def due_ns(self) -> int | None:
         """When the next leg is to begin, UTC; None: it drives, serves a stop, or has no plan.
 
-        A tour begins when the plan says so, each further leg as soon as the stop before it ended.
+        A tour begins when the plan says so, each further leg as soon as the stop before it ended,
+        but after a wait for other vehicles no sooner than planned.
         """
         stop = self.standing_at
         if self.plan is None or stop is None:
@@ -101,7 +102,9 @@ class Tour:
         if not self.under_way:
             return max(self.plan.depart_ns, self.ready_ns)
         visit = self._visits.get(stop.stop)
-        return None if visit is not None and visit.status == "arrived" else self.ready_ns
+        if visit is not None and visit.status == "arrived":
+            return None
+        return max(stop.departure_ns, self.ready_ns) if stop.wait_s > 0 else self.ready_ns
 
     def slack_ns(self, due_ns: int) -> int:
         """By how much the next leg may begin later without a late delivery on the rest of the tour.

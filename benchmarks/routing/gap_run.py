@@ -19,6 +19,7 @@ import numpy as np
 from dispatcher_daemon.planning import initial_plans
 from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import build_block
+from dispatcher_daemon.planning.departures import longest_wait_s
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
@@ -76,7 +77,8 @@ def _whole(
     }
     names = {n: vehicle.id for n, vehicle in enumerate(planner.problem.fleet.vehicles)}
     windows = [planner.window_s(n) for n in names]
-    graph = opportunity_graph(itineraries, windows, planner.shares, planner.sync_window_s)
+    waits = [longest_wait_s(planner, itinerary) for itinerary in itineraries]
+    graph = opportunity_graph(itineraries, windows, waits, planner.shares, planner.sync_window_s)
     return build_block(names, options, meetings).problem, nx.relabel_nodes(graph, names)
 
 

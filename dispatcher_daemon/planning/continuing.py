@@ -9,7 +9,7 @@ from typing import Final
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Leg, Roads, Travel, leg_from, leg_onward, unhindered_s
+from dispatcher_daemon.roads import Leg, Roads, Route, Travel, leg_from, leg_onward, unhindered_s
 
 MAX_REORDERED: Final = 5
 """Stops whose order is tried in all ways, 120; of more, the order that the search gave them stays:
@@ -24,6 +24,27 @@ def departure_s(own: Commitment, roads: Roads, now_ns: int) -> float:
         return 1e-9 * (own.departs_ns - now_ns)
     measured_s = 1e-9 * (own.moving.time_ns - now_ns)
     return measured_s - unhindered_s(roads, own.legs[0].path[0], own.moving.share)
+
+
+def planned_waits_s(own: Commitment, route: Route, now_ns: int) -> tuple[float, ...]:
+    """Waits at the ends of a route's legs but the last by which a vehicle leaves its stops no
+    sooner than its present plan says, where that has waits; shorter ones if it is late.
+
+    Args:
+        own: what it is bound to.
+        route: over its stops, without waits.
+        now_ns: the cycle's start, UTC.
+    """
+    planned = {stop.stop: stop for stop in own.plan.stops if stop.wait_s > 0}
+    waits: list[float] = []
+    for visit in route.visits[1:-1]:
+        stop = planned.get(visit.place)
+        wait_s = 0.0
+        if stop is not None:
+            leaves_s = 1e-9 * (stop.departure_ns - now_ns)
+            wait_s = min(stop.wait_s, max(0.0, leaves_s - visit.departure_s - sum(waits)))
+        waits.append(wait_s)
+    return tuple(waits)
 
 
 def committed_legs(

@@ -1,16 +1,18 @@
-"""Departure times at which platoons meet: the paper's schedule manager."""
+"""Departures from depots and stops at which platoons meet: the paper's schedule manager."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.planning.itineraries import Itinerary, Planner
-from dispatcher_daemon.platooning import Meetings
+from dispatcher_daemon.planning.itineraries import MAX_WAIT_S, S_PER_H, Itinerary, Planner
+from dispatcher_daemon.platooning import Meetings, Traversals
+from dispatcher_daemon.roads import timed
 
-MAX_DEPARTURES = 6
-"""Maximum number of departures that are evaluated exactly."""
+MAX_DEPARTURES: Final = 6
+"""Maximum number of departures, and of waits at stops, that are evaluated exactly."""
 
 
 def meeting_departures(
@@ -19,19 +21,29 @@ def meeting_departures(
     """Departures at which a vehicle would meet many others, the most promising first, s.
 
     Leaving Δ later shifts each entry by Δ, but for waits at stops, which the exact timetable knows.
-    Each passage of another vehicle over a shared segment names the Δ at which both enter it at
-    once. A departure's score is the sum of follower savings over the Δ within the synchronisation
-    window around it.
     """
     first, last = planner.window_s(itinerary.number)
     leaves = itinerary.depart_s
+    shifts = _meeting_shifts(itinerary.traversals, meetings, first - leaves, last - leaves)
+    return [leaves + shift for _, shift in shifts[:max_departures]]
+
+
+def _meeting_shifts(
+    traversals: Traversals, meetings: Meetings, earliest_s: float, latest_s: float
+) -> list[tuple[float, float]]:
+    """(score in kWh, shift in s) of shifts of all passages by which they meet others, best first.
+
+    Each passage of another vehicle over a shared segment names the shift at which both enter it at
+    once. A shift's score is the sum of follower savings over those within the synchronisation
+    window around it. Of shifts within a window of each other the best is kept.
+    """
     shifts: list[float] = []
     weights: list[float] = []
-    for segment, passages in itinerary.traversals.items():
+    for segment, passages in traversals.items():
         saving = meetings.shares[segment].follower_kwh
         for entry, _, key in passages:
             for other_entry, _, other in meetings.on(segment):
-                if other != key and first <= leaves + other_entry - entry <= last:
+                if other != key and earliest_s <= other_entry - entry <= latest_s:
                     shifts.append(other_entry - entry)
                     weights.append(saving)
     if not shifts:
@@ -43,26 +55,93 @@ def meeting_departures(
     low = np.searchsorted(at, at - window, "left")
     high = np.searchsorted(at, at + window, "right")
     score = total[high] - total[low]
-    chosen: list[float] = []
+    chosen: list[tuple[float, float]] = []
     for i in np.argsort(-score, kind="stable"):
         shift = float(at[i])
-        if all(abs(shift - taken) > window for taken in chosen):
-            chosen.append(shift)
-        if len(chosen) == max_departures:
+        if all(abs(shift - taken) > window for _, taken in chosen):
+            chosen.append((float(score[i]), shift))
+        if len(chosen) == MAX_DEPARTURES:
             break
-    return [leaves + shift for shift in chosen]
+    return chosen
 
 
 def alternatives(
     planner: Planner, itinerary: Itinerary, meetings: Meetings, max_departures: int = MAX_DEPARTURES
 ) -> Iterable[Itinerary]:
-    """The same route at other departures that keep its windows."""
+    """The same route at other departures, or with another wait at one of its stops, that keep its
+    windows.
+    """
     if itinerary.route is None:
         return
+    number, stops, legs = itinerary.number, itinerary.stops, itinerary.route.legs
+    waits_s = itinerary.waits_s
     for depart_s in meeting_departures(planner, itinerary, meetings, max_departures):
-        moved = planner.itinerary(itinerary.number, itinerary.stops, itinerary.route.legs, depart_s)
+        moved = planner.itinerary(number, stops, legs, depart_s, waits_s)
         if moved is not None:
             yield moved
+    for changed_s in _meeting_waits(planner, itinerary, meetings, max_departures):
+        waiting = planner.itinerary(number, stops, legs, itinerary.depart_s, changed_s)
+        if waiting is not None:
+            yield waiting
+
+
+def as_planned(planner: Planner, itinerary: Itinerary) -> Itinerary:
+    """The same with the waits that a bound vehicle's present plan has."""
+    if itinerary.route is None or itinerary.number not in planner.bound:
+        return itinerary
+    number, stops, legs = itinerary.number, itinerary.stops, itinerary.route.legs
+    leaves_s = planner.planned_departure_s(number)
+    at_once = timed(
+        planner.problem, legs, planner.problem.fleet.vehicles[number], planner.reference_s, leaves_s
+    )
+    waits_s = planner.planned_waits_s(number, at_once)
+    waiting = planner.itinerary(number, stops, legs, leaves_s, waits_s)
+    return itinerary if waiting is None else waiting
+
+
+def longest_wait_s(planner: Planner, itinerary: Itinerary) -> float:
+    """The longest wait on a tour that what is saved behind it can pay for, s."""
+    if itinerary.route is None or not itinerary.waits_s or planner.problem.objective == "paper":
+        return 0.0
+    begins_s = itinerary.route.visits[1].departure_s
+    kwh = sum(
+        max(planner.shares[segment].leader_kwh, planner.shares[segment].follower_kwh)
+        for segment, passages in itinerary.traversals.items()
+        for entry, _, _ in passages
+        if entry >= begins_s
+    )
+    price_kw = min(planner.price_of_wait_kw(v.place) for v in itinerary.route.visits[1:-1])
+    return min(MAX_WAIT_S, kwh / price_kw * S_PER_H) if price_kw > 0 else MAX_WAIT_S
+
+
+def _meeting_waits(
+    planner: Planner, itinerary: Itinerary, meetings: Meetings, max_waits: int
+) -> list[tuple[float, ...]]:
+    """Waits at the ends of legs, one of them changed so that the rest of the route meets many
+    others, the most promising first; none under the paper's objective, which has no such waits.
+    """
+    if itinerary.route is None or planner.problem.objective == "paper":
+        return []
+    waits_s = itinerary.waits_s
+    fixed = len(planner.fixed_legs(itinerary.number) or ())
+    found: list[tuple[float, int, float]] = []
+    for at, visit in enumerate(itinerary.route.visits[1:-1]):
+        if at + 1 < fixed:
+            continue
+        rest = {
+            segment: later
+            for segment, passages in itinerary.traversals.items()
+            if (later := [p for p in passages if p[0] >= visit.departure_s])
+        }
+        price_kw = planner.price_of_wait_kw(visit.place)
+        found += [
+            (score - price_kw * shift / S_PER_H, at, waits_s[at] + shift)
+            for score, shift in _meeting_shifts(
+                rest, meetings, -visit.wait_s, MAX_WAIT_S - visit.wait_s
+            )
+        ]
+    best = sorted(found, reverse=True)[:max_waits]
+    return [(*waits_s[:at], wait_s, *waits_s[at + 1 :]) for _, at, wait_s in best]
 
 
 def best_departure(
@@ -85,6 +164,11 @@ def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> lis
     chosen = []
     for itinerary in itineraries:
         best = best_departure(planner, itinerary, meetings)
+        # Each round changes the departure or one wait.
+        for _ in best.waits_s:
+            best, before = best_departure(planner, best, meetings), best
+            if best.key == before.key:
+                break
         meetings.add(best.traversals)
         chosen.append(best)
     return chosen

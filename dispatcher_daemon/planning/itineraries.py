@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
@@ -12,7 +12,11 @@ from typing import Final
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.planning.charging_stops import with_charging_stops
-from dispatcher_daemon.planning.continuing import committed_legs, departure_s
+from dispatcher_daemon.planning.continuing import (
+    committed_legs,
+    departure_s,
+    planned_waits_s,
+)
 from dispatcher_daemon.platooning import (
     Meetings,
     RoadUser,
@@ -28,7 +32,10 @@ from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh, shortfall
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import VehicleParameters
 
-_S_PER_H: Final = 3600.0
+S_PER_H: Final = 3600.0
+_ROUNDING_S: Final = 1e-6
+MAX_WAIT_S: Final = 600.0
+"""Longest wait at one stop: nobody foresees traffic much further."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,7 @@ class Itinerary:
         number: of the vehicle in the fleet.
         stops: served in order; none: the vehicle stays idle.
         route: with its timetable; None for an idle vehicle.
-        cost_kwh: Σ segment costs without platooning, and the cost of waiting at the depot.
+        cost_kwh: Σ leg costs without platooning, and the cost of waiting for other vehicles.
         traversals: passages of open segments.
     """
 
@@ -53,12 +60,18 @@ class Itinerary:
     def key(self) -> tuple[object, ...]:
         """The same for itineraries that are the same to a tenth of a second."""
         paths = () if self.route is None else tuple(leg.path for leg in self.route.legs)
-        return self.number, self.stops, paths, round(self.depart_s, 1)
+        waits_s = tuple(round(wait_s, 1) for wait_s in self.waits_s)
+        return self.number, self.stops, paths, round(self.depart_s, 1), waits_s
 
     @property
     def depart_s(self) -> float:
         """When it leaves its depot."""
         return 0.0 if self.route is None else self.route.visits[0].departure_s
+
+    @property
+    def waits_s(self) -> tuple[float, ...]:
+        """How long it waits for other vehicles at the end of each leg but the last."""
+        return () if self.route is None else tuple(v.wait_s for v in self.route.visits[1:-1])
 
 
 class Planner:
@@ -126,15 +139,28 @@ class Planner:
         return meetings
 
     def window_s(self, number: int) -> tuple[float, float]:
-        """First and last moment at which a vehicle may leave; one of a bound vehicle."""
+        """First and last moment at which a vehicle may leave; of a bound vehicle its place, where
+        it may stay for others if it stands at a stop.
+        """
         own = self.bound.get(number)
+        if own is not None and own.may_wait and self.problem.objective == "energy":
+            ready_s = 1e-9 * (own.ready_ns - self.snapshot.now_ns)
+            return ready_s, ready_s + MAX_WAIT_S
         if own is not None:
-            travel = self.travels[0].of(self.problem.fleet.vehicles[number])
-            begins_s = departure_s(own, travel.roads, self.snapshot.now_ns)
+            begins_s = self.planned_departure_s(number)
             return begins_s, begins_s
         vehicle = self.problem.fleet.vehicles[number]
         latest = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
         return self.reference_s + vehicle.ready_s, self.reference_s + latest
+
+    def planned_departure_s(self, number: int) -> float:
+        """When the committed part of a bound vehicle's route begins by its present plan."""
+        travel = self.travels[0].of(self.problem.fleet.vehicles[number])
+        return departure_s(self.bound[number], travel.roads, self.snapshot.now_ns)
+
+    def price_of_wait_kw(self, place: str) -> float:
+        """Cost of waiting for other vehicles at a place on a tour, kWh an hour."""
+        return self.problem.price_of_standing_kw
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
         """Legs of a route, over charging stops where the battery needs them; None if one of them
@@ -193,7 +219,7 @@ class Planner:
             return ready_s
         if battery.depot_power_kw == 0 or charge_kwh + short_kwh > battery.capacity_kwh:
             return math.inf
-        return ready_s + short_kwh / battery.depot_power_kw * _S_PER_H
+        return ready_s + short_kwh / battery.depot_power_kw * S_PER_H
 
     def fixed_legs(self, number: int, travel: int = 0) -> list[Leg] | None:
         """The first legs of a bound vehicle, which are the same whatever it does; of any other
@@ -219,6 +245,7 @@ class Planner:
         stops: tuple[str, ...],
         legs: Sequence[Leg] | None,
         depart_s: float | None = None,
+        waits_s: Sequence[float] = (),
     ) -> Itinerary | None:
         """A vehicle's itinerary over given legs; None if a window is missed, a path missing, or the
         charge falls below the reserve.
@@ -226,6 +253,7 @@ class Planner:
         Args:
             depart_s: None: as soon as it is ready, and charged as far as it needs. A bound vehicle
                 goes on as it can.
+            waits_s: for other vehicles, at the end of each leg but the last; none: nowhere.
         """
         bound = number in self.bound
         if not stops and not bound:
@@ -234,19 +262,64 @@ class Planner:
             return None
         vehicle = self.problem.fleet.vehicles[number]
         if bound:
-            # What it has loaded is delivered, late or not.
-            route = timed(self.problem, legs, vehicle, self.reference_s, self.window_s(number)[0])
-            cost = sum(leg.cost_kwh for leg in legs)
-            return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))
+            return self._bound_itinerary(number, stops, legs, depart_s, waits_s)
         earliest_s = self._ready_after_charging_s(number, legs)
-        if math.isinf(earliest_s) or (depart_s is not None and depart_s < earliest_s - 1e-6):
+        if math.isinf(earliest_s) or (depart_s is not None and depart_s < earliest_s - _ROUNDING_S):
             return None
         depart_s = earliest_s if depart_s is None else depart_s
-        route = timed(self.problem, legs, vehicle, self.reference_s, depart_s)
+        route = timed(self.problem, legs, vehicle, self.reference_s, depart_s, waits_s)
         # A departure computed from a meeting may miss its window by rounding.
-        if lateness_s(self.problem, vehicle, route, self.reference_s) > 1e-6:
+        if lateness_s(self.problem, vehicle, route, self.reference_s) > _ROUNDING_S:
             return None
-        waits_s = route.visits[0].departure_s - self.window_s(number)[0]
-        cost = sum(leg.cost_kwh for leg in legs)
-        cost += self.problem.price_of_waiting_kw * max(0.0, waits_s) / _S_PER_H
+        at_depot_s = route.visits[0].departure_s - self.window_s(number)[0]
+        return self._itinerary(number, stops, route, max(0.0, at_depot_s))
+
+    def _bound_itinerary(
+        self,
+        number: int,
+        stops: tuple[str, ...],
+        legs: Sequence[Leg],
+        depart_s: float | None,
+        waits_s: Sequence[float],
+    ) -> Itinerary | None:
+        """What a bound vehicle has loaded is delivered, late or not, but later for no wait."""
+        first_s, last_s = self.window_s(number)
+        begins_s = first_s if depart_s is None else min(max(depart_s, first_s), last_s)
+
+        def driven(begins_s: float, waits_s: Sequence[float]) -> Route:
+            vehicle = self.problem.fleet.vehicles[number]
+            return timed(self.problem, legs, vehicle, self.reference_s, begins_s, waits_s)
+
+        def late_s(route: Route) -> float:
+            vehicle = self.problem.fleet.vehicles[number]
+            late = lateness_s(self.problem, vehicle, route, self.reference_s, under_way=True)
+            return max(0.0, late)
+
+        # It waits as planned before a leg that is fixed.
+        fixed = max(0, len(self.fixed_legs(number) or ()) - 1)
+        planned_s = self.planned_waits_s(number, driven(first_s, ()))[:fixed]
+        at_once = driven(first_s, planned_s)
+        waits_s = (*planned_s, *waits_s[fixed:])
+        if begins_s == first_s and not any(waits_s[fixed:]):
+            return self._itinerary(number, stops, at_once, 0.0)
+        route = driven(begins_s, waits_s)
+        if late_s(route) > late_s(at_once) + _ROUNDING_S:
+            return None
+        here = replace(route.visits[0], arrival_s=first_s, wait_s=begins_s - first_s)
+        route = replace(route, visits=(here, *route.visits[1:]))
+        return self._itinerary(number, stops, route, 0.0)
+
+    def planned_waits_s(self, number: int, route: Route) -> tuple[float, ...]:
+        """Waits of a vehicle's present plan on a route without any; none of a free vehicle."""
+        own = self.bound.get(number)
+        return () if own is None else planned_waits_s(own, route, self.snapshot.now_ns)
+
+    def _itinerary(
+        self, number: int, stops: tuple[str, ...], route: Route, at_depot_s: float
+    ) -> Itinerary:
+        problem = self.problem
+        cost = sum(leg.cost_kwh for leg in route.legs)
+        cost += problem.price_of_waiting_kw * at_depot_s / S_PER_H
+        for visit in route.visits:
+            cost += self.price_of_wait_kw(visit.place) * visit.wait_s / S_PER_H
         return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))

@@ -84,7 +84,11 @@ def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
             if other.path != leg.path:
                 changed = [*legs[:at], replace(other, charging=leg.charging), *legs[at + 1 :]]
                 detour = planner.itinerary(
-                    itinerary.number, itinerary.stops, changed, itinerary.depart_s
+                    itinerary.number,
+                    itinerary.stops,
+                    changed,
+                    itinerary.depart_s,
+                    itinerary.waits_s,
                 )
                 if detour is not None:
                     yield detour

@@ -18,16 +18,18 @@ _MAX_PARTNERS = 24
 def opportunity_graph(
     itineraries: Sequence[Itinerary],
     windows_s: Sequence[tuple[float, float]],
+    waits_s: Sequence[float],
     shares: Mapping[str, Shares],
     sync_window_s: float,
 ) -> nx.Graph:
     """Graph of the vehicles that could platoon, weighted by their saving, kWh.
 
     An edge's weight is what a pair would save on all open segments that both pass and on which
-    departures within their windows can bring them together.
+    departures within their windows, and waits on their tours, can bring them together.
 
     Args:
         windows_s: first and last departure by vehicle number.
+        waits_s: longest wait behind its first stop, likewise.
     """
     graph = nx.Graph()
     driving = [i for i in itineraries if i.traversals]
@@ -38,10 +40,13 @@ def opportunity_graph(
     row_of = np.array([r for r, i in enumerate(driving) for _ in i.traversals])
     column_of = np.array([column[s] for i in driving for s in i.traversals])
     saving_kwh = np.array([shares[s].leader_kwh + shares[s].follower_kwh for s in column])
-    # Earliest and latest entry of each vehicle into each segment, as departures can shift it.
+    # Earliest and latest entry of each vehicle into each segment, as departures and waits shift it.
     entry = np.array([p[0][0] - i.depart_s for i in driving for p in i.traversals.values()])
+    behind = np.array([i.route.legs[0].drive.duration_s if i.route else 0.0 for i in driving])
     window = np.array([windows_s[i.number] for i in driving])
+    waits = np.array([waits_s[i.number] for i in driving])
     early, late = entry + window[row_of, 0], entry + window[row_of, 1]
+    late += np.where(entry >= behind[row_of], waits[row_of], 0.0)
     order = np.lexsort((early, column_of))
     row_of, column_of, early, late = (a[order] for a in (row_of, column_of, early, late))
     # Partners of a passage: those after it on its segment that can enter before its last moment.

@@ -12,7 +12,12 @@ import numpy as np
 
 from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.blocks import Block, build_block
-from dispatcher_daemon.planning.departures import best_departure, schedule_greedily
+from dispatcher_daemon.planning.departures import (
+    as_planned,
+    best_departure,
+    longest_wait_s,
+    schedule_greedily,
+)
 from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
@@ -83,11 +88,18 @@ def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
 
 
 def initial_choices(planner: Planner, itineraries: Sequence[Itinerary]) -> tuple[Choice, Choice]:
-    """(the itineraries as they are, the same scheduled greedily); by vehicle number both."""
+    """(the itineraries as they are, the same scheduled); by vehicle number both.
+
+    Bound vehicles begin with the waits of their present plans: the schedule is those waits, or the
+    greedy one from them on if that is better.
+    """
+    planned = [as_planned(planner, itinerary) for itinerary in itineraries]
     # Vehicles that are ready last choose first: the others can wait for them, not vice versa.
-    latest_first = sorted(itineraries, key=lambda i: (-i.depart_s, i.number))
+    latest_first = sorted(planned, key=lambda i: (-i.depart_s, i.number))
     scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
-    return choice_of(planner, itineraries), choice_of(planner, scheduled)
+    schedules = [choice_of(planner, planned), choice_of(planner, scheduled)]
+    best = min(schedules, key=lambda choice: choice.objective_kwh)
+    return choice_of(planner, itineraries), best
 
 
 class BlockDescent:
@@ -135,7 +147,10 @@ class BlockDescent:
         began = clock()
         planner, max_variables = self.planner, self.settings.block_variables
         windows = [planner.window_s(i.number) for i in self.present]
-        graph = opportunity_graph(self.present, windows, planner.shares, planner.sync_window_s)
+        waits = [longest_wait_s(planner, i) for i in self.present]
+        graph = opportunity_graph(
+            self.present, windows, waits, planner.shares, planner.sync_window_s
+        )
         size = max(2, max_variables // self.settings.options)
         # A small fleet is one block: exchanges can tie vehicles that have no road in common yet.
         small = 0 < len(graph) <= size

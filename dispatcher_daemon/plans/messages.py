@@ -106,6 +106,7 @@ def vehicle_plans(
                 latest_ns=latest_ns(visit.place),
                 charge_kwh=charge_kwh,
                 charged_kwh=charged_kwh,
+                wait_s=visit.wait_s,
             )
             for number, (visit, charge_kwh, charged_kwh) in enumerate(
                 zip(route.visits, charges, taken, strict=True)

@@ -130,7 +130,7 @@ def _window_faults(
         yield "is back too late"
     stops = [(s, fleet.stop_by_id[s.stop]) for s in plan.stops[1:-1] if s.stop in fleet.stop_by_id]
     for visit, stop in stops:
-        begins_ns = visit.departure_ns - round(stop.service_s * 1e9)
+        begins_ns = visit.departure_ns - round((stop.service_s + visit.wait_s) * 1e9)
         if begins_ns < begin_ns + round(stop.earliest_s * 1e9) - _TOLERANCE_NS:
             yield f"serves {stop.id} before its window"
         if own is None and stop.latest_s is not None and late(visit.arrival_ns, stop.latest_s):
@@ -210,7 +210,8 @@ def _time_faults(
     for stop in plan.stops:
         known = fleet.stop_by_id.get(stop.stop)
         needed_ns = 0 if known is None else round(known.service_s * 1e9)
-        if stop.departure_ns - stop.arrival_ns < needed_ns - _TOLERANCE_NS:
+        stays_ns = stop.departure_ns - stop.arrival_ns - round(stop.wait_s * 1e9)
+        if stays_ns < needed_ns - _TOLERANCE_NS:
             yield f"leaves {stop.stop} before it is served"
     for number, leg in enumerate(legs_of(plan)):
         if not leg:

@@ -45,10 +45,11 @@ def on_road(
     late = late_s or {}
     users = []
     for plan in sorted(plans, key=lambda plan: plan.vehicle):
-        shift_ns = round(1e9 * late.get(plan.vehicle, 0.0))
+        shifts_ns = _shifts_ns(plan, round(1e9 * late.get(plan.vehicle, 0.0)), now_ns)
         position: Counter[int] = Counter()
         ahead = []
         for planned in plan.segments:
+            shift_ns = shifts_ns[planned.leg]
             passage = plan.vehicle, planned.leg, position[planned.leg]
             position[planned.leg] += 1
             if planned.entry_ns + shift_ns > now_ns:
@@ -60,6 +61,18 @@ def on_road(
         if ahead:
             users.append(RoadUser(plan.vehicle, now_ns, tuple(ahead)))
     return tuple(users)
+
+
+def _shifts_ns(plan: VehiclePlan, late_ns: int, now_ns: int) -> list[int]:
+    """By how much a vehicle is behind its plan on each leg: a wait that lies ahead makes up for it,
+    and lets nobody leave early.
+    """
+    shifts, shift = [], late_ns
+    for stop in plan.stops[:-1]:
+        if stop.wait_s > 0 and stop.departure_ns > now_ns:
+            shift = max(0, shift - round(1e9 * stop.wait_s))
+        shifts.append(shift)
+    return shifts
 
 
 def traversals_on_road(users: Sequence[RoadUser], shares: Mapping[str, Shares]) -> list[Traversals]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -74,11 +75,16 @@ class RoutedArc:
 
 @dataclass(frozen=True)
 class StopVisit:
-    """Arrival at and departure from a place, s after the reference time."""
+    """Arrival at and departure from a place, s after the reference time.
+
+    Attributes:
+        wait_s: for other vehicles, after service and before the departure.
+    """
 
     place: str
     arrival_s: float
     departure_s: float
+    wait_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -201,12 +207,18 @@ def timed(
     vehicle: Vehicle,
     reference_s: float = 0.0,
     depart_s: float | None = None,
+    waits_s: Sequence[float] = (),
 ) -> Route:
-    """The same for given legs, from the vehicle's depot and back to it."""
+    """The same for given legs, from the vehicle's depot and back to it.
+
+    Args:
+        waits_s: for other vehicles, at the end of each leg but the last; none: nowhere.
+    """
     fleet = problem.fleet
     clock = reference_s + vehicle.ready_s if depart_s is None else depart_s
     visits = [StopVisit(legs[0].start, clock, clock)]
-    for leg in legs:
+    waits = [*waits_s, *([0.0] * (len(legs) - len(waits_s)))]
+    for leg, wait_s in zip(legs, waits, strict=True):
         arrival = clock + leg.drive.duration_s
         stop = fleet.stop_by_id.get(leg.end)
         clock = arrival
@@ -214,20 +226,29 @@ def timed(
             clock = max(arrival, reference_s + stop.earliest_s) + stop.service_s
         if leg.charging is not None:
             clock += leg.charging.duration_s
-        visits.append(StopVisit(leg.end, arrival, clock))
+        clock += wait_s
+        visits.append(StopVisit(leg.end, arrival, clock, wait_s))
     return Route(vehicle.id, tuple(visits), tuple(legs))
 
 
 def lateness_s(
-    problem: RoutingProblem, vehicle: Vehicle, route: Route, reference_s: float = 0.0
+    problem: RoutingProblem,
+    vehicle: Vehicle,
+    route: Route,
+    reference_s: float = 0.0,
+    *,
+    under_way: bool = False,
 ) -> float:
     """By how much a route misses its worst window; 0 or less: it keeps them all.
 
     Windows are those of its stops (for the start of service), of its departure and its return.
+
+    Args:
+        under_way: its departure lies behind it.
     """
     leaves, back = route.visits[0].departure_s - reference_s, route.visits[-1].arrival_s
     latest = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
-    late = [leaves - latest, vehicle.ready_s - leaves]
+    late = [-math.inf] if under_way else [leaves - latest, vehicle.ready_s - leaves]
     if vehicle.return_by_s is not None:
         late.append(back - reference_s - vehicle.return_by_s)
     for visit in route.visits[1:-1]:

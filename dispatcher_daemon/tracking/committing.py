@@ -36,7 +36,8 @@ def commitment(
     place = plan.stops[leg]
     stops = tuple(stop.stop for stop in plan.stops[leg + 1 : -1] if stop.stop in held)
     moving, at = None, None
-    arrived_ns, departs_ns, late_ns = place.arrival_ns, place.departure_ns, 0
+    arrived_ns, late_ns = place.arrival_ns, 0
+    ready_ns = departs_ns = place.departure_ns
     if position.on_road:
         moving = Moving(position.share, position.speed_mps, _measured_ns(vehicle, now_ns))
         at = _index(legs[leg], position, now_ns)
@@ -48,14 +49,16 @@ def commitment(
         visit = _visit(vehicle, place.stop)
         if visit is not None:
             arrived_ns = visit.arrived_ns
-        stays_ns = place.departure_ns - place.arrival_ns
+        stays_ns = place.departure_ns - place.arrival_ns - round(place.wait_s * 1e9)
         ends_ns = arrived_ns + stays_ns
         if visit is not None and visit.ended_ns is not None:
             ends_ns = visit.ended_ns
-        departs_ns = max(ends_ns, now_ns)
+        ready_ns = departs_ns = max(ends_ns, now_ns)
+        if place.wait_s > 0:
+            departs_ns = max(ends_ns, place.departure_ns, now_ns)
         late_ns = departs_ns - place.departure_ns
     else:
-        departs_ns = max(place.departure_ns, now_ns)
+        ready_ns = departs_ns = max(place.departure_ns, now_ns)
         late_ns = departs_ns - place.departure_ns
     if position.on_road and at is None:
         committed = [CommittedLeg((position.segment,), False)]
@@ -68,6 +71,7 @@ def commitment(
         place=place.stop,
         node=place.node,
         arrived_ns=arrived_ns,
+        ready_ns=ready_ns,
         departs_ns=departs_ns,
         moving=moving,
         legs=tuple(committed),

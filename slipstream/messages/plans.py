@@ -83,6 +83,10 @@ class PlannedStop(Message):
     charged_kwh: NonNegative = Field(
         default=0.0, description="To take in there before it goes on: a charging stop."
     )
+    wait_s: NonNegative = Field(
+        default=0.0,
+        description="For other vehicles, at the end of its stay: it leaves no sooner than planned.",
+    )
 
 
 class DrivingAdvice(Message):

@@ -57,6 +57,24 @@ def test_a_tour_is_driven_leg_by_leg() -> None:
     assert told.cycle is None
 
 
+def test_a_wait_for_others_ends_when_the_plan_says() -> None:
+    """Served early, it leaves as planned; served late, at once. Without a wait it leaves early."""
+    whole = plan()
+    place = whole.stops[1]
+    early_s, late_s = 0.5 * place.departure_ns / 1e9, 2.0 * place.departure_ns / 1e9
+    for wait_s, served_s, due_ns in (
+        (20.0, early_s, place.departure_ns),
+        (20.0, late_s, ns(late_s)),
+        (0.0, early_s, ns(early_s)),
+    ):
+        stops = (whole.stops[0], place.model_copy(update={"wait_s": wait_s}), *whole.stops[2:])
+        tour = Tour(VAN)
+        tour.offer(whole.model_copy(update={"stops": stops}), ns(1))
+        drive(tour, 0, served_s - 10)
+        tour.report(report(served_s, "served", place.stop), ns(served_s))
+        assert tour.due_ns() == due_ns
+
+
 def test_stops_at_one_junction_need_no_road() -> None:
     """A leg without segments is skipped when the stop before it has been served."""
     whole = plan()

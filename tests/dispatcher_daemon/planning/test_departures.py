@@ -3,12 +3,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Literal
 
 import pytest
 
 from dispatcher_daemon.planning.departures import (
     alternatives,
     best_departure,
+    longest_wait_s,
     meeting_departures,
     schedule_greedily,
 )
@@ -112,7 +114,95 @@ def test_alternatives_that_would_miss_a_stop_s_window_are_left_out(town: Town) -
     meetings = Meetings(planner.shares, 3.0)
     meetings.add(late.traversals)
     assert meeting_departures(planner, early, meetings)
-    assert list(alternatives(planner, early, meetings)) == []
+    others = list(alternatives(planner, early, meetings))
+    assert {other.depart_s for other in others} <= {early.depart_s}
+    assert all(o.route is not None and o.route.visits[1].arrival_s <= 160 + 10 for o in others)
+
+
+def to_and_fro(
+    town: Town, price_kw: float = 0.0, objective: Literal["energy", "paper"] = "energy"
+) -> tuple[Planner, Itinerary, Itinerary]:
+    """Two vans to the same place; the second is there 45 s after the first one could go home."""
+    problem, snapshot = town(["33", "33"], [{}, {"ready_s": 45.0}])
+    problem = replace(problem, price_of_time_kw=price_kw, objective=objective)
+    planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0, 10.0)
+    first, second = (planner.itinerary(n, (f"s{n}",), planner.legs(n, (f"s{n}",))) for n in (0, 1))
+    assert first is not None
+    assert second is not None
+    return planner, first, second
+
+
+def test_a_van_waits_at_its_stop_to_drive_home_with_another(town: Town) -> None:
+    """It leaves when the other does, 45 s later, and both save on each segment of the way home."""
+    planner, first, second = to_and_fro(town)
+    meetings = planner.meetings()
+    meetings.add(second.traversals)
+    best = best_departure(planner, first, meetings)
+    assert best.waits_s == pytest.approx([45.0])
+    assert best.route is not None
+    assert best.route.visits[1].departure_s == pytest.approx(best.route.visits[1].arrival_s + 65.0)
+    home = best.route.legs[1].path
+    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    assert meetings.gain_kwh(best.traversals) == pytest.approx(saved)
+    assert best.cost_kwh == first.cost_kwh
+
+
+@pytest.mark.parametrize(("share", "waits"), [(0.9, True), (1.1, False)])
+def test_a_wait_on_the_way_costs_what_driving_time_costs(
+    town: Town, share: float, waits: bool
+) -> None:
+    """It is taken as long as both save more than its 45 s cost."""
+    planner, first, _ = to_and_fro(town)
+    assert first.route is not None
+    home = first.route.legs[1].path
+    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    planner, first, second = to_and_fro(town, share * saved * 3600 / 45.0)
+    meetings = planner.meetings()
+    meetings.add(second.traversals)
+    best = best_departure(planner, first, meetings)
+    assert best.waits_s == pytest.approx([45.0 if waits else 0.0])
+    if waits:
+        assert best.cost_kwh - first.cost_kwh == pytest.approx(share * saved)
+    assert longest_wait_s(planner, first) == pytest.approx(
+        sum(planner.shares[s].follower_kwh for s in home) / (share * saved) * 45.0
+    )
+
+
+def test_the_paper_s_objective_has_no_waits_on_the_way(town: Town) -> None:
+    """Its schedule manager shifts departures from depots only."""
+    planner, first, second = to_and_fro(town, objective="paper")
+    meetings = planner.meetings()
+    meetings.add(second.traversals)
+    assert [i.waits_s for i in alternatives(planner, first, meetings)] == []
+    assert longest_wait_s(planner, first) == 0.0
+
+
+def test_a_wait_makes_no_stop_late_and_nobody_back_late(town: Town) -> None:
+    """Of two stops the second has a window, and the van has to be back."""
+    stops = [
+        {"id": "s0", "node": "33", "service_s": 20.0},
+        {"id": "s1", "node": "30", "service_s": 20.0, "latest_s": 400.0},
+        {"id": "s2", "node": "33", "service_s": 20.0},
+    ]
+    vans = [{"return_by_s": 600.0}, {"ready_s": 300.0}]
+    problem, snapshot = town(stops, vans)
+    planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0, 10.0)
+    first = planner.itinerary(0, ("s0", "s1"), planner.legs(0, ("s0", "s1")))
+    second = planner.itinerary(1, ("s2", "s1"), planner.legs(1, ("s2",)))
+    assert first is not None
+    assert second is not None
+    legs = planner.legs(0, ("s0", "s1"))
+    assert legs is not None
+    on_time = planner.itinerary(0, ("s0", "s1"), legs, None, (10.0, 10.0))
+    assert on_time is not None
+    assert on_time.waits_s == (10.0, 10.0)
+    assert planner.itinerary(0, ("s0", "s1"), legs, None, (400.0, 0.0)) is None
+    assert planner.itinerary(0, ("s0", "s1"), legs, None, (0.0, 600.0)) is None
+    meetings = planner.meetings()
+    meetings.add(second.traversals)
+    found = list(alternatives(planner, first, meetings))
+    assert all(i.route is not None and i.route.visits[2].arrival_s <= 410.0 for i in found)
+    assert all(i.route is not None and i.route.visits[-1].arrival_s <= 610.0 for i in found)
 
 
 def test_greedy_scheduling_never_saves_less_and_keeps_routes(town: Town) -> None:

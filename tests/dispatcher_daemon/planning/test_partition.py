@@ -6,6 +6,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from dispatcher_daemon.planning.departures import MAX_WAIT_S, longest_wait_s
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.problem import RoutingProblem
@@ -28,7 +29,8 @@ def graph_of(
         assert itinerary is not None
         present.append(itinerary)
     windows = [planner.window_s(n) for n in range(len(present))]
-    return opportunity_graph(present, windows, planner.shares, 3.0), planner, present
+    waits = [longest_wait_s(planner, itinerary) for itinerary in present]
+    return opportunity_graph(present, windows, waits, planner.shares, 3.0), planner, present
 
 
 def test_an_edge_weighs_what_two_vans_could_save(town: Town) -> None:
@@ -45,11 +47,20 @@ def test_an_edge_weighs_what_two_vans_could_save(town: Town) -> None:
 
 def test_vans_that_cannot_be_there_together_have_no_edge(town: Town) -> None:
     """Windows further apart than the window of synchronisation, ways apart, or staying idle."""
-    windows = [{"depart_by_s": 60.0}, {"ready_s": 63.1}, {}, {}]
+    windows = [{"depart_by_s": 60.0}, {"ready_s": 60.0 + MAX_WAIT_S + 3.1}, {}, {}]
     graph, _, present = graph_of(town, ["33", "33", "01", ""], windows)
     assert not set(present[0].traversals) & set(present[2].traversals)
     assert set(graph) == {0, 1, 2}
     assert list(graph.edges) == []
+
+
+def test_a_wait_at_a_stop_brings_vans_together_on_the_way_home(town: Town) -> None:
+    """The edge weighs what the way home saves; the way out they cannot have in common."""
+    graph, planner, present = graph_of(town, ["33", "33"], [{}, {"ready_s": 63.1}])
+    assert present[0].route is not None
+    home = present[0].route.legs[1].path
+    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    assert graph.edges[0, 1]["weight"] == pytest.approx(saved)
 
 
 @pytest.mark.parametrize("most", [2, 5])

@@ -118,6 +118,32 @@ def test_only_what_lies_ahead_counts(sent: tuple[VehiclePlan, ...]) -> None:
     assert on_road([plan], plan.stops[-1].arrival_ns) == ()
 
 
+def test_a_wait_ahead_makes_up_for_lateness(sent: tuple[VehiclePlan, ...]) -> None:
+    """Who is 10 s late leaves a stop at which it was to wait 30 s as planned, who would wait 4 s
+    leaves 6 s late; nobody leaves early.
+    """
+    plan = next(plan for plan in sent if len(plan.stops) > 3)
+    place, rest = plan.stops[1], plan.stops[2:]
+
+    def shifts_s(wait_s: float, late_s: float) -> list[float]:
+        stops = (plan.stops[0], place.model_copy(update={"wait_s": wait_s}), *rest)
+        waiting = plan.model_copy(update={"stops": stops})
+        (user,) = on_road([waiting], plan.issued_ns, {plan.vehicle: late_s})
+        planned = {s.entry_ns: s.leg for s in plan.segments}
+        moved = [
+            round((there.entry_ns - s.entry_ns) / 1e9, 6)
+            for (_, there), s in zip(user.ahead, plan.segments[-len(user.ahead) :], strict=True)
+            if planned[s.entry_ns] >= 1
+        ]
+        assert moved
+        return sorted(set(moved))
+
+    assert shifts_s(30.0, 10.0) == [0.0]
+    assert shifts_s(4.0, 10.0) == [6.0]
+    assert shifts_s(4.0, -10.0) == [0.0]
+    assert shifts_s(0.0, -10.0) == [-10.0]
+
+
 def test_those_on_the_road_are_on_the_roads(city: Instance, sent: tuple[VehiclePlan, ...]) -> None:
     """A cycle's roads begin with them, under numbers that no vehicle of its fleet has."""
     users = on_road(sent, 0)
