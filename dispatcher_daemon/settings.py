@@ -381,8 +381,8 @@ class PriceSettings(Settings):
         ge=0,
         le=1e6,
         allow_inf_nan=False,
-        description="An hour of waiting at the depot for other vehicles, within the departure "
-        "window. 0: a wait is free.",
+        description="An hour of waiting for other vehicles at the depot, within the departure "
+        "window, or at a hub. 0: a wait is free. At a stop it costs as much as driving.",
     )
 
     @property

@@ -102,7 +102,7 @@ class Tour:
         if not self.under_way:
             return max(self.plan.depart_ns, self.ready_ns)
         visit = self._visits.get(stop.stop)
-        if visit is not None and visit.status == "arrived":
+        if not stop.is_hub and visit is not None and visit.status == "arrived":
             return None
         return max(stop.departure_ns, self.ready_ns) if stop.wait_s > 0 else self.ready_ns
 
@@ -292,6 +292,8 @@ class Tour:
         self.ready_ns = time_ns
         if self.leg == len(self._legs):
             self._forget()
+            return
+        if self.plan.stops[self.leg].is_hub:
             return
         self._note(
             Visit(

@@ -72,6 +72,7 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
     _no_duplicates(source, f"{prefix}vehicles", "id", (v.id for v in fleet.vehicles))
     _no_duplicates(source, f"{prefix}vehicle_types", "id", (t.id for t in fleet.vehicle_types))
     _no_duplicates(source, f"{prefix}charging_stops", "id", (c.id for c in fleet.charging_stops))
+    _no_duplicates(source, f"{prefix}hubs", "id", (h.id for h in fleet.hubs))
     for name in (DEPOT, *fleet.depot_by_id):
         if name in fleet.stop_by_id:
             raise InputError(
@@ -81,6 +82,11 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
         if name == DEPOT or name in fleet.stop_by_id or name in fleet.depot_by_id:
             problem = "a charging stop has the id of a stop or depot"
             raise InputError(source, problem, "rename it", key=f"{prefix}charging_stops.{name}")
+    for name in fleet.hub_by_id:
+        others = (fleet.stop_by_id, fleet.depot_by_id, fleet.charging_stop_by_id)
+        if name == DEPOT or any(name in other for other in others):
+            problem = "a hub has the id of a stop, charging stop or depot"
+            raise InputError(source, problem, "rename it", key=f"{prefix}hubs.{name}")
     for kind in fleet.vehicle_types:
         if kind.id in PRESETS:
             key = f"{prefix}vehicle_types.{kind.id}"
@@ -89,6 +95,7 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
         *((f"depots.{d.id}", d.node) for d in fleet.depots),
         *((f"stops.{s.id}", s.node) for s in fleet.stops),
         *((f"charging_stops.{c.id}", c.node) for c in fleet.charging_stops),
+        *((f"hubs.{h.id}", h.node) for h in fleet.hubs),
     ):
         if node not in network.junctions:
             raise InputError(

@@ -1,4 +1,4 @@
-"""Depots, stops, charging stops and vehicles of one dispatch."""
+"""Depots, stops, charging stops, hubs and vehicles of one dispatch."""
 
 from __future__ import annotations
 
@@ -57,6 +57,13 @@ class ChargingStop(_Point):
     power_kw: _PowerKw
 
 
+class Hub(_Point):
+    """Where vehicles may wait for each other on their way, such as a rest area."""
+
+    id: Identifier
+    node: Identifier = Field(description="Junction of the road network; or `lat` and `lon`.")
+
+
 class NamedVehicleType(VehicleType):
     """A vehicle type of a fleet, for its vehicles to name."""
 
@@ -103,7 +110,7 @@ class Stop(_Point):
         return self
 
 
-Place = Depot | Stop | ChargingStop
+Place = Depot | Stop | ChargingStop | Hub
 
 
 class Vehicle(Settings):
@@ -178,6 +185,7 @@ class Fleet(Settings):
     vehicles: tuple[Vehicle, ...] = Field(min_length=1)
     vehicle_types: tuple[NamedVehicleType, ...] = ()
     charging_stops: tuple[ChargingStop, ...] = ()
+    hubs: tuple[Hub, ...] = ()
 
     @cached_property
     def stop_by_id(self) -> dict[str, Stop]:
@@ -193,6 +201,11 @@ class Fleet(Settings):
     def charging_stop_by_id(self) -> dict[str, ChargingStop]:
         """Charging stops by their id."""
         return {stop.id: stop for stop in self.charging_stops}
+
+    @cached_property
+    def hub_by_id(self) -> dict[str, Hub]:
+        """Hubs by their id."""
+        return {hub.id: hub for hub in self.hubs}
 
     @cached_property
     def vehicle_by_id(self) -> dict[str, Vehicle]:
@@ -234,9 +247,13 @@ class Fleet(Settings):
         return None
 
     def node(self, place: str) -> str:
-        """Junction of a stop, a depot or a charging stop."""
-        places: tuple[Mapping[str, Place], ...] = (self.depot_by_id, self.charging_stop_by_id)
-        for known in places:
+        """Junction of a stop, a depot, a charging stop or a hub."""
+        tables: tuple[Mapping[str, Place], ...] = (
+            self.depot_by_id,
+            self.charging_stop_by_id,
+            self.hub_by_id,
+        )
+        for known in tables:
             if place in known:
                 return known[place].node
         return self.stop_by_id[place].node

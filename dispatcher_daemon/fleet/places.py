@@ -14,7 +14,7 @@ from slipstream.vehicle_types import RoutingProfile
 
 MAX_SNAP_M: Final = 200.0
 """From a place to its road; one further away is refused."""
-_TABLES: Final = ("depots", "stops", "charging_stops")
+_TABLES: Final = ("depots", "stops", "charging_stops", "hubs")
 _UNKNOWN_NODE: Final = "by latitude and longitude"
 
 
@@ -72,6 +72,7 @@ def _places(fleet: Fleet) -> Iterator[tuple[str, Place]]:
     yield from (("depots", depot) for depot in fleet.depots)
     yield from (("stops", stop) for stop in fleet.stops)
     yield from (("charging_stops", stop) for stop in fleet.charging_stops)
+    yield from (("hubs", hub) for hub in fleet.hubs)
 
 
 def _snapper(fleet: Fleet, network: RoadNetwork) -> Snapper:

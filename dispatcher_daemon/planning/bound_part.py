@@ -62,6 +62,7 @@ def drivable(cycle: Cycle, travel: Travel) -> Cycle:
         vehicles=tuple(vehicle for vehicle in fleet.vehicles if vehicle.id not in vehicles),
         vehicle_types=fleet.vehicle_types,
         charging_stops=fleet.charging_stops,
+        hubs=fleet.hubs,
     )
     return replace(
         cycle,

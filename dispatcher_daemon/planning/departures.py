@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from dispatcher_daemon.planning.hubs import over_hubs
 from dispatcher_daemon.planning.itineraries import MAX_WAIT_S, S_PER_H, Itinerary, Planner
 from dispatcher_daemon.platooning import Meetings, Traversals
 from dispatcher_daemon.roads import timed
@@ -79,10 +80,9 @@ def alternatives(
         moved = planner.itinerary(number, stops, legs, depart_s, waits_s)
         if moved is not None:
             yield moved
-    for changed_s in _meeting_waits(planner, itinerary, meetings, max_departures):
-        waiting = planner.itinerary(number, stops, legs, itinerary.depart_s, changed_s)
-        if waiting is not None:
-            yield waiting
+    yield from _waiting(planner, itinerary, meetings, max_departures)
+    for hub, changed in over_hubs(planner, itinerary):
+        yield from _waiting(planner, changed, meetings, max_departures, hub)
 
 
 def as_planned(planner: Planner, itinerary: Itinerary) -> Itinerary:
@@ -103,45 +103,49 @@ def longest_wait_s(planner: Planner, itinerary: Itinerary) -> float:
     """The longest wait on a tour that what is saved behind it can pay for, s."""
     if itinerary.route is None or not itinerary.waits_s or planner.problem.objective == "paper":
         return 0.0
-    begins_s = itinerary.route.visits[1].departure_s
-    kwh = sum(
-        max(planner.shares[segment].leader_kwh, planner.shares[segment].follower_kwh)
-        for segment, passages in itinerary.traversals.items()
-        for entry, _, _ in passages
-        if entry >= begins_s
-    )
+    kwh = planner.followed_kwh(itinerary, itinerary.route.visits[1].departure_s)
     price_kw = min(planner.price_of_wait_kw(v.place) for v in itinerary.route.visits[1:-1])
     return min(MAX_WAIT_S, kwh / price_kw * S_PER_H) if price_kw > 0 else MAX_WAIT_S
 
 
-def _meeting_waits(
-    planner: Planner, itinerary: Itinerary, meetings: Meetings, max_waits: int
-) -> list[tuple[float, ...]]:
-    """Waits at the ends of legs, one of them changed so that the rest of the route meets many
+def _waiting(
+    planner: Planner,
+    itinerary: Itinerary,
+    meetings: Meetings,
+    max_waits: int,
+    only: int | None = None,
+) -> Iterable[Itinerary]:
+    """The same route with another wait at the end of one leg, so that the rest of it meets many
     others, the most promising first; none under the paper's objective, which has no such waits.
+
+    Args:
+        only: number of the visit to wait at; None: any.
     """
     if itinerary.route is None or planner.problem.objective == "paper":
-        return []
-    waits_s = itinerary.waits_s
-    fixed = len(planner.fixed_legs(itinerary.number) or ())
+        return
+    number, visits, waits_s = itinerary.number, itinerary.route.visits, itinerary.waits_s
+    fixed = len(planner.fixed_legs(number) or ())
     found: list[tuple[float, int, float]] = []
-    for at, visit in enumerate(itinerary.route.visits[1:-1]):
-        if at + 1 < fixed:
-            continue
+    for at in range(max(1, fixed), len(visits) - 1) if only is None else [only]:
+        visit = visits[at]
         rest = {
             segment: later
             for segment, passages in itinerary.traversals.items()
             if (later := [p for p in passages if p[0] >= visit.departure_s])
         }
         price_kw = planner.price_of_wait_kw(visit.place)
+        longest_s = MAX_WAIT_S - visit.wait_s
         found += [
-            (score - price_kw * shift / S_PER_H, at, waits_s[at] + shift)
-            for score, shift in _meeting_shifts(
-                rest, meetings, -visit.wait_s, MAX_WAIT_S - visit.wait_s
-            )
+            (score - price_kw * shift / S_PER_H, at, visit.wait_s + shift)
+            for score, shift in _meeting_shifts(rest, meetings, -visit.wait_s, longest_s)
         ]
-    best = sorted(found, reverse=True)[:max_waits]
-    return [(*waits_s[:at], wait_s, *waits_s[at + 1 :]) for _, at, wait_s in best]
+    for _, at, wait_s in sorted(found, reverse=True)[:max_waits]:
+        changed_s = (*waits_s[: at - 1], wait_s, *waits_s[at:])
+        waiting = planner.itinerary(
+            number, itinerary.stops, itinerary.route.legs, itinerary.depart_s, changed_s
+        )
+        if waiting is not None:
+            yield waiting
 
 
 def best_departure(

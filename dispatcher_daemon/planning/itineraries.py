@@ -160,7 +160,18 @@ class Planner:
 
     def price_of_wait_kw(self, place: str) -> float:
         """Cost of waiting for other vehicles at a place on a tour, kWh an hour."""
+        if place in self.problem.fleet.hub_by_id:
+            return self.problem.price_of_waiting_kw
         return self.problem.price_of_standing_kw
+
+    def followed_kwh(self, itinerary: Itinerary, from_s: float) -> float:
+        """What a vehicle saves that follows another one on all open segments from a moment on."""
+        return sum(
+            self.shares[segment].follower_kwh
+            for segment, passages in itinerary.traversals.items()
+            for entry, _, _ in passages
+            if entry >= from_s
+        )
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
         """Legs of a route, over charging stops where the battery needs them; None if one of them

@@ -107,6 +107,7 @@ def vehicle_plans(
                 charge_kwh=charge_kwh,
                 charged_kwh=charged_kwh,
                 wait_s=visit.wait_s,
+                is_hub=visit.place in problem.fleet.hub_by_id,
             )
             for number, (visit, charge_kwh, charged_kwh) in enumerate(
                 zip(route.visits, charges, taken, strict=True)
@@ -116,9 +117,10 @@ def vehicle_plans(
     def valid_s(route: Route) -> float:
         intervals = BOUND_VALID_INTERVALS if route.vehicle in bound else VALID_INTERVALS
         lasts_s = interval_s * intervals
-        charges = any(leg.charging is not None for leg in route.legs)
-        # It is not planned again until it has charged.
-        return lasts_s + route.visits[-1].arrival_s if charges else lasts_s
+        hubs = problem.fleet.hub_by_id
+        keeps = any(leg.charging is not None or leg.end in hubs for leg in route.legs)
+        # It is not planned again until it has charged, or left its hub.
+        return lasts_s + route.visits[-1].arrival_s if keeps else lasts_s
 
     return tuple(
         VehiclePlan(

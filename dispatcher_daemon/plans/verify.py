@@ -158,8 +158,9 @@ def _stop_faults(
         if (last.stop, last.node) != (depot.id, depot.node):
             yield "does not end at its depot"
     for stop in plan.stops[1:-1]:
-        known = fleet.charging_stop_by_id.get(stop.stop, fleet.stop_by_id.get(stop.stop))
-        if known is None or known.node != stop.node:
+        hub, other = stop.stop in fleet.hub_by_id, stop.stop in fleet.charging_stop_by_id
+        known = hub if stop.is_hub else other or stop.stop in fleet.stop_by_id
+        if not known or fleet.node(stop.stop) != stop.node:
             yield f"no stop {stop.stop} at node {stop.node}"
     served = [stop.stop for stop in plan.stops[1:-1] if stop.stop in fleet.stop_by_id]
     for vehicle in fleet.vehicles:

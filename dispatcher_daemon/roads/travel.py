@@ -213,6 +213,7 @@ class Travel:
             *(d.id for d in fleet.depots),
             *(s.id for s in fleet.stops),
             *(c.id for c in fleet.charging_stops),
+            *(h.id for h in fleet.hubs),
         )
         self.row = {place: i for i, place in enumerate(self.places)}
         self._nodes = sorted({fleet.node(place) for place in self.places})

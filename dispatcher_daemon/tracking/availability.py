@@ -41,8 +41,8 @@ class Availability:
                 return "follows another plan than it has acknowledged"
             if vehicle.free_since_ns is not None:
                 return "is about to leave, or its last visits are not known yet"
-            if vehicle.is_to_charge:
-                return "is on its way to charge, or charges"
+            if vehicle.keeps_its_plan:
+                return "is on its way to charge or to a hub, or stands there"
             return None
         if not self.is_free(vehicle):
             return "follows a plan that is not known, or is not at its depot"

@@ -84,4 +84,5 @@ def cycle_fleet(
         vehicles=tuple(planned),
         vehicle_types=() if fleet is None else fleet.vehicle_types,
         charging_stops=() if fleet is None else fleet.charging_stops,
+        hubs=() if fleet is None else fleet.hubs,
     )

@@ -81,12 +81,15 @@ class TrackedVehicle:
         return given.model_copy(update={"charge_kwh": charge_kwh})
 
     @property
-    def is_to_charge(self) -> bool:
-        """Whether a charging stop lies ahead of it, or it stands at one."""
+    def keeps_its_plan(self) -> bool:
+        """Whether a charging stop or a hub lies ahead of it, or it stands at one: stops of a plan
+        that no commitment tells.
+        """
         if self.accepted is None or self.position is None:
             return False
         begin = self.leg + (1 if self.position.on_road else 0)
-        return any(stop.charged_kwh > 0 for stop in self.accepted.plan.stops[begin:-1])
+        ahead = self.accepted.plan.stops[begin:-1]
+        return any(stop.charged_kwh > 0 or stop.is_hub for stop in ahead)
 
     def is_fresh(self, now_ns: int) -> bool:
         """Whether its position is known."""

@@ -190,7 +190,7 @@ def _plain(instance: Instance) -> dict[str, Any]:
         (data["vehicle"], brief.get("vehicle", {})),
         (data["fleet"], brief["fleet"]),
     ):
-        for key in ("recuperation_efficiency", "vehicle_types", "charging_stops"):
+        for key in ("recuperation_efficiency", "vehicle_types", "charging_stops", "hubs"):
             if key not in later:
                 table.pop(key, None)
     for row, given in zip(data["fleet"]["stops"], brief["fleet"]["stops"], strict=True):

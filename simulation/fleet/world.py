@@ -320,10 +320,11 @@ class FleetWorld:
         van.way, van.measured = None, None
         van.segment, van.leg, van.ready_s = way.path[-1], van.leg + 1, now_s
         van.look_ns, van.since_ns = 0, self._clock_ns()
-        if way.number + 1 < len(way.plan.stops) - 1:
-            self._serve(van, way.plan.stops[way.number + 1].stop, now_s)
-        else:
+        reached = way.number + 1
+        if reached == len(way.plan.stops) - 1:
             self.tours_finished += 1
+        elif not way.plan.stops[reached].is_hub:
+            self._serve(van, way.plan.stops[reached].stop, now_s)
         return driven
 
     def _time_s(self, time_ns: int) -> float:

@@ -87,6 +87,9 @@ class PlannedStop(Message):
         default=0.0,
         description="For other vehicles, at the end of its stay: it leaves no sooner than planned.",
     )
+    is_hub: bool = Field(
+        default=False, description="Nothing is served there, it waits for other vehicles."
+    )
 
 
 class DrivingAdvice(Message):
@@ -139,8 +142,9 @@ class VehiclePlan(Message):
 
     @property
     def service_stops(self) -> tuple[PlannedStop, ...]:
-        """The stops to serve: those between the ends that are not for charging."""
-        return tuple(stop for stop in self.stops[1:-1] if stop.charged_kwh == 0)
+        """The stops to serve: those between the ends that are neither hubs nor for charging."""
+        between = self.stops[1:-1]
+        return tuple(stop for stop in between if stop.charged_kwh == 0 and not stop.is_hub)
 
 
 def plan_key(vehicle: str) -> str:

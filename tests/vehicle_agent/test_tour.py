@@ -75,6 +75,22 @@ def test_a_wait_for_others_ends_when_the_plan_says() -> None:
         assert tour.due_ns() == due_ns
 
 
+def test_nothing_is_served_at_a_hub() -> None:
+    """It leaves as planned, or at once if it comes late; nobody hears of a visit."""
+    whole = plan()
+    hub = whole.stops[1].model_copy(update={"wait_s": 60.0, "is_hub": True})
+    over_hub = whole.model_copy(update={"stops": (whole.stops[0], hub, *whole.stops[2:])})
+    for arrives_s, due_s in ((110.0, 180.0), (200.0, 201.0)):
+        tour = Tour(VAN)
+        tour.offer(over_hub, ns(1))
+        drive(tour, 0, arrives_s)
+        assert tour.due_ns() == ns(due_s)
+        assert tour.progress(ns(arrives_s + 1)).visits == ()
+        drive(tour, 1, arrives_s + 30)
+        assert tour.due_ns() is None
+        assert [v.stop for v in tour.progress(ns(300)).visits] == ["b"]
+
+
 def test_stops_at_one_junction_need_no_road() -> None:
     """A leg without segments is skipped when the stop before it has been served."""
     whole = plan()

@@ -72,7 +72,20 @@ def test_a_vehicle_keeps_its_plan_until_it_has_charged(
     leg: int, on_road: bool, to_charge: bool
 ) -> None:
     """On its way to the charging stop and at it, but not behind it."""
-    assert tracked(leg, on_road, None).is_to_charge == to_charge
+    assert tracked(leg, on_road, None).keeps_its_plan == to_charge
+
+
+def test_a_vehicle_keeps_its_plan_until_it_has_left_its_hub() -> None:
+    """Likewise: a commitment tells no hubs."""
+    for leg, on_road, keeps in ((0, True, True), (1, False, True), (1, True, False)):
+        vehicle = tracked(leg, on_road, None)
+        assert vehicle.accepted is not None
+        plan = vehicle.accepted.plan
+        hub = plan.stops[1].model_copy(update={"charged_kwh": 0.0, "is_hub": True})
+        stops = (plan.stops[0], hub, *plan.stops[2:])
+        over_hub = plan.model_copy(update={"stops": stops})
+        vehicle.accepted = PlanRecord(over_hub, "acknowledged", NOW_NS)
+        assert vehicle.keeps_its_plan == keeps
 
 
 def test_a_vehicles_own_measurement_counts_before_what_was_planned() -> None:

@@ -86,7 +86,7 @@ def test_a_van_charges_on_its_way_and_serves_every_order_once(
         if {order.state for order in tracker.book.orders.values()} == {"served"}:
             break
     assert {order.state for order in tracker.book.orders.values()} == {"served"}
-    assert "is on its way to charge, or charges" in reasons
+    assert "is on its way to charge or to a hub, or stands there" in reasons
     charged = [stop for plan in sent for stop in plan.stops if stop.charged_kwh > 0]
     assert charged
     assert all(stop.stop == "fast" for stop in charged)
