@@ -47,10 +47,11 @@ def commitment(
             late_ns = moving.time_ns - planned.entry_ns - driven_ns
     elif vehicle.left:
         visit = _visit(vehicle, place.stop)
+        ends_ns = place.departure_ns - round(place.wait_s * 1e9)
         if visit is not None:
             arrived_ns = visit.arrived_ns
-        stays_ns = place.departure_ns - place.arrival_ns - round(place.wait_s * 1e9)
-        ends_ns = arrived_ns + stays_ns
+            if leg > 0:  # a plan that begins at the stop where it stands knows what is left
+                ends_ns += arrived_ns - place.arrival_ns
         if visit is not None and visit.ended_ns is not None:
             ends_ns = visit.ended_ns
         ready_ns = departs_ns = max(ends_ns, now_ns)

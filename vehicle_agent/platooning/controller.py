@@ -81,9 +81,10 @@ class Platooning:
     def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
         """Segments whose vehicles' PlatoonControl it must hear, in the order of the path.
 
-        The path as far ahead as a rendezvous may be, and the two segments behind.
+        The path as far ahead as a rendezvous may be from anywhere on the present segment, so that
+        they stay the same on it however long it is, and the two segments behind.
         """
-        begins_m, reach_m = leg.begins_m, leg.place_m(state) + MAX_DISTANCE_M
+        begins_m, reach_m = leg.begins_m, leg.ends_m[state.number] + MAX_DISTANCE_M
         last = state.number
         while last + 1 < len(begins_m) and begins_m[last + 1] <= reach_m:
             last += 1

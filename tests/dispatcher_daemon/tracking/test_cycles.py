@@ -236,3 +236,28 @@ def test_an_order_that_is_gone_from_the_file(day: Make) -> None:
     early.file = early.problem.fleet
     early.cycle()
     assert early.tracker.book.orders["s0"].state == "planned"
+
+
+def test_a_stay_ends_when_it_would_however_often_it_is_planned_anew(
+    town: Callable[..., Town],
+) -> None:
+    """Plans that begin at the stop where a van stands keep what is left of its service."""
+    stops = [
+        {"id": name, "node": node, "service_s": 400.0, "demand": 1}
+        for name, node in (("s0", "22"), ("s1", "33"))
+    ]
+    problem, snapshot = town(stops, [{"capacity": 3}])
+    vans = {vehicle.id: Van(vehicle.id, "00-01") for vehicle in problem.fleet.vehicles}
+    today = Day(problem, snapshot, vans, problem.fleet)
+    today.drive(2)
+    plans_at_a_stop = set()
+    for _ in range(30):
+        today.run(1)
+        assert today.situation is not None
+        for own in today.situation.commitments:
+            visit = vans[own.vehicle].visits.get(own.place)
+            if own.moving is None and visit is not None and visit.status == "arrived":
+                if own.plan.stops[0].stop == own.place:
+                    plans_at_a_stop.add(own.plan.cycle)
+                assert own.departs_ns / S == pytest.approx(visit.arrived_ns / S + 400.0, abs=2.0)
+    assert len(plans_at_a_stop) >= 2

@@ -241,12 +241,23 @@ def test_a_vehicle_that_follows_sends_askers_away() -> None:
 
 
 def test_it_listens_two_kilometres_ahead_and_two_segments_back() -> None:
-    """Segments of its path."""
+    """Segments of its path; ahead from the end of its own segment, on which the topics stay."""
     leg = road("abcdefghij", 800.0)
     state = VehicleState("d", 3, False, 0, 100.0, 20.0)
-    assert Platooning.segments_of_interest(leg, state) == tuple("bcdef")
+    assert Platooning.segments_of_interest(leg, state) == tuple("bcdefg")
     first = VehicleState("a", 0, False, 0, 0.0, 0.0)
-    assert Platooning.segments_of_interest(leg, first) == tuple("abc")
+    assert Platooning.segments_of_interest(leg, first) == tuple("abcd")
+
+
+@pytest.mark.parametrize("length_m", [100.0, 2800.0, 12000.0])
+def test_who_is_just_beyond_the_end_of_its_segment_is_heard_from_its_begin_on(
+    length_m: float,
+) -> None:
+    """Topics change with the segment only, and a platoon crosses every end of one."""
+    leg = road("abc", length_m)
+    for front_m in (0.0, length_m - 1.0):
+        state = VehicleState("a", 0, False, 0, front_m, 30.0)
+        assert "b" in Platooning.segments_of_interest(leg, state)
 
 
 def test_whoever_was_told_to_end_platooning_joins_nobody_for_two_seconds() -> None:
