@@ -476,7 +476,8 @@ class DispatcherSettings(Settings):
     )
     advice: DrivingAdvice = Field(
         default=DrivingAdvice(),
-        description="Advice in plans for signals, turns and stops.",
+        description="Advice in plans for signals, turns and stops. Without a value_of_time_kw of "
+        "its own it takes the price of driving.",
     )
     objective: Literal["energy", "paper"] = Field(
         default="energy",
@@ -511,6 +512,14 @@ class DispatcherSettings(Settings):
         default=HardwareSettings(), description="A quantum device beside the solvers."
     )
     seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of everything random.")
+
+    @property
+    def priced_advice(self) -> DrivingAdvice:
+        """`advice`; where it has no price of time of its own, at that of driving time."""
+        if "value_of_time_kw" in self.advice.model_fields_set:
+            return self.advice
+        price_kw = self.prices.price_of_time_kw
+        return self.advice.model_copy(update={"value_of_time_kw": price_kw})
 
     @field_validator("solvers")
     @classmethod

@@ -157,7 +157,7 @@ class Cycle:
             reference_s=self.reference_s,
             interval_s=settings.interval_s,
             gap_m=settings.gap_m,
-            advice=settings.advice,
+            advice=settings.priced_advice,
             commitments=self.commitments,
         )
         faults = verify_plans(

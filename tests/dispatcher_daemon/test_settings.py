@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings, PriceSettings
 from slipstream.config import Settings, check, load
 from slipstream.errors import InputError
+from slipstream.messages import DrivingAdvice
 
 
 def test_defaults_run_the_demo() -> None:
@@ -124,3 +125,13 @@ def test_every_key_has_a_description() -> None:
         return missing
 
     assert undescribed(DispatcherSettings, "") == []
+
+
+def test_advice_has_the_price_of_driving_unless_it_has_its_own() -> None:
+    """Departure seconds are chosen by the same price of time as routes."""
+    prices = PriceSettings(energy_kwh=0.25, driving_hour=5.0)
+    advice = DrivingAdvice(departure_window_s=32.0)
+    priced = DispatcherSettings(prices=prices, advice=advice).priced_advice
+    assert priced == advice.model_copy(update={"value_of_time_kw": 20.0})
+    own = DrivingAdvice(value_of_time_kw=10.0)
+    assert DispatcherSettings(prices=prices, advice=own).priced_advice == own
