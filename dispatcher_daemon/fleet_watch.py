@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
-from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualSpeeds
+from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
 from dispatcher_daemon.tracking import FleetTracker, Situation
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
@@ -64,7 +64,7 @@ class FleetWatch:
     ) -> None:
         self._tracker = FleetTracker(network, records, started_ns)
         self._costs = MovementCosts(network, records.movements)
-        self._speeds = UsualSpeeds(network, records.speeds)
+        self._usual = UsualTraffic(network, records.speeds)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
 
@@ -132,7 +132,7 @@ class FleetWatch:
                 records = replace(
                     tracker.pending_records(),
                     movements=self._costs.pending(),
-                    speeds=self._speeds.pending(),
+                    speeds=self._usual.pending(),
                 )
                 save(plans, records)
             except Exception:
@@ -140,20 +140,22 @@ class FleetWatch:
                 raise
             tracker.stored()
             self._costs.stored()
-            self._speeds.stored()
+            self._usual.stored()
         return plans
 
     def expected(self, snapshot: TrafficSnapshot) -> TrafficSnapshot:
         """The traffic of a cycle with what was learned until now, which it adds to: usual speeds
-        where no state is fresh, and what movements cost if the fleet has driven enough.
+        where no state is fresh, how often gates are open, and what movements cost if the fleet has
+        driven enough.
         """
         with self._lock:
             hour = snapshot.now_ns // HOUR_NS % HOURS
-            self._speeds.on_traffic(snapshot, hour)
-            usual_mps = self._speeds.speeds_mps(hour)
+            self._usual.on_traffic(snapshot, hour)
+            usual_mps, opened = self._usual.speeds_mps(hour), self._usual.open_shares(hour)
             self._costs.count()
             expected = self._costs.expectations(snapshot.now_ns, usual_mps)
-        return replace(snapshot.at_usual_speeds(usual_mps), expected=expected)
+        usual = snapshot.at_usual_speeds(usual_mps).with_usual_gates(opened)
+        return replace(usual, expected=expected)
 
     def store_all(self) -> None:
         """The next cycle stores the whole fleet: the database is another one."""

@@ -5,6 +5,7 @@ A gate is open only with a fresh SegmentState of y_e = 1 and no fresh one of y_e
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -17,6 +18,39 @@ from slipstream.roads import RoadNetwork, Segment
 
 MIN_SPEED_MPS = 1.0
 """Lower bound of the planning speed, so that travel times in a queue are finite."""
+PERSISTENCE_S = 600.0
+"""After this time what a flag says beyond the hour's usual share has fallen to 1/e."""
+
+
+@dataclass(frozen=True)
+class GateForecast:
+    """Whether a gate is open now, and what is expected of it later.
+
+    Attributes:
+        open: now.
+        usual_share: share of the RSUs' states at this hour of the day that opened it; None: not
+            known, or nobody watches now: it is expected to stay as it is.
+    """
+
+    open: bool
+    usual_share: float | None = None
+
+    @property
+    def may_be_open(self) -> bool:
+        """Whether there is a chance that it is open at some time."""
+        return self.open or bool(self.usual_share)
+
+    def chance(self, after_s: float) -> float:
+        """Chance that it will be open: as it is now at first, as it usually is later on.
+
+        Args:
+            after_s: the moment, s after that of the snapshot.
+        """
+        now = 1.0 if self.open else 0.0
+        if self.usual_share is None:
+            return now
+        kept = math.exp(-max(0.0, after_s) / PERSISTENCE_S)
+        return self.usual_share + (now - self.usual_share) * kept
 
 
 @dataclass(frozen=True)
@@ -35,6 +69,7 @@ class SegmentTraffic:
         mean_acceleration_mps2: ā of the traffic there, 0 where not measured.
         acceleration_variance_m2ps4: σ²_a of the traffic there, 0 where not measured.
         stops: expected number of full stops on the segment, ≥ 0; 0 where nothing is known.
+        usual_share: see `GateForecast`; None: not known.
     """
 
     segment: str
@@ -47,6 +82,17 @@ class SegmentTraffic:
     mean_acceleration_mps2: float = 0.0
     acceleration_variance_m2ps4: float = 0.0
     stops: float = 0.0
+    usual_share: float | None = None
+
+    @property
+    def watched(self) -> bool:
+        """Whether a state of it is fresh, whatever it says."""
+        return self.age_s is not None and self.reason not in ("stale", "future")
+
+    @property
+    def gate(self) -> GateForecast:
+        """What is expected of its gate."""
+        return GateForecast(self.open, self.usual_share if self.watched else None)
 
 
 Movement = tuple[str, str]
@@ -94,6 +140,15 @@ class TrafficSnapshot:
             if name in usual_mps and traffic.measured_speed_mps is None
         }
         return replace(self, segments=MappingProxyType({**self.segments, **slowed}))
+
+    def with_usual_gates(self, shares: Mapping[str, float]) -> TrafficSnapshot:
+        """The same with these usual shares of the states that open a gate, by segment."""
+        known = {
+            name: replace(traffic, usual_share=shares[name])
+            for name, traffic in self.segments.items()
+            if name in shares
+        }
+        return replace(self, segments=MappingProxyType({**self.segments, **known}))
 
     def gates(self) -> tuple[Gate, ...]:
         """Gates of all segments that an RSU has ever reported on, by id."""

@@ -135,19 +135,23 @@ class MovementSum:
 
 @dataclass(frozen=True)
 class SpeedSum:
-    """Sums over the mean speeds that RSUs have measured on a segment in one hour of the day.
+    """Sums over what RSUs have measured on a segment in one hour of the day.
 
     Attributes:
         segment: watched.
         hour: of the day, UTC.
-        count: measurements, one a cycle.
+        count: mean speeds, one a cycle.
         speed_mps: their sum.
+        states: fresh states, with or without a mean speed, one a cycle.
+        calm: those with y_e = 1.
     """
 
     segment: str
     hour: int
     count: float
     speed_mps: float
+    states: float = 0.0
+    calm: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -59,8 +59,9 @@ def save(session: Session, records: FleetRecords) -> None:
     for movement in records.movements:
         key = movement.segment, movement.following, movement.hour
         _add(session, MovementRow, key, movement, ("count", "loss_kwh", "seconds", "stops"))
+    columns = ("count", "speed_mps", "states", "calm")
     for speed in records.speeds:
-        _add(session, SpeedRow, (speed.segment, speed.hour), speed, ("count", "speed_mps"))
+        _add(session, SpeedRow, (speed.segment, speed.hour), speed, columns)
 
 
 def _add(

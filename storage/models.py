@@ -220,7 +220,7 @@ class MovementRow(Base):
 
 
 class SpeedRow(Base):
-    """Measured speeds of a segment in one hour of the day (a `slipstream.orders.SpeedSum`)."""
+    """What was measured on a segment in one hour of the day (a `slipstream.orders.SpeedSum`)."""
 
     __tablename__ = "speeds"
 
@@ -228,6 +228,8 @@ class SpeedRow(Base):
     hour: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     count: Mapped[float]
     speed_mps: Mapped[float]
+    states: Mapped[float] = mapped_column(server_default="0")
+    calm: Mapped[float] = mapped_column(server_default="0")
 
 
 class ClockRow(Base):

@@ -5,6 +5,6 @@ from __future__ import annotations
 from dispatcher_daemon.learning.costs import MovementCosts
 from dispatcher_daemon.learning.history import HOUR_NS, HOURS, History
 from dispatcher_daemon.learning.passages import Passages, Trace
-from dispatcher_daemon.learning.speeds import UsualSpeeds
+from dispatcher_daemon.learning.usual_traffic import UsualTraffic
 
-__all__ = ["HOURS", "HOUR_NS", "History", "MovementCosts", "Passages", "Trace", "UsualSpeeds"]
+__all__ = ["HOURS", "HOUR_NS", "History", "MovementCosts", "Passages", "Trace", "UsualTraffic"]

@@ -41,12 +41,12 @@ def _meeting_shifts(
     shifts: list[float] = []
     weights: list[float] = []
     for segment, passages in traversals.items():
-        saving = meetings.shares[segment].follower_kwh
+        shares = meetings.shares[segment]
         for entry, _, key in passages:
             for other_entry, _, other in meetings.on(segment):
                 if other != key and earliest_s <= other_entry - entry <= latest_s:
                     shifts.append(other_entry - entry)
-                    weights.append(saving)
+                    weights.append(shares.follower_kwh * shares.gate.chance(other_entry))
     if not shifts:
         return []
     order = np.argsort(shifts, kind="stable")

@@ -167,7 +167,7 @@ class Planner:
     def followed_kwh(self, itinerary: Itinerary, from_s: float) -> float:
         """What a vehicle saves that follows another one on all open segments from a moment on."""
         return sum(
-            self.shares[segment].follower_kwh
+            self.shares[segment].follower_kwh * self.shares[segment].gate.chance(entry)
             for segment, passages in itinerary.traversals.items()
             for entry, _, _ in passages
             if entry >= from_s

@@ -39,7 +39,13 @@ def opportunity_graph(
     column = {name: n for n, name in enumerate(sorted({s for i in driving for s in i.traversals}))}
     row_of = np.array([r for r, i in enumerate(driving) for _ in i.traversals])
     column_of = np.array([column[s] for i in driving for s in i.traversals])
-    saving_kwh = np.array([shares[s].leader_kwh + shares[s].follower_kwh for s in column])
+    saving_kwh = np.array(
+        [
+            (shares[s].leader_kwh + shares[s].follower_kwh) * shares[s].gate.chance(p[0][0])
+            for i in driving
+            for s, p in i.traversals.items()
+        ]
+    )
     # Earliest and latest entry of each vehicle into each segment, as departures and waits shift it.
     entry = np.array([p[0][0] - i.depart_s for i in driving for p in i.traversals.values()])
     behind = np.array([i.route.legs[0].drive.duration_s if i.route else 0.0 for i in driving])
@@ -48,7 +54,9 @@ def opportunity_graph(
     early, late = entry + window[row_of, 0], entry + window[row_of, 1]
     late += np.where(entry >= behind[row_of], waits[row_of], 0.0)
     order = np.lexsort((early, column_of))
-    row_of, column_of, early, late = (a[order] for a in (row_of, column_of, early, late))
+    row_of, column_of, early, late, saving_kwh = (
+        a[order] for a in (row_of, column_of, early, late, saving_kwh)
+    )
     # Partners of a passage: those after it on its segment that can enter before its last moment.
     # One array for all segments: each lies in a span of its own.
     span = float(late.max() - early.min()) + 2 * sync_window_s + 1.0
@@ -60,7 +68,7 @@ def opportunity_graph(
     first = np.repeat(np.arange(len(order)), count)
     second = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + begin[first]
     shape = (len(driving), len(driving))
-    summed = csr_array((saving_kwh[column_of[first]], (row_of[first], row_of[second])), shape=shape)
+    summed = csr_array((saving_kwh[first], (row_of[first], row_of[second])), shape=shape)
     summed = (summed + summed.T).tocsr()
     for a in range(len(driving)):
         values = summed.data[summed.indptr[a] : summed.indptr[a + 1]]

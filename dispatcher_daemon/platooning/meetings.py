@@ -11,15 +11,18 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from dispatcher_daemon.platooning.platoons import TimedPassage, platoons_of
 from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route, planning_speed_mps
-from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.traffic import GateForecast, SegmentTraffic, TrafficSnapshot
 from slipstream.energy import drag_saving_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile
+
+ALWAYS_OPEN: Final = GateForecast(open=True)
 
 VehicleNumber = tuple[int]
 """A vehicle's number in the fleet."""
@@ -30,18 +33,20 @@ Traversals = Mapping[str, Sequence[Traversal]]
 
 @dataclass(frozen=True)
 class Shares:
-    """Energy that one vehicle saves on one open segment, kWh.
+    """Energy that one vehicle saves on one segment while its gate is open, kWh.
 
     Attributes:
         leader_kwh: in front of any number of followers.
         follower_kwh: behind a leader, as the only follower.
         longer_kwh: in a platoon of three and more, between two others and as the last one; None:
             as the only follower, each.
+        gate: of the segment. Savings count with the chance that it is open when they begin.
     """
 
     leader_kwh: float
     follower_kwh: float
     longer_kwh: tuple[float, float] | None = None
+    gate: GateForecast = ALWAYS_OPEN
 
     def at(self, number: int, members: int) -> float:
         """Saving at one place.
@@ -68,7 +73,7 @@ class Shares:
 def open_shares(
     problem: RoutingProblem, snapshot: TrafficSnapshot, profile: RoutingProfile | None = None
 ) -> dict[str, Shares]:
-    """Shares of all segments whose gate is open.
+    """Shares of all segments whose gate is open, or may be later on.
 
     Args:
         profile: of the vehicles; None: the fleet's first.
@@ -82,12 +87,12 @@ def open_shares(
             for eta in planned_reductions(problem, of, speed)
         )
         alike = middle == last == follower
-        return Shares(leader, follower, None if alike else (middle, last))
+        return Shares(leader, follower, None if alike else (middle, last), traffic.gate)
 
     return {
         name: shares(problem.network.segments[name], traffic)
         for name, traffic in snapshot.segments.items()
-        if traffic.open
+        if traffic.gate.may_be_open
     }
 
 
@@ -128,9 +133,10 @@ def saving_kwh(
                 own.get(number, shares).at(place, len(group))
                 for place, (_, _, (number,)) in enumerate(group)
             )
-            total += leader + sum(followers)
+            saved = leader + sum(followers)
         else:
-            total += shares.platoon_kwh(len(group))
+            saved = shares.platoon_kwh(len(group))
+        total += saved * shares.gate.chance(group[0][0])
     return total
 
 

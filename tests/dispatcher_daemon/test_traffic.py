@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -7,7 +8,13 @@ import pytest
 
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.states import LatestStates, Verdict
-from dispatcher_daemon.traffic import take_snapshot
+from dispatcher_daemon.traffic import (
+    PERSISTENCE_S,
+    GateForecast,
+    SegmentTraffic,
+    TrafficSnapshot,
+    take_snapshot,
+)
 from slipstream.messages import CAMERA_FAULTS, Gate, SegmentState
 
 State = Callable[..., SegmentState]
@@ -195,3 +202,30 @@ def test_two_rsus_on_one_segment_agree_on_the_safe_side(
     states = [state("avenue_east", y, rsu=f"rsu-{i}") for i, y in enumerate(flags)]
     snapshot = take_snapshot(demo.network, states, now_ns, stale_after_s=5.0)
     assert snapshot.segments["avenue_east"].open is is_open
+
+
+def test_a_gate_is_expected_to_be_as_now_at_first_and_as_usual_later() -> None:
+    """Between the two by e^(−t/600 s); without history it stays as it is."""
+    for now in (True, False):
+        forecast = GateForecast(now, 0.4)
+        assert forecast.chance(0.0) == forecast.chance(-20.0) == float(now)
+        assert forecast.chance(1e6) == pytest.approx(0.4)
+        assert forecast.chance(PERSISTENCE_S) == pytest.approx(0.4 + (now - 0.4) / math.e)
+        assert forecast.may_be_open
+        assert GateForecast(now).chance(1e6) == float(now)
+        assert GateForecast(now).may_be_open == now
+    assert not GateForecast(False, 0.0).may_be_open
+
+
+@pytest.mark.parametrize(
+    ("reason", "age_s", "usual"),
+    [("turbulent", 1.0, 0.4), ("too_few_vehicles", 1.0, 0.4), ("stale", 99.0, None)],
+)
+def test_only_a_gate_that_is_watched_now_is_expected_to_open(
+    reason: str, age_s: float, usual: float | None
+) -> None:
+    """Nobody would see that it is calm."""
+    traffic = SegmentTraffic("road", 10.0, reason=reason, age_s=age_s)
+    snapshot = TrafficSnapshot(0, {"road": traffic}, ()).with_usual_gates({"road": 0.4, "x": 1.0})
+    assert set(snapshot.segments) == {"road"}
+    assert snapshot.segments["road"].gate == GateForecast(False, usual)

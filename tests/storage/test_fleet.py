@@ -109,11 +109,11 @@ def test_sums_of_movements_add_up(url):
 
 def test_sums_of_speeds_add_up(url):
     """What is stored of a segment and hour is added to what is there."""
-    first, other = SpeedSum("a", 8, 2.0, 20.0), SpeedSum("a", 9, 1.0, 5.0)
+    first, other = SpeedSum("a", 8, 2.0, 20.0, 3.0, 1.0), SpeedSum("a", 9, 1.0, 5.0)
     with storage.open_database(url) as database:
         database.save_fleet(FleetRecords(speeds=(first,)))
         database.save_fleet(FleetRecords(speeds=(first, other)))
-        assert database.load_fleet(NOW_NS).speeds == (SpeedSum("a", 8, 4.0, 40.0), other)
+        assert database.load_fleet(NOW_NS).speeds == (SpeedSum("a", 8, 4.0, 40.0, 6.0, 2.0), other)
 
 
 def test_the_life_of_an_order_is_kept(url):

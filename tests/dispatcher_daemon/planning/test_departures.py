@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -219,3 +220,52 @@ def test_greedy_scheduling_never_saves_less_and_keeps_routes(town: Town) -> None
     )
     assert after.saving_kwh == pytest.approx(one_platoon)
     assert after.cost_kwh == pytest.approx(before.cost_kwh)
+
+
+def expecting(snapshot: TrafficSnapshot, *, open_now: bool, usual_share: float) -> TrafficSnapshot:
+    """All gates as they are now, with the same history."""
+    segments = {
+        name: replace(
+            traffic,
+            open=open_now,
+            y_e=int(open_now),
+            reason=None if open_now else "turbulent",
+            age_s=1.0,
+            usual_share=usual_share,
+        )
+        for name, traffic in snapshot.segments.items()
+    }
+    return replace(snapshot, segments=segments)
+
+
+@pytest.mark.parametrize(
+    ("open_now", "usual_share", "meet"), [(False, 0.9, True), (True, 0.0, False), (True, 0.9, True)]
+)
+def test_later_meetings_count_as_often_as_gates_are_open_at_the_hour(
+    town: Town, open_now: bool, usual_share: float, meet: bool
+) -> None:
+    """Half an hour ahead a turbulent road is worth a wait if it is usually calm, a calm one is not
+    if it is usually turbulent. The saving is the sum over segments with the chance at the entry.
+    """
+    problem, snapshot = town(["33", "33"], [{"ready_s": 1800.0}, {"ready_s": 1845.0}])
+    snapshot = expecting(snapshot, open_now=open_now, usual_share=usual_share)
+    problem = replace(problem, price_of_time_kw=0.3)
+    planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0, 10.0)
+    first, second = (planner.itinerary(n, (f"s{n}",), planner.legs(n, (f"s{n}",))) for n in (0, 1))
+    assert first is not None
+    assert second is not None
+    meetings = planner.meetings()
+    meetings.add(second.traversals)
+    best = best_departure(planner, first, meetings)
+    assert (best.waits_s[0] > 0) == meet
+    if meet:
+        shares = planner.shares
+        expected = sum(
+            (shares[s].leader_kwh + shares[s].follower_kwh)
+            * (usual_share + (open_now - usual_share) * math.exp(-passages[0][0] / 600))
+            for s, passages in best.traversals.items()
+            if s in second.traversals
+            and passages[0][0] >= second.traversals[s][0][0] - 1e-6
+            and passages[0][0] >= best.route.visits[1].departure_s  # type: ignore[union-attr]
+        )
+        assert meetings.gain_kwh(best.traversals) == pytest.approx(expected)

@@ -163,3 +163,18 @@ def test_a_hub_saves_energy() -> None:
     with_hub, without = cycle_of(problem()), cycle_of(problem(()))
     energy = [sum(plan.energy_kwh for plan in plans) for plans in (with_hub, without)]
     assert energy[0] < energy[1] - 0.1
+
+
+def test_a_meeting_on_a_road_that_is_usually_calm_is_planned_before_it_is() -> None:
+    """The van waits for the other one, in no platoon yet: gates are closed now. Where they are
+    usually closed too, it does not.
+    """
+    found, snapshot = problem()
+    for share, hubs in ((1.0, 1), (0.1, 0)):
+        traffic = {
+            name: replace(of, open=False, y_e=0, reason="turbulent", age_s=1.0, usual_share=share)
+            for name, of in snapshot.segments.items()
+        }
+        plans = cycle_of((found, replace(snapshot, segments=traffic)))
+        assert sum(stop.is_hub for plan in plans for stop in plan.stops) == hubs
+        assert {segment.platoon for plan in plans for segment in plan.segments} == {None}

@@ -1,4 +1,4 @@
-"""Usual speeds of watched segments, learned from RSUs' states by hour of the day."""
+"""Usual traffic of watched segments, learned from RSUs' states by hour of the day."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from slipstream.orders import SpeedSum
 from slipstream.roads import RoadNetwork
 
 MIN_WINDOWS: Final = 30.0
-"""Fewer say too little of a segment: its speed is the limit until then."""
+"""Fewer say too little of a segment: its speed is the limit until then, and its gate is as it is
+now."""
 
 
-class UsualSpeeds:
-    """Sums of the mean speeds that RSUs have measured, once a cycle, and what they lead to expect.
+class UsualTraffic:
+    """Sums of the mean speeds and flags that RSUs have measured, once a cycle, and what they lead
+    to expect.
 
     Args:
         network: roads.
@@ -29,23 +31,25 @@ class UsualSpeeds:
         self._sums: dict[str, Array] = {}
         self._pending: dict[tuple[str, int], Array] = {}
         for one in sums:
-            table = self._sums.setdefault(one.segment, np.zeros((2, HOURS)))
-            table[:, one.hour] += (one.count, one.speed_mps)
+            table = self._sums.setdefault(one.segment, np.zeros((4, HOURS)))
+            table[:, one.hour] += (one.count, one.speed_mps, one.states, one.calm)
 
     def on_traffic(self, snapshot: TrafficSnapshot, hour: int) -> None:
         """The traffic of one cycle; of segments without a fresh state it says nothing."""
         for name, traffic in snapshot.segments.items():
-            if traffic.measured_speed_mps is None:
+            if not traffic.watched:
                 continue
-            seen = np.array([1.0, min(traffic.measured_speed_mps, self._limits[name])])
-            self._sums.setdefault(name, np.zeros((2, HOURS)))[:, hour] += seen
+            measured = traffic.measured_speed_mps
+            speed_mps = 0.0 if measured is None else min(measured, self._limits[name])
+            seen = np.array([measured is not None, speed_mps, True, traffic.open], dtype=float)
+            self._sums.setdefault(name, np.zeros((4, HOURS)))[:, hour] += seen
             self._pending[name, hour] = self._pending.get((name, hour), 0.0) + seen
 
     def pending(self) -> tuple[SpeedSum, ...]:
         """What has been counted since `stored` was called last."""
         return tuple(
-            SpeedSum(name, hour, float(count), float(speed_mps))
-            for (name, hour), (count, speed_mps) in sorted(self._pending.items())
+            SpeedSum(name, hour, *map(float, sums))
+            for (name, hour), sums in sorted(self._pending.items())
         )
 
     def stored(self) -> None:
@@ -58,11 +62,22 @@ class UsualSpeeds:
         The mean of the hour and, at half their weight, its neighbours, drawn towards the day's as
         in `dispatcher_daemon.learning.History`.
         """
+        found = self._means(hour, 0, 1)
+        return {
+            name: max(MIN_SPEED_MPS, min(usual, self._limits[name]))
+            for name, usual in found.items()
+        }
+
+    def open_shares(self, hour: int) -> dict[str, float]:
+        """Shares of the states that opened the gate, likewise."""
+        return self._means(hour, 2, 3)
+
+    def _means(self, hour: int, counts: int, sums: int) -> dict[str, float]:
+        """Means of rows of the tables, by segment."""
         weight, found = hour_weights(hour), {}
         for name, table in self._sums.items():
-            count, speed = table.sum(axis=1)
+            count, total = table[counts].sum(), table[sums].sum()
             if name in self._limits and count >= MIN_WINDOWS:
-                count_now, speed_now = table @ weight
-                usual = (speed_now + OF_HOUR * speed / count) / (count_now + OF_HOUR)
-                found[name] = max(MIN_SPEED_MPS, float(min(usual, self._limits[name])))
+                count_now, now = table[counts] @ weight, table[sums] @ weight
+                found[name] = float((now + OF_HOUR * total / count) / (count_now + OF_HOUR))
         return found
