@@ -30,8 +30,6 @@ VehicleNumber = tuple[int]
 Traversal = TimedPassage[VehicleNumber]
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of open segments, by segment."""
-_STRETCHES_AHEAD = 4
-"""How far behind a change is looked at first for where platoons are as before."""
 
 
 @dataclass(frozen=True)
@@ -243,31 +241,25 @@ class Meetings:
         first, last = changed[0], changed[-1]
         begins, there = road.begins, road.passages
         replaced_from = max(0, bisect_right(begins, first) - 1)
-        behind = bisect_right(begins, last)
+        replaced_to = bisect_right(begins, last)
         begin = min(first, begins[replaced_from]) if begins else first
-        ahead = _STRETCHES_AHEAD
-        while True:
-            stop = min(behind + ahead, len(begins))
-            low = bisect_left(there, begin)
-            high = len(there) if stop == len(begins) else bisect_left(there, begins[stop])
-            around = there[low:high]
-            for passage in off:
-                around.remove(passage)
-            around += on
-            around.sort()
-            known = {begins[i]: i for i in range(behind, stop)}
-            replaced_to = None if stop < len(begins) else stop
-            new_begins: list[Traversal] = []
-            new_kwh: list[float] = []
-            for position, platoons in independent_platoons(around, self.sync_window_s):
-                if around[position] in known:
-                    replaced_to = known[around[position]]
-                    break
-                new_begins.append(around[position])
-                new_kwh.append(self._platoons_kwh(segment, platoons))
-            if replaced_to is not None:
+        onward = there[bisect_left(there, begin) :]
+        for passage in off:
+            onward.remove(passage)
+        for passage in on:
+            insort(onward, passage)
+        new_begins: list[Traversal] = []
+        new_kwh: list[float] = []
+        at = 0
+        while at < len(onward):
+            replaced_to = bisect_left(begins, onward[at], replaced_to)
+            if begins[replaced_to : replaced_to + 1] == [onward[at]]:
                 break
-            ahead *= 4
+            new_begins.append(onward[at])
+            at, platoons = independent_platoons(onward, at, self.sync_window_s)
+            new_kwh.append(self._platoons_kwh(segment, platoons))
+        else:
+            replaced_to = len(begins)
         return Change(
             sum(new_kwh) - sum(road.saved_kwh[replaced_from:replaced_to]),
             begin,

@@ -88,29 +88,30 @@ def platoons_of(
     Args:
         passages: in the order of entry.
     """
-    for _, platoons in independent_platoons(passages, sync_window_s):
+    at = 0
+    while at < len(passages):
+        at, platoons = independent_platoons(passages, at, sync_window_s)
         yield from platoons
 
 
 def independent_platoons(
-    passages: Sequence[TimedPassage[Key]], sync_window_s: float
-) -> Iterator[tuple[int, list[list[TimedPassage[Key]]]]]:
-    """The same in stretches (position of the first passage, platoons) that no earlier passage
-    reaches into: what changes behind the first passage changes nothing before it.
+    passages: Sequence[TimedPassage[Key]], at: int, sync_window_s: float
+) -> tuple[int, list[list[TimedPassage[Key]]]]:
+    """(position of the next passage, platoons) of a stretch from a passage on, up to where no
+    platoon of it reaches: what changes behind one stretch changes nothing in it, nor the reverse.
     """
-    at = 0
-    while at < len(passages):
-        first = at
-        # Those that platoons before them left behind, then the others from `at` on.
-        left, platoons = [passages[at]], []
-        at += 1
-        while left:
-            lead_entry, last_leaving, (vehicle, *_) = left[0]
-            latest_leaving = last_leaving + sync_window_s
-            while at < len(passages) and passages[at][0] - lead_entry <= sync_window_s:
-                left.append(passages[at])
-                at += 1
-            group, vehicles, behind = [left[0]], {vehicle}, []
+    # Those that platoons before them left behind, then the others from `at` on.
+    left, platoons = [passages[at]], []
+    at += 1
+    count = len(passages)
+    while left:
+        lead_entry, last_leaving, (vehicle, *_) = left[0]
+        while at < count and passages[at][0] - lead_entry <= sync_window_s:
+            left.append(passages[at])
+            at += 1
+        group, behind = [left[0]], []
+        if len(left) > 1:
+            vehicles, latest_leaving = {vehicle}, last_leaving + sync_window_s
             for candidate in left[1:]:
                 _, leaving, (vehicle, *_) = candidate
                 if last_leaving <= leaving <= latest_leaving and vehicle not in vehicles:
@@ -119,9 +120,9 @@ def independent_platoons(
                     last_leaving = leaving
                 else:
                     behind.append(candidate)
-            platoons.append(group)
-            left = behind
-        yield first, platoons
+        platoons.append(group)
+        left = behind
+    return at, platoons
 
 
 def drag_reductions(
