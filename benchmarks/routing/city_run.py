@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Final
 
 from dispatcher_daemon.planning import FleetPlan, plan_fleet
@@ -93,6 +94,8 @@ def run_city(
     cycle_settings = DispatcherSettings(
         city=settings, solvers=settings.solvers, deadline_s=budget_s, interval_s=2 * budget_s
     )
+    problem = replace(city.problem, price_of_time_kw=cycle_settings.prices.price_of_time_kw)
+    city = replace(city, problem=problem)
     cycle = instance_cycle(city, solver_seed, cycle_settings)
     with workers(settings) as (executor, solve):
         began, used = time.perf_counter(), _cpu_s()

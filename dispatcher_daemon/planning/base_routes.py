@@ -9,12 +9,12 @@ import logging
 import math
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-import numpy as np
 import pyvrp
 from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.search import NeighbourhoodParams, PerturbationParams
@@ -25,7 +25,7 @@ from pyvrp.stop import (
     StoppingCriterion,
 )
 
-from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.planning.parts import Part, parts_of_routes, parts_of_stops
 from dispatcher_daemon.planning.pyvrp_model import (
     MWH_PER_KWH,
     NO_PATH_MWH,
@@ -39,6 +39,12 @@ from dispatcher_daemon.settings import SearchSettings
 
 log = logging.getLogger(__name__)
 
+_WHOLE_STOPS: Final = 1000
+"""Up to so many stops the first search is of all at once."""
+_FIRST_PARTS: Final = 2
+"""How many times as many stops as a round's the parts of a first search have."""
+_FIRST_SHARE: Final = 1 / 8
+"""Of the time, for each attempt at first routes."""
 
 _HIGH_PENALTIES: Final = pyvrp.PenaltyParams(max_penalty=1e9)
 """The penalty starts at half of this: one excess unit costs more than an unserved stop."""
@@ -88,38 +94,116 @@ def base_routes(
         start: routes to start from, by vehicle, instead of a first search.
     """
     has_vehicle = any(v.first_stop is None or v.first_stop in stops for v in problem.fleet.vehicles)
+    routes: StopsByVehicle = {v.id: () for v in problem.fleet.vehicles}
     if not stops or not has_vehicle:
-        return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), False)
-    ends = time.monotonic() + settings.time_limit_s
-    whole = VrpModel(problem, travel, problem.fleet.vehicles, stops)
-    required = not whole.demand_exceeds_capacity()
-    routes, timed_out = _initial_routes(whole, required, settings, seed, start)
-    if routes is None and required:
-        required = False
-        routes, timed_out = _initial_routes(whole, required, settings, seed, start)
-    if routes is None:
-        return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), timed_out)
+        return BaseRoutes(routes, tuple(stops), False)
+    search = _Search(problem, travel, settings, executor)
+    found, timed_out = search.first(stops, seed, start)
+    routes |= found
     for number in range(settings.rounds):
-        left_s = (ends - time.monotonic()) / (settings.rounds - number)
+        left_s = (search.ends - time.monotonic()) / (settings.rounds - number)
         if left_s <= 0:
             timed_out = True
             break
-        parts = _parts(problem, routes, _unassigned(stops, routes), settings.part_stops, number)
-        models = [VrpModel(problem, travel, vehicles, own) for vehicles, own in parts]
-        limit_s = left_s / math.ceil(len(parts) / settings.workers)
-        jobs = [
-            _submit(
-                executor,
+        unassigned = _unassigned(stops, routes)
+        parts = parts_of_routes(problem, routes, unassigned, settings.part_stops, number)
+        found, cut = search.round(parts, set(unassigned), routes, left_s, seed + number)
+        routes |= found
+        timed_out |= cut
+    return BaseRoutes(routes, _unassigned(stops, routes), timed_out)
+
+
+class _Search:
+    """Searches of parts of one problem.
+
+    Attributes:
+        ends: when they have to be done, by the monotonic clock.
+    """
+
+    def __init__(
+        self, problem: RoutingProblem, travel: Travel, settings: SearchSettings, executor: Executor
+    ) -> None:
+        self._problem, self._travel = problem, travel
+        self._settings, self._executor = settings, executor
+        self.ends = time.monotonic() + settings.time_limit_s
+
+    def first(
+        self, stops: Sequence[str], seed: int, start: Mapping[str, Sequence[str]] | None
+    ) -> tuple[StopsByVehicle, bool]:
+        """(first feasible routes, whether time ran out); of a large city part by part, as the
+        search for feasible routes takes more than twice as long for twice as many stops.
+        """
+        problem, settings = self._problem, self._settings
+        limit_s = _FIRST_SHARE * settings.time_limit_s
+        if len(stops) <= _WHOLE_STOPS:
+            model = VrpModel(problem, self._travel, problem.fleet.vehicles, stops)
+            found, cut = _search_in_turn(self._first_job(model, start, limit_s, seed))
+            return ({} if found is None else model.read(found)), cut
+        most = _FIRST_PARTS * settings.part_stops
+        if start is None:
+            parts = parts_of_stops(problem, stops, most, seed)
+        else:
+            known = _known(problem, stops, start)
+            parts = parts_of_routes(problem, known, _unassigned(stops, known), most, 0)
+        models = [VrpModel(problem, self._travel, part.vehicles, part.stops) for part in parts]
+        limit_s = self._each(limit_s, len(parts))
+        jobs = ((model, self._first_job(model, start, limit_s, seed)) for model in models)
+        return self._side_by_side(jobs)
+
+    def _first_job(
+        self,
+        model: VrpModel,
+        start: Mapping[str, Sequence[str]] | None,
+        limit_s: float,
+        seed: int,
+    ) -> _Job:
+        """All stops by low penalties, then by high ones; at last as many stops as possible."""
+        most = self._settings.iterations_to_feasible
+        attempts: list[_Attempt] = []
+        if not model.demand_exceeds_capacity():
+            data = model.data(required=True)
+            # Rounds improve more from routes that low penalties found.
+            penalties = _low_penalties(self._settings), _HIGH_PENALTIES
+            attempts += [_Attempt(data, penalty, most, first=True) for penalty in penalties]
+        attempts.append(_Attempt(model.data(required=False), _HIGH_PENALTIES, most, first=True))
+        return _Job(attempts, None if start is None else model.visits(start), limit_s, seed)
+
+    def round(
+        self,
+        parts: Sequence[Part],
+        unassigned: AbstractSet[str],
+        routes: StopsByVehicle,
+        limit_s: float,
+        seed: int,
+    ) -> tuple[StopsByVehicle, bool]:
+        """(routes of parts that were searched from given ones, whether time ran out).
+
+        Args:
+            unassigned: stops that are on none of the routes.
+            limit_s: for all parts together.
+        """
+        jobs = []
+        each_s = self._each(limit_s, len(parts))
+        for part in parts:
+            model = VrpModel(self._problem, self._travel, part.vehicles, part.stops)
+            required = unassigned.isdisjoint(part.stops)
+            attempt = _Attempt(
                 model.data(required),
-                model.visits(routes),
-                settings.iterations_per_stop * max(1, len(own)),
-                limit_s,
-                seed + number,
-                _low_penalties(settings) if required else _HIGH_PENALTIES,
+                _low_penalties(self._settings) if required else _HIGH_PENALTIES,
+                self._settings.iterations_per_stop * max(1, len(part.stops)),
             )
-            for model, (_, own) in zip(models, parts, strict=True)
-        ]
-        for model, job in zip(models, jobs, strict=True):
+            jobs.append((model, _Job([attempt], model.visits(routes), each_s, seed)))
+        return self._side_by_side(jobs)
+
+    def _each(self, limit_s: float, parts: int) -> float:
+        """Time of each part, if all have a limit together, s."""
+        return limit_s / math.ceil(parts / self._settings.workers)
+
+    def _side_by_side(self, jobs: Iterable[tuple[VrpModel, _Job]]) -> tuple[StopsByVehicle, bool]:
+        running = [(model, _submit(self._executor, job)) for model, job in jobs]
+        routes: StopsByVehicle = {}
+        timed_out = False
+        for model, job in running:
             try:
                 found, cut = job.result()
             except Exception as error:
@@ -129,7 +213,22 @@ def base_routes(
             timed_out |= cut
             if found is not None:
                 routes |= model.read(found)
-    return BaseRoutes(routes, _unassigned(stops, routes), timed_out)
+        return routes, timed_out
+
+
+def _known(
+    problem: RoutingProblem, stops: Sequence[str], routes: Mapping[str, Sequence[str]]
+) -> StopsByVehicle:
+    """Given routes without stops that are not asked for, first stops where they belong."""
+    asked = set(stops)
+    firsts = {v.first_stop for v in problem.fleet.vehicles}
+    known: StopsByVehicle = {}
+    for vehicle in problem.fleet.vehicles:
+        first = (vehicle.first_stop,) if vehicle.first_stop in asked else ()
+        pooled = [s for s in routes.get(vehicle.id, ()) if s in asked and s not in firsts]
+        asked.difference_update(pooled)
+        known[vehicle.id] = (*first, *pooled)
+    return known
 
 
 def _unassigned(stops: Sequence[str], routes: StopsByVehicle) -> tuple[str, ...]:
@@ -138,57 +237,63 @@ def _unassigned(stops: Sequence[str], routes: StopsByVehicle) -> tuple[str, ...]
     return tuple(stop for stop in stops if stop not in served)
 
 
-def _submit(
-    executor: Executor, data: pyvrp.ProblemData, start: Visits, *search: Any
-) -> Future[tuple[Visits | None, bool]]:
+def _submit(executor: Executor, job: _Job) -> Future[tuple[Visits | None, bool]]:
     """A search on an executor; what keeps it from being taken on is raised with its result."""
     try:
-        return executor.submit(_search, data, start, *search)
+        return executor.submit(_search_in_turn, job)
     except Exception as error:
         refused: Future[tuple[Visits | None, bool]] = Future()
         refused.set_exception(error)
         return refused
 
 
-def _initial_routes(
-    model: VrpModel,
-    required: bool,
-    settings: SearchSettings,
-    seed: int,
-    start: Mapping[str, Sequence[str]] | None,
-) -> tuple[StopsByVehicle | None, bool]:
-    data = model.data(required)
-    begin = None if start is None else model.visits(start)
-    # Rounds improve more from routes that low penalties found.
-    for penalty in (_low_penalties(settings), _HIGH_PENALTIES) if required else (_HIGH_PENALTIES,):
-        iterations, limit_s = settings.iterations_to_feasible, settings.time_limit_s / 8
-        found, cut = _search(data, begin, iterations, limit_s, seed, penalty, first=True)
-        if found is not None:
-            break
-    return (None if found is None else model.read(found)), cut
+@dataclass(frozen=True)
+class _Attempt:
+    """A search.
 
-
-def _search(
-    data: pyvrp.ProblemData,
-    start: Visits | None,
-    iterations: int,
-    limit_s: float,
-    seed: int,
-    penalty: pyvrp.PenaltyParams,
-    *,
-    first: bool = False,
-) -> tuple[Visits | None, bool]:
-    """(routes, or None if none are feasible; whether time ran out).
-
-    Args:
+    Attributes:
         iterations: at most.
         first: whether the first feasible routes end it.
     """
-    begin = None
+
+    data: pyvrp.ProblemData
+    penalty: pyvrp.PenaltyParams
+    iterations: int
+    first: bool = False
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Attempts at the routes of one part, in turn.
+
+    Attributes:
+        limit_s: of each attempt.
+    """
+
+    attempts: Sequence[_Attempt]
+    start: Visits | None
+    limit_s: float
+    seed: int
+
+
+def _search_in_turn(job: _Job) -> tuple[Visits | None, bool]:
+    """(routes of the first attempt that finds feasible ones, or None; whether its time ran out)."""
+    found, cut = None, False
+    for attempt in job.attempts:
+        found, cut = _search(attempt, job.start, job.limit_s, job.seed)
+        if found is not None:
+            break
+    return found, cut
+
+
+def _search(
+    attempt: _Attempt, start: Visits | None, limit_s: float, seed: int
+) -> tuple[Visits | None, bool]:
+    data, begin = attempt.data, None
     if start is not None:
         begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
-    stop: list[StoppingCriterion] = [MaxIterations(iterations), MaxRuntime(limit_s)]
-    if first:
+    stop: list[StoppingCriterion] = [MaxIterations(attempt.iterations), MaxRuntime(limit_s)]
+    if attempt.first:
         stop.append(lambda best_cost: best_cost < NO_PATH_MWH)
     with warnings.catch_warnings():
         # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.
@@ -199,7 +304,7 @@ def _search(
             seed=seed % 2**32,
             collect_stats=False,
             display=False,
-            params=_parameters(penalty),
+            params=_parameters(attempt.penalty),
             initial_solution=begin,
         )
     cut = result.runtime >= limit_s
@@ -219,43 +324,3 @@ def _parameters(penalty: pyvrp.PenaltyParams) -> pyvrp.SolveParams:
         neighbourhood=NeighbourhoodParams(num_neighbours=20),
         perturbation=PerturbationParams(1, 10),
     )
-
-
-def _parts(
-    problem: RoutingProblem,
-    routes: StopsByVehicle,
-    unassigned: Sequence[str],
-    part_stops: int,
-    number: int,
-) -> list[tuple[list[Vehicle], list[str]]]:
-    """(vehicles, stops) of each part: routes cut at the median of where their stops lie, again
-    and again, across a direction that turns from cut to cut and from round to round.
-
-    Idle vehicles and unassigned stops are distributed over the parts.
-    """
-    fleet, junctions = problem.fleet, problem.network.junctions
-    driving = [v for v in fleet.vehicles if routes[v.id]]
-    idle = [v for v in fleet.vehicles if not routes[v.id]]
-    centre = {
-        v.id: np.mean([junctions[fleet.node(s)] for s in routes[v.id]], axis=0) for v in driving
-    }
-    groups, angle = [driving], float(number)
-    total = sum(len(routes[v.id]) for v in driving)
-    while total > part_stops * len(groups):
-        direction = np.array([np.cos(angle), np.sin(angle)])
-        halves = []
-        for group in groups:
-            ordered = sorted(group, key=lambda v: (float(centre[v.id] @ direction), v.id))
-            count = np.cumsum([len(routes[v.id]) for v in ordered])
-            middle = int(np.searchsorted(count, count[-1] / 2)) + 1
-            halves += [half for half in (ordered[:middle], ordered[middle:]) if half]
-        if len(halves) == len(groups):
-            break
-        groups, angle = halves, angle + np.pi / 2
-    return [
-        (
-            [*group, *idle[i :: len(groups)]],
-            [*(s for v in group for s in routes[v.id]), *unassigned[i :: len(groups)]],
-        )
-        for i, group in enumerate(groups)
-    ]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, combinations
+from itertools import accumulate, combinations, product
 
 from dispatcher_daemon.planning.itineraries import Itinerary
-from dispatcher_daemon.platooning import Meetings, Traversal, clusters
+from dispatcher_daemon.platooning import Change, Meetings, Traversal
 from dispatcher_daemon.problem import RouteOption, RouteProblem
 
 _NOTHING_KWH = 1e-12
@@ -55,8 +55,7 @@ def build_block(
     linear: dict[int, float] = defaultdict(float)
     pairs: dict[tuple[int, int], float] = defaultdict(float)
     for segment in sorted({s for of_one in options.values() for o in of_one for s in o.traversals}):
-        for outside, states in _encounters(segment, options, meetings):
-            _expand(segment, outside, states, start, meetings, linear, pairs)
+        _expand(segment, options, start, meetings, linear, pairs)
     shared = _reassignable_stops(options)
     every = [
         RouteOption(
@@ -85,73 +84,50 @@ def _reassignable_stops(options: Mapping[int, Sequence[Itinerary]]) -> set[str]:
     return found
 
 
-def _encounters(
-    segment: str, options: Mapping[int, Sequence[Itinerary]], meetings: Meetings
-) -> Iterator[tuple[list[Traversal], dict[int, list[State]]]]:
-    """Groups of passages on a segment that can meet: those that stay as they are, and by vehicle
-    the states of its options. Only groups in which somebody can change something for two.
-    """
-    moving: dict[int, list[State]] = {}
-    for number, of_one in options.items():
-        states = [tuple(option.traversals.get(segment, ())) for option in of_one]
-        if any(state != states[0] for state in states):
-            moving[number] = states
-    if not moving:
-        return
-    staying = [p for p in meetings.on(segment) if p[2][0] not in moving]
-    if not staying and len(moving) == 1:
-        return
-    changing = {p for states in moving.values() for state in states for p in state}
-    for cluster in clusters(sorted({*staying, *changing}), meetings.sync_window_s):
-        members = set(cluster)
-        here = {
-            number: [tuple(p for p in state if p in members) for state in states]
-            for number, states in moving.items()
-        }
-        here = {number: states for number, states in here.items() if any(states)}
-        outside = [p for p in staying if p in members]
-        if here and (outside or len(here) > 1):
-            yield outside, here
-
-
 def _expand(
     segment: str,
-    outside: Sequence[Traversal],
-    states: Mapping[int, Sequence[State]],
+    options: Mapping[int, Sequence[Itinerary]],
     start: Mapping[int, int],
     meetings: Meetings,
     linear: dict[int, float],
     pairs: dict[tuple[int, int], float],
 ) -> None:
-    """Add one group's first and second differences to the options' and pairs' savings."""
-    present = {number: of_one[0] for number, of_one in states.items()}
-    known: dict[tuple[Traversal, ...], float] = {}
-
-    def saved(change: Mapping[int, State]) -> float:
-        now = {**present, **change}
-        passages = tuple(sorted([*outside, *(p for state in now.values() for p in state)]))
-        if passages not in known:
-            known[passages] = meetings.saving_kwh(segment, passages)
-        return known[passages]
-
-    base = saved({})
+    """Add one segment's first and second differences to the options' and pairs' savings."""
+    moving: dict[int, list[State]] = {}
+    for number, of_one in options.items():
+        states = [tuple(option.traversals.get(segment, ())) for option in of_one]
+        if any(state != states[0] for state in states):
+            moving[number] = states
+    if not moving or (len(moving) == 1 and all(p[2][0] in moving for p in meetings.on(segment))):
+        return
     single = {
-        (number, state): saved({number: state}) - base
-        for number, of_one in states.items()
-        for state in dict.fromkeys(of_one)
+        (number, state): _change(segment, meetings, [(states[0], state)])
+        for number, states in moving.items()
+        for state in dict.fromkeys(states)
+        if state != states[0]
     }
-    for number, of_one in states.items():
-        for r, state in enumerate(of_one):
-            linear[start[number] + r] += single[number, state]
-    for (k, of_k), (m, of_m) in combinations(states.items(), 2):
-        together = {
-            (a, b): saved({k: a, m: b}) - base - single[k, a] - single[m, b]
-            for a in dict.fromkeys(of_k)
-            for b in dict.fromkeys(of_m)
-            if a != present[k] and b != present[m]
-        }
+    for number, states in moving.items():
+        for r, state in enumerate(states):
+            if state != states[0]:
+                linear[start[number] + r] += single[number, state].saving_kwh
+    for (k, of_k), (m, of_m) in combinations(moving.items(), 2):
+        together: dict[tuple[State, State], float] = {}
+        for a, b in product(dict.fromkeys(of_k), dict.fromkeys(of_m)):
+            if a == of_k[0] or b == of_m[0]:
+                continue
+            one, other = single[k, a], single[m, b]
+            if one.touches(other):
+                both = _change(segment, meetings, [(of_k[0], a), (of_m[0], b)])
+                together[a, b] = both.saving_kwh - one.saving_kwh - other.saving_kwh
         for r, a in enumerate(of_k):
             for q, b in enumerate(of_m):
                 extra = together.get((a, b), 0.0)
                 if extra:
                     pairs[start[k] + r, start[m] + q] += extra
+
+
+def _change(segment: str, meetings: Meetings, states: Sequence[tuple[State, State]]) -> Change:
+    """What vehicles change that go from one state to another each."""
+    off = [p for old, new in states for p in old if p not in new]
+    on = [p for old, new in states for p in new if p not in old]
+    return meetings.change(segment, off, on)

@@ -63,8 +63,9 @@ class VrpModel:
         self._starts = [kind for kind in kinds if kind.first_stop is not None]
         self._fleet = fleet
         self._vehicles = vehicles
-        self._masses = any(stop.mass_kg > 0 for stop in fleet.stops)
-        every = [self._load(stop) for stop in fleet.stops]
+        own = [fleet.stop_by_id[name] for name in stops]
+        self._masses = any(stop.mass_kg > 0 for stop in own)
+        every = [[0, 0] if self._masses else [0], *(self._load(stop) for stop in own)]
         self._unlimited = [sum(loads) for loads in zip(*every, strict=True)]
         profiles = [problem.profile_of(kind) for kind in kinds]
         self._profiles = list(dict.fromkeys(profiles))
@@ -116,25 +117,25 @@ class VrpModel:
         A vehicle with a first stop starts there, when it has served it. It cannot stay idle: a
         client that only its start leads to, at the same place, makes it drive.
         """
-        places = self._places()
-        at = {place: i for i, place in enumerate(places)}
-        starts = len(places)
-        places += [self._begin(kind)[0] for kind in self._starts]
-        matrices = [self._matrices(profile, places) for profile in self._profiles]
+        depots, junctions = self._depots(), self._junctions()
+        starts = len(depots) + len(junctions)
+        matrices = [self._matrices(profile, depots, junctions) for profile in self._profiles]
+        at = {place: i for i, place in enumerate(depots)}
         for distance, _ in matrices:
             for number, kind in enumerate(self._starts, starts):
                 distance[:, number] = NO_PATH_MWH
                 distance[at[self._begin(kind)[0]], number] = 0
             np.fill_diagonal(distance, 0)
-        depots = places[: starts - len(self._pooled)]
+        row = self._travel.row
+        location = {junction: i for i, junction in enumerate(junctions, len(depots))}
         return pyvrp.ProblemData(
-            locations=[pyvrp.Location(0, 0, name=place) for place in places],
+            locations=[pyvrp.Location(0, 0)] * (starts + len(self._starts)),
             clients=[
                 *(
                     pyvrp.Client(location=starts + i, delivery=[0] * len(self._unlimited))
                     for i in range(len(self._starts))
                 ),
-                *(self._client(name, at[name], required) for name in self._pooled),
+                *(self._client(name, location[row[name]], required) for name in self._pooled),
             ],
             depots=[pyvrp.Depot(location=i) for i in range(len(depots))],
             vehicle_types=[self._vehicle_type(kind, len(of), at) for kind, of in self._kinds],
@@ -142,13 +143,17 @@ class VrpModel:
             duration_matrices=[tenths for _, tenths in matrices],
         )
 
-    def _matrices(self, profile: RoutingProfile, places: Sequence[str]) -> tuple[Any, Any]:
-        """Costs, mWh, and durations, tenths of a second, between places for one profile.
+    def _matrices(
+        self, profile: RoutingProfile, depots: Sequence[str], junctions: Sequence[int]
+    ) -> tuple[Any, Any]:
+        """Costs, mWh, and durations, tenths of a second, between locations for one profile.
 
         PyVRP's type hints know no array of two dimensions.
         """
         travel = self._travel.by_profile[profile]
-        rows = np.array([travel.row[place] for place in places])
+        ends = [*depots, *(self._begin(kind)[0] for kind in self._starts)]
+        rows = [travel.row[place] for place in ends]
+        rows[len(depots) : len(depots)] = junctions
         energy = travel.search_cost_kwh[np.ix_(rows, rows)]
         seconds = travel.duration_s[np.ix_(rows, rows)]
         connected = np.isfinite(energy)
@@ -159,11 +164,16 @@ class VrpModel:
         np.fill_diagonal(tenths, 0)
         return distance.astype(np.int64), tenths.astype(np.int64)
 
-    def _places(self) -> list[str]:
-        """Depots and first stops, where vehicles begin, then the pooled stops."""
+    def _depots(self) -> list[str]:
+        """Depots and first stops, where vehicles begin: a location each, as only one that a vehicle
+        begins at leads to its start.
+        """
         begins = [self._begin(kind)[0] for kind, _ in self._kinds]
-        ends = [self._depot(kind) for kind, _ in self._kinds]
-        return [*dict.fromkeys([*ends, *begins]), *self._pooled]
+        return list(dict.fromkeys([*(self._depot(kind) for kind, _ in self._kinds), *begins]))
+
+    def _junctions(self) -> list[int]:
+        """Rows of the junctions of the pooled stops: all stops of one are at one location."""
+        return sorted({self._travel.row[name] for name in self._pooled})
 
     def _client(self, name: str, location: int, required: bool) -> pyvrp.Client:
         stop = self._fleet.stop_by_id[name]

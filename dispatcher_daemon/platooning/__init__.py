@@ -4,11 +4,11 @@ vehicles of earlier cycles that are still on the road."""
 from __future__ import annotations
 
 from dispatcher_daemon.platooning.meetings import (
+    Change,
     Meetings,
     Shares,
     Traversal,
     Traversals,
-    clusters,
     open_shares,
     saving_kwh,
     traversals,
@@ -35,6 +35,7 @@ from dispatcher_daemon.platooning.vehicles_on_road import (
 )
 
 __all__ = [
+    "Change",
     "JudgedPair",
     "Meetings",
     "Passage",
@@ -45,7 +46,6 @@ __all__ = [
     "Traversal",
     "Traversals",
     "apart_at_the_end",
-    "clusters",
     "drag_reductions",
     "form_platoons",
     "joined_segments",

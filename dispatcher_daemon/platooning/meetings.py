@@ -8,12 +8,16 @@ would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8).
 
 from __future__ import annotations
 
-from bisect import bisect_left, insort
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from bisect import bisect_left, bisect_right, insort
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
-from dispatcher_daemon.platooning.platoons import TimedPassage, platoons_of
+from dispatcher_daemon.platooning.platoons import (
+    TimedPassage,
+    independent_platoons,
+    platoons_of,
+)
 from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route, planning_speed_mps
@@ -124,8 +128,14 @@ def saving_kwh(
         passages: in the order of entry.
         own: shares of vehicles that have others, by their number.
     """
+    return _platoons_kwh(platoons_of(passages, sync_window_s), shares, own)
+
+
+def _platoons_kwh(
+    platoons: Iterable[Sequence[Traversal]], shares: Shares, own: Mapping[int, Shares] | None
+) -> float:
     total = 0.0
-    for group in platoons_of(passages, sync_window_s):
+    for group in platoons:
         if len(group) < 2:
             continue
         if own:
@@ -138,6 +148,45 @@ def saving_kwh(
             saved = shares.platoon_kwh(len(group))
         total += saved * shares.gate.chance(group[0][0])
     return total
+
+
+@dataclass
+class _Road:
+    """Passages of one segment in the order of entry, and what they save.
+
+    Attributes:
+        begins: first passages of the stretches of `independent_platoons`.
+        saved_kwh: of each stretch.
+    """
+
+    passages: list[Traversal] = field(default_factory=list)
+    begins: list[Traversal] = field(default_factory=list)
+    saved_kwh: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What passages that come and go on one segment change.
+
+    Attributes:
+        saving_kwh: by how much more is saved.
+        begin: first passage of the part of the segment's order that is formed anew.
+        end: first passage behind it, None: it reaches to the last one. Changes with parts of their
+            own add up.
+    """
+
+    saving_kwh: float
+    begin: Traversal
+    end: Traversal | None
+    _replaced: slice
+    _begins: list[Traversal]
+    _saved_kwh: list[float]
+
+    def touches(self, other: Change) -> bool:
+        """Whether both form some of the same platoons anew."""
+        before = self.end is not None and self.end <= other.begin
+        behind = other.end is not None and other.end <= self.begin
+        return not before and not behind
 
 
 class Meetings:
@@ -158,87 +207,92 @@ class Meetings:
         self.shares, self.sync_window_s = shares, sync_window_s
         self._own_shares = own_shares or {}
         self._own: dict[str, dict[int, Shares]] = {}
-        self._on: dict[str, list[Traversal]] = {}
+        self._roads: dict[str, _Road] = {}
 
     def add(self, traversals: Traversals) -> float:
         """Put a vehicle on the roads; the change in total savings, kWh."""
-        return self._change({}, traversals)
+        return sum(self._apply(segment, (), on) for segment, on in traversals.items())
 
     def remove(self, traversals: Traversals) -> float:
         """Take a vehicle off; the change in total savings, kWh."""
-        return self._change(traversals, {})
+        return sum(self._apply(segment, off, ()) for segment, off in traversals.items())
 
     def gain_kwh(self, traversals: Traversals) -> float:
-        """The change that `add` would make."""
+        """What a vehicle's passages save, those of them counted that are on the roads already."""
         total = 0.0
         for segment, passages in traversals.items():
-            for near in self._near(segment, passages):
-                before = [p for p in near if p not in passages]
-                total += self.saving_kwh(segment, near) - self.saving_kwh(segment, before)
+            there = [p for p in passages if self._is_on(segment, p)]
+            new = [p for p in passages if p not in there]
+            if new:
+                total += self.change(segment, (), new).saving_kwh
+            if there:
+                total -= self.change(segment, there, ()).saving_kwh
         return total
-
-    def saving_kwh(self, segment: str, passages: Sequence[Traversal]) -> float:
-        """Saving of all platoons among some passages of a segment, kWh; in the order of entry."""
-        if self._own_shares and segment not in self._own:
-            self._own[segment] = {n: of[segment] for n, of in self._own_shares.items()}
-        own = self._own.get(segment)
-        return saving_kwh(passages, self.shares[segment], self.sync_window_s, own)
 
     def on(self, segment: str) -> Sequence[Traversal]:
         """Passages of a segment in the order of entry."""
-        return self._on.get(segment, ())
+        road = self._roads.get(segment)
+        return () if road is None else road.passages
 
-    def _change(self, off: Traversals, on: Traversals) -> float:
-        total = 0.0
-        for segment in {**off, **on}:
-            old, new = off.get(segment, ()), on.get(segment, ())
-            around = [*old, *new]
-            total -= sum(self.saving_kwh(segment, near) for near in self._near(segment, around, ()))
-            there = self._on.setdefault(segment, [])
-            for passage in old:
-                there.remove(passage)
-            for passage in new:
-                insort(there, passage)
-            total += sum(self.saving_kwh(segment, near) for near in self._near(segment, around, ()))
-        return total
+    def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
+        """What passages of a segment that go, and others that come, at least one of both, would
+        change. Platoons are formed anew from the stretch that the first one lies in until a stretch
+        behind the last one begins where one has begun before.
 
-    def _near(
-        self,
-        segment: str,
-        around: Sequence[Traversal],
-        added: Sequence[Traversal] | None = None,
-    ) -> Iterator[list[Traversal]]:
-        """Clusters of passages that some of ``around`` fall into, ``added`` (or all of them)
-        among them: passages further apart than the window do not meet.
+        Raises:
+            ValueError: one that goes is not there.
         """
-        there = self._on.get(segment, [])
-        extra = around if added is None else added
-        chosen: set[int] = set()
-        for passage in around:
-            at = bisect_left(there, passage)
-            chosen.update(self._reach(there, at, passage[0]))
-        merged = sorted([*(there[i] for i in chosen), *extra])
-        yield from clusters(merged, self.sync_window_s)
+        road = self._roads.setdefault(segment, _Road())
+        changed = sorted((*off, *on))
+        first, last = changed[0], changed[-1]
+        begins, there = road.begins, road.passages
+        replaced_from = max(0, bisect_right(begins, first) - 1)
+        replaced_to = bisect_right(begins, last)
+        begin = min(first, begins[replaced_from]) if begins else first
+        onward = there[bisect_left(there, begin) :]
+        for passage in off:
+            onward.remove(passage)
+        for passage in on:
+            insort(onward, passage)
+        new_begins: list[Traversal] = []
+        new_kwh: list[float] = []
+        at = 0
+        while at < len(onward):
+            replaced_to = bisect_left(begins, onward[at], replaced_to)
+            if begins[replaced_to : replaced_to + 1] == [onward[at]]:
+                break
+            new_begins.append(onward[at])
+            at, platoons = independent_platoons(onward, at, self.sync_window_s)
+            new_kwh.append(self._platoons_kwh(segment, platoons))
+        else:
+            replaced_to = len(begins)
+        return Change(
+            sum(new_kwh) - sum(road.saved_kwh[replaced_from:replaced_to]),
+            begin,
+            begins[replaced_to] if replaced_to < len(begins) else None,
+            slice(replaced_from, replaced_to),
+            new_begins,
+            new_kwh,
+        )
 
-    def _reach(self, there: list[Traversal], at: int, entry_s: float) -> Iterable[int]:
-        low, edge = at, entry_s
-        while low > 0 and edge - there[low - 1][0] <= self.sync_window_s:
-            low -= 1
-            edge = there[low][0]
-        high, edge = at, entry_s
-        while high < len(there) and there[high][0] - edge <= self.sync_window_s:
-            edge = there[high][0]
-            high += 1
-        return range(low, high)
+    def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
+        if not off and not on:
+            return 0.0
+        change, road = self.change(segment, off, on), self._roads[segment]
+        for passage in off:
+            del road.passages[bisect_left(road.passages, passage)]
+        for passage in on:
+            insort(road.passages, passage)
+        road.begins[change._replaced] = change._begins
+        road.saved_kwh[change._replaced] = change._saved_kwh
+        return change.saving_kwh
 
+    def _is_on(self, segment: str, passage: Traversal) -> bool:
+        there = self.on(segment)
+        at = bisect_left(there, passage)
+        return at < len(there) and there[at] == passage
 
-def clusters(passages: Sequence[Traversal], sync_window_s: float) -> Iterator[list[Traversal]]:
-    """Split at gaps longer than the window; passages in the order of entry."""
-    cluster: list[Traversal] = []
-    for passage in passages:
-        if cluster and passage[0] - cluster[-1][0] > sync_window_s:
-            yield cluster
-            cluster = []
-        cluster.append(passage)
-    if cluster:
-        yield cluster
+    def _platoons_kwh(self, segment: str, platoons: Iterable[Sequence[Traversal]]) -> float:
+        if self._own_shares and segment not in self._own:
+            self._own[segment] = {n: of[segment] for n, of in self._own_shares.items()}
+        return _platoons_kwh(platoons, self.shares[segment], self._own.get(segment))

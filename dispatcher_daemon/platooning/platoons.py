@@ -88,25 +88,41 @@ def platoons_of(
     Args:
         passages: in the order of entry.
     """
-    waiting = list(passages)
-    while waiting:
-        lead_entry, lead_leaving, _ = waiting[0]
-        group, last_leaving = [waiting[0]], lead_leaving
-        rest = []
-        for position, candidate in enumerate(waiting[1:], 1):
-            entry, leaving, passage = candidate
-            if entry - lead_entry > sync_window_s:
-                rest += waiting[position:]
-                break
-            if last_leaving <= leaving <= lead_leaving + sync_window_s and all(
-                passage[0] != member[2][0] for member in group
-            ):
-                group.append(candidate)
-                last_leaving = leaving
-            else:
-                rest.append(candidate)
-        yield group
-        waiting = rest
+    at = 0
+    while at < len(passages):
+        at, platoons = independent_platoons(passages, at, sync_window_s)
+        yield from platoons
+
+
+def independent_platoons(
+    passages: Sequence[TimedPassage[Key]], at: int, sync_window_s: float
+) -> tuple[int, list[list[TimedPassage[Key]]]]:
+    """(position of the next passage, platoons) of a stretch from a passage on, up to where no
+    platoon of it reaches: what changes behind one stretch changes nothing in it, nor the reverse.
+    """
+    # Those that platoons before them left behind, then the others from `at` on.
+    left, platoons = [passages[at]], []
+    at += 1
+    count = len(passages)
+    while left:
+        lead_entry, last_leaving, (vehicle, *_) = left[0]
+        while at < count and passages[at][0] - lead_entry <= sync_window_s:
+            left.append(passages[at])
+            at += 1
+        group, behind = [left[0]], []
+        if len(left) > 1:
+            vehicles, latest_leaving = {vehicle}, last_leaving + sync_window_s
+            for candidate in left[1:]:
+                _, leaving, (vehicle, *_) = candidate
+                if last_leaving <= leaving <= latest_leaving and vehicle not in vehicles:
+                    group.append(candidate)
+                    vehicles.add(vehicle)
+                    last_leaving = leaving
+                else:
+                    behind.append(candidate)
+        platoons.append(group)
+        left = behind
+    return at, platoons
 
 
 def drag_reductions(

@@ -6,7 +6,7 @@ million pairs and drives a thousand of them, so a leg with its path and drive is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -33,6 +33,10 @@ from slipstream.energy import drive_energy_kwh, steady_energy_kwh
 from slipstream.vehicle_types import RoutingProfile
 
 _S_PER_H = 3600.0
+_SEARCHED_AT_ONCE = 4_000_000
+"""Distances that a search holds at a time, 32 MB of them."""
+
+Ints32 = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -182,9 +186,9 @@ class Travel:
 
     Attributes:
         places: depots, stops and charging stops.
-        row: place → row and column in the matrices.
-        energy_kwh: of the path from place i to place j, inf where there is none, shape (n, n).
-        search_cost_kwh: the same with the discounts that the search was given, shape (n, n).
+        row: place → row and column of its junction in the matrices; there are n junctions.
+        search_cost_kwh: of the path from junction i to junction j, with the discounts that the
+            search was given, inf where there is none, shape (n, n).
         duration_s: of its drive, to about a second, shape (n, n).
         searched: the costs that the search minimised.
     """
@@ -215,21 +219,32 @@ class Travel:
             *(c.id for c in fleet.charging_stops),
             *(h.id for h in fleet.hubs),
         )
-        self.row = {place: i for i, place in enumerate(self.places)}
         self._nodes = sorted({fleet.node(place) for place in self.places})
         at = {node: i for i, node in enumerate(self._nodes)}
-        self._node_of = np.array([at[fleet.node(place)] for place in self.places])
+        self.row = {place: at[fleet.node(place)] for place in self.places}
         searched = roads.objective
         if discount_kwh is not None:
             searched = searched.discounted(discount_kwh, roads.turn)
         self.searched = searched
-        self._before, self._last = self._search(searched)
-        pairs = np.ix_(self._node_of, self._node_of)
-        self.search_cost_kwh, self.energy_kwh, self.duration_s = (
-            values[pairs] for values in self._along_paths(searched)
-        )
+        m, n = len(roads.ids), len(self._nodes)
+        self._before = np.empty((n, m), dtype=np.int32)
+        self._last = np.empty((n, n), dtype=np.int32)
+        self.search_cost_kwh, self.duration_s = np.empty((n, n)), np.empty((n, n))
+        for rows, before, last in self._searched_paths():
+            self._before[rows], self._last[rows] = before, last
+            found = self._along_paths(before, last, (searched, roads.costs.time))
+            self.search_cost_kwh[rows], self.duration_s[rows] = found
+        for values in (self.search_cost_kwh, self.duration_s):
+            np.fill_diagonal(values, 0.0)
         self._legs: dict[tuple[int, int], Leg | None] = {}
         self._paths: dict[tuple[int, int, int], list[list[int]]] = {}
+
+    @cached_property
+    def energy_kwh(self) -> Floats:
+        """Energy of the same paths, without discounts, inf where there is none, shape (n, n)."""
+        (found,) = self._along_paths(self._before, self._last, (self.roads.costs.energy,))
+        np.fill_diagonal(found, 0.0)
+        return found
 
     @cached_property
     def turn_graph(self) -> csr_array:
@@ -246,9 +261,11 @@ class Travel:
         """
         return self.by_profile[self._problem.profile_of(vehicle)]
 
-    def _search(self, cost: Weights) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        """(predecessors, shape (nodes, m); last segment of each path, shape (nodes, nodes))."""
-        roads = self.roads
+    def _searched_paths(self) -> Iterator[tuple[slice, Ints32, Ints32]]:
+        """(rows, predecessors, shape (rows, m), last segments, shape (rows, n)) of the paths from
+        some junctions at a time: a search's distances are many times larger than what is kept.
+        """
+        roads, cost = self.roads, self.searched
         m, n = len(roads.ids), len(self._nodes)
         out = [roads.leaving[node] for node in self._nodes]
         onto = np.concatenate([roads.turn[1], *(np.array(o, dtype=np.int64) for o in out)])
@@ -260,34 +277,44 @@ class Travel:
             ),
             shape=(m + n, m + n),
         )
-        distance, before = dijkstra(graph, indices=np.arange(m, m + n), return_predecessors=True)
-        last = np.full((n, n), -1, dtype=np.int32)
-        for j, node in enumerate(self._nodes):
-            into = roads.entering[node]
-            if into:
-                whole = distance[:, into] + cost.finish[into]
-                best = np.array(into)[whole.argmin(axis=1)]
-                reached = np.isfinite(distance[np.arange(n), best])
-                last[reached, j] = best[reached]
-        np.fill_diagonal(last, -1)
-        return before[:, :m], last
+        into = [np.array(roads.entering[node]) for node in self._nodes]
+        step = max(1, _SEARCHED_AT_ONCE // (m + n))
+        for first in range(0, n, step):
+            rows = slice(first, min(first + step, n))
+            distance, before = dijkstra(
+                graph, indices=np.arange(m + rows.start, m + rows.stop), return_predecessors=True
+            )
+            origins = np.arange(rows.start, rows.stop)
+            last = np.full((len(origins), n), -1, dtype=np.int32)
+            for j, ends in enumerate(into):
+                if len(ends):
+                    whole = distance[:, ends] + cost.finish[ends]
+                    best = ends[whole.argmin(axis=1)]
+                    reached = np.isfinite(distance[np.arange(len(origins)), best])
+                    last[reached, j] = best[reached]
+            last[np.arange(len(origins)), origins] = -1
+            yield rows, before[:, :m], last
 
-    def _along_paths(self, searched: Weights) -> tuple[Floats, ...]:
-        """Searched cost, energy and duration between nodes, summed along the paths found, shape
-        (n, n) each.
+    def _along_paths(
+        self, before: Ints32, last: Ints32, kinds: Sequence[Weights]
+    ) -> Iterator[Floats]:
+        """Costs of each kind to all junctions, summed along the paths found, shape (rows, n); inf
+        where there is none.
         """
         roads = self.roads
-        m, n = len(roads.ids), len(self._nodes)
+        count, m = before.shape
         # One more segment, m, stands for the start: it costs nothing and precedes itself.
-        before = np.where((self._before < 0) | (self._before >= m), m, self._before)
-        before = np.hstack([before, np.full((n, 1), m)]).astype(np.int64)
-        turn = np.zeros((n, m), dtype=np.int64)
+        before = np.where((before < 0) | (before >= m), m, before)
+        before = np.hstack([before, np.full((count, 1), m, dtype=before.dtype)])
+        turn = np.zeros((count, m), dtype=np.int32)
         for origin, number in roads.predecessors:
             turn = np.where(before[:, :m] == origin, number, turn)
-        kinds = (searched, roads.costs.energy, roads.costs.time)
         sums = [
             np.hstack(
-                [np.where(before[:, :m] == m, w.begin, _values_at(w.turn, turn)), np.zeros((n, 1))]
+                [
+                    np.where(before[:, :m] == m, w.begin, _values_at(w.turn, turn)),
+                    np.zeros((count, 1)),
+                ]
             )
             for w in kinds
         ]
@@ -296,20 +323,16 @@ class Travel:
             for values in sums:
                 values += np.take_along_axis(values, before, axis=1)
             before = np.take_along_axis(before, before, axis=1)
-        rows = np.arange(n)[:, None]
-        paths = self._last >= 0
-        last = np.where(paths, self._last, m)
-        found = []
+        paths = last >= 0
+        ends = np.where(paths, last, m)
         for values, w in zip(sums, kinds, strict=True):
-            total = values[rows, last] + np.append(w.finish, 0.0)[last]
+            total = np.take_along_axis(values, ends, axis=1) + np.append(w.finish, 0.0)[ends]
             total[~paths] = np.inf
-            np.fill_diagonal(total, 0.0)
-            found.append(total)
-        return tuple(found)
+            yield total
 
     def leg(self, start: str, end: str) -> Leg | None:
         """The path between two places; None if there is none."""
-        pair = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
+        pair = self.row[start], self.row[end]
         if pair not in self._legs:
             self._legs[pair] = self._make(*pair, start, end)
         known = self._legs[pair]
@@ -322,7 +345,7 @@ class Travel:
 
         Each takes tens of milliseconds on a city's network.
         """
-        i, j = int(self._node_of[self.row[start]]), int(self._node_of[self.row[end]])
+        i, j = self.row[start], self.row[end]
         key = i, j, max_paths
         if key not in self._paths:
             roads, nodes = self.roads, self._nodes
@@ -403,6 +426,6 @@ def leg_along(roads: Roads, path: Sequence[int], start: str, end: str, style: Dr
     return Leg(start, end, names, roads.cost(roads.objective, path), drive, beyond_kwh)
 
 
-def _values_at(values: Floats, at: Ints) -> Floats:
+def _values_at(values: Floats, at: Ints32) -> Floats:
     """Values at indices; zeros where there are no values, as in a network without turns."""
     return values[at] if len(values) else np.zeros(at.shape)

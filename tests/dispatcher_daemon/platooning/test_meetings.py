@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -12,11 +11,10 @@ from dispatcher_daemon.platooning.meetings import (
     Meetings,
     Shares,
     Traversal,
-    clusters,
     open_shares,
     saving_kwh,
 )
-from dispatcher_daemon.platooning.platoons import platoons_of
+from dispatcher_daemon.platooning.platoons import independent_platoons, platoons_of
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -97,20 +95,44 @@ def test_changes_add_up_to_the_whole(
     assert list(meetings.on("e")) == on_road
 
 
-@given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 9)), unique=True))
-def test_clusters_are_cut_exactly_at_gaps_longer_than_the_window(
-    moments: list[tuple[int, int]],
-) -> None:
-    """Within a cluster no gap is longer than the window, between two each is; nothing is lost,
-    and what the clusters save is what all passages save.
-    """
-    passages = sorted((m / 2, m / 2 + 10.0, (who,)) for m, who in moments)
-    found = list(clusters(passages, WINDOW_S))
-    assert [p for cluster in found for p in cluster] == passages
-    assert all(b[0] - a[0] <= WINDOW_S for cluster in found for a, b in pairwise(cluster))
-    assert all(after[0][0] - before[-1][0] > WINDOW_S for before, after in pairwise(found))
-    apart = sum(saving_kwh(cluster, SHARES["e"], WINDOW_S) for cluster in found)
-    assert apart == pytest.approx(saving_kwh(passages, SHARES["e"], WINDOW_S))
+@given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 9), st.integers(16, 24)), unique=True))
+def test_stretches_form_their_platoons_alone(moments: list[tuple[int, int, int]]) -> None:
+    """Nothing is lost, and whatever comes before a stretch, its platoons are the same."""
+    passages = sorted((m / 2, (m + d) / 2, (who,)) for m, who, d in moments)
+    found, at = [], 0
+    while at < len(passages):
+        first = at
+        at, of_one = independent_platoons(passages, first, WINDOW_S)
+        found.append((first, of_one))
+    platoons = [platoon for _, of_one in found for platoon in of_one]
+    assert sorted(p for platoon in platoons for p in platoon) == passages
+    assert platoons == list(platoons_of(passages, WINDOW_S))
+    for number, (first, _) in enumerate(found):
+        assert list(platoons_of(passages[first:], WINDOW_S)) == [
+            platoon for _, of_one in found[number:] for platoon in of_one
+        ]
+        assert list(platoons_of(passages[:first], WINDOW_S)) == [
+            platoon for _, of_one in found[:number] for platoon in of_one
+        ]
+
+
+@given(st.data())
+def test_changes_that_touch_nothing_in_common_add_up(data: st.DataObject) -> None:
+    """Two changes that form no platoon anew together save what each saves alone."""
+    moments = st.tuples(st.integers(0, 80), st.integers(16, 24))
+    many = data.draw(st.lists(moments, min_size=2, max_size=30))
+    passages = [(m / 2, (m + d) / 2, (who,)) for who, (m, d) in enumerate(many)]
+    meetings = Meetings(SHARES, WINDOW_S)
+    for passage in passages[2:]:
+        meetings.add({"e": [passage]})
+    one, other = (meetings.change("e", (), [passage]) for passage in passages[:2])
+    both = meetings.change("e", (), passages[:2])
+    if not one.touches(other):
+        assert both.saving_kwh == pytest.approx(one.saving_kwh + other.saving_kwh)
+    kept = saving_kwh(sorted(passages[2:]), SHARES["e"], WINDOW_S)
+    assert both.saving_kwh == pytest.approx(
+        saving_kwh(sorted(passages), SHARES["e"], WINDOW_S) - kept
+    )
 
 
 @pytest.mark.parametrize("members", [1, 2, 3, 5])
