@@ -228,14 +228,38 @@ def _parts(
     part_stops: int,
     number: int,
 ) -> list[tuple[list[Vehicle], list[str]]]:
+    """(vehicles, stops) of each part. Where each stop is a carrier's, each carrier has parts of its
+    own.
+    """
+    fleet = problem.fleet
+    if len(fleet.carriers) == 1 or any(
+        fleet.stop_by_id[name].carrier is None for name in fleet.pooled
+    ):
+        return _cut(problem, fleet.vehicles, routes, unassigned, part_stops, number)
+    parts = []
+    for carrier in fleet.carriers:
+        vehicles = [v for v in fleet.vehicles if v.carrier == carrier]
+        left = [name for name in unassigned if fleet.stop_by_id[name].carrier == carrier]
+        parts += _cut(problem, vehicles, routes, left, part_stops, number)
+    return [part for part in parts if part[1]]
+
+
+def _cut(
+    problem: RoutingProblem,
+    vehicles: Sequence[Vehicle],
+    routes: StopsByVehicle,
+    unassigned: Sequence[str],
+    part_stops: int,
+    number: int,
+) -> list[tuple[list[Vehicle], list[str]]]:
     """(vehicles, stops) of each part: routes cut at the median of where their stops lie, again
     and again, across a direction that turns from cut to cut and from round to round.
 
     Idle vehicles and unassigned stops are distributed over the parts.
     """
     fleet, junctions = problem.fleet, problem.network.junctions
-    driving = [v for v in fleet.vehicles if routes[v.id]]
-    idle = [v for v in fleet.vehicles if not routes[v.id]]
+    driving = [v for v in vehicles if routes[v.id]]
+    idle = [v for v in vehicles if not routes[v.id]]
     centre = {
         v.id: np.mean([junctions[fleet.node(s)] for s in routes[v.id]], axis=0) for v in driving
     }

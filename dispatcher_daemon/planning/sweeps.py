@@ -7,13 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import networkx as nx
 import numpy as np
 
 from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.blocks import Block, build_block
 from dispatcher_daemon.planning.departures import best_departure, schedule_greedily
-from dispatcher_daemon.planning.exchanges import best_exchanges
+from dispatcher_daemon.planning.exchanges import best_exchanges, exchanged
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
@@ -202,14 +201,16 @@ class BlockDescent:
         return adopted
 
     def _exchanges(self, stops: StopsByVehicle) -> list[list[int]]:
-        """Smallest groups of vehicles among which other routes serve the same stops differently."""
-        owner = {stop: i.number for i in self.present for stop in i.stops}
-        graph = nx.Graph()
-        for number, name in self._names.items():
-            if stops[name] != self.present[number].stops:
-                graph.add_node(number)
-                graph.add_edges_from((number, owner[stop]) for stop in stops[name])
-        return sorted(sorted(group) for group in nx.connected_components(graph))
+        """Smallest groups of vehicles of one carrier among which other routes serve the same stops
+        differently.
+        """
+        others = {number: stops[name] for number, name in self._names.items()}
+        vehicles = self.planner.problem.fleet.vehicles
+        return [
+            group
+            for group in exchanged(self.present, others)
+            if len({vehicles[number].carrier for number in group}) == 1
+        ]
 
     def _itinerary_by(self, number: int, stops: StopsByVehicle) -> Itinerary | None:
         """A vehicle's itinerary by other routes, with the paths and the departure that save most
