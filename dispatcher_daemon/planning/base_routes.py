@@ -14,7 +14,6 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numpy as np
 import pyvrp
 from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.search import NeighbourhoodParams, PerturbationParams
@@ -25,7 +24,8 @@ from pyvrp.stop import (
     StoppingCriterion,
 )
 
-from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.planning.parts import Group, by_carrier, parts_of
 from dispatcher_daemon.planning.pyvrp_model import (
     MWH_PER_KWH,
     NO_PATH_MWH,
@@ -91,21 +91,47 @@ def base_routes(
     if not stops or not has_vehicle:
         return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), False)
     ends = time.monotonic() + settings.time_limit_s
-    whole = VrpModel(problem, travel, problem.fleet.vehicles, stops)
-    required = not whole.demand_exceeds_capacity()
-    routes, timed_out = _initial_routes(whole, required, settings, seed, start)
-    if routes is None and required:
-        required = False
-        routes, timed_out = _initial_routes(whole, required, settings, seed, start)
-    if routes is None:
-        return BaseRoutes({v.id: () for v in problem.fleet.vehicles}, tuple(stops), timed_out)
+    fleet = problem.fleet
+    routes: StopsByVehicle = {vehicle.id: () for vehicle in fleet.vehicles}
+
+    def first(groups: Sequence[Group], begin: Mapping[str, Sequence[str]] | None) -> list[_First]:
+        models = [VrpModel(problem, travel, group.vehicles, group.stops) for group in groups]
+        limit_s = settings.time_limit_s / 8 / max(1, len(models))
+        return [_first_routes(model, settings, limit_s, seed, begin) for model in models]
+
+    groups, anybodys = by_carrier(fleet, stops)
+    if anybodys:
+        # Among several carriers a search finds feasible routes late, unless it begins with some.
+        for of_one in first(groups, start) if start is None else ():
+            routes |= of_one.routes or {}
+        groups = [Group(fleet.vehicles, stops)]
+        start = routes if start is None else start
+    firsts = first(groups, start)
+    timed_out = any(of_one.timed_out for of_one in firsts)
+    if all(of_one.routes is None for of_one in firsts):
+        return BaseRoutes({v.id: () for v in fleet.vehicles}, tuple(stops), timed_out)
+    for of_one in firsts:
+        routes |= of_one.routes or {}
     for number in range(settings.rounds):
         left_s = (ends - time.monotonic()) / (settings.rounds - number)
         if left_s <= 0:
             timed_out = True
             break
-        parts = _parts(problem, routes, _unassigned(stops, routes), settings.part_stops, number)
-        models = [VrpModel(problem, travel, vehicles, own) for vehicles, own in parts]
+        parts = [
+            (vehicles, own, of_one.required)
+            for group, of_one in zip(groups, firsts, strict=True)
+            for divided in _divided(fleet, group, bool(anybodys) and number % 2 == 0)
+            for vehicles, own in parts_of(
+                problem,
+                divided.vehicles,
+                routes,
+                _unassigned(divided.stops, routes),
+                settings.part_stops,
+                number,
+            )
+            if own
+        ]
+        models = [VrpModel(problem, travel, vehicles, own) for vehicles, own, _ in parts]
         limit_s = left_s / math.ceil(len(parts) / settings.workers)
         jobs = [
             _submit(
@@ -117,7 +143,7 @@ def base_routes(
                 seed + number,
                 _low_penalties(settings) if required else _HIGH_PENALTIES,
             )
-            for model, (_, own) in zip(models, parts, strict=True)
+            for model, (_, own, required) in zip(models, parts, strict=True)
         ]
         for model, job in zip(models, jobs, strict=True):
             try:
@@ -130,6 +156,11 @@ def base_routes(
             if found is not None:
                 routes |= model.read(found)
     return BaseRoutes(routes, _unassigned(stops, routes), timed_out)
+
+
+def _divided(fleet: Fleet, group: Group, by_carriers: bool) -> list[Group]:
+    """A group, or its carriers with the stops that are theirs alone, if there are any."""
+    return (by_carrier(fleet, group.stops)[0] if by_carriers else []) or [group]
 
 
 def _unassigned(stops: Sequence[str], routes: StopsByVehicle) -> tuple[str, ...]:
@@ -150,10 +181,42 @@ def _submit(
         return refused
 
 
+@dataclass(frozen=True)
+class _First:
+    """What a first search finds.
+
+    Attributes:
+        routes: None: none.
+        required: whether they serve all stops; the search goes on with the same demand.
+        timed_out: whether time ran out.
+    """
+
+    routes: StopsByVehicle | None
+    required: bool
+    timed_out: bool
+
+
+def _first_routes(
+    model: VrpModel,
+    settings: SearchSettings,
+    limit_s: float,
+    seed: int,
+    start: Mapping[str, Sequence[str]] | None,
+) -> _First:
+    """Routes over all stops, or over as many as fit."""
+    required = not model.demand_exceeds_capacity()
+    routes, timed_out = _initial_routes(model, required, settings, limit_s, seed, start)
+    if routes is None and required:
+        required = False
+        routes, timed_out = _initial_routes(model, required, settings, limit_s, seed, start)
+    return _First(routes, required, timed_out)
+
+
 def _initial_routes(
     model: VrpModel,
     required: bool,
     settings: SearchSettings,
+    limit_s: float,
     seed: int,
     start: Mapping[str, Sequence[str]] | None,
 ) -> tuple[StopsByVehicle | None, bool]:
@@ -161,7 +224,7 @@ def _initial_routes(
     begin = None if start is None else model.visits(start)
     # Rounds improve more from routes that low penalties found.
     for penalty in (_low_penalties(settings), _HIGH_PENALTIES) if required else (_HIGH_PENALTIES,):
-        iterations, limit_s = settings.iterations_to_feasible, settings.time_limit_s / 8
+        iterations = settings.iterations_to_feasible
         found, cut = _search(data, begin, iterations, limit_s, seed, penalty, first=True)
         if found is not None:
             break
@@ -219,67 +282,3 @@ def _parameters(penalty: pyvrp.PenaltyParams) -> pyvrp.SolveParams:
         neighbourhood=NeighbourhoodParams(num_neighbours=20),
         perturbation=PerturbationParams(1, 10),
     )
-
-
-def _parts(
-    problem: RoutingProblem,
-    routes: StopsByVehicle,
-    unassigned: Sequence[str],
-    part_stops: int,
-    number: int,
-) -> list[tuple[list[Vehicle], list[str]]]:
-    """(vehicles, stops) of each part. Where each stop is a carrier's, each carrier has parts of its
-    own.
-    """
-    fleet = problem.fleet
-    if len(fleet.carriers) == 1 or any(
-        fleet.stop_by_id[name].carrier is None for name in fleet.pooled
-    ):
-        return _cut(problem, fleet.vehicles, routes, unassigned, part_stops, number)
-    parts = []
-    for carrier in fleet.carriers:
-        vehicles = [v for v in fleet.vehicles if v.carrier == carrier]
-        left = [name for name in unassigned if fleet.stop_by_id[name].carrier == carrier]
-        parts += _cut(problem, vehicles, routes, left, part_stops, number)
-    return [part for part in parts if part[1]]
-
-
-def _cut(
-    problem: RoutingProblem,
-    vehicles: Sequence[Vehicle],
-    routes: StopsByVehicle,
-    unassigned: Sequence[str],
-    part_stops: int,
-    number: int,
-) -> list[tuple[list[Vehicle], list[str]]]:
-    """(vehicles, stops) of each part: routes cut at the median of where their stops lie, again
-    and again, across a direction that turns from cut to cut and from round to round.
-
-    Idle vehicles and unassigned stops are distributed over the parts.
-    """
-    fleet, junctions = problem.fleet, problem.network.junctions
-    driving = [v for v in vehicles if routes[v.id]]
-    idle = [v for v in vehicles if not routes[v.id]]
-    centre = {
-        v.id: np.mean([junctions[fleet.node(s)] for s in routes[v.id]], axis=0) for v in driving
-    }
-    groups, angle = [driving], float(number)
-    total = sum(len(routes[v.id]) for v in driving)
-    while total > part_stops * len(groups):
-        direction = np.array([np.cos(angle), np.sin(angle)])
-        halves = []
-        for group in groups:
-            ordered = sorted(group, key=lambda v: (float(centre[v.id] @ direction), v.id))
-            count = np.cumsum([len(routes[v.id]) for v in ordered])
-            middle = int(np.searchsorted(count, count[-1] / 2)) + 1
-            halves += [half for half in (ordered[:middle], ordered[middle:]) if half]
-        if len(halves) == len(groups):
-            break
-        groups, angle = halves, angle + np.pi / 2
-    return [
-        (
-            [*group, *idle[i :: len(groups)]],
-            [*(s for v in group for s in routes[v.id]), *unassigned[i :: len(groups)]],
-        )
-        for i, group in enumerate(groups)
-    ]

@@ -93,6 +93,14 @@ class Accounts:
         """Carriers that have less than alone, in the fleet's order."""
         return [carrier for carrier, gain in self.gains_kwh().items() if gain < -_ROUNDING_KWH]
 
+    def allows(self, itineraries: Sequence[Itinerary]) -> bool:
+        """Whether a change of some vehicles' itineraries leaves no carrier with less than alone."""
+        before = [self.present[itinerary.number] for itinerary in itineraries]
+        self.change(itineraries)
+        fair = not self.losing()
+        self.change(before)
+        return fair
+
     def worst(self, carrier: str | None) -> list[int]:
         """Of the smallest groups of a carrier's vehicles that can go back to the base plan, the one
         that loses most.
@@ -138,8 +146,9 @@ def nobody_worse_off(
     base: Sequence[Itinerary],
     present: Sequence[Itinerary],
     on_road: Iterable[RoadUser] = (),
-) -> tuple[Sequence[Itinerary], Gains]:
-    """(the plan with changes undone until no carrier has less than alone, what each has more).
+) -> Accounts | None:
+    """Accounts of the plan with changes undone until no carrier has less than alone; None: the
+    fleet is of one carrier.
 
     Of each carrier that has less, the vehicles that lose most go back to the base plan, together
     with those that they have exchanged stops with. In the base plan nobody loses, so it ends.
@@ -148,14 +157,11 @@ def nobody_worse_off(
         base: itineraries of the base plan, by vehicle number.
         present: of the plan, in which every stop is with the carrier that the base plan gave it.
         on_road: vehicles that earlier cycles sent.
-
-    Returns:
-        The plan as it is, and nothing, of a fleet of one carrier.
     """
     if len(planner.problem.fleet.carriers) < 2:
-        return present, {}
+        return None
     accounts = Accounts(planner, base, present, on_road)
     while losing := accounts.losing():
         for carrier in losing:
             accounts.change([base[number] for number in accounts.worst(carrier)])
-    return accounts.present, accounts.gains_kwh()
+    return accounts

@@ -18,7 +18,7 @@ import numpy as np
 
 from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.bound_part import bound_routes, drivable, unbound
-from dispatcher_daemon.planning.carriers import nobody_worse_off
+from dispatcher_daemon.planning.carriers import Accounts, nobody_worse_off
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.servability import unservable, without
@@ -124,12 +124,19 @@ def plan_fleet(
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
     base = first.base.itineraries
-    fair, gains = nobody_worse_off(first.planner, base, descent.present, cycle.on_road)
-    _, base_gains = nobody_worse_off(first.planner, base, base, cycle.on_road)
+    accounts = nobody_worse_off(first.planner, base, descent.present, cycle.on_road)
+    gains, base_gains = Gains(), Gains()
+    if accounts is not None:
+        if any(a is not b for a, b in zip(accounts.present, descent.present, strict=True)):
+            descent.keep_to(accounts)
+            more, cut = descent.run(seed + len(sweeps), ends, clock)
+            sweeps, late = (*sweeps, *more), late or cut
+        gains = accounts.gains_kwh()
+        base_gains = Accounts(first.planner, base, base, cycle.on_road).gains_kwh()
     stage("carriers")
     return FleetPlan(
         whole,
-        choice_of(first.planner, fair),
+        choice_of(first.planner, descent.present),
         first.base,
         first.greedy,
         missing,

@@ -84,8 +84,9 @@ class RouteForm:
         planner, base = self.first.planner, self.first.base.itineraries
         chosen = {i.number: i for i in self.block.chosen(selected)}
         present = [chosen.get(i.number, i) for i in base]
-        fair, gains = nobody_worse_off(planner, base, present, self.cycle.on_road)
-        choice = choice_of(planner, fair)
+        accounts = nobody_worse_off(planner, base, present, self.cycle.on_road)
+        choice = choice_of(planner, present if accounts is None else accounts.present)
+        gains = None if accounts is None else accounts.gains_kwh()
         return self.cycle.candidate(
             solver, choice.routes, choice.objective_kwh, unserved=self.unserved, gains_kwh=gains
         )

@@ -11,6 +11,7 @@ import numpy as np
 
 from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.blocks import Block, build_block
+from dispatcher_daemon.planning.carriers import Accounts
 from dispatcher_daemon.planning.departures import best_departure, schedule_greedily
 from dispatcher_daemon.planning.exchanges import best_exchanges, exchanged
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
@@ -110,7 +111,13 @@ class BlockDescent:
         self._meetings = planner.meetings()
         saving = math.fsum(self._meetings.add(i.traversals) for i in itineraries)
         self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
+        self._accounts: Accounts | None = None
         self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}
+
+    def keep_to(self, accounts: Accounts) -> None:
+        """Go on from the plan of some accounts, with changes only that they allow."""
+        self._objective_kwh += self._apply(accounts.present)
+        self._accounts = accounts
 
     def run(
         self, seed: int, ends: float, clock: Callable[[], float]
@@ -265,12 +272,14 @@ class BlockDescent:
             seen.add(selected)
             chosen = block.chosen(selected)
             change = self._apply(chosen)
-            if change < best_change:
+            if change < best_change and (self._accounts is None or self._accounts.allows(chosen)):
                 best_change, best, solver = change, chosen, outcome.solver
             self._apply([block.options[i.number][0] for i in chosen])
         if best is None:
             return ()
         self._objective_kwh += self._apply(best)
+        if self._accounts is not None:
+            self._accounts.change(best)
         return (solver,)
 
     def _apply(self, itineraries: Sequence[Itinerary]) -> float:

@@ -18,7 +18,7 @@ from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import Energy, total
 from slipstream.messages import SolverReport, VehiclePlan
 
-Gains = Mapping[str | None, float]
+Gains = dict[str | None, float]
 """By carrier, what it has more than alone, kWh of the objective; None: vehicles without one."""
 
 

@@ -161,11 +161,13 @@ def test_what_is_undone_keeps_every_stop(town: Town) -> None:
     base = plan([0.0, 0.0, 0.0], ("a1",), ("a2",), ("b1",))
     # Carrier a has exchanged its stops and waits long for nobody.
     other = plan([0.0, 200.0, 0.0], ("a2",), ("a1",), ("b1",))
-    fair, gains = nobody_worse_off(planner, base, other)
+    accounts = nobody_worse_off(planner, base, other)
+    assert accounts is not None
+    fair = accounts.present
     assert [i.stops for i in fair] == [("a1",), ("a2",), ("b1",)]
     assert fair[:2] == base[:2]
     assert fair[2] is other[2]
-    assert min(gains.values()) >= 0
+    assert min(accounts.gains_kwh().values()) >= 0
 
 
 def random_fleet(seed: int, town: Town) -> tuple[RoutingProblem, TrafficSnapshot]:
