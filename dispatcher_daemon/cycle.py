@@ -10,14 +10,15 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form
-from dispatcher_daemon.fleet import Fleet, arc_form_obstacle
+from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form, arc_form_obstacle
+from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning import route_cycle, servable_part
 from dispatcher_daemon.plans import (
     Candidate,
     Cycle,
     FormResult,
     Refusal,
+    RouteEnergy,
     plans_to_send,
     summarise,
 )
@@ -25,8 +26,9 @@ from dispatcher_daemon.platooning import JudgedPair, Passage, Place
 from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve
+from slipstream.energy import total
 from slipstream.errors import InputError
-from slipstream.messages import CycleReport, Unserved, VehiclePlan
+from slipstream.messages import CarrierSummary, CycleReport, Unserved, VehiclePlan
 
 MAX_ARC_VEHICLES: Final = 2
 MAX_ARC_STOPS: Final = 8
@@ -88,10 +90,12 @@ def run_cycle(
         found = route_cycle(cycle, solve, executor)
     chosen, status, reason = _choose(found)
     energy = None
+    carriers: tuple[CarrierSummary, ...] = ()
     if chosen is not None and isinstance(found.baseline, Candidate):
         name = f"{found.baseline_solver}, without platooning"
         price_kw = cycle.problem.price_of_time_kw
         energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
+        carriers = _by_carrier(cycle.problem.fleet, found.baseline, chosen)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings
@@ -111,10 +115,30 @@ def run_cycle(
             "energy": energy,
             "plans": len(plans),
             "unserved": tuple(Unserved(stop=s, reason=r) for s, r in found.unserved.items()),
+            "carriers": carriers,
         }
     )
     joined = {} if chosen is None else chosen.joined
     return CycleResult(report, plans, arcs, judged, found.stops, joined)
+
+
+def _by_carrier(fleet: Fleet, baseline: Candidate, chosen: Candidate) -> tuple[CarrierSummary, ...]:
+    """What each of several carriers has from the chosen plan."""
+
+    def own(plan: Candidate, carrier: str | None) -> list[RouteEnergy]:
+        of_routes = zip(plan.routes, plan.energies, strict=True)
+        vehicles = fleet.vehicle_by_id
+        return [e for route, e in of_routes if vehicles[route.vehicle].carrier == carrier]
+
+    return tuple(
+        CarrierSummary(
+            carrier=carrier,
+            baseline_kwh=total(e.undrafted for e in own(baseline, carrier)).total_kwh,
+            cooperative_kwh=total(e.driven for e in own(chosen, carrier)).total_kwh,
+            saved_cost_kwh=gain_kwh,
+        )
+        for carrier, gain_kwh in chosen.gains_kwh.items()
+    )
 
 
 def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route"]:

@@ -18,8 +18,8 @@ from slipstream.roads import RoadNetwork, Segment
 
 MIN_SPEED_MPS = 1.0
 """Lower bound of the planning speed, so that travel times in a queue are finite."""
-PERSISTENCE_S = 600.0
-"""After this time what a flag says beyond the hour's usual share has fallen to 1/e."""
+PERSISTENCE_S = 60.0
+"""After this time what a flag says beyond the usual share of its hour has fallen to 1/e."""
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,7 @@ class CycleRow(Base):
     cooperative_driving_s: Mapped[float | None]
     price_of_time_kw: Mapped[float | None]
     unserved: Mapped[list[Any]] = mapped_column(server_default="[]")
+    carriers: Mapped[list[Any]] = mapped_column(server_default="[]")
 
     solver_runs: Mapped[list[SolverRunRow]] = relationship(
         cascade="all, delete-orphan", order_by="SolverRunRow.position", passive_deletes=True

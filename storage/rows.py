@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from slipstream.messages import (
+    CarrierSummary,
     CycleReport,
     EnergySummary,
     Gate,
@@ -19,7 +20,7 @@ from slipstream.messages import (
 )
 from storage.models import CycleRow, GateRow, PlanRow, SolverRunRow, StateRow
 
-_MAPPED_FIELDS = {"solvers", "gates", "energy", "unserved", "plans"}
+_MAPPED_FIELDS = {"solvers", "gates", "energy", "unserved", "carriers", "plans"}
 """Fields of a CycleReport that `cycle_row` maps one by one."""
 _CYCLE_FIELDS = tuple(name for name in CycleReport.model_fields if name not in _MAPPED_FIELDS)
 _ENERGY_FIELDS = tuple(EnergySummary.model_fields)
@@ -37,6 +38,7 @@ def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
         **energy,
         plan_count=report.plans,
         unserved=[stop.model_dump() for stop in report.unserved],
+        carriers=[carrier.model_dump() for carrier in report.carriers],
         solver_runs=[
             SolverRunRow(position=position, **run.model_dump())
             for position, run in enumerate(report.solvers)
@@ -72,6 +74,7 @@ def cycle_report(row: CycleRow) -> CycleReport:
             "gates": tuple(Gate.model_validate(_fields(gate, _GATE_FIELDS)) for gate in row.gates),
             "energy": energy,
             "unserved": tuple(Unserved.model_validate(stop) for stop in row.unserved),
+            "carriers": tuple(CarrierSummary.model_validate(of_one) for of_one in row.carriers),
         }
     )
 

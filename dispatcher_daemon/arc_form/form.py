@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from dispatcher_daemon.arc_form.arcs import ArcParts, arc_parts_of
-from dispatcher_daemon.fleet import arc_form_obstacle
+from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.formulations import decode
 from dispatcher_daemon.planning import Choice, Planner, initial_choices
 from dispatcher_daemon.plans import Candidate, Cycle, Refusal
@@ -18,6 +18,7 @@ from dispatcher_daemon.solvers.execution.pool import Job, Solve
 from dispatcher_daemon.solvers.insertion import cheapest_insertion
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
+from slipstream.vehicle_types import RoutingProfile
 
 
 @dataclass(frozen=True)
@@ -135,3 +136,45 @@ def arc_form(cycle: Cycle, unserved: Mapping[str, str] | None = None) -> ArcForm
     settings = cycle.settings
     parts = arc_parts_of(cycle.problem, cycle.snapshot, settings.sync_window_s, cycle.reference_s)
     return ArcForm(cycle, unserved or {}, parts)
+
+
+def arc_form_obstacle(fleet: Fleet) -> str | None:
+    """Why the arc form (the paper's) cannot express a fleet; None if it can.
+
+    In it every vehicle drives, stops have no times, no load or charge is counted, all vehicles
+    share one set of paths, and nobody asks what each carrier has. A capacity that no set of stops
+    can exceed is no obstacle, nor is a departure window: vehicles then leave when they are ready.
+    """
+    kinds = {vehicle.id: fleet.type_of(vehicle) for vehicle in fleet.vehicles}
+    if len({RoutingProfile() if kind is None else kind.profile for kind in kinds.values()}) > 1:
+        return "its vehicles are of different types"
+    for name, kind in kinds.items():
+        if kind is not None and kind.battery_kwh is not None:
+            return f"vehicle {name!r} has a battery"
+    if len(fleet.carriers) > 1:
+        return "its vehicles are of different carriers"
+    for stop in fleet.stops:
+        if stop.carrier not in (None, *fleet.carriers):
+            return f"stop {stop.id!r} is of another carrier than the vehicles"
+        if stop.earliest_s > 0 or stop.latest_s is not None:
+            return f"stop {stop.id!r} has a time window"
+    demand = {stop.id: stop.demand for stop in fleet.stops}
+    pooled = sum(demand[name] for name in fleet.pooled)
+    for vehicle in fleet.vehicles:
+        if vehicle.return_by_s is not None:
+            return f"vehicle {vehicle.id!r} has to be back in time"
+        if fleet.overload(vehicle.model_copy(update={"capacity": None}), fleet.stops) is not None:
+            return f"vehicle {vehicle.id!r} cannot carry the mass of all stops"
+        most = pooled + (0 if vehicle.first_stop is None else demand[vehicle.first_stop])
+        if vehicle.capacity is not None and most > vehicle.capacity:
+            return (
+                f"vehicle {vehicle.id!r} has a capacity of {vehicle.capacity} "
+                f"and could be given a demand of {most}"
+            )
+    free = sum(vehicle.first_stop is None for vehicle in fleet.vehicles)
+    if free > len(fleet.pooled):
+        return (
+            f"every vehicle has to drive, and {free} without a first stop are too many "
+            f"for {len(fleet.pooled)} pooled stops"
+        )
+    return None

@@ -12,7 +12,6 @@ from dispatcher_daemon.fleet.models import (
     NamedVehicleType,
     Stop,
     Vehicle,
-    arc_form_obstacle,
 )
 from dispatcher_daemon.fleet.places import MAX_SNAP_M, distances
 
@@ -27,7 +26,6 @@ __all__ = [
     "NamedVehicleType",
     "Stop",
     "Vehicle",
-    "arc_form_obstacle",
     "check_fleet",
     "distances",
     "fleet_from",

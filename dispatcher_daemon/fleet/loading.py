@@ -65,7 +65,8 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
 
     Raises:
         InputError: a duplicate id, an unknown node, depot or vehicle type, a charge that does not
-            fit the battery, or a first stop that does not exist or is claimed twice.
+            fit the battery, a first stop that does not exist, is claimed twice or is of another
+            carrier, or a stop whose carrier has no vehicle.
     """
     _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
     _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
@@ -118,9 +119,32 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
                 key=f"{key}.first_stop",
             )
         _check_type(fleet, vehicle, source, key)
+    _check_carriers(fleet, source, prefix)
     first = [v.first_stop for v in fleet.vehicles if v.first_stop is not None]
     mend = "give each vehicle a stop of its own"
     _no_duplicates(source, f"{prefix}vehicles", "first_stop", first, mend)
+
+
+def _check_carriers(fleet: Fleet, source: str | Path, prefix: str) -> None:
+    for stop in fleet.stops:
+        if stop.carrier is not None and stop.carrier not in fleet.carriers:
+            raise InputError(
+                source,
+                f"no vehicle of carrier {stop.carrier!r}",
+                "give that carrier a vehicle, or leave the stop's carrier out for any vehicle",
+                key=f"{prefix}stops.{stop.id}.carrier",
+            )
+    for vehicle in fleet.vehicles:
+        if vehicle.first_stop is None:
+            continue
+        stop = fleet.stop_by_id[vehicle.first_stop]
+        if not fleet.may_serve(vehicle, stop):
+            raise InputError(
+                source,
+                f"stop {stop.id!r} is of carrier {stop.carrier!r}, and the vehicle is not",
+                "give both the same carrier, or another first stop",
+                key=f"{prefix}vehicles.{vehicle.id}.first_stop",
+            )
 
 
 def _check_type(fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str) -> None:

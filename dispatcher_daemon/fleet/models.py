@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from slipstream.config import Settings
 from slipstream.messages import Identifier
-from slipstream.vehicle_types import PRESETS, RoutingProfile, VehicleType
+from slipstream.vehicle_types import PRESETS, VehicleType
 
 DEPOT: Final = "depot"
 """In the arc form this place stands for each vehicle's own depot; no stop may have its name."""
@@ -100,6 +100,9 @@ class Stop(_Point):
         allow_inf_nan=False,
         description="Service starts no later; None: whenever.",
     )
+    carrier: Identifier | None = Field(
+        default=None, description="Only vehicles of this carrier serve it; None: any vehicle."
+    )
 
     @model_validator(mode="after")
     def _window_is_open(self) -> Self:
@@ -117,8 +120,8 @@ class Vehicle(Settings):
     """One vehicle.
 
     A vehicle with a first stop has that parcel loaded and drives there first. Stops that are
-    nobody's first stop are pooled: any vehicle may serve them. It leaves its depot within
-    [``ready_s``, ``depart_by_s``], s after the reference time of the cycle.
+    nobody's first stop are pooled: any vehicle may serve them, or any of their carrier. It leaves
+    its depot within [``ready_s``, ``depart_by_s``], s after the reference time of the cycle.
     """
 
     id: Identifier
@@ -159,6 +162,10 @@ class Vehicle(Settings):
         le=1e6,
         allow_inf_nan=False,
         description="In its battery when the fleet's times begin; None: it is full.",
+    )
+    carrier: Identifier | None = Field(
+        default=None,
+        description="Who runs it. Vehicles without one count together as one carrier.",
     )
 
     @model_validator(mode="after")
@@ -213,12 +220,17 @@ class Fleet(Settings):
         return {vehicle.id: vehicle for vehicle in self.vehicles}
 
     @cached_property
+    def carriers(self) -> tuple[str | None, ...]:
+        """Carriers of the vehicles, in their order; None: those without one."""
+        return tuple(dict.fromkeys(vehicle.carrier for vehicle in self.vehicles))
+
+    @cached_property
     def _types(self) -> dict[str, VehicleType]:
         return {**PRESETS, **{kind.id: kind for kind in self.vehicle_types}}
 
     @cached_property
     def pooled(self) -> tuple[str, ...]:
-        """Ids of the stops that any vehicle may serve."""
+        """Ids of the stops that are on no vehicle."""
         taken = {vehicle.first_stop for vehicle in self.vehicles}
         return tuple(stop.id for stop in self.stops if stop.id not in taken)
 
@@ -232,6 +244,10 @@ class Fleet(Settings):
             return vehicle.own_type
         # A vehicle under way may have a type that the file has no more.
         return None if vehicle.type is None else self._types.get(vehicle.type)
+
+    def may_serve(self, vehicle: Vehicle, stop: Stop) -> bool:
+        """Whether a stop is anybody's or of the vehicle's carrier."""
+        return stop.carrier is None or stop.carrier == vehicle.carrier
 
     def overload(self, vehicle: Vehicle, stops: Iterable[Stop]) -> str | None:
         """By what the load of some stops is more than a vehicle carries; None: it is not."""
@@ -276,41 +292,3 @@ class Fleet(Settings):
         first = vehicle.first_stop
         out = [(depot, first), (first, depot)]
         return tuple(out + [(first, j) for j in pooled] + between + back)
-
-
-def arc_form_obstacle(fleet: Fleet) -> str | None:
-    """Why the arc form (the paper's) cannot express a fleet; None if it can.
-
-    In it every vehicle drives, stops have no times, no load or charge is counted, and all vehicles
-    share one set of paths. A capacity that no set of stops can exceed is no obstacle, nor is a
-    departure window: vehicles then leave when they are ready.
-    """
-    kinds = {vehicle.id: fleet.type_of(vehicle) for vehicle in fleet.vehicles}
-    if len({RoutingProfile() if kind is None else kind.profile for kind in kinds.values()}) > 1:
-        return "its vehicles are of different types"
-    for name, kind in kinds.items():
-        if kind is not None and kind.battery_kwh is not None:
-            return f"vehicle {name!r} has a battery"
-    for stop in fleet.stops:
-        if stop.earliest_s > 0 or stop.latest_s is not None:
-            return f"stop {stop.id!r} has a time window"
-    demand = {stop.id: stop.demand for stop in fleet.stops}
-    pooled = sum(demand[name] for name in fleet.pooled)
-    for vehicle in fleet.vehicles:
-        if vehicle.return_by_s is not None:
-            return f"vehicle {vehicle.id!r} has to be back in time"
-        if fleet.overload(vehicle.model_copy(update={"capacity": None}), fleet.stops) is not None:
-            return f"vehicle {vehicle.id!r} cannot carry the mass of all stops"
-        most = pooled + (0 if vehicle.first_stop is None else demand[vehicle.first_stop])
-        if vehicle.capacity is not None and most > vehicle.capacity:
-            return (
-                f"vehicle {vehicle.id!r} has a capacity of {vehicle.capacity} "
-                f"and could be given a demand of {most}"
-            )
-    free = sum(vehicle.first_stop is None for vehicle in fleet.vehicles)
-    if free > len(fleet.pooled):
-        return (
-            f"every vehicle has to drive, and {free} without a first stop are too many "
-            f"for {len(fleet.pooled)} pooled stops"
-        )
-    return None

@@ -25,7 +25,13 @@ from pyvrp.stop import (
     StoppingCriterion,
 )
 
-from dispatcher_daemon.planning.parts import Part, parts_of_routes, parts_of_stops
+from dispatcher_daemon.planning.parts import (
+    Part,
+    by_carrier,
+    parts_of_routes,
+    parts_of_stops,
+    unserved,
+)
 from dispatcher_daemon.planning.pyvrp_model import (
     MWH_PER_KWH,
     NO_PATH_MWH,
@@ -98,19 +104,33 @@ def base_routes(
     if not stops or not has_vehicle:
         return BaseRoutes(routes, tuple(stops), False)
     search = _Search(problem, travel, settings, executor)
-    found, timed_out = search.first(stops, seed, start)
+    groups, anybodys = by_carrier(problem.fleet, stops)
+    carriers, timed_out = groups, False
+    if anybodys:
+        # Among several carriers a search finds feasible routes late, unless it begins with some.
+        if start is None:
+            found, timed_out = search.first(groups, seed, None)
+            start = routes | found
+        groups = [Part(problem.fleet.vehicles, stops)]
+    found, cut = search.first(groups, seed, start)
     routes |= found
+    timed_out |= cut
     for number in range(settings.rounds):
         left_s = (search.ends - time.monotonic()) / (settings.rounds - number)
         if left_s <= 0:
             timed_out = True
             break
-        unassigned = _unassigned(stops, routes)
-        parts = parts_of_routes(problem, routes, unassigned, settings.part_stops, number)
-        found, cut = search.round(parts, set(unassigned), routes, left_s, seed + number)
+        parts = [
+            part
+            for group in (carriers if anybodys and number % 2 == 0 else groups)
+            for part in parts_of_routes(problem, group, routes, settings.part_stops, number)
+            if part.stops
+        ]
+        unassigned = set(unserved(stops, routes))
+        found, cut = search.round(parts, unassigned, routes, left_s, seed + number)
         routes |= found
         timed_out |= cut
-    return BaseRoutes(routes, _unassigned(stops, routes), timed_out)
+    return BaseRoutes(routes, unserved(stops, routes), timed_out)
 
 
 class _Search:
@@ -128,24 +148,31 @@ class _Search:
         self.ends = time.monotonic() + settings.time_limit_s
 
     def first(
-        self, stops: Sequence[str], seed: int, start: Mapping[str, Sequence[str]] | None
+        self, groups: Sequence[Part], seed: int, start: Mapping[str, Sequence[str]] | None
     ) -> tuple[StopsByVehicle, bool]:
-        """(first feasible routes, whether time ran out); of a large city part by part, as the
-        search for feasible routes takes more than twice as long for twice as many stops.
+        """(first feasible routes, whether time ran out); of many stops part by part, as the search
+        for feasible routes takes more than twice as long for twice as many stops.
+
+        Args:
+            groups: vehicles and the stops that only they may serve.
         """
         problem, settings = self._problem, self._settings
         limit_s = _FIRST_SHARE * settings.time_limit_s
-        if len(stops) <= _WHOLE_STOPS:
-            model = VrpModel(problem, self._travel, problem.fleet.vehicles, stops)
+        most, parts = _FIRST_PARTS * settings.part_stops, list[Part]()
+        for group in groups:
+            if len(group.stops) <= _WHOLE_STOPS:
+                parts.append(group)
+            elif start is None:
+                parts += parts_of_stops(problem, group, most, seed)
+            else:
+                known = _known(problem, group.stops, start)
+                parts += parts_of_routes(problem, group, known, most, 0)
+        parts = [part for part in parts if part.stops]
+        models = [VrpModel(problem, self._travel, part.vehicles, part.stops) for part in parts]
+        if len(models) == 1:
+            (model,) = models
             found, cut = _search_in_turn(self._first_job(model, start, limit_s, seed))
             return ({} if found is None else model.read(found)), cut
-        most = _FIRST_PARTS * settings.part_stops
-        if start is None:
-            parts = parts_of_stops(problem, stops, most, seed)
-        else:
-            known = _known(problem, stops, start)
-            parts = parts_of_routes(problem, known, _unassigned(stops, known), most, 0)
-        models = [VrpModel(problem, self._travel, part.vehicles, part.stops) for part in parts]
         limit_s = self._each(limit_s, len(parts))
         jobs = ((model, self._first_job(model, start, limit_s, seed)) for model in models)
         return self._side_by_side(jobs)
@@ -229,12 +256,6 @@ def _known(
         asked.difference_update(pooled)
         known[vehicle.id] = (*first, *pooled)
     return known
-
-
-def _unassigned(stops: Sequence[str], routes: StopsByVehicle) -> tuple[str, ...]:
-    """Stops that are on no route."""
-    served = {stop for of_one in routes.values() for stop in of_one}
-    return tuple(stop for stop in stops if stop not in served)
 
 
 def _submit(executor: Executor, job: _Job) -> Future[tuple[Visits | None, bool]]:

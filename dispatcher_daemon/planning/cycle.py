@@ -43,7 +43,12 @@ def _candidate(
 ) -> Candidate | Refusal:
     objective = choice.objective_kwh if platooning else choice.cost_kwh
     return cycle.candidate(
-        name, choice.routes, objective, platooning=platooning, unserved=plan.unserved
+        name,
+        choice.routes,
+        objective,
+        platooning=platooning,
+        unserved=plan.unserved,
+        gains_kwh=plan.gains_kwh if choice is plan.choice else plan.base_gains_kwh,
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise, permutations
 
+import networkx as nx
 import numpy as np
 
 from dispatcher_daemon.planning.departures import best_departure
@@ -65,12 +66,33 @@ def best_exchanges(
     return [pair for _, pair in sorted(found, key=lambda entry: entry[0])[:max_exchanges]]
 
 
+def exchanged(
+    itineraries: Sequence[Itinerary], stops: Mapping[int, tuple[str, ...]]
+) -> list[list[int]]:
+    """Smallest groups of vehicles among which other routes serve the same stops differently.
+
+    Args:
+        itineraries: of all vehicles.
+        stops: of the other routes, by vehicle number.
+    """
+    owner = {stop: i.number for i in itineraries for stop in i.stops}
+    graph = nx.Graph()
+    for i in itineraries:
+        if stops[i.number] != i.stops:
+            graph.add_node(i.number)
+            graph.add_edges_from((i.number, owner[stop]) for stop in stops[i.number])
+    return sorted(sorted(group) for group in nx.connected_components(graph))
+
+
 def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple[float, Pair]]:
     """(change of cost, new stops of both): each stop moved to each place of another route, and
-    each swap of two stops; loads and first stops kept.
+    each swap of two stops; loads and first stops kept, and each stop with its carrier.
     """
     cost = {i.number: _cost(planner, i.number, i.stops) for i in itineraries}
+    carriers = {i.number: planner.problem.fleet.vehicles[i.number].carrier for i in itineraries}
     for one, other in permutations(itineraries, 2):
+        if carriers[one.number] != carriers[other.number]:
+            continue
         before = cost[one.number] + cost[other.number]
         for at in range(_fixed(planner, one), len(one.stops)):
             stop, shorter = one.stops[at], one.stops[:at] + one.stops[at + 1 :]

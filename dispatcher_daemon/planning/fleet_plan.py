@@ -18,6 +18,7 @@ import numpy as np
 
 from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.bound_part import bound_routes, drivable, unbound
+from dispatcher_daemon.planning.carriers import Accounts, nobody_worse_off
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.servability import unservable, without
@@ -28,7 +29,7 @@ from dispatcher_daemon.planning.sweeps import (
     choice_of,
     initial_choices,
 )
-from dispatcher_daemon.plans import Cycle
+from dispatcher_daemon.plans import Cycle, Gains
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Roads, Travel, fleet_travel, searched_again
 from dispatcher_daemon.roads.weights import Floats
@@ -49,13 +50,15 @@ class FleetPlan:
     Attributes:
         cycle: as it was planned, without bound vehicles that no way leads on for: they keep the
             plans that they have.
-        choice: the plan.
+        choice: the plan; no carrier has less than by `base`.
         base: the same fleet routed without platooning, all vehicles leaving when ready.
         greedy: base routes, departures chosen one vehicle after the other.
         unserved: reason by stop that no vehicle serves.
         sweeps: in order.
-        wall_s: time of each stage: roads, base, greedy, second, sweeps.
+        wall_s: time of each stage: roads, base, greedy, second, sweeps, carriers.
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
+        gains_kwh: of each carrier by the plan, where there are several.
+        base_gains_kwh: likewise by `base` with the platoons that form by chance.
     """
 
     cycle: Cycle
@@ -66,6 +69,8 @@ class FleetPlan:
     sweeps: tuple[Sweep, ...]
     wall_s: Mapping[str, float]
     timed_out: bool
+    gains_kwh: Gains
+    base_gains_kwh: Gains
 
 
 def plan_fleet(
@@ -118,6 +123,17 @@ def plan_fleet(
     stage("second")
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
+    base = first.base.itineraries
+    accounts = nobody_worse_off(first.planner, base, descent.present, cycle.on_road)
+    gains, base_gains = Gains(), Gains()
+    if accounts is not None:
+        if any(a is not b for a, b in zip(accounts.present, descent.present, strict=True)):
+            descent.keep_to(accounts)
+            more, cut = descent.run(seed + len(sweeps), ends, clock)
+            sweeps, late = (*sweeps, *more), late or cut
+        gains = accounts.gains_kwh()
+        base_gains = Accounts(first.planner, base, base, cycle.on_road).gains_kwh()
+    stage("carriers")
     return FleetPlan(
         whole,
         choice_of(first.planner, descent.present),
@@ -127,6 +143,8 @@ def plan_fleet(
         sweeps,
         walls,
         timed_out or late,
+        gains,
+        base_gains,
     )
 
 
@@ -255,6 +273,8 @@ def _inserted(planner: Planner, itineraries: Sequence[Itinerary], stop: str) -> 
     for old in itineraries:
         vehicle = fleet.vehicles[old.number]
         if old.route is None and vehicle.first_stop is not None:
+            continue
+        if not fleet.may_serve(vehicle, fleet.stop_by_id[stop]):
             continue
         for at in range(0 if vehicle.first_stop is None else 1, len(old.stops) + 1):
             tried = (*old.stops[:at], stop, *old.stops[at:])

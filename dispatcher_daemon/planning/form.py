@@ -13,6 +13,7 @@ import numpy as np
 
 from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.blocks import Block, build_block
+from dispatcher_daemon.planning.carriers import nobody_worse_off
 from dispatcher_daemon.planning.cycle import BASE
 from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.fleet_plan import (
@@ -80,9 +81,14 @@ class RouteForm:
         faults = violations(self.problem, selected)
         if faults:
             return Refusal(tuple(faults))
-        choice = choice_of(self.first.planner, self.block.chosen(selected))
+        planner, base = self.first.planner, self.first.base.itineraries
+        chosen = {i.number: i for i in self.block.chosen(selected)}
+        present = [chosen.get(i.number, i) for i in base]
+        accounts = nobody_worse_off(planner, base, present, self.cycle.on_road)
+        choice = choice_of(planner, present if accounts is None else accounts.present)
+        gains = None if accounts is None else accounts.gains_kwh()
         return self.cycle.candidate(
-            solver, choice.routes, choice.objective_kwh, unserved=self.unserved
+            solver, choice.routes, choice.objective_kwh, unserved=self.unserved, gains_kwh=gains
         )
 
     def references_kwh(self) -> dict[str, float]:

@@ -1,4 +1,6 @@
-"""Cuts of a fleet and its stops into parts that are searched side by side."""
+"""Cuts of a fleet and its stops, by carrier and by location, into parts that are searched side by
+side.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.fleet import Fleet, Vehicle
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.weights import Floats
@@ -17,29 +19,56 @@ from dispatcher_daemon.roads.weights import Floats
 class Part:
     """Some vehicles, and the stops that only they may serve."""
 
-    vehicles: list[Vehicle]
-    stops: list[str]
+    vehicles: Sequence[Vehicle]
+    stops: Sequence[str]
+
+
+def by_carrier(fleet: Fleet, stops: Sequence[str]) -> tuple[list[Part], list[str]]:
+    """(each carrier's vehicles and stops, if it has any; stops that are anybody's).
+
+    Of a fleet of one carrier all stops are its own.
+    """
+    if len(fleet.carriers) == 1:
+        return [Part(fleet.vehicles, stops)], []
+    loaded = {vehicle.first_stop: vehicle.carrier for vehicle in fleet.vehicles}
+    own: dict[str | None, list[str]] = {carrier: [] for carrier in fleet.carriers}
+    anybodys = []
+    for name in stops:
+        carrier = fleet.stop_by_id[name].carrier
+        if name in loaded:
+            own[loaded[name]].append(name)
+        elif carrier is None:
+            anybodys.append(name)
+        else:
+            own.setdefault(carrier, []).append(name)
+    parts = [
+        Part([vehicle for vehicle in fleet.vehicles if vehicle.carrier == carrier], of_one)
+        for carrier, of_one in own.items()
+    ]
+    return [part for part in parts if part.vehicles and part.stops], anybodys
 
 
 def parts_of_routes(
     problem: RoutingProblem,
+    whole: Part,
     routes: StopsByVehicle,
-    unassigned: Sequence[str],
     max_stops: int,
     number: int,
 ) -> list[Part]:
-    """Routes cut at the median of where their stops lie, again and again, across a direction that
-    turns from cut to cut and from round to round.
+    """A part's routes cut at the median of where their stops lie, again and again, across a
+    direction that turns from cut to cut and from round to round.
 
     Idle vehicles and unassigned stops are distributed over the parts.
 
     Args:
+        routes: of all vehicles.
         max_stops: of the mean part.
         number: of the round.
     """
-    fleet, at = problem.fleet, _positions(problem)
-    driving = [v for v in fleet.vehicles if routes[v.id]]
-    idle = [v for v in fleet.vehicles if not routes[v.id]]
+    at = _positions(problem)
+    unassigned = unserved(whole.stops, routes)
+    driving = [v for v in whole.vehicles if routes[v.id]]
+    idle = [v for v in whole.vehicles if not routes[v.id]]
     centre = {v.id: np.mean([at[s] for s in routes[v.id]], axis=0) for v in driving}
     groups, angle = [driving], float(number)
     total = sum(len(routes[v.id]) for v in driving)
@@ -63,11 +92,16 @@ def parts_of_routes(
     ]
 
 
-def parts_of_stops(
-    problem: RoutingProblem, stops: Sequence[str], max_stops: int, seed: int
-) -> list[Part]:
-    """Stops cut at the median of their demand across the longer side of where they lie, again and
-    again, each half with the vehicles that begin nearest to it and have its share of the capacity.
+def unserved(stops: Sequence[str], routes: StopsByVehicle) -> tuple[str, ...]:
+    """Stops that are on no route."""
+    served = {stop for of_one in routes.values() for stop in of_one}
+    return tuple(stop for stop in stops if stop not in served)
+
+
+def parts_of_stops(problem: RoutingProblem, whole: Part, max_stops: int, seed: int) -> list[Part]:
+    """A part's stops cut at the median of their demand across the longer side of where they lie,
+    again and again, each half with the vehicles that begin nearest to it and have its share of the
+    capacity.
 
     Vehicles are drawn at random where they begin at one place, as many of one type may be in a row.
 
@@ -75,8 +109,8 @@ def parts_of_stops(
         max_stops: of the mean part.
     """
     fleet, at = problem.fleet, _positions(problem)
-    asked = set(stops)
-    vehicles = [v for v in fleet.vehicles if v.first_stop is None or v.first_stop in asked]
+    stops, asked = whole.stops, set(whole.stops)
+    vehicles = [v for v in whole.vehicles if v.first_stop is None or v.first_stop in asked]
     loaded = {v.first_stop for v in vehicles}
     begin = {v.id: at[v.first_stop or fleet.depot_of(v).id] for v in vehicles}
     limited = all(v.capacity is not None for v in vehicles)

@@ -1,7 +1,7 @@
 """Translation of a vehicle routing problem to PyVRP's data, and of its solutions back.
 
 PyVRP's data are integers: energies in mWh, times in tenths of a second, rounded so that a plan that
-is feasible there is feasible here.
+is feasible there is feasible here. Each carrier's stops are a load that only its vehicles can take.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ _PRIZE_MWH = 10**8
 """Cost of an unserved stop where not all can be served: 100 kWh, more than any detour."""
 _NO_LIMIT_TENTHS = 10**9
 _UNITS_PER_KG = 1000
+_UNITS_PER_STOP = 100
+"""Of a carrier's load: penalties count by unit, and no detour may be worth another's stop."""
 _SAMPLED_LEGS = 50
 
 StopsByVehicle = dict[str, tuple[str, ...]]
@@ -65,7 +67,12 @@ class VrpModel:
         self._vehicles = vehicles
         own = [fleet.stop_by_id[name] for name in stops]
         self._masses = any(stop.mass_kg > 0 for stop in own)
-        every = [[0, 0] if self._masses else [0], *(self._load(stop) for stop in own)]
+        # Carriers with stops that some vehicle here must not serve.
+        serving = {vehicle.carrier for vehicle in vehicles}
+        of_stops = dict.fromkeys(stop.carrier for stop in own)
+        self._carriers = [c for c in of_stops if c is not None and serving != {c}]
+        nothing = [0] * (1 + self._masses + len(self._carriers))
+        every = [nothing, *(self._load(stop) for stop in own)]
         self._unlimited = [sum(loads) for loads in zip(*every, strict=True)]
         profiles = [problem.profile_of(kind) for kind in kinds]
         self._profiles = list(dict.fromkeys(profiles))
@@ -93,9 +100,13 @@ class VrpModel:
         return bool(np.any(needed > free))
 
     def _load(self, stop: Stop) -> list[int]:
-        """Demand of a stop, and its mass in PyVRP's units where any stop has one."""
+        """Demand of a stop, its mass in PyVRP's units where any stop has one, and whose it is."""
         mass = [math.ceil(stop.mass_kg * _UNITS_PER_KG)] if self._masses else []
-        return [stop.demand, *mass]
+        return [
+            stop.demand,
+            *mass,
+            *(_UNITS_PER_STOP * (stop.carrier == c) for c in self._carriers),
+        ]
 
     def _free(self, kind: Vehicle) -> list[int]:
         """What a vehicle can take beside its first stop, in the units of `_load`."""
@@ -104,6 +115,7 @@ class VrpModel:
             of = self._fleet.type_of(kind)
             payload_kg = None if of is None else of.payload_kg
             limits.append(None if payload_kg is None else math.floor(payload_kg * _UNITS_PER_KG))
+        limits += [None if kind.carrier == c else 0 for c in self._carriers]
         loaded = self._begin(kind)[2]
         return [
             # More than all stops together: no limit.

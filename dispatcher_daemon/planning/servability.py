@@ -74,8 +74,8 @@ def unservable(
 
     Returns:
         Reason by stop, in the fleet's order: it cannot be reached or left again, its demand is
-        above every capacity, its window closes before anyone arrives, nobody who serves it is
-        back in time, or no battery lasts.
+        above every capacity, its carrier has no vehicle here, its window closes before anyone
+        arrives, nobody who serves it is back in time, or no battery lasts.
     """
     fleet = problem.fleet
     travel = travel or fleet_travel(problem, snapshot)
@@ -90,8 +90,11 @@ def unservable(
     pooled = [fleet.stop_by_id[name] for name in fleet.pooled]
     kinds = _kinds(fleet, lost)
     for stop in pooled:
+        own = [vehicle for vehicle in kinds if fleet.may_serve(vehicle, stop)]
+        if not own:
+            found[stop.id] = f"no vehicle of its carrier {stop.carrier!r} is free"
         nearest: _Refusal | None = None
-        for vehicle in kinds:
+        for vehicle in own:
             first = vehicle.first_stop
             before = [] if first is None or first in lost else [fleet.stop_by_id[first]]
             refusal = _refusal(problem, travel, vehicle, [*before, stop])
@@ -100,7 +103,8 @@ def unservable(
                 break
             nearest = refusal if nearest is None else max(nearest, refusal)
         if nearest is not None:
-            found[stop.id] = nearest.reason
+            whose = "" if stop.carrier is None else f"; it is of carrier {stop.carrier!r}"
+            found[stop.id] = nearest.reason + whose
     return {stop.id: found[stop.id] for stop in fleet.stops if stop.id in found}
 
 
@@ -110,7 +114,7 @@ def _kinds(fleet: Fleet, lost: set[str]) -> list[Vehicle]:
     def kind(vehicle: Vehicle) -> tuple[object, ...]:
         first = None if vehicle.first_stop in lost else vehicle.first_stop
         times = vehicle.ready_s, vehicle.return_by_s
-        data: tuple[object, ...] = vehicle.type, vehicle.own_type
+        data: tuple[object, ...] = vehicle.type, vehicle.own_type, vehicle.carrier
         if battery_of(fleet, vehicle) is not None:
             data = *data, vehicle.charge_kwh, vehicle.depart_by_s
         return vehicle.depot, first, vehicle.capacity, *times, *data

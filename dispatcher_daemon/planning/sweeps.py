@@ -7,18 +7,18 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import networkx as nx
 import numpy as np
 
 from dispatcher_daemon.formulations import violations
 from dispatcher_daemon.planning.blocks import Block, build_block
+from dispatcher_daemon.planning.carriers import Accounts
 from dispatcher_daemon.planning.departures import (
     as_planned,
     best_departure,
     longest_wait_s,
     schedule_greedily,
 )
-from dispatcher_daemon.planning.exchanges import best_exchanges
+from dispatcher_daemon.planning.exchanges import best_exchanges, exchanged
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
@@ -123,7 +123,13 @@ class BlockDescent:
         self._meetings = planner.meetings()
         saving = math.fsum(self._meetings.add(i.traversals) for i in itineraries)
         self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
+        self._accounts: Accounts | None = None
         self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}
+
+    def keep_to(self, accounts: Accounts) -> None:
+        """Go on from the plan of some accounts, with changes only that they allow."""
+        self._objective_kwh += self._apply(accounts.present)
+        self._accounts = accounts
 
     def run(
         self, seed: int, ends: float, clock: Callable[[], float]
@@ -217,14 +223,16 @@ class BlockDescent:
         return adopted
 
     def _exchanges(self, stops: StopsByVehicle) -> list[list[int]]:
-        """Smallest groups of vehicles among which other routes serve the same stops differently."""
-        owner = {stop: i.number for i in self.present for stop in i.stops}
-        graph = nx.Graph()
-        for number, name in self._names.items():
-            if stops[name] != self.present[number].stops:
-                graph.add_node(number)
-                graph.add_edges_from((number, owner[stop]) for stop in stops[name])
-        return sorted(sorted(group) for group in nx.connected_components(graph))
+        """Smallest groups of vehicles of one carrier among which other routes serve the same stops
+        differently.
+        """
+        others = {number: stops[name] for number, name in self._names.items()}
+        vehicles = self.planner.problem.fleet.vehicles
+        return [
+            group
+            for group in exchanged(self.present, others)
+            if len({vehicles[number].carrier for number in group}) == 1
+        ]
 
     def _itinerary_by(self, number: int, stops: StopsByVehicle) -> Itinerary | None:
         """A vehicle's itinerary by other routes, with the paths and the departure that save most
@@ -279,12 +287,14 @@ class BlockDescent:
             seen.add(selected)
             chosen = block.chosen(selected)
             change = self._apply(chosen)
-            if change < best_change:
+            if change < best_change and (self._accounts is None or self._accounts.allows(chosen)):
                 best_change, best, solver = change, chosen, outcome.solver
             self._apply([block.options[i.number][0] for i in chosen])
         if best is None:
             return ()
         self._objective_kwh += self._apply(best)
+        if self._accounts is not None:
+            self._accounts.change(best)
         return (solver,)
 
     def _apply(self, itineraries: Sequence[Itinerary]) -> float:

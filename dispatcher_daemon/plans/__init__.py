@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.plans.candidates import Attempt, Candidate, Cycle, FormResult, Refusal
+from dispatcher_daemon.plans.candidates import (
+    Attempt,
+    Candidate,
+    Cycle,
+    FormResult,
+    Gains,
+    Refusal,
+)
 from dispatcher_daemon.plans.energy import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.plans.forms import Form, attempt
 from dispatcher_daemon.plans.reissue import plans_to_send
@@ -15,6 +22,7 @@ __all__ = [
     "Cycle",
     "Form",
     "FormResult",
+    "Gains",
     "Refusal",
     "RouteEnergy",
     "attempt",

@@ -18,6 +18,9 @@ from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import Energy, total
 from slipstream.messages import SolverReport, VehiclePlan
 
+Gains = dict[str | None, float]
+"""By carrier, what it has more than alone, kWh of the objective; None: vehicles without one."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -30,6 +33,7 @@ class Candidate:
         plans: of these routes, in their order.
         energies: likewise.
         joined: places of vehicles on the road in platoons with those of the plans.
+        gains_kwh: of fleets of several carriers.
     """
 
     solver: str
@@ -38,6 +42,7 @@ class Candidate:
     plans: tuple[VehiclePlan, ...]
     energies: tuple[RouteEnergy, ...]
     joined: Mapping[Passage, Place] = field(default_factory=dict)
+    gains_kwh: Gains = field(default_factory=dict)
 
     @property
     def driven(self) -> Energy:
@@ -133,11 +138,13 @@ class Cycle:
         *,
         platooning: bool = True,
         unserved: Mapping[str, str] | None = None,
+        gains_kwh: Gains | None = None,
     ) -> Candidate | Refusal:
         """The verified plan set of finished routes, or what is wrong with it.
 
         Args:
             unserved: stops that no route has to serve.
+            gains_kwh: see `Candidate`.
         """
         settings = self.settings
         window = settings.sync_window_s
@@ -175,7 +182,8 @@ class Cycle:
             return Refusal(tuple(faults))
         sent = {route.vehicle for route in routes}
         joined = {passage: place for passage, place in places.items() if passage[0] not in sent}
-        return Candidate(solver, objective_kwh, tuple(routes), plans, energies, joined)
+        found = tuple(routes), plans, energies, joined
+        return Candidate(solver, objective_kwh, *found, gains_kwh or {})
 
 
 @dataclass(frozen=True)

@@ -135,6 +135,9 @@ def _window_faults(
             yield f"serves {stop.id} before its window"
         if own is None and stop.latest_s is not None and late(visit.arrival_ns, stop.latest_s):
             yield f"comes to {stop.id} after its window"
+    for _, stop in stops:
+        if not fleet.may_serve(vehicle, stop):
+            yield f"serves {stop.id}, which is for carrier {stop.carrier}"
     overload = fleet.overload(vehicle, (stop for _, stop in stops))
     if overload is not None:
         yield f"carries {overload}"

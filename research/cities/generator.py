@@ -7,7 +7,7 @@ same seed drives on the same roads in the same traffic.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
@@ -122,6 +122,26 @@ def generate_city(
         snapshot=TrafficSnapshot(CITY_TIME_NS, MappingProxyType(now), ()),
         provenance=f"generated city, seed {seed}, {shape}",
     )
+
+
+def with_carriers(city: Instance, carriers: int) -> Instance:
+    """The city with its vehicles and stops dealt out to carriers, of each depot to all of them."""
+    fleet = city.problem.fleet
+    depots = len(fleet.depots)
+    dealt = Fleet(
+        **{name: getattr(fleet, name) for name in Fleet.model_fields}
+        | {
+            "stops": tuple(
+                stop.model_copy(update={"carrier": f"carrier-{n % carriers + 1}"})
+                for n, stop in enumerate(fleet.stops)
+            ),
+            "vehicles": tuple(
+                vehicle.model_copy(update={"carrier": f"carrier-{n // depots % carriers + 1}"})
+                for n, vehicle in enumerate(fleet.vehicles)
+            ),
+        }
+    )
+    return replace(city, problem=replace(city.problem, fleet=dealt))
 
 
 def small_city(seed: int) -> Instance:

@@ -8,6 +8,7 @@ from slipstream.messages.base import ROOT, Count, Identifier, Message, NonNegati
 from slipstream.messages.dispatch import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    CarrierSummary,
     CycleReport,
     DispatcherHealth,
     EnergySummary,
@@ -106,6 +107,7 @@ __all__ = [
     "ROOT",
     "AdviceMode",
     "CameraFault",
+    "CarrierSummary",
     "Count",
     "CycleReport",
     "DispatcherHealth",

@@ -67,6 +67,18 @@ class EnergySummary(Message):
     price_of_time_kw: NonNegative | None = None
 
 
+class CarrierSummary(Message):
+    """What one of several carriers has from a plan set against its own part of the baseline."""
+
+    carrier: Identifier | None = Field(description="Null: vehicles that are given none.")
+    baseline_kwh: NonNegative = Field(description="Physical energy in the baseline.")
+    cooperative_kwh: NonNegative = Field(description="Physical energy by the plans.")
+    saved_cost_kwh: Finite = Field(
+        description="Energy, time and waiting at their prices, less than alone; below 0 by "
+        "rounding only."
+    )
+
+
 class Unserved(Message):
     """A stop that no vehicle visits in this cycle's plans, and why, in words for people."""
 
@@ -91,6 +103,9 @@ class CycleReport(Message):
     plans: Count = Field(description="Plans stored and published.")
     unserved: tuple[Unserved, ...] = Field(
         default=(), description="Stops that no plan visits; senders before this field left none."
+    )
+    carriers: tuple[CarrierSummary, ...] = Field(
+        default=(), description="Where the vehicles are of several; senders before: none."
     )
 
 

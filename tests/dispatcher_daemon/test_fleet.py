@@ -8,7 +8,8 @@ from typing import Any
 import pyproj
 import pytest
 
-from dispatcher_daemon.fleet import Vehicle, arc_form_obstacle, distances, fleet_from, load_fleet
+from dispatcher_daemon.arc_form import arc_form_obstacle
+from dispatcher_daemon.fleet import Vehicle, distances, fleet_from, load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from slipstream.messages import (
+    CarrierSummary,
     CycleReport,
     EnergySummary,
     Estimate,
@@ -136,6 +137,12 @@ def _cycle(number: int) -> Cycle:
         unserved=(
             Unserved(stop="c9", reason="no vehicle has room and time for it"),
             Unserved(stop="Käse_7 'north'", reason="cannot be reached; it is loaded on 'van-a'"),
+        ),
+        carriers=(
+            CarrierSummary(
+                carrier="Käse & Co", baseline_kwh=1.2, cooperative_kwh=1.0, saved_cost_kwh=0.1
+            ),
+            CarrierSummary(carrier=None, baseline_kwh=0.8, cooperative_kwh=0.8, saved_cost_kwh=0.0),
         ),
     )
     plans = [_plan(number, "van-a", 0), _plan(number, "van-b", 1)]

@@ -150,7 +150,12 @@ def test_the_upgrade_trusts_the_newest_cycle(url, make_cycle):
         old.execute("DROP INDEX ix_plans_status")
         for column in ("continues", "status", "status_ns", "status_reason"):
             old.execute(f"ALTER TABLE plans DROP COLUMN {column}")
-        for column in ("baseline_driving_s", "cooperative_driving_s", "price_of_time_kw"):
+        for column in (
+            "baseline_driving_s",
+            "cooperative_driving_s",
+            "price_of_time_kw",
+            "carriers",
+        ):
             old.execute(f"ALTER TABLE cycles DROP COLUMN {column}")
         old.execute("UPDATE alembic_version SET version_num = '0004'")
         old.commit()
