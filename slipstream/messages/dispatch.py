@@ -74,8 +74,8 @@ class CarrierSummary(Message):
     baseline_kwh: NonNegative = Field(description="Physical energy in the baseline.")
     cooperative_kwh: NonNegative = Field(description="Physical energy by the plans.")
     saved_cost_kwh: Finite = Field(
-        description="Energy, time and waiting at their prices, less than alone; below 0 by "
-        "rounding only."
+        description="Energy, time and waiting at their prices, less than alone; below 0 only by "
+        "rounding."
     )
 
 

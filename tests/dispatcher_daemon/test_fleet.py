@@ -9,7 +9,7 @@ import pyproj
 import pytest
 
 from dispatcher_daemon.arc_form import arc_form_obstacle
-from dispatcher_daemon.fleet import Vehicle, distances, fleet_from, load_fleet
+from dispatcher_daemon.fleet import Fleet, Vehicle, distances, fleet_from, load_fleet
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
@@ -222,6 +222,59 @@ def test_unreadable_files_are_named(
     assert str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            {"stops": {"carrier": "b"}},
+            "stops.c1.carrier: no vehicle of carrier 'b'; give that carrier a vehicle",
+        ),
+        ({"stops": {"carrier": ""}}, "stops.c1.carrier: "),
+        (
+            {"vehicles": {"carrier": "a", "first_stop": "c1"}, "stops": {"carrier": "b"}},
+            "vehicles.v.first_stop: stop 'c1' is of carrier 'b', and the vehicle is not",
+        ),
+        (
+            {"vehicles": {"ready_s": 90, "depart_by_s": 60}},
+            "vehicles.v: depart_by_s (60) must not be below ready_s (90)",
+        ),
+        (
+            {"vehicles": {"ready_s": 90, "return_by_s": 60}},
+            "vehicles.v: return_by_s (60) must not be below ready_s (90)",
+        ),
+        (
+            {"stops": {"earliest_s": 90, "latest_s": 60}},
+            "stops.c1: latest_s (60) must not be below earliest_s (90)",
+        ),
+        ({"stops": {"earliest_s": -1}}, "stops.c1.earliest_s: "),
+        ({"stops": {"latest_s": -1}}, "stops.c1.latest_s: "),
+        ({"vehicles": {"ready_s": -1}}, "vehicles.v.ready_s: "),
+        ({"vehicles": {"depart_by_s": -1}}, "vehicles.v.depart_by_s: "),
+        ({"vehicles": {"return_by_s": -1}}, "vehicles.v.return_by_s: "),
+    ],
+)
+def test_carriers_and_times_that_cannot_be_are_named(
+    change: dict[str, dict[str, object]], said: str
+) -> None:
+    """A carrier without vehicles, windows that contradict each other, times before now: one line
+    with file, key and mend.
+    """
+    data: dict[str, Any] = {
+        "depots": [{"node": "depot"}],
+        "stops": [{"id": "c1", "node": "c1", **change.get("stops", {})}],
+        "vehicles": [
+            {"id": "v", **change.get("vehicles", {})},
+            *([{"id": "w", "carrier": "b"}] if "first_stop" in change.get("vehicles", {}) else []),
+        ],
+    }
+    with pytest.raises(InputError) as error:
+        fleet_from(data, load_network("demo"), "fleet.toml")
+    text = str(error.value)
+    assert text.startswith(f"fleet.toml: {said}")
+    assert "; " in text
+    assert "\n" not in text
+
+
 def _typed(**vehicle: object) -> dict[str, object]:
     return {
         "depots": [{"node": "depot", "charging_power_kw": 22}],
@@ -310,6 +363,20 @@ def test_the_arc_form_has_one_type_and_no_battery() -> None:
     assert "battery" in str(arc_form_obstacle(fleet_from(data, network, "f")))
     data["vehicles"] = [{"id": "a", "type": "paper_car"}, {"id": "b"}]
     assert arc_form_obstacle(fleet_from(data, network, "f")) is None
+
+
+def test_the_arc_form_is_of_one_carrier() -> None:
+    """It has no account of what each has, and every vehicle may serve every pooled stop."""
+    network = load_network("demo")
+    data = _typed()
+    data["stops"] = [{"id": "c1", "node": "c1", "carrier": "a"}, {"id": "c2", "node": "c2"}]
+    data["vehicles"] = [{"id": "a", "carrier": "a"}, {"id": "b", "carrier": "a"}]
+    assert arc_form_obstacle(fleet_from(data, network, "f")) is None
+    data["vehicles"] = [{"id": "a", "carrier": "a"}, {"id": "b"}]
+    assert "different carriers" in str(arc_form_obstacle(fleet_from(data, network, "f")))
+    fleet = fleet_from(data, network, "f")
+    others = Fleet(depots=fleet.depots, stops=fleet.stops, vehicles=fleet.vehicles[1:])
+    assert "'c1' is of another carrier" in str(arc_form_obstacle(others))
 
 
 TROY = Path(__file__).parents[2] / "simulation" / "scenarios" / "data" / "troy" / "troy.net.xml.gz"

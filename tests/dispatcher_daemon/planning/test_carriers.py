@@ -19,6 +19,7 @@ from dispatcher_daemon.planning.carriers import Accounts, nobody_worse_off
 from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.fleet_plan import departing_when_ready
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.sweeps import BlockDescent
 from dispatcher_daemon.plans import Candidate, Cycle
 from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import RoutingProblem
@@ -344,6 +345,24 @@ def test_base_routes_keep_to_carriers(town: Town) -> None:
         for vehicle in problem.fleet.vehicles:
             for stop in routes.stops[vehicle.id]:
                 assert problem.fleet.stop_by_id[stop].carrier in (None, vehicle.carrier)
+
+
+def test_other_routes_are_adopted_within_a_carrier(town: Town) -> None:
+    """Routes that serve the same stops better are not taken where a stop would change its carrier:
+    what it is compared with has it.
+    """
+    for carriers, adopted in ((("a", "a"), 1), (("a", "b"), 0)):
+        problem, snapshot = town(
+            ["11", "22"],
+            [{"carrier": carrier, "depot": f"depot-{n}"} for n, carrier in enumerate(carriers)],
+            depots=("00", "33"),
+        )
+        planner = planner_of(problem, snapshot)
+        crossed = departing_when_ready(planner, {"van-0": ("s1",), "van-1": ("s0",)}, {})
+        descent = BlockDescent(planner, SETTINGS.city, SOLVE, crossed)
+        straight = {"van-0": ("s0",), "van-1": ("s1",)}
+        assert descent.adopt(straight, 1, math.inf, lambda: 0.0) == adopted
+        assert (descent.present[0].stops == ("s0",)) is bool(adopted)
 
 
 def test_stops_are_exchanged_within_a_carrier(town: Town) -> None:

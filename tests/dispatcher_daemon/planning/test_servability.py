@@ -56,6 +56,33 @@ def test_a_network_in_pieces_costs_only_the_stops_that_lie_apart(network: RoadNe
     }
 
 
+def test_only_vehicles_of_its_carrier_count(network: RoadNetwork) -> None:
+    """One that could serve it and may not is none; that it may not is said."""
+    near = {"carrier": "a", "demand": 9}
+    assert found(network, near=near, van={"carrier": "a"}, vehicles=[{"id": "w"}]) == {}
+    small = {"carrier": "a", "capacity": 5}
+    assert found(network, near=near, van=small, vehicles=[{"id": "w"}]) == {
+        "near": "its demand of 9 is above every capacity (nearest: 5 of 'van'); "
+        "it is of carrier 'a'"
+    }
+
+
+def test_a_carrier_whose_vehicles_are_all_away_is_named(network: RoadNetwork) -> None:
+    """A file without any is refused; in a cycle they may all be under way."""
+    stops = [
+        {"id": "near", "node": "a", "carrier": "a"},
+        {"id": "wide", "node": "b", "carrier": "b"},
+    ]
+    vehicles = [{"id": "van", "carrier": "a"}, {"id": "w", "carrier": "b"}]
+    data = {"depots": [{"node": "d"}], "stops": stops, "vehicles": vehicles}
+    fleet = fleet_from(data, network, "fleet.toml")
+    left = fleet.model_copy(update={"vehicles": fleet.vehicles[:1]})
+    snapshot = take_snapshot(network, [], 0, stale_after_s=5.0)
+    assert unservable(RoutingProblem(network, left), snapshot) == {
+        "wide": "no vehicle of its carrier 'b' is free"
+    }
+
+
 def test_a_depot_on_the_island_serves_the_island(network: RoadNetwork) -> None:
     """A stop is servable if one vehicle's depot reaches it; a depot without vehicles does not."""
     stops, depots = [{"id": "island", "node": "far"}], [{"id": "port", "node": "away"}]

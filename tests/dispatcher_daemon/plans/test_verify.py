@@ -602,3 +602,25 @@ def test_windows_and_loads_are_kept(
         vehicles=(fleet.vehicles[0].model_copy(update=vehicle), *fleet.vehicles[1:]),
     )
     assert fault in verify(replace(demo, fleet=stricter), plans)
+
+
+def test_a_stop_of_another_carrier_is_a_fault(
+    demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
+) -> None:
+    """Each stop that names a carrier is served by that carrier's vehicles."""
+    fleet = demo.fleet
+    of = {stop.stop: plan.vehicle for plan in plans for stop in plan.service_stops}
+
+    def owned(owner: str) -> RoutingProblem:
+        parts = {name: getattr(fleet, name) for name in Fleet.model_fields}
+        vehicles = [v.model_copy(update={"carrier": v.id}) for v in fleet.vehicles]
+        first = fleet.stops[0].model_copy(update={"carrier": owner})
+        changed = {"vehicles": tuple(vehicles), "stops": (first, *fleet.stops[1:])}
+        return replace(demo, fleet=Fleet(**parts | changed))
+
+    right = of[fleet.stops[0].id]
+    wrong = next(vehicle.id for vehicle in fleet.vehicles if vehicle.id != right)
+    assert verify(owned(right), plans) == ()
+    assert verify(owned(wrong), plans) == (
+        f"{right}: serves {fleet.stops[0].id}, which is for carrier {wrong}",
+    )

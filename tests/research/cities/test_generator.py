@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from dispatcher_daemon.fleet import check_fleet
-from research.cities.generator import CityShape, generate_city, small_city
+from research.cities.generator import CityShape, generate_city, small_city, with_carriers
 from research.instances.instance import Instance, load_instance, write_instance
 from slipstream.roads import RoadNetwork
 
@@ -176,3 +177,14 @@ def test_sizes_that_no_city_has(size: dict[str, int]) -> None:
     """They are refused."""
     with pytest.raises(ValueError, match="a city has"):
         generate_city(1, **size)
+
+
+def test_vehicles_and_stops_are_dealt_out_to_carriers() -> None:
+    """Each has vans at each depot and as many stops as the others; nothing else changes."""
+    city = generate_city(3, vehicles=8, stops=20, segments=100)
+    fleet = with_carriers(city, 4).problem.fleet
+    assert Counter(stop.carrier for stop in fleet.stops) == {f"carrier-{n}": 5 for n in range(1, 5)}
+    assert len({(vehicle.carrier, vehicle.depot) for vehicle in fleet.vehicles}) == 8
+    for table in ("stops", "vehicles"):
+        plain = [row.model_copy(update={"carrier": None}) for row in getattr(fleet, table)]
+        assert plain == list(getattr(city.problem.fleet, table))
