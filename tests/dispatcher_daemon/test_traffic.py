@@ -205,7 +205,7 @@ def test_two_rsus_on_one_segment_agree_on_the_safe_side(
 
 
 def test_a_gate_is_expected_to_be_as_now_at_first_and_as_usual_later() -> None:
-    """Between the two by e^(−t/600 s); without history it stays as it is."""
+    """Between the two by e^(−t/60 s); without history it stays as it is."""
     for now in (True, False):
         forecast = GateForecast(now, 0.4)
         assert forecast.chance(0.0) == forecast.chance(-20.0) == float(now)

@@ -20,7 +20,7 @@ from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.platooning.meetings import Meetings
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.travel import Travel, roads_of
-from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.traffic import PERSISTENCE_S, TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 
@@ -262,7 +262,7 @@ def test_later_meetings_count_as_often_as_gates_are_open_at_the_hour(
         shares = planner.shares
         expected = sum(
             (shares[s].leader_kwh + shares[s].follower_kwh)
-            * (usual_share + (open_now - usual_share) * math.exp(-passages[0][0] / 600))
+            * (usual_share + (open_now - usual_share) * math.exp(-passages[0][0] / PERSISTENCE_S))
             for s, passages in best.traversals.items()
             if s in second.traversals
             and passages[0][0] >= second.traversals[s][0][0] - 1e-6
