@@ -116,6 +116,7 @@ class Agent:
         self._departure = LegDeparture(self._timings, own.vehicle)
         self._interval_s = own.interval_s
         self._mode: PlatoonMode = "alone"
+        self._tail_m = 0.0
         self._begun: Leg | None = None
         self._green_at: str | None = None
         self._reports = Reports(vehicle)
@@ -250,15 +251,19 @@ class Agent:
         distrust = doubt or _distrust(plan, now_ns, signal_unknown=top.signal_unknown)
         if distrust is not None:
             self._end_platooning(distrust)
+        alone = self._mode == "alone" and doubt is None
+        cap = None
+        if alone:
+            cap = self._speed.cap_mps(now_s, state, sensing.ahead, self._tail_m)
         step = self._platooning.step(
             now_ns,
             leg,
             state,
             sensing,
             self._roadside if distrust is None else CLOSED,
-            cap_mps=top.speed_mps,
+            cap_mps=top.speed_mps if cap is None else min(cap, top.speed_mps),
         )
-        self._mode = step.mode
+        self._mode, self._tail_m = step.mode, step.tail_m
         self._send(platoon_control_key(step.control.path[0], self.vehicle), step.control)
         self._send_all(step.messages)
         if step.speed_mps is not None:
@@ -267,9 +272,12 @@ class Agent:
         if doubt is not None:
             self._end_requests(now_ns)
             return self._advice(now_ns, "none", text=f"No advice: {doubt}.", reason=doubt)
-        cap = self._speed.cap_mps(now_s, state, sensing.ahead, step.tail_m)
+        if not alone:
+            cap = self._speed.cap_mps(now_s, state, sensing.ahead, step.tail_m)
         if plan.advice.signal_priority:
             self._ask(now_s, leg, state, step.tail_m)
+        if step.lead_mps is not None and not top.signal_unknown:
+            return self._advice(now_ns, "speed", step.lead_mps, step=step)
         set_mps = leg.limits_mps[state.number]
         if step.cruise_mps is not None:
             set_mps = min(set_mps, step.cruise_mps)

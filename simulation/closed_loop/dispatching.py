@@ -112,7 +112,7 @@ class Dispatching:
         result = run_cycle(cycle, self._solve, self._executor)
         plans = self._tracker.admissible(result.plans)
         self._tracker.publish(plans, situation.fleet.stop_by_id, now_ns, now_ns)
-        planned_m = self._platoons.planned_m
+        planned_m, saved_kwh = self._platoons.planned_m, self._platoons.saved_kwh
         for plan in plans:
             self._platoons.add(plan, now_ns)
             self._send(plan)
@@ -125,6 +125,7 @@ class Dispatching:
                 vehicles=len(begun),
                 planned_kwh=sum(plan.energy_kwh for plan in begun),
                 planned_platooned_m=self._platoons.planned_m - planned_m,
+                planned_drafting_kwh=self._platoons.saved_kwh - saved_kwh,
                 open=len(open_ & judged),
                 judged=len(judged),
                 watched=len(roadside.watched),

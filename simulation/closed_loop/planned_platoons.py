@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 from slipstream.messages import VehiclePlan
 
 
@@ -12,10 +13,12 @@ class PlannedPlatoons:
 
     Attributes:
         planned_m: distance in platoons so far, of all plans, what was replaced left out.
+        saved_kwh: what drafting saves there, at planned speeds by the paper's reductions.
     """
 
     def __init__(self) -> None:
         self.planned_m = 0.0
+        self.saved_kwh = 0.0
         self._newest: dict[str, VehiclePlan] = {}
 
     def add(self, plan: VehiclePlan, now_ns: int) -> None:
@@ -26,16 +29,22 @@ class PlannedPlatoons:
             now_ns: when, UTC.
         """
         before = self._newest.get(plan.vehicle)
-        if before is not None:
-            self.planned_m -= _platooned_m(before, now_ns)
-        self.planned_m += _platooned_m(plan, now_ns)
+        replaced = (0.0, 0.0) if before is None else platooned(before, now_ns)
+        (old_m, old_kwh), (new_m, new_kwh) = replaced, platooned(plan, now_ns)
+        self.planned_m += new_m - old_m
+        self.saved_kwh += new_kwh - old_kwh
         self._newest[plan.vehicle] = plan
 
 
-def _platooned_m(plan: VehiclePlan, from_ns: int) -> float:
-    """Distance in platoons on segments that are entered after a moment."""
-    return sum(
-        segment.length_m or 0.0
-        for segment in plan.segments
-        if segment.platoon is not None and segment.entry_ns >= from_ns
-    )
+def platooned(plan: VehiclePlan, from_ns: int = 0) -> tuple[float, float]:
+    """(distance in platoons, m; what drafting saves there, kWh) on segments that are entered from a
+    moment on, at planned speeds by the paper's reductions.
+    """
+    distance_m, saved_kwh = 0.0, 0.0
+    for segment in plan.segments:
+        if segment.platoon is not None and segment.entry_ns >= from_ns:
+            length_m = segment.length_m or 0.0
+            eta = ETA_LEADER if segment.place == 0 else ETA_FOLLOWER
+            distance_m += length_m
+            saved_kwh += drag_saving_kwh(length_m, segment.speed_mps, eta)
+    return distance_m, saved_kwh

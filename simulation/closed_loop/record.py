@@ -26,6 +26,7 @@ class CycleRecord:
         vehicles: sent.
         planned_kwh: energy of its plans, as the dispatcher expects it.
         planned_platooned_m: distance in platoons that its plans add to those before.
+        planned_drafting_kwh: what drafting saves there, likewise.
         open: judged segments whose gate was open.
         judged: watched segments whose y_e was known.
         watched: segments that an RSU watches.
@@ -37,6 +38,7 @@ class CycleRecord:
     vehicles: int
     planned_kwh: float
     planned_platooned_m: float
+    planned_drafting_kwh: float
     open: int
     judged: int
     watched: int

@@ -25,6 +25,7 @@ from simulation.closed_loop.dispatch_settings import (
     evaluation_settings,
     evaluation_solve,
 )
+from simulation.closed_loop.planned_platoons import platooned
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, CycleRecord, Others
 from simulation.exogenous.passages import RecordedLeg, evaluate
@@ -212,16 +213,18 @@ class _FleetDay:
 
     def _note(self, now_s: float, status: str, plans: Sequence[VehiclePlan]) -> None:
         watched, judged, opened, wrong = self.roadside.counts()
-        segments = self.tours.network.segments
-        platooned_m = sum(
-            segments[planned.segment].length_m
-            for plan in plans
-            for planned in plan.segments
-            if planned.platoon is not None
-        )
-        energy = sum(plan.energy_kwh for plan in plans)
+        in_platoons = [platooned(plan) for plan in plans]
         self.cycles.append(
             CycleRecord(
-                now_s, status, len(plans), energy, platooned_m, opened, judged, watched, wrong
+                time_s=now_s,
+                status=status,
+                vehicles=len(plans),
+                planned_kwh=sum(plan.energy_kwh for plan in plans),
+                planned_platooned_m=sum(distance_m for distance_m, _ in in_platoons),
+                planned_drafting_kwh=sum(saved_kwh for _, saved_kwh in in_platoons),
+                open=opened,
+                judged=judged,
+                watched=watched,
+                open_turbulent=wrong,
             )
         )

@@ -11,11 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Literal, Protocol, get_args
 
 from slipstream.drafting import DragLaw, reductions_at
-from slipstream.messages import VehicleSensing
+from slipstream.messages import PlannedSegment, VehicleAdvice, VehicleSensing
 from vehicle_agent.platooning import CLOSE_GAP_M, MIN_SPEED_MPS
+
+Cause = Literal["gates", "queues", "others between", "closing up", "apart"]
+CAUSES: Final[tuple[Cause, ...]] = get_args(Cause)
+"""Why a planned platoon is not driven: a gate that is not open, or parting before one; slow
+traffic; other vehicles; a gap that is still too large, its own or that of those behind a leader;
+partners that have not met, as one of them left late or drives late."""
+
+_QUEUE_SHARE: Final = 0.7
 
 
 class Gates(Protocol):
@@ -94,3 +102,31 @@ def _place(name: str, front_of: Mapping[str, str]) -> int:
     while name in front_of and place < len(front_of):
         place, name = place + 1, front_of[name]
     return place
+
+
+def why_missed(
+    planned: PlannedSegment, sensed: VehicleSensing, advice: VehicleAdvice | None, *, is_open: bool
+) -> Cause | None:
+    """Why a vehicle that is in no platoon now is in none; None: its plan has none there either.
+
+    Args:
+        planned: the segment that it is on.
+        sensed: by it.
+        advice: that it drives by.
+        is_open: the gate there.
+    """
+    if planned.platoon is None:
+        return None
+    if not is_open:
+        return "gates"
+    limit_mps = planned.speed_limit_mps or planned.speed_mps
+    if sensed.speed_mps < _QUEUE_SHARE * limit_mps:
+        return "queues"
+    mode = "none" if advice is None else advice.mode
+    if sensed.ahead is not None and sensed.ahead.vehicle is None and mode == "open_gap":
+        return "others between"
+    if mode == "open_gap":
+        return "gates"
+    if mode == "follow" or (advice is not None and advice.partner is not None):
+        return "closing up"
+    return "apart"

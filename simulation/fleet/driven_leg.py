@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from simulation.fleet.drafting import Cause
 from simulation.fleet.losses import Losses, losses
 from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.energy import ETA_ALONE, Energy, VehicleParameters, trace_energy
@@ -39,6 +41,7 @@ class DrivenLeg:
             turbulent.
         path: its segments.
         losses: where the energy of `alone` went.
+        missed_m: distance outside a platoon where the plan in force had one, by cause.
     """
 
     vehicle: str
@@ -59,6 +62,7 @@ class DrivenLeg:
     turbulent_s: float
     path: tuple[str, ...]
     losses: Losses
+    missed_m: Mapping[Cause, float] = field(default_factory=dict)
 
     @property
     def travel_s(self) -> float:
@@ -81,6 +85,7 @@ class Measurement:
     stops: int = 0
     waited_s: float = 0.0
     turbulent_s: float = 0.0
+    missed_m: dict[Cause, float] = field(default_factory=dict)
     _moved: bool = False
 
     def take(
@@ -92,6 +97,7 @@ class Measurement:
         *,
         place: int | None,
         turbulent: bool,
+        missed: Cause | None = None,
     ) -> None:
         """Add a step.
 
@@ -102,12 +108,15 @@ class Measurement:
             step_s: its length.
             place: in a platoon, 0 is the leader; None: alone.
             turbulent: whether it was spent in a close gap in truly turbulent traffic.
+            missed: why it was not in the platoon that its plan has; None: it was, or there is none.
         """
         way_m = driven_m - self.driven_m
         if place == 0:
             self.led_m += way_m
         elif place is not None:
             self.followed_m += way_m
+        if missed is not None:
+            self.missed_m[missed] = self.missed_m.get(missed, 0.0) + way_m
         self.turbulent_s += step_s if turbulent else 0.0
         self.speeds_mps.append(speed_mps)
         self.eta.append(eta)
@@ -157,6 +166,7 @@ class Measurement:
             turbulent_s=self.turbulent_s,
             path=path,
             losses=losses(speeds, step_s, physics),
+            missed_m=self.missed_m,
         )
 
 

@@ -51,6 +51,7 @@ class Way:
     Attributes:
         plan: that it is of.
         number: of the leg in that plan.
+        planned: the leg in it.
         path: its segments.
         first: number of the first one that was driven on this plan.
         driven: segments of the leg before that one, on earlier plans.
@@ -61,6 +62,7 @@ class Way:
 
     plan: VehiclePlan
     number: int
+    planned: tuple[PlannedSegment, ...]
     path: tuple[str, ...]
     due_s: float
     free_s: float

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 import libsumo
 
 from simulation.fleet.actuation import Driver
-from simulation.fleet.drafting import Gates, drafting
+from simulation.fleet.drafting import Cause, Gates, drafting, why_missed
 from simulation.fleet.driven_leg import DrivenLeg, Measurement, free_s
 from simulation.fleet.sensing import PREFIX, sense, standing
 from simulation.fleet.van import Van, Way, planned_leg
@@ -101,7 +101,7 @@ class FleetWorld:
         self.begun_s: dict[str, float] = {}
         self.again: list[str] = []
         self.longest_silence_s = 0.0
-        self._advised_ns: dict[str, int] = {}
+        self._advice: dict[str, VehicleAdvice] = {}
         self.tours_finished = 0
 
     @property
@@ -145,13 +145,15 @@ class FleetWorld:
             sumo = van.driver.name
             if sumo not in gone:
                 speed_mps = float(libsumo.vehicle.getSpeed(sumo))
+                place = drafts.places.get(name)
                 van.measured.take(
                     speed_mps,
                     float(libsumo.vehicle.getDistance(sumo)),
                     drafts.eta.get(name, ETA_ALONE),
                     self._step_s,
-                    place=drafts.places.get(name),
+                    place=place,
                     turbulent=name in drafts.turbulent,
+                    missed=None if place is not None else self._why_missed(name, van.way),
                 )
                 van.way.at = van.way.behind + max(0, libsumo.vehicle.getRouteIndex(sumo))
                 if self._has_arrived(sumo, van.way, speed_mps):
@@ -209,7 +211,7 @@ class FleetWorld:
             van.ready_s = min(now_s, max(van.ready_s, self._time_s(plan.issued_ns)))
         due_s = self._time_s(plan.depart_ns) if begins else van.ready_s
         path = tuple(segment.segment for segment in planned)
-        van.way = Way(plan, leg, path, due_s, free_s(planned))
+        van.way = Way(plan, leg, planned, path, due_s, free_s(planned))
         van.serves, van.entering = None, True
         sumo = f"{PREFIX}{name}/{van.tour}/{van.leg}"
         van.driver = Driver(sumo, self._pace)
@@ -257,7 +259,7 @@ class FleetWorld:
             advice = self._agents.advise(self._sensed[name])
             self._navigate(name, van, van.way, advice)
             if advice is not None:
-                self._advised_ns[name] = advice.time_ns
+                self._advice[name] = advice
             van.driver.obey(advice, self._sensed[name].segment)
             if van.driver.close and advice is not None:
                 self._following[name] = advice.mode == "follow"
@@ -266,8 +268,17 @@ class FleetWorld:
                 left = followed.get(name, False) and advice.mode == "open_gap"
                 self.disengagements += left and "turbulent" in (advice.reason or "")
 
+    def _why_missed(self, name: str, way: Way) -> Cause | None:
+        """Why it was in no platoon in the step that has ended, if its plan has one there."""
+        sensed = self._sensed.get(name)
+        if sensed is None:
+            return None
+        is_open = self._gates.is_open(sensed.segment)
+        return why_missed(way.planned[way.at], sensed, self._advice.get(name), is_open=is_open)
+
     def _note_silence(self, partner: str | None, now_ns: int) -> None:
-        heard_ns = self._advised_ns.get(partner or "", now_ns)
+        advice = self._advice.get(partner or "")
+        heard_ns = now_ns if advice is None else advice.time_ns
         self.longest_silence_s = max(self.longest_silence_s, (now_ns - heard_ns) / 1e9)
 
     def _navigate(self, name: str, van: Van, way: Way, advice: VehicleAdvice | None) -> None:
@@ -293,7 +304,8 @@ class FleetWorld:
         else:
             way.behind += at - way.at
         way.driven += way.path[way.first : way.at]
-        way.plan, way.number, way.path, way.at, way.first = plan, advice.leg, path, at, at
+        way.plan, way.number, way.planned = plan, advice.leg, planned
+        way.path, way.at, way.first = path, at, at
 
     def _has_arrived(self, sumo: str, way: Way, speed_mps: float) -> bool:
         if way.at < len(way.path) - 1 or speed_mps > _ARRIVED_MPS:

@@ -6,8 +6,9 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from simulation.closed_loop.policy import Policy
     from simulation.evaluation.measures import Evaluation
     from simulation.evaluation.report import Table
-    from simulation.evaluation.runs import Store, World
+    from simulation.evaluation.runs import Store, World, WorldFiles
     from simulation.exogenous.recorded import Watched
 
 _EXIT_INTERRUPTED: Final = 130
@@ -42,9 +43,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument(
         "--arms",
-        default="all",
         metavar="NAME,NAME",
-        help="arms, or all, main, levers, gating, noise, exogenous (default: all)",
+        help="arms, or all, main, levers, gating, noise, exogenous "
+        "(default: all, with --density B,C)",
     )
     command.add_argument(
         "--scenario",
@@ -65,6 +66,11 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
     command.add_argument(
+        "--density",
+        metavar="N,N",
+        help="the corridor's fleet with so many vehicles a day, an evaluation each",
+    )
+    command.add_argument(
         "--workers", type=int, metavar="N", help="arms at once (default: as many as cores)"
     )
     command.add_argument(
@@ -78,48 +84,104 @@ def run(options: argparse.Namespace) -> int:
     """Simulate what is missing, write the results, print the main figures."""
     from simulation.evaluation.arms import choose
 
+    options.arms = options.arms or ("all" if options.density is None else "B,C")
+    densities = None if options.density is None else _densities(options)
     policies, seeds = choose(options.arms), _seeds(options.seeds)
     span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
-    from simulation.evaluation.measures import collect
-    from simulation.evaluation.report import as_json, terminal_summary, whole_summary, write_results
-    from simulation.evaluation.runs import Store, World, WorldFiles, code_stamp
+    from simulation.evaluation.report import as_json, write_density
+    from simulation.evaluation.runs import WorldFiles
 
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
     files = WorldFiles(options.scenario, *parts)
+    try:
+        if densities is None:
+            _, summary = _evaluate(options, options.out, files, policies, seeds, span_s, workers)
+            if options.json:
+                print(as_json(summary), end="")
+            return 0
+        found: dict[int, Evaluation] = {}
+        summaries: dict[str, Any] = {}
+        outs = {vehicles: options.out / f"density-{vehicles}" for vehicles in densities}
+        fleets = {n: _scaled_fleet(files, n, out) for n, out in outs.items()}
+        for vehicles, out in outs.items():
+            if sys.stderr.isatty():
+                said = f"{vehicles} vehicles a day ({len(found) + 1} of {len(densities)})"
+                print(said, file=sys.stderr)
+            found[vehicles], summaries[str(vehicles)] = _evaluate(
+                options,
+                out,
+                replace(files, fleet=fleets[vehicles]),
+                policies,
+                seeds,
+                span_s,
+                workers,
+            )
+    except KeyboardInterrupt:
+        said = "interrupted; the same command goes on from what is stored in"
+        print(f"slipstream: {said} {options.out}", file=sys.stderr)
+        return _EXIT_INTERRUPTED
+    missing = write_density(options.out, found)
+    if missing is not None:
+        print(f"slipstream: {missing}", file=sys.stderr)
+    print(as_json(summaries) if options.json else f"{options.out / 'density.md'}\n", end="")
+    return 0
+
+
+def _evaluate(
+    options: argparse.Namespace,
+    out: Path,
+    files: WorldFiles,
+    policies: Sequence[Policy],
+    seeds: Sequence[int],
+    span_s: tuple[float, float],
+    workers: int,
+) -> tuple[Evaluation, dict[str, Any]]:
+    """One evaluation in its folder, and its summary."""
+    from simulation.evaluation.measures import collect
+    from simulation.evaluation.report import terminal_summary, whole_summary, write_results
+    from simulation.evaluation.runs import Store, World, code_stamp
+
     world = World(files, options.out / "background", options.signals, span_s)
     if options.routes is not None and not world.scenario.rsus:
         print(
             "slipstream: no RSU stands beside these roads, so no platoon will drive; give --rsus",
             file=sys.stderr,
         )
-    with Store(options.out, world.provenance, code_stamp()) as store:
-        try:
-            kept = 0 if options.stored else _simulate(policies, seeds, store, world, workers)
-            evaluation = collect(store, world.provenance, seeds)
-            if not evaluation.arms:
-                raise InputError(
-                    options.out, "no arm of these seeds is stored", "run it without --stored"
-                )
-            exogenous = _exogenous(options, world, seeds, workers)
-            more = _further_tables(world, evaluation, exogenous)
-        except KeyboardInterrupt:
-            said = "interrupted; the same command goes on from what is stored in"
-            print(f"slipstream: {said} {options.out}", file=sys.stderr)
-            return _EXIT_INTERRUPTED
-        missing = write_results(options.out, evaluation, more, exogenous)
+    with Store(out, world.provenance, code_stamp()) as store:
+        kept = 0 if options.stored else _simulate(policies, seeds, store, world, workers)
+        evaluation = collect(store, world.provenance, seeds)
+        if not evaluation.arms:
+            raise InputError(out, "no arm of these seeds is stored", "run it without --stored")
+        exogenous = _exogenous(options, world, seeds, workers)
+        more = _further_tables(world, evaluation, exogenous)
+        missing = write_results(out, evaluation, more, exogenous)
     if missing is not None:
         print(f"slipstream: {missing}", file=sys.stderr)
-    if options.json:
-        print(as_json(whole_summary(evaluation, more, exogenous)), end="")
-    else:
+    if not options.json:
         if kept:
             print(f"{kept} of {len(policies) * len(seeds)} arms were stored already")
         print(terminal_summary(evaluation))
-        print(f"{options.out / 'report.md'}")
+        print(f"{out / 'report.md'}")
     _refuse_gridlock(evaluation)
-    return 0
+    return evaluation, whole_summary(evaluation, more, exogenous)
+
+
+def _scaled_fleet(files: WorldFiles, vehicles: int, folder: Path) -> Path:
+    """File with the scenario's fleet at another density."""
+    import tomli_w
+
+    from simulation.evaluation.density import scaled
+    from simulation.evaluation.runs import not_writable, write_atomically
+
+    settings = scaled(files.load().fleet, vehicles).model_dump(mode="json", exclude_none=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(folder / "fleet.toml", tomli_w.dumps(settings))
+    except OSError as error:
+        raise not_writable(folder, error) from None
+    return folder / "fleet.toml"
 
 
 def _simulate(
@@ -192,6 +254,27 @@ def _seeds(text: str) -> tuple[int, ...]:
     if not seeds or seeds[0] < 0:
         raise InputError("evaluate", f"no seeds: {text!r}", "give some as 1,2,3", key="--seeds")
     return tuple(seeds)
+
+
+def _densities(options: argparse.Namespace) -> tuple[int, ...]:
+    """Vehicles a day, rising, each once."""
+    from simulation.evaluation.arms import wants_exogenous
+
+    text = options.density
+    try:
+        counts = sorted({int(part) for part in text.split(",") if part.strip()})
+    except ValueError:
+        counts = []
+    if not counts or counts[0] < 1:
+        problem = f"no vehicles a day: {text!r}"
+        raise InputError("evaluate", problem, "give some as 29,100,500", key="--density")
+    if options.scenario != "corridor" or options.fleet is not None:
+        mend = "give --scenario corridor and no --fleet"
+        raise InputError("evaluate", "the law is of the corridor's fleet", mend, key="--density")
+    if wants_exogenous(options.arms):
+        mend = "give --arms B,C"
+        raise InputError("evaluate", "no density has exogenous arms", mend, key="--arms")
+    return tuple(counts)
 
 
 def _span(begin_h: float, hours: float | None) -> tuple[float, float]:

@@ -65,7 +65,7 @@ class Joining:
 
     Attributes:
         front: the vehicle that it will follow; None: none.
-        asked: front, or its leader; None: nobody is asked.
+        asked: front, or its leader; None: nobody is asked, it waits for another one or has refused.
         speedup: a, its own.
         slowdown: b, that it asks for.
     """
@@ -78,7 +78,9 @@ class Joining:
     _refused_by: str | None = None
     _refused_until_ns: int = 0
 
-    def choose(self, front: str, asked: str, speedup: float, slowdown: float, now_ns: int) -> None:
+    def choose(
+        self, front: str, asked: str | None, speedup: float, slowdown: float, now_ns: int
+    ) -> None:
         """Catch up with a vehicle, or go on doing so."""
         if self.front != front:
             self._since_ns = now_ns
@@ -96,8 +98,10 @@ class Joining:
             self._refused_by, self._refused_until_ns = by, now_ns + for_ns
             self.end()
 
-    def may_ask(self, vehicle: str, now_ns: int) -> bool:
+    def may_ask(self, vehicle: str | None, now_ns: int) -> bool:
         """Whether a vehicle has not just refused, nor waited for as long as any may."""
+        if vehicle is None:
+            return False
         if vehicle == self.asked and now_ns - self._since_ns > _MAX_CLOSING_NS:
             self.refuse(vehicle, now_ns, _MAX_CLOSING_NS)
         return vehicle != self._refused_by or now_ns >= self._refused_until_ns

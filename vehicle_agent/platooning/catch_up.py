@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,10 +32,10 @@ from vehicle_agent.platooning.situation import Situation
 SYNC_WINDOW_S: Final = 3.0
 """The dispatcher's: so far apart may those be that it plans as a platoon."""
 
-DROP_BACK: Final = MAX_SLOWDOWN / 2
+DROP_BACK: Final = 0.05
 """Share of its speed that a vehicle beside another one takes off to come behind it."""
 
-_MOTORWAY_MPS: Final = 25.0
+MOTORWAY_MPS: Final = 25.0
 """Limits above it are those of roads without signals, on which one overtakes."""
 
 _FLOWING_SHARE: Final = 0.7
@@ -43,7 +44,7 @@ _FLOWING_SHARE: Final = 0.7
 _LANE_SPACINGS: Final = 2.0
 """As near as joining begins."""
 
-_CLOSED_SHARE: Final = 0.25
+_CLOSED_SHARE: Final = 0.02
 """Of the wanted gap; with less too much, the gap counts as closed."""
 
 
@@ -53,14 +54,14 @@ class CatchUp:
 
     Attributes:
         front: vehicle that it will follow.
-        asked: front, or the leader of its platoon.
+        asked: front, or the leader of its platoon; None: that one is waiting for another vehicle.
         rendezvous: at which speeds.
         lane: wanted; None: any.
         drop_back: whether the vehicle is beside the other one, and must come behind it first.
     """
 
     front: PlatoonControl
-    asked: str
+    asked: str | None
     rendezvous: Rendezvous
     lane: int | None = None
     drop_back: bool = False
@@ -87,7 +88,7 @@ def find_catch_up(situation: Situation, vehicle: str, neighbours: Neighbours) ->
     rendezvous = _rendezvous(s, front, shared, leads=leads, planned=planned)
     if rendezvous is None:
         return None
-    asked = asked_of(front)
+    asked = _free_to_ask(front, vehicle, neighbours)
     aside = _spacings_aside(s, front, shared)
     if aside is None or aside > _LANE_SPACINGS:
         return CatchUp(front, asked, rendezvous)
@@ -100,24 +101,28 @@ def asked_of(front: PlatoonControl) -> str:
     return front.leader if front.mode == "following" else front.vehicle
 
 
-def closing_slowdown(situation: Situation, front_desired_mps: float) -> float:
-    """Share b that a follower must ask for to close its gap without driving above the limit.
+def closing_slowdown(situation: Situation, followers: Iterable[PlatoonControl]) -> float:
+    """Share of its speed that a leader takes off so that its followers' open gaps close.
 
-    0 where the gap is closed, or where the own limit leaves room enough.
+    They drive no faster than the limit. It is slow enough for all gaps together, and takes its
+    speed up again no faster than they can slow down by coasting: see `closing_mps`.
     """
-    own = situation.own
-    error_m = situation.gap_m - own.wanted_gap_m
-    if error_m <= _CLOSED_SHARE * own.wanted_gap_m or front_desired_mps <= MIN_SPEED_MPS:
-        return 0.0
-    closing = closing_mps(error_m, own.coasting_mps2)
-    slowdown = 1 - (situation.limit_mps - closing) / front_desired_mps
-    return min(max(slowdown, 0.0), MAX_SLOWDOWN)
+    own, lag_m = situation.own, 0.0
+    for follower in followers:
+        wanted_m = wanted_gap_m(follower.speed_mps, own.advised_gap_m, own.interval_s)
+        if follower.gap_m is not None and follower.gap_m > (1 + _CLOSED_SHARE) * wanted_m:
+            lag_m += follower.gap_m - wanted_m
+    return min(closing_mps(lag_m, own.coasting_mps2) / own.desired_mps, MAX_SLOWDOWN)
 
 
 def _front(
     s: Situation, vehicle: str, neighbours: Neighbours
 ) -> tuple[PlatoonControl, float, bool] | None:
-    """Who may be joined, the age of its message, and whether the plan has it ahead."""
+    """Who may be joined, the age of its message, and whether the plan has it ahead.
+
+    Nobody beyond it is asked while another one joins it, or its leader: to get there, all between
+    would have to be overtaken.
+    """
     followed = {h.message.ahead: h.message.vehicle for h in neighbours if h.message.ahead}
     best: tuple[tuple[bool, int, float], PlatoonControl, float] | None = None
     for heard in neighbours:
@@ -125,9 +130,6 @@ def _front(
         if age_ns is None or age_ns > SILENT_NS or vehicle in (front.ahead, front.leader):
             continue
         if followed.get(front.vehicle, vehicle) != vehicle:
-            continue
-        asked = neighbours.get(asked_of(front)) or front
-        if not {front.joined_by, asked.joined_by} <= {None, vehicle}:
             continue
         away_m = spacing_m(s.leg, s.state.number, s.place_m, front, age_ns / 1e9)
         if away_m > MAX_DISTANCE_M:
@@ -138,6 +140,13 @@ def _front(
         if best is None or rank < best[0]:
             best = rank, front, age_ns / 1e9
     return None if best is None else (best[1], best[2], not best[0][0])
+
+
+def _free_to_ask(front: PlatoonControl, vehicle: str, neighbours: Neighbours) -> str | None:
+    """Who sets the speed of a vehicle's platoon, unless it waits for another one."""
+    asked = asked_of(front)
+    leader = neighbours.get(asked) or front
+    return asked if {front.joined_by, leader.joined_by} <= {None, vehicle} else None
 
 
 def _rendezvous(
@@ -189,7 +198,7 @@ def _is_blocked(s: Situation, front: PlatoonControl, shared: SharedPath) -> bool
 def _can_pass(s: Situation) -> bool:
     """Whether there is another lane of a road for overtaking, and no queue on it."""
     flows = s.state.speed_mps > _FLOWING_SHARE * s.limit_mps
-    return s.limit_mps > _MOTORWAY_MPS and flows and (s.planned.lanes or 1) > 1
+    return s.limit_mps > MOTORWAY_MPS and flows and (s.planned.lanes or 1) > 1
 
 
 def _spacings_aside(s: Situation, front: PlatoonControl, shared: SharedPath) -> float | None:

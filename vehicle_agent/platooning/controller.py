@@ -12,7 +12,7 @@ from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.agreement import MAX_REASON, RENEW_NS, Agreements
 from vehicle_agent.platooning.catch_up import (
     DROP_BACK,
-    asked_of,
+    MOTORWAY_MPS,
     closing_slowdown,
     find_catch_up,
 )
@@ -23,11 +23,19 @@ from vehicle_agent.platooning.join_leave import NONE_AHEAD, obstacle, turbulent_
 from vehicle_agent.platooning.neighbours import Heard, Neighbours
 from vehicle_agent.platooning.shared_path import MAX_DISTANCE_M
 from vehicle_agent.platooning.situation import Situation, look
-from vehicle_agent.platooning.speed_commands import announced_mps, commanded_mps, cruise_mps
+from vehicle_agent.platooning.speed_commands import (
+    announced_mps,
+    commanded_mps,
+    cruise_mps,
+    leading_mps,
+    on_another_lane,
+)
 
 _SETTLE_NS: Final = 2_000_000_000
 # A sensor may lose the vehicle ahead for a moment, as where a lane begins.
 _DROPOUT_NS: Final = 1_000_000_000
+_LANE_CHANGE_NS: Final = 3_000_000_000
+_OBEYED_MPS: Final = 0.05
 _SEGMENTS_BEHIND: Final = 2
 
 
@@ -74,6 +82,7 @@ class Platooning:
         self._lane: int | None = None
         self._drop_back = False
         self._cruise_mps: float | None = None
+        self._lead_mps: float | None = None
         self._now_ns = self._seen_ns = self._look_ns = 0
         self._left_ns = self._parted_ns = -_SETTLE_NS
 
@@ -150,6 +159,8 @@ class Platooning:
         if len(self._neighbours):
             self._neighbours.forget(now_ns)
         self._agreements.joined.expire(now_ns)
+        if any(one.vehicle == self._agreements.joined.by for one in self._platoon()):
+            self._agreements.joined.end()  # it has come
         s = look(
             *(now_ns, leg, state, sensing, gates),
             *(self._neighbours, self._parameters, self._pace, self._interval_s),
@@ -172,23 +183,21 @@ class Platooning:
             return
         self._drop_back = False
         self._lane = self._partners_lane(s)
-        if due and self._mode == "following":
-            self._close_up(s)
 
     def _decide_mode(self, s: Situation) -> None:
         follows = self._mode == "following"
         keeps = follows and s.ahead is not None and s.ahead.vehicle == self._partner
         found = self._obstacle(s, keeps=keeps)
         if found is None and s.partner is not None:
-            if self._agreements.joining.front != s.partner.vehicle:
-                self._agreements.joining.end()
+            self._agreements.joining.end()
             self._agreements.joined.end()
             self._mode, self._partner = "following", s.partner.vehicle
             self._reason, self._seen_ns = None, s.now_ns
             return
         if follows:
             heard = self._neighbours.fresh(self._partner, s.now_ns) is not None
-            seen = 0 <= s.now_ns - self._seen_ns < _DROPOUT_NS
+            longest_ns = _LANE_CHANGE_NS if self._is_on_another_lane(s) else _DROPOUT_NS
+            seen = 0 <= s.now_ns - self._seen_ns < longest_ns
             if not (found == NONE_AHEAD and heard and seen):
                 self._leave(found)
         elif self._mode == "leaving":
@@ -197,6 +206,11 @@ class Platooning:
                 self._mode, self._partner = "alone", None
         else:
             self._reason = None if s.partner is None else found
+
+    def _is_on_another_lane(self, s: Situation) -> bool:
+        """Whether its partner has told so; it is sensed ahead once the vehicle is there too."""
+        front = self._neighbours.get(self._partner)
+        return front is not None and on_another_lane(s, front)
 
     def _obstacle(self, s: Situation, *, keeps: bool) -> str | None:
         """Why it may not follow the vehicle directly ahead; None: it may."""
@@ -218,41 +232,26 @@ class Platooning:
         found, joining = None, self._agreements.joining
         if self._disengaged_on is None and s.sensing_in_time and not self._has_just_parted:
             found = find_catch_up(s, self._vehicle, self._neighbours)
-        if found is None or not joining.may_ask(found.asked, s.now_ns):
+        if found is None:
             joining.end()
             return
+        asked = found.asked if joining.may_ask(found.asked, s.now_ns) else None
         self._lane, self._drop_back = found.lane, found.drop_back
         meets = found.rendezvous
         # Who comes behind another one falls back from it: that one must not slow down as well.
         slowdown = 0.0 if found.drop_back else meets.slowdown
         speedup = 0.0 if found.drop_back else meets.speedup
-        joining.choose(found.front.vehicle, found.asked, speedup, slowdown, s.now_ns)
-        self._agreements.send(s.now_ns, "join_request", found.asked, slowdown=slowdown)
-
-    def _close_up(self, s: Situation) -> None:
-        """Ask the leader to wait while the gap cannot be closed below the limit."""
-        if s.partner is None:
-            return
-        asked = asked_of(s.partner)
-        leader = self._neighbours.get(asked) or s.partner
-        slowdown = closing_slowdown(s, leader.desired_mps)
-        free = leader.joined_by in (None, self._vehicle)
-        if slowdown > 0 and free and self._agreements.joining.may_ask(asked, s.now_ns):
-            self._agreements.joining.choose(s.partner.vehicle, asked, 0.0, slowdown, s.now_ns)
+        joining.choose(found.front.vehicle, asked, speedup, slowdown, s.now_ns)
+        if asked is not None:
             self._agreements.send(s.now_ns, "join_request", asked, slowdown=slowdown)
-        elif leader.joined_by == self._vehicle:
-            self._agreements.joining.end()
-            self._agreements.send(s.now_ns, "join_request", asked)
 
     def _answer(self, request: PlatoonManagement) -> None:
-        joined, rear = self._agreements.joined, self._neighbours.get(request.vehicle)
+        joined = self._agreements.joined
         reason = None
         if self._mode != "alone":
             reason = f"it is {self._mode}"
         elif not joined.ask(request, self._now_ns):
             reason = f"{joined.by} joins it"
-        elif rear is not None and rear.mode == "following" and request.slowdown <= 0:
-            joined.end()
         self._agreements.send(
             *(self._now_ns, "join_response", request.vehicle),
             accepted=reason is None,
@@ -285,6 +284,11 @@ class Platooning:
     def _followers(self) -> list[Heard]:
         return [heard for heard in self._neighbours if heard.message.ahead == self._vehicle]
 
+    def _platoon(self) -> list[PlatoonControl]:
+        """Last messages of all who follow it, or others that do."""
+        told = (heard.message for heard in self._neighbours)
+        return [one for one in told if one.mode == "following" and one.leader == self._vehicle]
+
     def _partners_lane(self, s: Situation) -> int | None:
         """The lane of the vehicle that it follows, while both are on one segment and go on alike.
 
@@ -309,15 +313,27 @@ class Platooning:
         cruise = wanted = None
         partner = self._partner
         if mode == "alone":
-            waits = DROP_BACK if self._drop_back else agreements.joined.slowdown
+            platoon = self._platoon()
+            lags = closing_slowdown(s, platoon)
+            waits = DROP_BACK if self._drop_back else max(agreements.joined.slowdown, lags)
             cruise = cruise_mps(s, waits, agreements.joining, self._cruise_mps)
             partner = agreements.joining.front or agreements.joined.by
+            if partner is None and lags > 0:
+                partner = platoon[0].vehicle
         elif mode == "following":
             wanted = s.own.wanted_gap_m
         else:
             wanted = IDM.desired_gap_m(s.state.speed_mps)
         self._cruise_mps = cruise
-        announced = announced_mps(s, speed, cap_mps)
+        leads = mode == "alone" and s.leg.limits_mps[s.state.number] > MOTORWAY_MPS
+        leads = leads and bool(self._platoon())
+        obeys, lead_mps = _obeys(s, self._lead_mps), None
+        if leads:
+            set_mps = s.own.desired_mps if cruise is None else cruise
+            lead_mps = leading_mps(s, set_mps, cap_mps)
+        self._lead_mps = lead_mps
+        told_mps = lead_mps if leads and obeys else speed
+        announced = announced_mps(s, told_mps, cap_mps if lead_mps is None else lead_mps)
         control = self._controls.make(
             s, mode, follows, announced, agreements.joined.by, self._neighbours
         )
@@ -326,6 +342,7 @@ class Platooning:
             mode=mode,
             speed_mps=speed,
             cruise_mps=cruise,
+            lead_mps=lead_mps,
             gap_m=wanted,
             lane=self._lane,
             partner=partner,
@@ -335,3 +352,8 @@ class Platooning:
             control=control,
             messages=agreements.take(),
         )
+
+
+def _obeys(s: Situation, commanded: float | None) -> bool:
+    """Whether the vehicle drives what it was last commanded; its own safety may hold it back."""
+    return commanded is None or s.own.speed_mps > commanded - _OBEYED_MPS

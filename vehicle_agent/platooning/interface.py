@@ -29,6 +29,8 @@ class PlatoonStep:
         speed_mps: to drive at the end of the interval; None while alone.
         cruise_mps: highest set speed while alone, lowered for a vehicle that catches up, or raised,
             up to the limit, to catch up; None: as without platooning.
+        lead_mps: to drive at the end of the interval, of a leader on a road without signals; None
+            of others.
         gap_m: wanted gap to the vehicle ahead; None while alone.
         lane: wanted; None: as the driver likes. Whether it leads on is for the vehicle to say.
         partner: vehicle that it follows, opens its gap to, catches up with, or waits for.
@@ -42,6 +44,7 @@ class PlatoonStep:
     mode: PlatoonMode
     speed_mps: float | None
     cruise_mps: float | None
+    lead_mps: float | None
     gap_m: float | None
     lane: int | None
     partner: str | None

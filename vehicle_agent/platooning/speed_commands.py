@@ -5,7 +5,7 @@ from __future__ import annotations
 from slipstream.messages import PlatoonControl, PlatoonMode
 from slipstream.spacing import MAX_BRAKING_MPS2
 from vehicle_agent.platooning.agreement import Joining
-from vehicle_agent.platooning.gap_control import following_mps, leaving_mps, waiting_mps
+from vehicle_agent.platooning.gap_control import IDM, following_mps, leaving_mps, waiting_mps
 from vehicle_agent.platooning.safe_gap import safe_mps
 from vehicle_agent.platooning.situation import Situation, allowed_mps
 
@@ -22,7 +22,8 @@ def commanded_mps(
         situation: now.
         mode: of the vehicle.
         front: last message of the vehicle that it follows; while no vehicle is sensed ahead, it
-            drives no faster than that one.
+            drives no faster than that one. Where that one has told of another lane it is not in
+            the way, and coasting is enough.
         cap_mps: what the rest of the agent allows.
     """
     if mode == "alone":
@@ -30,12 +31,44 @@ def commanded_mps(
     own, ahead = situation.own, situation.motion
     bound = min(allowed_mps(situation), cap_mps)
     if ahead is None:
-        command = own.speed_mps if front is None else min(own.speed_mps, front.announced_mps)
+        command = own.speed_mps
+        if front is not None and front.announced_mps < own.speed_mps:
+            command = front.announced_mps
+            if on_another_lane(situation, front):
+                command = max(command, own.speed_mps - own.coasting_mps2 * own.interval_s)
     else:
         law = following_mps if mode == "following" else leaving_mps
         command = min(law(own, ahead), safe_mps(own.speed_mps, ahead, own.interval_s))
     lowest = max(0.0, own.speed_mps - MAX_BRAKING_MPS2 * own.interval_s)
     return min(max(min(command, bound), lowest), situation.limit_mps)
+
+
+def on_another_lane(situation: Situation, front: PlatoonControl) -> bool:
+    """Whether a vehicle has told of another lane of the same segment."""
+    state = situation.state
+    same = front.path[0] == state.segment and not (front.crossing or state.crossing)
+    return same and front.lane != state.lane
+
+
+def leading_mps(situation: Situation, set_mps: float, cap_mps: float) -> float:
+    """Speed at the end of the interval of a leader, m/s: it is commanded as its followers are.
+
+    So it drives what it announces. Behind others it keeps the gap of a driver alone. A lower set
+    speed it reaches by coasting.
+
+    Args:
+        situation: now.
+        set_mps: highest speed that it would like.
+        cap_mps: what the rest of the agent allows.
+    """
+    own, ahead = situation.own, situation.motion
+    gently = own.speed_mps - 0.9 * own.coasting_mps2 * own.interval_s
+    command = max(gently, min(set_mps, own.speed_mps + IDM.acceleration_mps2 * own.interval_s))
+    if ahead is not None:
+        wanted = IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps)
+        command = min(command, own.speed_mps + wanted * own.interval_s)
+    lowest = max(0.0, own.speed_mps - MAX_BRAKING_MPS2 * own.interval_s)
+    return min(max(min(command, allowed_mps(situation), cap_mps), lowest), situation.limit_mps)
 
 
 def cruise_mps(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from simulation.closed_loop.record import ArmResult, Others
+from simulation.fleet.drafting import CAUSES, Cause
 from simulation.fleet.losses import Losses
 from simulation.scenarios.acceptance import clock
-from slipstream.energy import Energy, total
+from slipstream.energy import ETA_FOLLOWER, Energy, total
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,8 @@ class Measures:
         led_km: at the front of platoons.
         followed_km: as a follower.
         planned_platooned_km: in platoons by the plans, what later ones replaced left out.
+        planned_drafting_kwh: what drafting saves there.
+        missed_km: driven outside a platoon where the plan in force had one, by cause.
         stops: on the road.
         waited_h: standing on the road.
         orders: released.
@@ -51,6 +55,8 @@ class Measures:
     led_km: float
     followed_km: float
     planned_platooned_km: float
+    planned_drafting_kwh: float
+    missed_km: Mapping[Cause, float]
     stops: int
     waited_h: float
     orders: int
@@ -79,6 +85,16 @@ class Measures:
         return self.led_km + self.followed_km
 
     @property
+    def drafted_kwh(self) -> float:
+        """Saved by drafting on the same drives."""
+        return self.alone.total_kwh - self.driven.total_kwh
+
+    @property
+    def ceiling_kwh(self) -> float:
+        """What drafting would save at most: everybody a follower all the way."""
+        return ETA_FOLLOWER * self.alone.drag_kwh
+
+    @property
     def platooned_share(self) -> float:
         """Of the distance; 0 where nothing was driven."""
         return self.platooned_km / self.distance_km if self.distance_km else 0.0
@@ -104,6 +120,10 @@ def measure(result: ArmResult) -> Measures:
         led_km=sum(leg.led_m for leg in legs) / 1000,
         followed_km=sum(leg.followed_m for leg in legs) / 1000,
         planned_platooned_km=sum(cycle.planned_platooned_m for cycle in cycles) / 1000,
+        planned_drafting_kwh=sum(cycle.planned_drafting_kwh for cycle in cycles),
+        missed_km={
+            cause: sum(leg.missed_m.get(cause, 0.0) for leg in legs) / 1000 for cause in CAUSES
+        },
         stops=sum(leg.stops for leg in legs),
         waited_h=sum(leg.waited_s for leg in legs) / 3600,
         orders=len(result.services),

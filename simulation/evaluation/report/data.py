@@ -17,7 +17,13 @@ from simulation.evaluation.measures import (
     Spread,
     day_course,
 )
+from simulation.fleet.drafting import CAUSES, Cause
 from simulation.scenarios.acceptance import clock
+
+
+def _missed_by(cause: Cause) -> Callable[[Measures], float]:
+    return lambda m: m.missed_km[cause]
+
 
 FIGURES: Final[Mapping[str, Callable[[Measures], float | None]]] = {
     "energy_kwh": lambda m: m.energy_kwh,
@@ -33,6 +39,11 @@ FIGURES: Final[Mapping[str, Callable[[Measures], float | None]]] = {
     "led_km": lambda m: m.led_km,
     "followed_km": lambda m: m.followed_km,
     "platooned_share": lambda m: m.platooned_share,
+    "planned_platooned_km": lambda m: m.planned_platooned_km,
+    "planned_drafting_kwh": lambda m: m.planned_drafting_kwh,
+    "drafted_kwh": lambda m: m.drafted_kwh,
+    "drafting_ceiling_kwh": lambda m: m.ceiling_kwh,
+    **{f"missed_by_{cause.replace(' ', '_')}_km": _missed_by(cause) for cause in CAUSES},
     "legs": lambda m: m.legs,
     "stops": lambda m: m.stops,
     "waited_h": lambda m: m.waited_h,

@@ -43,7 +43,7 @@ def draw(evaluation: Evaluation, folder: Path) -> tuple[str, ...]:
         ModuleNotFoundError: matplotlib is not installed.
         OSError: a file cannot be written.
     """
-    plt = _pyplot()
+    plt = pyplot()
     names = [name for name in SHOWN if name in evaluation]
     if not names:
         return ()
@@ -74,7 +74,7 @@ def cumulative(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Pat
     below.set(ylabel="platooned so far, km", xlabel="hour of the day", ylim=(0, None))
     _hours(below, evaluation)
     for axes in (above, below):
-        _tidy(axes)
+        tidy(axes)
     figure.savefig(path, dpi=150, metadata={"Software": None})
     plt.close(figure)
 
@@ -94,7 +94,7 @@ def hourly(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Path) -
             axes.vlines(at, energy.min(axis=0), energy.max(axis=0), color="black", linewidth=0.7)
     axes.set(ylabel="energy in the hour, kWh", xlabel="hour of the day")
     _hours(axes, evaluation)
-    _tidy(axes)
+    tidy(axes)
     axes.legend(frameon=False, ncols=len(names), loc="lower center", bbox_to_anchor=(0.5, 1.0))
     figure.savefig(path, dpi=150, metadata={"Software": None})
     plt.close(figure)
@@ -124,13 +124,15 @@ def _hours(axes: Any, evaluation: Evaluation) -> None:
     axes.set_xlim(begin_s / HOUR_S, end_s / HOUR_S)
 
 
-def _tidy(axes: Any) -> None:
+def tidy(axes: Any) -> None:
+    """Axes without a frame, with a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)
     axes.grid(axis="y", color="#e5e5e5", linewidth=0.6)
 
 
-def _pyplot() -> Any:
+def pyplot() -> Any:
+    """matplotlib's pyplot without a display."""
     import matplotlib
 
     matplotlib.use("Agg")

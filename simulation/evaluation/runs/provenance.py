@@ -13,10 +13,12 @@ from typing import Final
 from simulation.scenarios.perception import Rsu, measured_errors
 from simulation.scenarios.scenario import Scenario, SignalControl
 
-FORMAT: Final = 2
+FORMAT: Final = 3
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
-_PACKAGES: Final = ("slipstream", "edge_daemon", "dispatcher_daemon", "simulation")
+_PACKAGES: Final = (
+    *("slipstream", "edge_daemon", "vehicle_agent", "dispatcher_daemon", "simulation"),
+)
 _EXCLUDED: Final = frozenset(
     f"simulation/{part}" for part in ("evaluation", "training", "streetdrive", "sumo_view", "live")
 )

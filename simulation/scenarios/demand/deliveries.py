@@ -44,7 +44,7 @@ class FleetSettings(Settings):
     depots: tuple[Depot, ...] = Field(
         default=(), description="Each has every parcel in stock; none: two places by the seed."
     )
-    vehicles: Annotated[int, Field(ge=1, le=1000)] = Field(
+    vehicles: Annotated[int, Field(ge=1, le=2000)] = Field(
         default=16, description="Spread evenly over the depots."
     )
     capacity: Annotated[int, Field(ge=1)] = Field(default=8, description="Parcels a vehicle.")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from simulation.closed_loop.planned_platoons import PlannedPlatoons
+from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 from slipstream.messages import VehiclePlan
 from tests.simulation.fleet.road import LENGTHS, ns, plan, segments
 
@@ -30,6 +32,20 @@ def test_metres_of_all_members_are_added() -> None:
     platoons.add(timed("ab", (11, 111), vehicle="two"), ns(0))
     platoons.add(timed("abc", (10, 110, 160), place=None, vehicle="three"), ns(0))
     assert platoons.planned_m == 2 * (LENGTHS["a"] + LENGTHS["b"])
+
+
+def test_what_drafting_saves_goes_by_place() -> None:
+    """A leader's reduction for the first, a follower's for those behind it, at planned speeds."""
+    platoons = PlannedPlatoons()
+    platoons.add(timed("a", (10,), place=0, vehicle="one"), ns(0))
+    (segment,) = timed("a", (10,)).segments
+    led = drag_saving_kwh(LENGTHS["a"], segment.speed_mps, ETA_LEADER)
+    assert platoons.saved_kwh == pytest.approx(led)
+    platoons.add(timed("a", (11,), place=1, vehicle="two"), ns(0))
+    both = led + drag_saving_kwh(LENGTHS["a"], segment.speed_mps, ETA_FOLLOWER)
+    assert platoons.saved_kwh == pytest.approx(both)
+    platoons.add(timed("a", (12,), place=None, vehicle="one"), ns(5))
+    assert platoons.saved_kwh == pytest.approx(both - led)
 
 
 def test_a_later_plan_replaces_what_was_to_come() -> None:

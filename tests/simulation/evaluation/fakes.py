@@ -65,6 +65,7 @@ def make_arm(policy: Policy, seed: int, legs: int = 24, **changes: Any) -> ArmRe
                 turbulent_s=0.0 if policy.gating == "rsu" else 5.0,
                 path=("e0_main", "e1_leave", "e1_mid"),  # of the corridor
                 losses=Losses(rolling, drag, braking / 4, braking / 2, braking / 4),
+                missed_m={"gates": 30.0, "closing up": 12.0} if platooned else {},
             )
         )
     result = ArmResult(
@@ -84,6 +85,7 @@ def make_arm(policy: Policy, seed: int, legs: int = 24, **changes: Any) -> ArmRe
                 vehicles=2,
                 planned_kwh=1.0,
                 planned_platooned_m=100.0,
+                planned_drafting_kwh=0.002,
                 open=round(8 * (1 - policy.noise)),
                 judged=10,
                 watched=12,

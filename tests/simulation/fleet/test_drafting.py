@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from simulation.fleet.drafting import CLOSE_GAP_M, MIN_SPEED_MPS, drafting
+from simulation.fleet.drafting import CLOSE_GAP_M, MIN_SPEED_MPS, drafting, why_missed
 from slipstream.drafting import DragLaw, reductions_at
 from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
-from slipstream.messages import SensedVehicle, VehicleSensing
-from tests.simulation.fleet.road import Flags
+from slipstream.messages import SensedVehicle, VehicleAdvice, VehicleSensing
+from tests.simulation.fleet.road import Flags, segments
 
 OPEN = Flags({"a": 1, "b": 1})
 
@@ -17,7 +17,7 @@ def sensed(
     name: str,
     ahead: str | None = None,
     gap_m: float = 2.0,
-    speed_mps: float = 20.0,
+    speed_mps: float = 25.0,
     segment: str = "a",
     *,
     of_fleet: bool = True,
@@ -138,3 +138,46 @@ def test_a_row_that_closes_to_a_ring_is_credited() -> None:
     vehicles = {"one": sensed("one", "two"), "two": sensed("two", "one")}
     found = drafting(vehicles, {"one": True, "two": True}, OPEN)
     assert found.eta == {"one": ETA_FOLLOWER, "two": ETA_FOLLOWER}
+
+
+def advised(mode: str, partner: str | None = None) -> VehicleAdvice:
+    """Advice of a mode."""
+    return VehicleAdvice(
+        vehicle="two",
+        time_ns=0,
+        valid_until_ns=1,
+        cycle=1,
+        leg=0,
+        mode=mode,  # type: ignore[arg-type]
+        speed_mps=None if mode == "none" else 20.0,
+        gap_m=None,
+        lane=None,
+        partner=partner,
+        depart_ns=None,
+        green_at=None,
+        text="",
+        reason=None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("advice", "sensing", "is_open", "cause"),
+    [
+        (advised("follow", "one"), sensed("two", "one", 20.0), True, "closing up"),
+        (advised("cruise", "one"), sensed("two"), True, "closing up"),
+        (advised("cruise"), sensed("two"), True, "apart"),
+        (None, sensed("two"), True, "apart"),
+        (advised("open_gap", "one"), sensed("two", "one", 20.0), True, "gates"),
+        (advised("open_gap", "one"), sensed("two", "x", of_fleet=False), True, "others between"),
+        (advised("follow", "one"), sensed("two", "one", 20.0), False, "gates"),
+        (advised("follow", "one"), sensed("two", "one", 20.0, 5.0), True, "queues"),
+    ],
+)
+def test_why_a_planned_platoon_is_not_driven(
+    advice: VehicleAdvice | None, sensing: VehicleSensing, is_open: bool, cause: str
+) -> None:
+    """One cause a moment; none where the plan has no platoon."""
+    (planned,) = segments("a", place=1)
+    assert why_missed(planned, sensing, advice, is_open=is_open) == cause
+    (alone,) = segments("a")
+    assert why_missed(alone, sensing, advice, is_open=is_open) is None

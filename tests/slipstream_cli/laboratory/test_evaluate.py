@@ -14,7 +14,7 @@ from simulation.evaluation import exogenous, report
 from simulation.evaluation.exogenous import ExogenousSpec
 from simulation.evaluation.report import files
 from simulation.evaluation.runs import world
-from simulation.scenarios.scenario import Background, Scenario
+from simulation.scenarios.scenario import Background, Scenario, load_scenario
 from slipstream_cli.main import main
 from tests.simulation.evaluation.fakes import make_arm
 
@@ -129,6 +129,31 @@ def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
     assert "arms of another evaluation (fleet was" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+def test_each_density_is_an_evaluation_of_a_scaled_fleet(
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
+) -> None:
+    """Orders and vehicles in proportion, all else as it was; finished ones are kept; one table."""
+    first = evaluate(capsys, tmp_path, "--density", "100,29", "--arms", "C", "--seeds", "1")
+    assert list(first) == ["29", "100"]
+    assert [order.policy.name for order in orders] == ["B", "C"] * 2
+    fleets = {order.fleet: load_scenario("corridor", fleet=order.fleet).fleet for order in orders}
+    assert [path.parent.name for path in fleets if path] == ["density-29", "density-100"]
+    assert [(f.orders, f.vehicles) for f in fleets.values()] == [(66, 18), (228, 62)]
+    own = load_scenario("corridor").fleet
+    assert all(
+        f.model_copy(update={"orders": own.orders, "vehicles": own.vehicles}) == own
+        for f in fleets.values()
+    )
+    assert evaluate(capsys, tmp_path, "--density", "29,100", "--arms", "C", "--seeds", "1") == first
+    assert len(orders) == 4
+    text = (tmp_path / "density.md").read_text()
+    assert "| 29 |" in text
+    assert "| 100 |" in text
+    assert (tmp_path / "density.png").stat().st_size > 1000
+    assert (tmp_path / "density-100" / "report.md").is_file()
+
+
 def test_a_gridlock_is_one_line_after_all_is_written(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -199,6 +224,12 @@ def test_without_libsumo_the_line_says_what_to_install(
         (("--begin", "20", "--hours", "5"), "are no part of a day"),
         (("--begin", "7.01"), "no multiple of five minutes"),
         (("--workers", "0"), "--workers"),
+        (("--density", "29,x"), "--density: no vehicles a day"),
+        (("--density", "0"), "--density: no vehicles a day"),
+        (("--density", "900000"), "--density: 900000 vehicles a day are too many"),
+        (("--density", "29", "--fleet", "f.toml"), "--density: the law is of the corridor's"),
+        (("--density", "29", "--scenario", "troy"), "--density: the law is of the corridor's"),
+        (("--density", "29", "--arms", "main"), "--arms: no density has exogenous arms"),
         (("--stored",), "no arm of these seeds is stored"),
     ],
 )

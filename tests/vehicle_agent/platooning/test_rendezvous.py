@@ -124,8 +124,8 @@ def test_a_meeting_is_worth_what_is_left_to_share() -> None:
     assert MARGIN_KWH < found.gain_kwh == pytest.approx(saved - cost)
     assert best(200.0, 1200.0) == 0.0
     assert best(800.0, 90000.0) > 0.0
-    assert best(1200.0, 90000.0) == 0.0
-    assert best(1200.0, 90000.0, max_speedup=0.1) > 0.0
+    assert best(1400.0, 90000.0) == 0.0
+    assert best(1400.0, 90000.0, max_speedup=0.1) > 0.0
     assert best(200.0, 8000.0) < best(200.0, 8000.0, max_speedup=0.05)
 
 

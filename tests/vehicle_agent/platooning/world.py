@@ -204,8 +204,9 @@ class World:
         step = car.platooning.step(now_ns, car.leg, state, self.sensing(car, ahead), self.gates)
         car.last = step
         messages = [] if car.silent else [step.control, *step.messages]
-        if step.speed_mps is not None:
-            return max(step.speed_mps, car.speed_mps - 9.0 * dt), messages
+        commanded = step.lead_mps if step.speed_mps is None else step.speed_mps
+        if commanded is not None:
+            return max(commanded, car.speed_mps - 9.0 * dt), messages
         limit = car.leg.limits_mps[state.number]
         desired = limit if step.cruise_mps is None else step.cruise_mps
         own = Own(car.speed_mps, limit, desired, 1.5, dt, PAPER_CAR)

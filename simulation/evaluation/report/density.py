@@ -1,0 +1,145 @@
+"""Evaluations of one fleet by density: share of the drafting ceiling, planned and driven."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from simulation.evaluation.arms import BASELINE, COOPERATIVE
+from simulation.evaluation.measures import Evaluation, Measures, Spread
+from simulation.evaluation.report.cells import MEANS
+from simulation.evaluation.report.formatting import Table, count, markdown, number, percent
+from simulation.evaluation.report.plots import pyplot, tidy
+from simulation.evaluation.runs import not_writable, write_atomically
+from simulation.fleet.drafting import CAUSES
+
+_Figure = Callable[[Measures], float | None]
+
+
+def _planned_share(found: Measures) -> float:
+    return found.planned_drafting_kwh / found.ceiling_kwh
+
+
+def _driven_share(found: Measures) -> float:
+    return found.drafted_kwh / found.ceiling_kwh
+
+
+def _kept(found: Measures) -> float | None:
+    planned = found.planned_drafting_kwh
+    return found.drafted_kwh / planned if planned > 0 else None
+
+
+def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
+    """What the cooperative arm planned and drove, and why not all of it.
+
+    Args:
+        evaluations: by vehicles a day.
+    """
+    shown = {n: e for n, e in sorted(evaluations.items()) if COOPERATIVE in e}
+    source = f"arm {COOPERATIVE} of `density-N/arms.csv`"
+
+    def rows(*columns: tuple[Callable[..., str], _Figure]) -> tuple[tuple[str, ...], ...]:
+        return tuple(
+            (str(n), *(words(e.figure(COOPERATIVE, of)) for words, of in columns))
+            for n, e in shown.items()
+        )
+
+    def km(found: Spread | None) -> str:
+        return number(found, 1)
+
+    def kwh(found: Spread | None) -> str:
+        return number(found, 2)
+
+    reached = rows(
+        (count, lambda m: float(m.legs)),
+        (km, lambda m: m.distance_km),
+        (kwh, lambda m: m.ceiling_kwh),
+        (percent, _planned_share),
+        (percent, _driven_share),
+        (percent, _kept),
+        (km, lambda m: m.planned_platooned_km),
+        (km, lambda m: m.platooned_km),
+        (count, lambda m: float(m.disengagements)),
+        (count, lambda m: float(m.late)),
+    )
+    saved = tuple(
+        (
+            percent(e.against(COOPERATIVE, lambda c: c.saving), 2),
+            percent(e.against(COOPERATIVE, lambda c: c.travel), 1, sign=True),
+            percent(e.against(COOPERATIVE, lambda c: c.at_equal_time), 2),
+        )
+        for e in shown.values()
+    )
+    heads = (
+        *("vehicles a day", "legs", "km", "drafting ceiling, kWh", "planned", "driven"),
+        *("driven of planned", "planned in platoons, km", "driven in platoons, km"),
+        *("forced apart", "late", "saved", "travel time", "saved at equal travel time"),
+    )
+    return (
+        Table(
+            "Share of the drafting ceiling by density",
+            heads,
+            tuple((*row, *more) for row, more in zip(reached, saved, strict=True)),
+            source,
+            (
+                f"{MEANS} Ceiling: everybody a follower all the way. Planned: by the newest plan "
+                f"of each vehicle, at planned speeds. Saved: all of {COOPERATIVE} against "
+                f"{BASELINE}.",
+            ),
+        ),
+        Table(
+            "Planned in a platoon and not driven in one, km",
+            ("vehicles a day", *CAUSES),
+            rows(*((km, lambda m, cause=cause: m.missed_km[cause]) for cause in CAUSES)),
+            source,
+            (
+                "By the plan that was in force. Gates: not open, or parting before one. Apart: "
+                "partners that have not met, as one left or drove late.",
+            ),
+        ),
+    )
+
+
+def write_density(folder: Path, evaluations: Mapping[int, Evaluation]) -> str | None:
+    """Write `density.md` and `density.png`; returns why there is no picture, if so.
+
+    Args:
+        folder: of all densities.
+        evaluations: by vehicles a day.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    tables = density_tables(evaluations)
+    try:
+        write_atomically(folder / "density.md", "\n".join(map(markdown, tables)))
+        _draw(evaluations, folder / "density.png")
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "matplotlib":
+            raise
+        return "matplotlib is not installed, so no figure is drawn"
+    except OSError as error:
+        raise not_writable(Path(error.filename or folder), error) from None
+    return None
+
+
+def _draw(evaluations: Mapping[int, Evaluation], path: Path) -> None:
+    plt = pyplot()
+    shown = {n: e for n, e in sorted(evaluations.items()) if COOPERATIVE in e}
+    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+    for words, of, colour in (
+        ("planned", _planned_share, "#444444"),
+        ("driven", _driven_share, "#0072b2"),
+    ):
+        spreads = [e.figure(COOPERATIVE, of) for e in shown.values()]
+        means = [100 * s.mean for s in spreads if s is not None]
+        errors = [100 * (s.deviation or 0.0) for s in spreads if s is not None]
+        axes.errorbar(list(shown), means, errors, label=words, color=colour, marker="o", capsize=3)
+    axes.set(xscale="log", xlabel="vehicles a day", ylabel="% of the drafting ceiling")
+    axes.set_xticks(list(shown), [str(n) for n in shown])
+    axes.minorticks_off()
+    axes.set_ylim(0, None)
+    axes.legend(frameon=False)
+    tidy(axes)
+    figure.savefig(path, dpi=150, metadata={"Software": None})
+    plt.close(figure)
