@@ -10,7 +10,7 @@ from dashboard.view import labels
 from dashboard.view.model import VehicleView
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import CycleReport, VehiclePlan, VehiclePosition
+from slipstream.messages import CycleReport, PlannedStop, VehiclePlan, VehiclePosition
 
 LIST_FOR_S: Final = 24 * 3600.0
 """Vehicles are listed this long after their plan expired, RSUs this long after their health, s."""
@@ -80,7 +80,7 @@ def _driving(plan: VehiclePlan, position: VehiclePosition, index: int, now_ns: i
         to = "back" if leg + 2 >= len(stops) else f"to {stops[leg + 1]}"
         activity = f"{to}, {kmh:.0f} km/h" if stops else f"{kmh:.0f} km/h"
     elif leg > 0 and leg < len(stops):
-        activity = f"at {stops[leg]}"
+        activity = _standing(plan.stops[leg], now_ns)
     else:
         wait_s = max(0.0, -age_s(plan.depart_ns, now_ns))
         activity = f"leaves {labels.relative_time(wait_s)}" if wait_s > 0 else "leaves now"
@@ -142,6 +142,11 @@ def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None
     return last
 
 
+def _standing(stop: PlannedStop, now_ns: int) -> str:
+    waits = stop.departure_ns - round(stop.wait_s * 1e9) <= now_ns < stop.departure_ns
+    return f"waits at {stop.stop}" if waits else f"at {stop.stop}"
+
+
 def _activity(plan: VehiclePlan, now_ns: int) -> str:
     if now_ns > plan.valid_until_ns:
         return f"plan ran out {labels.relative_time(-age_s(plan.valid_until_ns, now_ns))}"
@@ -151,7 +156,7 @@ def _activity(plan: VehiclePlan, now_ns: int) -> str:
         if now_ns < stop.arrival_ns:
             return f"{stop.stop} {labels.relative_time(-age_s(stop.arrival_ns, now_ns))}"
         if now_ns < stop.departure_ns:
-            return f"at {stop.stop}"
+            return _standing(stop, now_ns)
     if plan.segments and now_ns < plan.segments[-1].exit_ns:
         return f"back {labels.relative_time(-age_s(plan.segments[-1].exit_ns, now_ns))}"
     return "done"
