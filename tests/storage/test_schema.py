@@ -90,7 +90,9 @@ def _as_of_0001(report):
     solvers = tuple(run.model_copy(update=none) for run in report.solvers)
     times = ("baseline_driving_s", "cooperative_driving_s", "price_of_time_kw")
     energy = report.energy.model_copy(update=dict.fromkeys(times))
-    return report.model_copy(update={"unserved": (), "solvers": solvers, "energy": energy})
+    return report.model_copy(
+        update={"unserved": (), "carriers": (), "solvers": solvers, "energy": energy}
+    )
 
 
 def _dump(url) -> dict[str, list[tuple[object, ...]]]:
