@@ -261,3 +261,34 @@ def test_a_stay_ends_when_it_would_however_often_it_is_planned_anew(
                     plans_at_a_stop.add(own.plan.cycle)
                 assert own.departs_ns / S == pytest.approx(visit.arrived_ns / S + 400.0, abs=2.0)
     assert len(plans_at_a_stop) >= 2
+
+
+def test_orders_stay_with_their_carrier_all_day(town: Callable[..., Town]) -> None:
+    """Vans of two carriers on their way are planned on; an order that comes when its carrier's van
+    is away waits for it, though another carrier's van is at home.
+    """
+    names = ("a0", "b0", "a1", "b1", "late-a")
+    stops = [
+        {"id": name, "node": node, "service_s": 20.0, "carrier": "b" if "b" in name else "a"}
+        for name, node in zip(names, STOPS, strict=False)
+    ]
+    vehicles = [{"carrier": carrier} for carrier in "abbb"]
+    problem, snapshot = town(stops, vehicles)
+    vans = {van.id: Van(van.id, "00-01") for van in problem.fleet.vehicles}
+    today = Day(problem, snapshot, vans, without(problem.fleet, "late-a"))
+    today.drive(2)
+    today.run(2)
+    today.file = problem.fleet
+    today.run(1)
+    assert today.situation is not None
+    assert today.situation.fleet is not None
+    away = {own.vehicle for own in today.situation.commitments}
+    assert "van-0" in away
+    assert len(today.situation.fleet.vehicles) > len(away)
+    assert today.tracker.book.orders["late-a"].state == "open"
+    finish(today)
+    assert today.states() == {"served": 5}
+    planned = {(plan.vehicle, stop.stop) for plan in today.sent for stop in plan.service_stops}
+    assert {stop for _, stop in planned} == set(names)
+    for vehicle, stop in planned:
+        assert problem.fleet.vehicle_by_id[vehicle].carrier == ("b" if "b" in stop else "a")
