@@ -21,6 +21,7 @@ from slipstream.messages import (
     VehicleSensing,
 )
 from slipstream.vehicle_types import RoutingProfile
+from vehicle_agent.platooning import CLOSE_GAP_M
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
 _PAPER_CAR: Final = RoutingProfile()
@@ -67,7 +68,8 @@ class FleetWorld:
         profiles: of vehicles that are no paper's cars.
 
     Attributes:
-        disengagements: close gaps given up because the state of the segment was turbulent.
+        disengagements: of platoons in close gaps that parted because the state of the segment was
+            turbulent.
         begun_s: when the service of each stop began.
         again: stops that were served once more.
         longest_silence_s: for how long a partner had been without advice, and so silent, at most,
@@ -253,6 +255,7 @@ class FleetWorld:
             if van.way is not None and van.measured is not None
         }
         followed, self._following = self._following, {}
+        parted: dict[str, str | None] = {}
         for name in _front_to_back(self._sensed):
             van = self._vans[name]
             assert van.way is not None
@@ -265,8 +268,13 @@ class FleetWorld:
                 self._following[name] = advice.mode == "follow"
                 if advice.mode == "follow":
                     self._note_silence(advice.partner, now_ns)
+                ahead = self._sensed[name].ahead
+                close = ahead is not None and ahead.gap_m <= CLOSE_GAP_M
                 left = followed.get(name, False) and advice.mode == "open_gap"
-                self.disengagements += left and "turbulent" in (advice.reason or "")
+                if left and close and "turbulent" in (advice.reason or ""):
+                    parted[name] = advice.partner
+        # One a platoon: whoever is behind another one that parts is of the same.
+        self.disengagements += sum(partner not in parted for partner in parted.values())
 
     def _why_missed(self, name: str, way: Way) -> Cause | None:
         """Why it was in no platoon in the step that has ended, if its plan has one there."""

@@ -129,18 +129,22 @@ def test_a_platoon_parts_before_a_closed_gate(files: tuple[Path, Path]) -> None:
     assert town.world.disengagements == 0
 
 
-def test_turbulence_parts_a_platoon_at_once_and_is_counted(files: tuple[Path, Path]) -> None:
-    """The gap opens from the next word of the RSU on; what was close meanwhile was exposed."""
-    with running(files, ["v0", "v1"], step_s=0.5) as town:
+@pytest.mark.parametrize("count", [2, 3])
+def test_turbulence_parts_a_platoon_at_once_and_is_counted(
+    files: tuple[Path, Path], count: int
+) -> None:
+    """The gap opens from the next word of the RSU on; what was close meanwhile was exposed. A
+    platoon counts once, whatever its length."""
+    with running(files, [f"v{n}" for n in range(count)], step_s=0.5) as town:
         open_gates(town)
-        names = send(town, 10.0, 11.0)
+        names = send(town, *[10.0 + n for n in range(count)])
         town.until(lambda: is_close(town, names), limit_s=90.0)
         town.flags.y_e["a"] = 0
         for _ in town.steps_for(2.0):
             pass
         assert {town.exchange.advised[name].mode for name in names} == {"open_gap", "cruise"}
         assert town.world.disengagements == 1
-        town.until(lambda: town.world.tours_finished == 2)
+        town.until(lambda: town.world.tours_finished == count)
     assert town.world.disengagements == 1
     assert all(leg.turbulent_s > 0 for leg in town.legs)
     assert town.collisions == 0
