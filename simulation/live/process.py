@@ -52,11 +52,15 @@ class WorldProcess:
         context = get_context("spawn")
         self._connection, self._other = context.Pipe()
         # Not daemonic: cameras are its children.
-        self._process = context.Process(target=_serve, args=(self._other, spec, os.getpid()))
+        self._process = context.Process(target=_serve, args=(self._other, os.getpid()))
 
     def __enter__(self) -> WorldProcess:
         self._process.start()
         self._other.close()
+        # Not an argument: `start` waits for ever with one that a pipe cannot hold if the process
+        # is ended before it has read it.
+        with contextlib.suppress(OSError):
+            self._connection.send(self.spec)
         return self
 
     def __exit__(
@@ -126,13 +130,17 @@ class WorldProcess:
         return kind, content
 
 
-def _serve(connection: Connection, spec: WorldSpec, parent: int) -> None:
+def _serve(connection: Connection, parent: int) -> None:
     """Run in the other process, and send what goes wrong: its terminal is SUMO's."""
     die_with_parent(parent)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     from simulation.live.world import run_world
 
+    try:
+        spec: WorldSpec = connection.recv()
+    except (EOFError, OSError):
+        return
     try:
         run_world(spec, connection)
     except InputError as error:
