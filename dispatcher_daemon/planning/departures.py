@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable
+from typing import Final
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from dispatcher_daemon.platooning import Meetings
 
 MAX_DEPARTURES = 6
 """Maximum number of departures that are evaluated exactly."""
+_ROUNDING_S: Final = 1e-9
 
 
 def meeting_departures(
@@ -29,11 +32,13 @@ def meeting_departures(
     weights: list[float] = []
     for segment, passages in itinerary.traversals.items():
         saving = meetings.shares[segment].follower_kwh
+        there = meetings.on(segment)
         for entry, _, key in passages:
-            for other_entry, _, other in meetings.on(segment):
-                if other != key and first <= leaves + other_entry - entry <= last:
-                    shifts.append(other_entry - entry)
-                    weights.append(saving)
+            begin = bisect_left(there, (entry + first - leaves,))
+            end = bisect_left(there, (entry + last - leaves + _ROUNDING_S,))
+            own = [p[0] - entry for p in there[begin:end] if p[2] != key]
+            shifts += own
+            weights += [saving] * len(own)
     if not shifts:
         return []
     order = np.argsort(shifts, kind="stable")
@@ -43,14 +48,12 @@ def meeting_departures(
     low = np.searchsorted(at, at - window, "left")
     high = np.searchsorted(at, at + window, "right")
     score = total[high] - total[low]
+    best_first = at[np.argsort(-score, kind="stable")]
     chosen: list[float] = []
-    for i in np.argsort(-score, kind="stable"):
-        shift = float(at[i])
-        if all(abs(shift - taken) > window for taken in chosen):
-            chosen.append(shift)
-        if len(chosen) == max_departures:
-            break
-    return [leaves + shift for shift in chosen]
+    while len(best_first) and len(chosen) < max_departures:
+        chosen.append(float(best_first[0]))
+        best_first = best_first[np.abs(best_first - best_first[0]) > window]
+    return [min(max(leaves + shift, first), last) for shift in chosen]
 
 
 def alternatives(

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import networkx as nx
 import numpy as np
@@ -24,6 +25,8 @@ from dispatcher_daemon.solvers.execution.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 
 _BETTER_KWH = 1e-9
+_LEAST_S = 0.05
+"""Time that is worth a block."""
 
 
 @dataclass(frozen=True)
@@ -82,12 +85,22 @@ def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
     return Choice(tuple(itineraries), cost, saving)
 
 
-def initial_choices(planner: Planner, itineraries: Sequence[Itinerary]) -> tuple[Choice, Choice]:
-    """(the itineraries as they are, the same scheduled greedily); by vehicle number both."""
+def initial_choices(
+    planner: Planner,
+    itineraries: Sequence[Itinerary],
+    has_time: Callable[[], bool] = lambda: True,
+) -> tuple[Choice, Choice]:
+    """(the itineraries as they are, the same scheduled greedily); by vehicle number both.
+
+    Args:
+        has_time: whether another vehicle may be scheduled; the others stay as they are.
+    """
     # Vehicles that are ready last choose first: the others can wait for them, not vice versa.
     latest_first = sorted(itineraries, key=lambda i: (-i.depart_s, i.number))
-    scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
-    return choice_of(planner, itineraries), choice_of(planner, scheduled)
+    scheduled = schedule_greedily(planner, takewhile(lambda _: has_time(), latest_first))
+    scheduled += latest_first[len(scheduled) :]
+    in_order = sorted(scheduled, key=lambda i: i.number)
+    return choice_of(planner, itineraries), choice_of(planner, in_order)
 
 
 class BlockDescent:
@@ -146,10 +159,12 @@ class BlockDescent:
         # In batches, solved in parallel: later ones start from what earlier ones changed.
         shuffled = [groups[i] for i in rng.permutation(len(groups))]
         for batch in _batches(shuffled, self.settings.wave):
-            left_s = ends - clock()
-            if left_s < 0.05:
-                return None
-            blocks = [self._block(group, max_variables, rng) for group in batch]
+            blocks = []
+            for group in batch:
+                if ends - clock() < _LEAST_S:
+                    return None
+                blocks.append(self._block(group, max_variables, rng))
+            left_s = max(_LEAST_S, ends - clock())
             answers = self._solve_blocks(blocks, min(left_s, self.settings.block_deadline_s), seed)
             for block, outcomes in zip(blocks, answers, strict=True):
                 accepted.update(self._accept_best(block, outcomes))
@@ -178,7 +193,10 @@ class BlockDescent:
                 break
             for number in group:
                 self._meetings.remove(self.present[number].traversals)
-            others = [self._itinerary_by(number, stops) for number in group]
+            # Of a group in which time runs out, what is not known yet is taken for impossible.
+            others = [
+                self._itinerary_by(number, stops) if clock() < ends else None for number in group
+            ]
             for number, other in zip(group, others, strict=True):
                 if other is not None:
                     self._meetings.remove(other.traversals)
@@ -196,7 +214,7 @@ class BlockDescent:
                     self._apply([of_one[0] for of_one in options.values()])
                 continue
             block = build_block(self._names, options, self._meetings)
-            left_s = max(0.05, ends - clock())
+            left_s = max(_LEAST_S, ends - clock())
             answers = self._solve_blocks([block], min(left_s, self.settings.block_deadline_s), seed)
             adopted += len(self._accept_best(block, answers[0]))
         return adopted

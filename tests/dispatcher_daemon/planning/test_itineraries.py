@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -39,8 +40,10 @@ def test_an_itinerary_costs_its_legs_and_passes_what_it_drives(town: Town) -> No
     assert itinerary is not None
     assert itinerary.route is not None
     assert itinerary.depart_s == 30.0
+    travel = planner.travels[0]
+    rows = [travel.row[place] for place in ("depot-0", "s0", "s1", "depot-0")]
     assert itinerary.cost_kwh == pytest.approx(
-        sum(planner.travels[0].energy_kwh[i, j] for i, j in ((0, 1), (1, 2), (2, 0)))
+        sum(travel.energy_kwh[i, j] for i, j in pairwise(rows))
     )
     passed = sorted((s, *times) for s, ps in itinerary.traversals.items() for *times, _ in ps)
     driven = [(s, a, b) for _, _, s, a, b in itinerary.route.entries_s()]
