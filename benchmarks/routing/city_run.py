@@ -165,7 +165,7 @@ def workers(settings: CitySettings) -> Iterator[tuple[Executor, Solve]]:
 
 
 def _warm_up(solvers: Sequence[Solver]) -> None:
-    from dispatcher_daemon.planning import pyvrp_model  # noqa: F401
+    from dispatcher_daemon.planning import pyvrp_search  # noqa: F401
 
     for solver in solvers:
         solver.warm_up()
