@@ -40,6 +40,8 @@ _NO_CHARGE: Final = "has no charge left for it"
 NO_VEHICLE: Final = "no vehicle is free"
 _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
+_SECOND_SHARE: Final = 0.5
+"""Of the search's time limit, for the second search."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,9 @@ def plan_fleet(
     descent = BlockDescent(first.planner, settings, solve, first.best.itineraries)
     timed_out = routes.timed_out or late
     if settings.second_rounds and not late:
-        rounds = {"rounds": settings.second_rounds}
-        search = limited(settings.search.model_copy(update=rounds), settings.base_share)
+        limit_s = _SECOND_SHARE * settings.search.time_limit_s
+        fewer = {"rounds": settings.second_rounds, "time_limit_s": limit_s}
+        search = limited(settings.search.model_copy(update=fewer), settings.base_share)
         part = unbound(cycle)
         if part is not None:
             discounted = first.planner.travels[1]
