@@ -100,7 +100,7 @@ bench-accuracy: setup
 allowances: setup
 	$(BIN)/python -m benchmarks.accuracy.allowances
 
-# The routing core: named instances, a city, fleet sizes, rivals; about an hour on an idle
+# The routing core: named instances, cities, fleet sizes, rivals; an hour and a half on an idle
 # machine. `SHORT=1` takes small cities and minutes, and leaves the plots in docs as they are.
 bench-routing: setup
 	$(BIN)/python -m benchmarks.routing $(if $(SHORT),--short,--plots docs)

@@ -18,7 +18,7 @@ from benchmarks.routing.report import Results
 from benchmarks.routing.watch import watched
 from slipstream.errors import InputError
 
-PARTS: Final = ("instances", "city", "scaling", "rivals", "gap")
+PARTS: Final = ("instances", "city", "large", "scaling", "rivals", "gap")
 _GENEROUS_S: Final = 300.0
 """What a run may take beyond its budget before it is ended."""
 
@@ -47,12 +47,15 @@ class Form:
         city: the city of the aims.
         city_seeds: of the solver, one cycle each.
         budget_s: what a cycle is given, except in the long runs.
+        large: the largest city.
+        large_s: what its cycle is given.
         best_s: what each long run is given.
         best_seeds: of the solver, one long run each.
         fleets: sizes for the slope; the network is that of ``city``, or grows in its proportion.
         fleet_seeds: of the cities, for each size.
         growing: measure the second series.
         rivals: size of the cities on which rivals are compared.
+        rival_s: processor time that PyVRP's own search is given on each of them.
         rival_seeds: of these cities.
         gap: size of the cities whose undivided optimum is computed.
         gap_seeds: of these cities.
@@ -63,12 +66,15 @@ class Form:
     city: CitySize = CitySize(200, 1000, 2000)
     city_seeds: tuple[int, ...] = (1, 2, 3)
     budget_s: float = 30.0
+    large: CitySize = CitySize(2000, 10_000, 2000)
+    large_s: float = 120.0
     best_s: float = 600.0
     best_seeds: tuple[int, ...] = (1,)
     fleets: tuple[int, ...] = (10, 20, 50, 100, 200, 350, 500)
     fleet_seeds: tuple[int, ...] = (1,)
     growing: bool = False
     rivals: CitySize = CitySize(40, 200, 400)
+    rival_s: float = 60.0
     rival_seeds: tuple[int, ...] = tuple(range(1, 21))
     gap: CitySize = CitySize(100, 500, 1000)
     gap_seeds: tuple[int, ...] = tuple(range(1, 6))
@@ -81,11 +87,14 @@ SHORT: Final = Form(
     city=CitySize(40, 200, 400),
     city_seeds=(1,),
     budget_s=10.0,
+    large=CitySize(300, 1500, 600),
+    large_s=20.0,
     best_s=20.0,
     fleets=(5, 10, 20),
     fleet_seeds=(1,),
     growing=False,
     rivals=CitySize(10, 50, 200),
+    rival_s=5.0,
     rival_seeds=(1, 2, 3),
     gap=CitySize(50, 250, 500),
     gap_seeds=(1, 2),
@@ -131,6 +140,7 @@ class _Bench:
         budget_s: float,
         solver_seed: int = 1,
         *flags: str,
+        rival_s: float = 0.0,
     ) -> Iterator[CityRun]:
         """One cycle in a process of its own; nothing where it failed."""
         self.say(
@@ -138,7 +148,10 @@ class _Bench:
             f"given {budget_s:g} s"
         )
         options = {"--seed": seed, "--budget": budget_s, "--solver-seed": solver_seed}
-        result = self._run("benchmarks.routing.city_run", size, options, budget_s, flags)
+        limit_s = budget_s + rival_s
+        if rival_s:
+            options["--rival"] = rival_s
+        result = self._run("benchmarks.routing.city_run", size, options, limit_s, flags)
         if result is not None:
             values, peak = result
             yield CityRun(**values, peak_mb=peak)  # type: ignore[arg-type]
@@ -204,6 +217,11 @@ def _city(bench: _Bench, results: Results) -> Results:
     return replace(results, city=tuple(runs), best=tuple(best))
 
 
+def _large(bench: _Bench, results: Results) -> Results:
+    runs = bench.city(bench.form.large, 1, bench.form.large_s)
+    return replace(results, large=tuple(runs))
+
+
 def _scaling(bench: _Bench, results: Results) -> Results:
     return replace(
         results,
@@ -225,7 +243,11 @@ def _series(bench: _Bench, *, growing: bool) -> Iterator[CityRun]:
 
 def _rivals(bench: _Bench, results: Results) -> Results:
     form = bench.form
-    runs = [r for s in form.rival_seeds for r in bench.city(form.rivals, s, form.budget_s)]
+    runs = [
+        run
+        for seed in form.rival_seeds
+        for run in bench.city(form.rivals, seed, form.budget_s, rival_s=form.rival_s)
+    ]
     return replace(results, rivals=tuple(runs))
 
 
@@ -237,6 +259,7 @@ def _gap(bench: _Bench, results: Results) -> Results:
 _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
     "instances": _instances,
     "city": _city,
+    "large": _large,
     "scaling": _scaling,
     "rivals": _rivals,
     "gap": _gap,

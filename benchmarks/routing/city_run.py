@@ -14,11 +14,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final
 
-from dispatcher_daemon.planning import FleetPlan, plan_fleet
+import pyvrp
+
+from dispatcher_daemon.planning import FleetPlan, initial_plans, plan_fleet
+from dispatcher_daemon.planning.pyvrp_model import VrpModel
 from dispatcher_daemon.plans import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.platooning import form_platoons
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Route
+from dispatcher_daemon.roads import Route, fleet_travel
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.execution.executor import executor_solve
 from dispatcher_daemon.solvers.execution.pool import Solve
@@ -40,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name in ("seed", "vehicles", "stops", "segments", "solver-seed"):
         parser.add_argument(f"--{name}", type=int, required=True)
     parser.add_argument("--budget", type=float, required=True, help="s")
+    parser.add_argument("--rival", type=float, default=0.0, help="CPU s of PyVRP's own search")
     parser.add_argument("--long", action="store_true", help="search for as long as it may")
     parser.add_argument("--unguarded", action="store_true", help="only the budget ends the search")
     options = parser.parse_args(arguments)
@@ -54,8 +58,44 @@ def main(arguments: Sequence[str] | None = None) -> None:
         settings = long_search(options.budget)
     elif options.unguarded:
         settings = unguarded(options.budget)
+    city = at_default_prices(city)
     result = run_city(city, settings, options.budget, options.solver_seed)
+    if options.rival > 0:
+        result["rival_kwh"] = rival_kwh(city, options.rival, options.solver_seed)
+        result["rival_cpu_s"] = options.rival
     print(json.dumps({"seed": options.seed, **result}))
+
+
+def at_default_prices(city: Instance) -> Instance:
+    """A city with the price of time that a dispatcher has unless its settings say otherwise."""
+    price_kw = DispatcherSettings().prices.price_of_time_kw
+    return replace(city, problem=replace(city.problem, price_of_time_kw=price_kw))
+
+
+def rival_kwh(city: Instance, cpu_s: float, seed: int) -> float | None:
+    """Exact cost of the routes without platooning that PyVRP finds by its own defaults, the whole
+    fleet at once, all vehicles leaving when ready; None if some stop is late or left out.
+    """
+    problem = city.problem
+    travel = fleet_travel(problem, city.snapshot)
+    names = [stop.id for stop in problem.fleet.stops]
+    model = VrpModel(problem, travel, problem.fleet.vehicles, names)
+    ends = time.process_time() + cpu_s
+    found = pyvrp.solve(
+        model.data(required=True),
+        lambda _: time.process_time() > ends,
+        seed=seed,
+        collect_stats=False,
+        display=False,
+    ).best
+    if not found.is_feasible():
+        return None
+    visits = [
+        (route.vehicle_type(), [a.idx for a in route if a.is_client()]) for route in found.routes()
+    ]
+    missing: dict[str, str] = {}
+    plans = initial_plans(instance_cycle(city, seed), travel, model.read(visits), missing)
+    return None if missing else plans.base.cost_kwh
 
 
 def unguarded(budget_s: float) -> CitySettings:
@@ -94,8 +134,6 @@ def run_city(
     cycle_settings = DispatcherSettings(
         city=settings, solvers=settings.solvers, deadline_s=budget_s, interval_s=2 * budget_s
     )
-    problem = replace(city.problem, price_of_time_kw=cycle_settings.prices.price_of_time_kw)
-    city = replace(city, problem=problem)
     cycle = instance_cycle(city, solver_seed, cycle_settings)
     with workers(settings) as (executor, solve):
         began, used = time.perf_counter(), _cpu_s()
@@ -127,7 +165,7 @@ def workers(settings: CitySettings) -> Iterator[tuple[Executor, Solve]]:
 
 
 def _warm_up(solvers: Sequence[Solver]) -> None:
-    from dispatcher_daemon.planning import pyvrp_model  # noqa: F401
+    from dispatcher_daemon.planning import pyvrp_search  # noqa: F401
 
     for solver in solvers:
         solver.warm_up()

@@ -76,6 +76,9 @@ class CityRun:
         blocks: in the first sweep.
         timed_out: True if the budget ended a stage.
         stages_s: wall time by stage.
+        rival_kwh: cost of the routes that PyVRP finds for the whole fleet by its own defaults,
+            without platooning; None: it was not asked.
+        rival_cpu_s: processor time that it was given.
     """
 
     seed: int
@@ -105,6 +108,8 @@ class CityRun:
     blocks: int
     timed_out: bool
     stages_s: dict[str, float]
+    rival_kwh: float | None = None
+    rival_cpu_s: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,10 @@ MAX_CYCLE_S: Final = 30.0
 MAX_PEAK_MB: Final = 2000.0
 MAX_ABOVE_BEST: Final = 0.01
 MAX_SLOPE: Final = 1.3
+MIN_LARGE_SWEEPS: Final = 3
+MAX_OVERRUN: Final = 0.1
+MAX_BASE_ABOVE_RIVAL: Final = 0.005
+"""Of base routes, against PyVRP's own search with more time."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,7 @@ class Results:
         instances: the named instances.
         city: repeats of one city's cycle.
         best: runs of the same city with much more time.
+        large: cycles of the largest city.
         fixed: cycles by fleet size on one network.
         growing: cycles by fleet size on a network that grows with it.
         rivals: one cycle of each of several cities.
@@ -59,6 +64,7 @@ class Results:
     instances: tuple[InstanceRow, ...] = ()
     city: tuple[CityRun, ...] = ()
     best: tuple[CityRun, ...] = ()
+    large: tuple[CityRun, ...] = ()
     fixed: tuple[CityRun, ...] = ()
     growing: tuple[CityRun, ...] = ()
     rivals: tuple[CityRun, ...] = ()
@@ -76,6 +82,7 @@ def checks(results: Results) -> list[Check]:
     return [
         *_instance_checks(results.instances),
         *_city_checks(results),
+        *_large_checks(results.large),
         *_slope_checks(results),
         *_rival_checks(results.rivals),
         *_gap_checks(results.gaps),
@@ -137,6 +144,33 @@ def _city_checks(results: Results) -> list[Check]:
     return found
 
 
+def _large_checks(runs: Sequence[CityRun]) -> list[Check]:
+    if not runs:
+        return []
+    (run,) = runs
+    overrun = relative(run.wall_s, run.budget_s)
+    return [
+        Check(
+            f"sweeps in {run.budget_s:g} s: {size(run)}",
+            f"{run.sweeps}",
+            f"≥ {MIN_LARGE_SWEEPS}",
+            run.sweeps >= MIN_LARGE_SWEEPS,
+        ),
+        Check(
+            "its time beyond what it was given",
+            percent(overrun, 1),
+            f"≤ {100 * MAX_OVERRUN:g} %",
+            overrun <= MAX_OVERRUN,
+        ),
+        Check(
+            "its peak memory, all processes, MB",
+            f"{run.peak_mb:.0f}",
+            f"≤ {MAX_PEAK_MB:g}",
+            run.peak_mb <= MAX_PEAK_MB,
+        ),
+    ]
+
+
 def _slope_checks(results: Results) -> list[Check]:
     found = []
     for runs, what in ((results.fixed, "fixed"), (results.growing, "growing with the fleet")):
@@ -177,6 +211,26 @@ def _rival_checks(runs: Sequence[CityRun]) -> list[Check]:
             "> 0 %",
             greedy.mean > 0,
         ),
+        *_own_search_checks(runs),
+    ]
+
+
+def _own_search_checks(runs: Sequence[CityRun]) -> list[Check]:
+    """Against the routes of PyVRP's own search of the whole fleet."""
+    asked = [(run, run.rival_kwh) for run in runs if run.rival_kwh is not None]
+    if not asked:
+        return []
+    above = max(relative(run.base_kwh, rival_kwh) for run, rival_kwh in asked)
+    below = spread([saved_share(run.objective_kwh, rival_kwh) for run, rival_kwh in asked])
+    name = f"PyVRP's own search without platooning, {asked[0][0].rival_cpu_s:g} CPU s"
+    return [
+        Check(
+            f"base routes above {name}, worst of {len(asked)}",
+            percent(above),
+            f"≤ {100 * MAX_BASE_ABOVE_RIVAL:g} %",
+            above <= MAX_BASE_ABOVE_RIVAL,
+        ),
+        Check(f"objective below {name}, mean", _shown(below), "> 0 %", below.mean > 0),
     ]
 
 
@@ -217,6 +271,9 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
             "",
             *city_table(results.city, results.best, results.best_known_kwh),
         ]
+    if results.large:
+        best_kwh = min(run.objective_kwh for run in results.large)
+        lines += ["", "## The largest city", "", *city_table(results.large, (), best_kwh)]
     if results.fixed or results.growing:
         lines += [
             "",

@@ -8,22 +8,11 @@ from __future__ import annotations
 import logging
 import math
 import time
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Final
-
-import pyvrp
-from pyvrp.exceptions import PenaltyBoundWarning
-from pyvrp.search import NeighbourhoodParams, PerturbationParams
-from pyvrp.stop import (
-    MaxIterations,
-    MaxRuntime,
-    MultipleCriteria,
-    StoppingCriterion,
-)
 
 from dispatcher_daemon.planning.parts import (
     Part,
@@ -32,12 +21,14 @@ from dispatcher_daemon.planning.parts import (
     parts_of_stops,
     unserved,
 )
-from dispatcher_daemon.planning.pyvrp_model import (
-    MWH_PER_KWH,
-    NO_PATH_MWH,
-    StopsByVehicle,
-    Visits,
-    VrpModel,
+from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle, VrpModel
+from dispatcher_daemon.planning.pyvrp_search import (
+    HIGH_PENALTIES,
+    Attempt,
+    Found,
+    Job,
+    low_penalties,
+    search_in_turn,
 )
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel
@@ -49,16 +40,12 @@ _WHOLE_STOPS: Final = 1000
 """Up to so many stops the first search is of all at once."""
 _FIRST_PARTS: Final = 2
 """How many times as many stops as a round's the parts of a first search have."""
+_WHOLE_ROUNDS: Final = 5
+"""Rounds in one, where a city is one part."""
+_SEED_STEP: Final = 1_000_003
+"""Between searches of one part side by side; rounds count their seeds by ones."""
 _FIRST_SHARE: Final = 1 / 8
 """Of the time, for each attempt at first routes."""
-
-_HIGH_PENALTIES: Final = pyvrp.PenaltyParams(max_penalty=1e9)
-"""The penalty starts at half of this: one excess unit costs more than an unserved stop."""
-
-
-def _low_penalties(settings: SearchSettings) -> pyvrp.PenaltyParams:
-    """Low penalties: the search may pass through infeasible routes, and gets further."""
-    return pyvrp.PenaltyParams(max_penalty=settings.max_penalty_kwh * MWH_PER_KWH)
 
 
 @dataclass(frozen=True)
@@ -115,8 +102,9 @@ def base_routes(
     found, cut = search.first(groups, seed, start)
     routes |= found
     timed_out |= cut
-    for number in range(settings.rounds):
-        left_s = (search.ends - time.monotonic()) / (settings.rounds - number)
+    number = 0
+    while number < settings.rounds:
+        left_s = search.ends - time.monotonic()
         if left_s <= 0:
             timed_out = True
             break
@@ -126,10 +114,15 @@ def base_routes(
             for part in parts_of_routes(problem, group, routes, settings.part_stops, number)
             if part.stops
         ]
+        # Where nothing is cut, a round differs from the last one by nothing but its start.
+        uncut = not anybodys and len(parts) <= len(groups)
+        together = min(_WHOLE_ROUNDS, settings.rounds - number) if uncut else 1
+        limit_s = left_s * together / (settings.rounds - number)
         unassigned = set(unserved(stops, routes))
-        found, cut = search.round(parts, unassigned, routes, left_s, seed + number)
+        found, cut = search.round(parts, unassigned, routes, limit_s, seed + number, together)
         routes |= found
         timed_out |= cut
+        number += together
     return BaseRoutes(routes, unserved(stops, routes), timed_out)
 
 
@@ -171,8 +164,8 @@ class _Search:
         models = [VrpModel(problem, self._travel, part.vehicles, part.stops) for part in parts]
         if len(models) == 1:
             (model,) = models
-            found, cut = _search_in_turn(self._first_job(model, start, limit_s, seed))
-            return ({} if found is None else model.read(found)), cut
+            found, cut = search_in_turn(self._first_job(model, start, limit_s, seed))
+            return ({} if found is None else model.read(found.visits)), cut
         limit_s = self._each(limit_s, len(parts))
         jobs = ((model, self._first_job(model, start, limit_s, seed)) for model in models)
         return self._side_by_side(jobs)
@@ -183,17 +176,17 @@ class _Search:
         start: Mapping[str, Sequence[str]] | None,
         limit_s: float,
         seed: int,
-    ) -> _Job:
+    ) -> Job:
         """All stops by low penalties, then by high ones; at last as many stops as possible."""
         most = self._settings.iterations_to_feasible
-        attempts: list[_Attempt] = []
+        attempts: list[Attempt] = []
         if not model.demand_exceeds_capacity():
             data = model.data(required=True)
             # Rounds improve more from routes that low penalties found.
-            penalties = _low_penalties(self._settings), _HIGH_PENALTIES
-            attempts += [_Attempt(data, penalty, most, first=True) for penalty in penalties]
-        attempts.append(_Attempt(model.data(required=False), _HIGH_PENALTIES, most, first=True))
-        return _Job(attempts, None if start is None else model.visits(start), limit_s, seed)
+            penalties = low_penalties(self._settings), HIGH_PENALTIES
+            attempts += [Attempt(data, penalty, most, first=True) for penalty in penalties]
+        attempts.append(Attempt(model.data(required=False), HIGH_PENALTIES, most, first=True))
+        return Job(attempts, None if start is None else model.visits(start), limit_s, seed)
 
     def round(
         self,
@@ -202,33 +195,43 @@ class _Search:
         routes: StopsByVehicle,
         limit_s: float,
         seed: int,
+        times: int,
     ) -> tuple[StopsByVehicle, bool]:
         """(routes of parts that were searched from given ones, whether time ran out).
+
+        A long search of fewer parts than there are workers runs with several seeds side by side.
 
         Args:
             unassigned: stops that are on none of the routes.
             limit_s: for all parts together.
+            times: how many rounds' iterations it has.
         """
         jobs = []
+        most = times * self._settings.iterations_per_stop
         each_s = self._each(limit_s, len(parts))
         for part in parts:
             model = VrpModel(self._problem, self._travel, part.vehicles, part.stops)
             required = unassigned.isdisjoint(part.stops)
-            attempt = _Attempt(
+            attempt = Attempt(
                 model.data(required),
-                _low_penalties(self._settings) if required else _HIGH_PENALTIES,
-                self._settings.iterations_per_stop * max(1, len(part.stops)),
+                low_penalties(self._settings) if required else HIGH_PENALTIES,
+                most * max(1, len(part.stops)),
             )
-            jobs.append((model, _Job([attempt], model.visits(routes), each_s, seed)))
+            seeds = self._settings.workers // len(parts) if attempt.is_long else 1
+            jobs += [
+                (model, Job([attempt], model.visits(routes), each_s, seed + _SEED_STEP * i))
+                for i in range(max(1, seeds))
+            ]
         return self._side_by_side(jobs)
 
     def _each(self, limit_s: float, parts: int) -> float:
         """Time of each part, if all have a limit together, s."""
         return limit_s / math.ceil(parts / self._settings.workers)
 
-    def _side_by_side(self, jobs: Iterable[tuple[VrpModel, _Job]]) -> tuple[StopsByVehicle, bool]:
+    def _side_by_side(self, jobs: Iterable[tuple[VrpModel, Job]]) -> tuple[StopsByVehicle, bool]:
+        """The cheapest routes of each model, whether time ran out."""
         running = [(model, _submit(self._executor, job)) for model, job in jobs]
-        routes: StopsByVehicle = {}
+        best: dict[VrpModel, Found] = {}
         timed_out = False
         for model, job in running:
             try:
@@ -238,8 +241,11 @@ class _Search:
                 log.warning("part of the search failed: %s: %s", type(error).__name__, error)
                 found, cut = None, True
             timed_out |= cut
-            if found is not None:
-                routes |= model.read(found)
+            if found is not None and (model not in best or found.cost < best[model].cost):
+                best[model] = found
+        routes: StopsByVehicle = {}
+        for model, found in best.items():
+            routes |= model.read(found.visits)
         return routes, timed_out
 
 
@@ -258,90 +264,11 @@ def _known(
     return known
 
 
-def _submit(executor: Executor, job: _Job) -> Future[tuple[Visits | None, bool]]:
+def _submit(executor: Executor, job: Job) -> Future[tuple[Found | None, bool]]:
     """A search on an executor; what keeps it from being taken on is raised with its result."""
     try:
-        return executor.submit(_search_in_turn, job)
+        return executor.submit(search_in_turn, job)
     except Exception as error:
-        refused: Future[tuple[Visits | None, bool]] = Future()
+        refused: Future[tuple[Found | None, bool]] = Future()
         refused.set_exception(error)
         return refused
-
-
-@dataclass(frozen=True)
-class _Attempt:
-    """A search.
-
-    Attributes:
-        iterations: at most.
-        first: whether the first feasible routes end it.
-    """
-
-    data: pyvrp.ProblemData
-    penalty: pyvrp.PenaltyParams
-    iterations: int
-    first: bool = False
-
-
-@dataclass(frozen=True)
-class _Job:
-    """Attempts at the routes of one part, in turn.
-
-    Attributes:
-        limit_s: of each attempt.
-    """
-
-    attempts: Sequence[_Attempt]
-    start: Visits | None
-    limit_s: float
-    seed: int
-
-
-def _search_in_turn(job: _Job) -> tuple[Visits | None, bool]:
-    """(routes of the first attempt that finds feasible ones, or None; whether its time ran out)."""
-    found, cut = None, False
-    for attempt in job.attempts:
-        found, cut = _search(attempt, job.start, job.limit_s, job.seed)
-        if found is not None:
-            break
-    return found, cut
-
-
-def _search(
-    attempt: _Attempt, start: Visits | None, limit_s: float, seed: int
-) -> tuple[Visits | None, bool]:
-    data, begin = attempt.data, None
-    if start is not None:
-        begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
-    stop: list[StoppingCriterion] = [MaxIterations(attempt.iterations), MaxRuntime(limit_s)]
-    if attempt.first:
-        stop.append(lambda best_cost: best_cost < NO_PATH_MWH)
-    with warnings.catch_warnings():
-        # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.
-        warnings.simplefilter("ignore", PenaltyBoundWarning)
-        result = pyvrp.solve(
-            data,
-            MultipleCriteria(stop),
-            seed=seed % 2**32,
-            collect_stats=False,
-            display=False,
-            params=_parameters(attempt.penalty),
-            initial_solution=begin,
-        )
-    cut = result.runtime >= limit_s
-    if not result.best.is_feasible() or result.best.distance() >= NO_PATH_MWH:
-        return None, cut
-    return [
-        (route.vehicle_type(), [a.idx for a in route if a.is_client()])
-        for route in result.best.routes()
-    ], cut
-
-
-def _parameters(penalty: pyvrp.PenaltyParams) -> pyvrp.SolveParams:
-    """Smaller steps than PyVRP's own: they get further in seconds (docs/results.md)."""
-    return pyvrp.SolveParams(
-        ils=pyvrp.IteratedLocalSearchParams(history_length=100, exhaustive_on_best=False),
-        penalty=penalty,
-        neighbourhood=NeighbourhoodParams(num_neighbours=20),
-        perturbation=PerturbationParams(1, 10),
-    )

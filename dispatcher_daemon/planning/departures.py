@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable
 from typing import Final
 
@@ -14,6 +15,7 @@ from dispatcher_daemon.roads import timed
 
 MAX_DEPARTURES: Final = 6
 """Maximum number of departures, and of waits at stops, that are evaluated exactly."""
+_ROUNDING_S: Final = 1e-9
 
 
 def meeting_departures(
@@ -41,12 +43,13 @@ def _meeting_shifts(
     shifts: list[float] = []
     weights: list[float] = []
     for segment, passages in traversals.items():
-        shares = meetings.shares[segment]
+        shares, there = meetings.shares[segment], meetings.on(segment)
         for entry, _, key in passages:
-            for other_entry, _, other in meetings.on(segment):
-                if other != key and earliest_s <= other_entry - entry <= latest_s:
-                    shifts.append(other_entry - entry)
-                    weights.append(shares.follower_kwh * shares.gate.chance(other_entry))
+            begin = bisect_left(there, (entry + earliest_s,))
+            end = bisect_left(there, (entry + latest_s + _ROUNDING_S,))
+            entries = [p[0] for p in there[begin:end] if p[2] != key]
+            shifts += [other - entry for other in entries]
+            weights += [shares.follower_kwh * shares.gate.chance(other) for other in entries]
     if not shifts:
         return []
     order = np.argsort(shifts, kind="stable")
@@ -57,12 +60,12 @@ def _meeting_shifts(
     high = np.searchsorted(at, at + window, "right")
     score = total[high] - total[low]
     chosen: list[tuple[float, float]] = []
-    for i in np.argsort(-score, kind="stable"):
-        shift = float(at[i])
-        if all(abs(shift - taken) > window for _, taken in chosen):
-            chosen.append((float(score[i]), shift))
-        if len(chosen) == MAX_DEPARTURES:
-            break
+    best_first = np.argsort(-score, kind="stable")
+    while len(best_first) and len(chosen) < MAX_DEPARTURES:
+        best = best_first[0]
+        shift = min(max(float(at[best]), earliest_s), latest_s)
+        chosen.append((float(score[best]), shift))
+        best_first = best_first[np.abs(at[best_first] - at[best]) > window]
     return chosen
 
 

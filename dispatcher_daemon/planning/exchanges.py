@@ -96,16 +96,22 @@ def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple
         before = cost[one.number] + cost[other.number]
         for at in range(_fixed(planner, one), len(one.stops)):
             stop, shorter = one.stops[at], one.stops[:at] + one.stops[at + 1 :]
+            # Whether stops fit does not depend on their order.
+            fits = _fits(planner, other.number, (*other.stops, stop))
+            less = _cost(planner, one.number, shorter) - before
             for place in range(_fixed(planner, other), len(other.stops) + 1):
-                longer = (*other.stops[:place], stop, *other.stops[place:])
-                yield from _move(planner, before, (one.number, shorter), (other.number, longer))
+                if fits:
+                    longer = (*other.stops[:place], stop, *other.stops[place:])
+                    change = less + _cost(planner, other.number, longer)
+                    if np.isfinite(change):
+                        yield change, ((one.number, shorter), (other.number, longer))
                 if one.number < other.number and place < len(other.stops):
                     swapped = (*one.stops[:at], other.stops[place], *one.stops[at + 1 :])
                     theirs = (*other.stops[:place], stop, *other.stops[place + 1 :])
-                    yield from _move(planner, before, (one.number, swapped), (other.number, theirs))
+                    yield from _swap(planner, before, (one.number, swapped), (other.number, theirs))
 
 
-def _move(
+def _swap(
     planner: Planner,
     before: float,
     one: tuple[int, tuple[str, ...]],

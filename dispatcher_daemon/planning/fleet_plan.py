@@ -41,6 +41,8 @@ _NO_CHARGE: Final = "has no charge left for it"
 NO_VEHICLE: Final = "no vehicle is free"
 _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
+_SECOND_SHARE: Final = 0.5
+"""Of the search's time limit, for the second search."""
 
 
 @dataclass(frozen=True)
@@ -105,13 +107,15 @@ def plan_fleet(
     routes = first_routes(cycle, travel, missing, search, executor)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     stage("base")
-    first = initial_plans(cycle, travel, routes.stops, missing)
+    first = initial_plans(cycle, travel, routes.stops, missing, lambda: clock() < ends)
+    late = clock() >= ends
     stage("greedy")
     descent = BlockDescent(first.planner, settings, solve, first.best.itineraries)
-    timed_out = routes.timed_out
-    if settings.second_rounds:
-        rounds = {"rounds": settings.second_rounds}
-        search = limited(settings.search.model_copy(update=rounds), settings.base_share)
+    timed_out = routes.timed_out or late
+    if settings.second_rounds and not late:
+        limit_s = _SECOND_SHARE * settings.search.time_limit_s
+        fewer = {"rounds": settings.second_rounds, "time_limit_s": limit_s}
+        search = limited(settings.search.model_copy(update=fewer), settings.base_share)
         part = unbound(cycle)
         if part is not None:
             discounted = first.planner.travels[1]
@@ -222,9 +226,17 @@ class InitialPlans:
 
 
 def initial_plans(
-    cycle: Cycle, travel: Travel, routes: StopsByVehicle, missing: dict[str, str]
+    cycle: Cycle,
+    travel: Travel,
+    routes: StopsByVehicle,
+    missing: dict[str, str],
+    has_time: Callable[[], bool] = lambda: True,
 ) -> InitialPlans:
-    """Plans of given routes; stops that miss a window are added to ``missing``."""
+    """Plans of given routes; stops that miss a window are added to ``missing``.
+
+    Args:
+        has_time: whether another vehicle's departure may be chosen; the others leave when ready.
+    """
     problem, city = cycle.problem, cycle.settings.city
     planner = Planner(
         problem,
@@ -239,7 +251,7 @@ def initial_plans(
     planner.travels += (discounted_travel(problem, travel, planner),)
     if sum(len(i.route.legs) for i in base if i.route is not None) <= city.ways_legs:
         planner.paths_per_leg = city.ways
-    return InitialPlans(planner, *initial_choices(planner, base))
+    return InitialPlans(planner, *initial_choices(planner, base, has_time))
 
 
 def departing_when_ready(

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from dispatcher_daemon.solvers.execution.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 
 _BETTER_KWH = 1e-9
+_LEAST_S = 0.05
+"""Time that is worth a block."""
 
 
 @dataclass(frozen=True)
@@ -87,17 +90,26 @@ def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
     return Choice(tuple(itineraries), cost, saving)
 
 
-def initial_choices(planner: Planner, itineraries: Sequence[Itinerary]) -> tuple[Choice, Choice]:
+def initial_choices(
+    planner: Planner,
+    itineraries: Sequence[Itinerary],
+    has_time: Callable[[], bool] = lambda: True,
+) -> tuple[Choice, Choice]:
     """(the itineraries as they are, the same scheduled); by vehicle number both.
 
     Bound vehicles begin with the waits of their present plans: the schedule is those waits, or the
     greedy one from them on if that is better.
+
+    Args:
+        has_time: whether another vehicle may be scheduled; the others stay as they are.
     """
     planned = [as_planned(planner, itinerary) for itinerary in itineraries]
     # Vehicles that are ready last choose first: the others can wait for them, not vice versa.
     latest_first = sorted(planned, key=lambda i: (-i.depart_s, i.number))
-    scheduled = sorted(schedule_greedily(planner, latest_first), key=lambda i: i.number)
-    schedules = [choice_of(planner, planned), choice_of(planner, scheduled)]
+    scheduled = schedule_greedily(planner, takewhile(lambda _: has_time(), latest_first))
+    scheduled += latest_first[len(scheduled) :]
+    in_order = sorted(scheduled, key=lambda i: i.number)
+    schedules = [choice_of(planner, planned), choice_of(planner, in_order)]
     best = min(schedules, key=lambda choice: choice.objective_kwh)
     return choice_of(planner, itineraries), best
 
@@ -167,10 +179,12 @@ class BlockDescent:
         # In batches, solved in parallel: later ones start from what earlier ones changed.
         shuffled = [groups[i] for i in rng.permutation(len(groups))]
         for batch in _batches(shuffled, self.settings.wave):
-            left_s = ends - clock()
-            if left_s < 0.05:
-                return None
-            blocks = [self._block(group, max_variables, rng) for group in batch]
+            blocks = []
+            for group in batch:
+                if ends - clock() < _LEAST_S:
+                    return None
+                blocks.append(self._block(group, max_variables, rng))
+            left_s = max(_LEAST_S, ends - clock())
             answers = self._solve_blocks(blocks, min(left_s, self.settings.block_deadline_s), seed)
             for block, outcomes in zip(blocks, answers, strict=True):
                 accepted.update(self._accept_best(block, outcomes))
@@ -199,7 +213,10 @@ class BlockDescent:
                 break
             for number in group:
                 self._meetings.remove(self.present[number].traversals)
-            others = [self._itinerary_by(number, stops) for number in group]
+            # Of a group in which time runs out, what is not known yet is taken for impossible.
+            others = [
+                self._itinerary_by(number, stops) if clock() < ends else None for number in group
+            ]
             for number, other in zip(group, others, strict=True):
                 if other is not None:
                     self._meetings.remove(other.traversals)
@@ -217,7 +234,7 @@ class BlockDescent:
                     self._apply([of_one[0] for of_one in options.values()])
                 continue
             block = build_block(self._names, options, self._meetings)
-            left_s = max(0.05, ends - clock())
+            left_s = max(_LEAST_S, ends - clock())
             answers = self._solve_blocks([block], min(left_s, self.settings.block_deadline_s), seed)
             adopted += len(self._accept_best(block, answers[0]))
         return adopted

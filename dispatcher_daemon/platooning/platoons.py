@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import RoutingProblem
@@ -19,6 +20,7 @@ Passage = tuple[str, int, int]
 Key = TypeVar("Key", bound=tuple[Any, ...])
 TimedPassage = tuple[float, float, Key]
 """(entry, leaving, passage) on one segment, s; a passage begins with its vehicle."""
+_ROUNDING_S: Final = 1e-3
 
 
 @dataclass(frozen=True)
@@ -103,26 +105,49 @@ def independent_platoons(
     # Those that platoons before them left behind, then the others from `at` on.
     left, platoons = [passages[at]], []
     at += 1
-    count = len(passages)
     while left:
-        lead_entry, last_leaving, (vehicle, *_) = left[0]
-        while at < count and passages[at][0] - lead_entry <= sync_window_s:
-            left.append(passages[at])
-            at += 1
-        group, behind = [left[0]], []
-        if len(left) > 1:
-            vehicles, latest_leaving = {vehicle}, last_leaving + sync_window_s
-            for candidate in left[1:]:
-                _, leaving, (vehicle, *_) = candidate
-                if last_leaving <= leaving <= latest_leaving and vehicle not in vehicles:
-                    group.append(candidate)
-                    vehicles.add(vehicle)
-                    last_leaving = leaving
-                else:
-                    behind.append(candidate)
+        lead_entry = left[0][0]
+        end = bisect_left(passages, (lead_entry + sync_window_s + _ROUNDING_S,), at)
+        while end > at and passages[end - 1][0] - lead_entry > sync_window_s:
+            end -= 1
+        left += passages[at:end]
+        at = end
+        if len(left) == 1:
+            platoons.append(left)
+            break
+        group, behind = _joined(left, sync_window_s)
+        vehicles = {passage[0] for _, _, passage in group}
+        if len(vehicles) < len(group):
+            group, behind = _joined(left, sync_window_s, each_once=True)
         platoons.append(group)
         left = behind
     return at, platoons
+
+
+def _joined(
+    passages: Sequence[TimedPassage[Key]], sync_window_s: float, *, each_once: bool = False
+) -> tuple[list[TimedPassage[Key]], list[TimedPassage[Key]]]:
+    """(the platoon that the first of some passages leads, those that it leaves behind).
+
+    Args:
+        each_once: whether a vehicle that passes again is left behind.
+    """
+    group, behind = [passages[0]], []
+    last_leaving = passages[0][1]
+    latest_leaving, vehicles = last_leaving + sync_window_s, {passages[0][2][0]}
+    for candidate in passages[1:]:
+        leaving = candidate[1]
+        if last_leaving <= leaving <= latest_leaving:
+            if each_once:
+                if candidate[2][0] in vehicles:
+                    behind.append(candidate)
+                    continue
+                vehicles.add(candidate[2][0])
+            group.append(candidate)
+            last_leaving = leaving
+        else:
+            behind.append(candidate)
+    return group, behind
 
 
 def drag_reductions(

@@ -95,9 +95,13 @@ GOOD = Results(
     instances=(instance(), instance(0.06)),
     city=(RUN, replace(RUN, wall_s=29.0, objective_kwh=99.4)),
     best=(replace(RUN, budget_s=600.0, wall_s=590.0, objective_kwh=98.5),),
+    large=(replace(RUN, vehicles=2000, budget_s=120.0, wall_s=115.0),),
     fixed=fleets(1.1),
     growing=fleets(1.2),
-    rivals=(RUN, replace(RUN, seed=2, objective_kwh=97.0)),
+    rivals=(
+        replace(RUN, rival_kwh=99.7, rival_cpu_s=60.0),
+        replace(RUN, seed=2, objective_kwh=97.0, rival_kwh=100.0, rival_cpu_s=60.0),
+    ),
     gaps=(
         Gap(1, 10, 40, 3, 1.1, 1.01, 1.0, True, 2.0),
         Gap(2, 10, 40, 3, 1.1, 1.0, 0.9, False, 9.0),
@@ -156,6 +160,11 @@ def test_aims_that_are_reached() -> None:
     assert (
         shown["blocks above the undivided optimum"] == "1.000 % (worst 1.000 %); 90.0 % of its gain"
     )
+    own = "PyVRP's own search without platooning"
+    assert shown[f"base routes above {own}"] == "0.30 %"
+    assert shown[f"objective below {own}"] == "1.85 % (0.70 % to 3.00 %)"
+    assert shown["sweeps in 120 s"] == "3"
+    assert shown["its time beyond what it was given"] == "-4.2 %"
     assert [c.measured for c in found.values() if "slope" in c.what] == ["1.10", "1.20"]
 
 
@@ -172,6 +181,10 @@ def test_aims_that_are_reached() -> None:
         (Results(growing=fleets(1.31)), "log-log slope"),
         (Results(rivals=(replace(RUN, base_met_kwh=98.9), *GOOD.rivals)), "cities in which"),
         (Results(rivals=(replace(RUN, greedy_kwh=98.0),)), "objective below route"),
+        (Results(rivals=(replace(RUN, rival_kwh=99.4),)), "base routes above PyVRP's own"),
+        (Results(large=(replace(RUN, sweeps=2),)), "sweeps in 30 s"),
+        (Results(large=(replace(RUN, wall_s=33.1),)), "its time beyond"),
+        (Results(large=(replace(RUN, peak_mb=2001.0),)), "its peak memory"),
     ],
 )
 def test_aims_that_are_missed(results: Results, missed: str) -> None:
@@ -336,7 +349,7 @@ def test_a_small_city_is_measured_in_a_process_of_its_own(tmp_path: Path) -> Non
     """All figures of a run come from the cycle itself; saved parts add up to what was saved."""
     size = ["--vehicles", "4", "--stops", "12", "--segments", "60"]
     module = [sys.executable, "-m", "benchmarks.routing.city_run"]
-    options = ["--seed", "2", *size, "--budget", "10", "--solver-seed", "1"]
+    options = ["--seed", "2", *size, "--budget", "10", "--solver-seed", "1", "--rival", "1"]
     told, peak = watched([*module, *options], tmp_path / "log", 200.0)
     run = CityRun(**told, peak_mb=peak)
     assert (run.vehicles, run.stops, run.segments, run.unserved) == (4, 12, 60, 0)
@@ -344,6 +357,7 @@ def test_a_small_city_is_measured_in_a_process_of_its_own(tmp_path: Path) -> Non
     assert run.objective_kwh <= run.base_met_kwh + 1e-9 <= run.base_kwh + 2e-9
     assert sum(run.stages_s.values()) <= run.wall_s
     assert run.saved_drag_kwh >= 0
+    assert run.rival_kwh == pytest.approx(run.base_kwh, rel=0.02)
     assert 50 < peak < 2000
 
 

@@ -2,12 +2,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from itertools import pairwise, permutations, product
 from typing import Any
 
 import pytest
 
+from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
+from dispatcher_daemon.planning.parts import Part, parts_of_stops
+from dispatcher_daemon.planning.pyvrp_model import VrpModel
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.routes import Leg, lateness_s, timed
 from dispatcher_daemon.roads.travel import Travel, roads_of
@@ -148,6 +152,60 @@ def test_every_load_and_window_of_a_city_is_kept() -> None:
     first = routed(made, short.model_copy(update={"rounds": 0}))
     assert cost_kwh(made, found.stops) < cost_kwh(made, first.stops) < float("inf")
     assert routed(made, short).stops == found.stops
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [False, True])
+def test_first_routes_of_a_large_city_are_searched_in_parts(
+    monkeypatch: pytest.MonkeyPatch, start: bool
+) -> None:
+    """Every stop once, all loads and windows kept, from nothing and from routes of the last cycle
+    in which a stop is new and one is gone; the same again for the same seed.
+    """
+    monkeypatch.setattr("dispatcher_daemon.planning.base_routes._WHOLE_STOPS", 20)
+    city = generate_city(3, vehicles=16, stops=60, segments=200)
+    made = city.problem, city.snapshot
+    short = SHORT.model_copy(update={"part_stops": 10, "rounds": 0})
+    known = None
+    if start:
+        known = {v: [*s[1:], "gone"] for v, s in routed(made, short).stops.items()}
+    found = routed(made, short, start=known)
+    assert routed(made, short, start=known).stops == found.stops
+    more = routed(made, short.model_copy(update={"rounds": 2}), start=known)
+    assert more.unassigned == ()
+    assert served(more) == sorted(stop.id for stop in city.problem.fleet.stops)
+    assert cost_kwh(made, more.stops) < float("inf")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_parts_of_stops_have_room_for_them(seed: int) -> None:
+    """Nobody and nothing is in two parts or in none; each has room for most of its demand, and
+    first stops stay with their vehicles.
+    """
+    city = generate_city(seed, vehicles=40, stops=200, segments=400)
+    fleet = city.problem.fleet
+    first = fleet.vehicles[7].model_copy(update={"first_stop": "stop-9"})
+    vehicles = (*fleet.vehicles[:7], first, *fleet.vehicles[8:])
+    fleet = Fleet(**{n: getattr(fleet, n) for n in Fleet.model_fields} | {"vehicles": vehicles})
+    names = [stop.id for stop in fleet.stops]
+    parts = parts_of_stops(
+        replace(city.problem, fleet=fleet), Part(fleet.vehicles, names), 50, seed
+    )
+    assert len(parts) == 4
+    assert sorted(s for part in parts for s in part.stops) == sorted(names)
+    assert sorted(v.id for part in parts for v in part.vehicles) == sorted(v.id for v in vehicles)
+    for part in parts:
+        room = sum(v.capacity or 0 for v in part.vehicles)
+        assert 0.8 * sum(fleet.stop_by_id[s].demand for s in part.stops) <= room
+        assert ("stop-9" in part.stops) == (first in part.vehicles)
+
+
+def test_stops_at_one_junction_share_a_location(town: Town) -> None:
+    """Three stops at two junctions and a depot at one of them: three locations."""
+    made = town([parcel("a", "33"), parcel("b", "33"), parcel("c", "00")], [{}, {}])
+    model = VrpModel(made[0], travel_of(made), made[0].fleet.vehicles, ["a", "b", "c"])
+    data = model.data(required=True)
+    assert (data.num_clients, data.num_locations) == (3, 3)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, departing_when_ready, plan_fleet
 from dispatcher_daemon.planning.itineraries import Planner
-from dispatcher_daemon.planning.sweeps import choice_of
+from dispatcher_daemon.planning.sweeps import choice_of, initial_choices
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.routes import lateness_s
@@ -109,6 +109,55 @@ def test_the_same_seed_gives_the_same_plan() -> None:
     one, other = (plan(city.problem, city.snapshot) for _ in range(2))
     assert [i.key for i in one.choice.itineraries] == [i.key for i in other.choice.itineraries]
     assert one.choice.objective_kwh == other.choice.objective_kwh
+
+
+@pytest.mark.parametrize("calls", [3, 6, 9, 12])
+def test_a_clock_that_runs_out_in_any_stage_leaves_a_sound_plan(calls: int) -> None:
+    """After so many looks at the clock the deadline has passed: what was known then is the plan,
+    and it says that time ended it.
+    """
+    city = generate_city(1, vehicles=8, stops=24, segments=100)
+    looks = 0
+
+    def clock() -> float:
+        nonlocal looks
+        looks += 1
+        return 0.0 if looks <= calls else 1000.0
+
+    made = plan(city.problem, city.snapshot, clock=clock)
+    assert made.timed_out
+    assert made.unserved == {}
+    assert faults(city.problem, made) == []
+    assert made.choice.objective_kwh <= made.base.objective_kwh + 1e-9
+
+
+def test_departures_are_chosen_while_there_is_time() -> None:
+    """Those ready last choose first; whoever comes too late leaves when ready."""
+    city = generate_city(1, vehicles=8, stops=24, segments=100)
+    made = plan(city.problem, city.snapshot)
+    planner = Planner(
+        city.problem,
+        city.snapshot,
+        [Travel(city.problem, roads_of(city.problem, city.snapshot))],
+        3.0,
+    )
+    ready = departing_when_ready(
+        planner,
+        {
+            v.id: i.stops
+            for v, i in zip(city.problem.fleet.vehicles, made.base.itineraries, strict=True)
+        },
+        {},
+    )
+    base, greedy = initial_choices(planner, ready, lambda: False)
+    assert greedy.itineraries == base.itineraries == tuple(ready)
+    left = iter([True] * 3)
+    _, some = initial_choices(planner, ready, lambda: next(left, False))
+    _, every = initial_choices(planner, ready)
+    latest = sorted(ready, key=lambda i: (-i.depart_s, i.number))
+    for itinerary in latest[:3]:
+        assert some.itineraries[itinerary.number].key == every.itineraries[itinerary.number].key
+    assert all(some.itineraries[i.number] is i for i in latest[3:])
 
 
 @pytest.mark.slow

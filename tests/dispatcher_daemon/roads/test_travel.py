@@ -93,6 +93,17 @@ def test_what_cannot_be_reached_is_infinitely_far(town: Town) -> None:
     assert travel.leg("s5", "s0") is None
 
 
+def test_paths_do_not_depend_on_how_many_are_searched_at_once(
+    town: Town, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A junction at a time, the matrices are the same."""
+    problem, roads, whole = made(town, 1)
+    monkeypatch.setattr("dispatcher_daemon.roads.travel._SEARCHED_AT_ONCE", 1)
+    single = Travel(problem, roads)
+    for name in ("search_cost_kwh", "duration_s", "energy_kwh"):
+        np.testing.assert_array_equal(getattr(single, name), getattr(whole, name))
+
+
 def test_places_at_one_junction_have_no_way_between_them(town: Town) -> None:
     """Two stops at one junction: nothing to drive, and the same paths to all others."""
     _, _, travel = made(town, 1)

@@ -1,0 +1,129 @@
+"""A search for routes of one part by PyVRP, as a worker runs it: attempts in turn."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import pyvrp
+from pyvrp.exceptions import PenaltyBoundWarning
+from pyvrp.search import NeighbourhoodParams, PerturbationParams
+from pyvrp.stop import (
+    MaxIterations,
+    MaxRuntime,
+    MultipleCriteria,
+    StoppingCriterion,
+)
+
+from dispatcher_daemon.planning.pyvrp_model import MWH_PER_KWH, NO_PATH_MWH, Visits
+from dispatcher_daemon.settings import SearchSettings
+
+_LONG_ITERATIONS: Final = 5000
+
+HIGH_PENALTIES: Final = pyvrp.PenaltyParams(max_penalty=1e9)
+"""The penalty starts at half of this: one excess unit costs more than an unserved stop."""
+
+
+def low_penalties(settings: SearchSettings) -> pyvrp.PenaltyParams:
+    """Low penalties: the search may pass through infeasible routes, and gets further."""
+    return pyvrp.PenaltyParams(max_penalty=settings.max_penalty_kwh * MWH_PER_KWH)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A search.
+
+    Attributes:
+        iterations: at most.
+        first: whether the first feasible routes end it.
+    """
+
+    data: pyvrp.ProblemData
+    penalty: pyvrp.PenaltyParams
+    iterations: int
+    first: bool = False
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it has the iterations for a wider search."""
+        return not self.first and self.iterations >= _LONG_ITERATIONS
+
+
+@dataclass(frozen=True)
+class Found:
+    """Feasible routes and what they cost, mWh."""
+
+    visits: Visits
+    cost: float
+
+
+@dataclass(frozen=True)
+class Job:
+    """Attempts at the routes of one part, in turn.
+
+    Attributes:
+        limit_s: of each attempt.
+    """
+
+    attempts: Sequence[Attempt]
+    start: Visits | None
+    limit_s: float
+    seed: int
+
+
+def search_in_turn(job: Job) -> tuple[Found | None, bool]:
+    """(routes of the first attempt that finds feasible ones, or None; whether its time ran out)."""
+    found, cut = None, False
+    for attempt in job.attempts:
+        found, cut = _search(attempt, job.start, job.limit_s, job.seed)
+        if found is not None:
+            break
+    return found, cut
+
+
+def _search(
+    attempt: Attempt, start: Visits | None, limit_s: float, seed: int
+) -> tuple[Found | None, bool]:
+    data, begin = attempt.data, None
+    if start is not None:
+        begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
+    stop: list[StoppingCriterion] = [MaxIterations(attempt.iterations), MaxRuntime(limit_s)]
+    if attempt.first:
+        stop.append(lambda best_cost: best_cost < NO_PATH_MWH)
+    with warnings.catch_warnings():
+        # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.
+        warnings.simplefilter("ignore", PenaltyBoundWarning)
+        result = pyvrp.solve(
+            data,
+            MultipleCriteria(stop),
+            seed=seed % 2**32,
+            collect_stats=False,
+            display=False,
+            params=_parameters(attempt),
+            initial_solution=begin,
+        )
+    cut = result.runtime >= limit_s
+    if not result.best.is_feasible() or result.best.distance() >= NO_PATH_MWH:
+        return None, cut
+    visits = [
+        (route.vehicle_type(), [a.idx for a in route if a.is_client()])
+        for route in result.best.routes()
+    ]
+    return Found(visits, result.cost()), cut
+
+
+def _parameters(attempt: Attempt) -> pyvrp.SolveParams:
+    """Smaller steps than PyVRP's own, as they get further in seconds; a search with few iterations
+    looks at fewer neighbours and accepts less (docs/results.md).
+    """
+    long = attempt.is_long
+    return pyvrp.SolveParams(
+        ils=pyvrp.IteratedLocalSearchParams(
+            history_length=300 if long else 100, exhaustive_on_best=long
+        ),
+        penalty=attempt.penalty,
+        neighbourhood=NeighbourhoodParams(num_neighbours=50 if long else 20),
+        perturbation=PerturbationParams(1, 10),
+    )
