@@ -145,6 +145,8 @@ class FleetWorld:
             if van.way is None or van.measured is None:
                 continue
             sumo = van.driver.name
+            if sumo not in gone and not _is_placed(sumo):
+                continue
             if sumo not in gone:
                 speed_mps = float(libsumo.vehicle.getSpeed(sumo))
                 place = drafts.places.get(name)
@@ -252,7 +254,7 @@ class FleetWorld:
                 float(libsumo.vehicle.getAcceleration(van.driver.name)),
             )
             for name, van in self._vans.items()
-            if van.way is not None and van.measured is not None
+            if van.way is not None and van.measured is not None and _is_placed(van.driver.name)
         }
         followed, self._following = self._following, {}
         parted: dict[str, str | None] = {}
@@ -350,6 +352,11 @@ class FleetWorld:
     def _time_s(self, time_ns: int) -> float:
         """The simulation's time of a moment, s."""
         return self._session.time_s + (time_ns - self._clock_ns()) / 1e9
+
+
+def _is_placed(sumo: str) -> bool:
+    """Whether a vehicle is on a road; SUMO takes one off for a while that it teleports."""
+    return bool(libsumo.vehicle.getRoadID(sumo))
 
 
 def _front_to_back(sensed: Mapping[str, VehicleSensing]) -> Iterator[str]:

@@ -84,7 +84,7 @@ class Platooning:
         self._cruise_mps: float | None = None
         self._lead_mps: float | None = None
         self._now_ns = self._seen_ns = self._look_ns = 0
-        self._left_ns = self._parted_ns = -_SETTLE_NS
+        self._left_ns = self._parted_ns = self._alone_ns = -_SETTLE_NS
 
     @staticmethod
     def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
@@ -203,7 +203,7 @@ class Platooning:
         elif self._mode == "leaving":
             settled = not 0 <= s.now_ns - self._left_ns < _SETTLE_NS
             if settled and (s.motion is None or has_left(s.own, s.motion)):
-                self._mode, self._partner = "alone", None
+                self._mode, self._partner, self._alone_ns = "alone", None, s.now_ns
         else:
             self._reason = None if s.partner is None else found
 
@@ -289,6 +289,15 @@ class Platooning:
         told = (heard.message for heard in self._neighbours)
         return [one for one in told if one.mode == "following" and one.leader == self._vehicle]
 
+    def _may_be_commanded(self, s: Situation) -> bool:
+        """Whether a vehicle alone may be commanded as a leader: on a road without signals, not just
+        out of a close gap, and with no vehicle nearer than its driver would let it come. There its
+        own model brakes as hard as a vehicle can, and a command would not be bound to that.
+        """
+        calm = not 0 <= s.now_ns - self._alone_ns < _SETTLE_NS
+        free = s.gap_m > IDM.desired_gap_m(s.state.speed_mps)
+        return calm and free and s.leg.limits_mps[s.state.number] > MOTORWAY_MPS
+
     def _partners_lane(self, s: Situation) -> int | None:
         """The lane of the vehicle that it follows, while both are on one segment and go on alike.
 
@@ -325,8 +334,7 @@ class Platooning:
         else:
             wanted = IDM.desired_gap_m(s.state.speed_mps)
         self._cruise_mps = cruise
-        leads = mode == "alone" and s.leg.limits_mps[s.state.number] > MOTORWAY_MPS
-        leads = leads and bool(self._platoon())
+        leads = mode == "alone" and self._may_be_commanded(s) and bool(self._platoon())
         obeys, lead_mps = _obeys(s, self._lead_mps), None
         if leads:
             set_mps = s.own.desired_mps if cruise is None else cruise

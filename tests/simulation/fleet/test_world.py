@@ -8,6 +8,7 @@ from pathlib import Path
 import libsumo
 import pytest
 
+from simulation.fleet import world
 from slipstream.messages import PlanAcknowledgement, VehiclePosition, VehicleProgress
 from tests.simulation.fleet.road import (
     LENGTHS,
@@ -43,6 +44,22 @@ def test_a_vehicle_without_a_plan_stands(town: Running) -> None:
     assert (town.world.tours_begun, town.world.on_road, town.world.unfinished) == (0, 0, 0)
     positions = [message for message in town.sent if isinstance(message, VehiclePosition)]
     assert {(told.vehicle, told.segment) for told in positions} == {("van", "a")}
+
+
+def test_a_vehicle_that_sumo_has_off_the_road_is_not_asked(
+    town: Running, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While SUMO teleports it, it has no lane and no speed; then it goes on. The arm is refused."""
+    town.exchange.send_plan(plan(segments("ab", 0), depart_s=0.0))
+    town.until(lambda: town.world.on_road == 1 and town.exchange.sensed["van"].front_m > 100.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(world, "_is_placed", lambda sumo: False)
+        seen = town.exchange.sensed["van"]
+        for _ in town.steps_for(5.0):
+            assert town.exchange.sensed["van"] is seen
+    town.until(lambda: town.world.tours_finished == 1)
+    (leg,) = town.legs
+    assert leg.distance_m == pytest.approx(LENGTHS["a"] + LENGTHS["b"], abs=20.0)
 
 
 def test_a_tour_goes_from_rest_to_rest_and_home(town: Running) -> None:

@@ -117,6 +117,20 @@ def test_a_leader_drives_what_it_announces(interval_s: float, delayed: bool) -> 
     assert alone.car("v0").last.lead_mps is None
 
 
+def test_a_leader_near_another_vehicle_is_its_drivers() -> None:
+    """Who cuts in before it, or has just let it out of a close gap, is braked for as drivers do."""
+    world = pair(0.5, delayed=False)
+    world.step()
+    leader = world.car("v0")
+    assert leader.last is not None
+    assert leader.last.lead_mps is not None
+    cut_in = Car("x", leader.place_m + 25.0, leader.speed_mps, leader.leg, lambda _: 30.0, False)
+    world.cars.insert(0, cut_in)
+    world.step()
+    assert leader.last.lead_mps is None
+    assert leader.last.mode == "alone"
+
+
 def test_a_leader_that_is_held_back_announces_how_it_moves() -> None:
     """Its vehicle keeps a gap that its agent does not know of: followers must not count on more."""
     world = pair(0.5, delayed=False)
