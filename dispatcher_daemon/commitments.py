@@ -47,7 +47,7 @@ class Commitment:
         place: stop or depot that it left last, or stands at.
         node: of that place.
         arrived_ns: at that place, UTC.
-        ready_ns: when it can leave that place, UTC; not used of one that moves.
+        ends_ns: when service there ends, or has ended, UTC; not used of one that moves.
         departs_ns: when its plan has it leave, later where it waits for others; likewise.
         moving: where it is on its first committed segment; None: it stands at the place.
         legs: of which something is fixed, at least one; the leg of number i ends at stop i, or at
@@ -62,7 +62,7 @@ class Commitment:
     place: str
     node: str
     arrived_ns: int
-    ready_ns: int
+    ends_ns: int
     departs_ns: int
     moving: Moving | None
     legs: tuple[CommittedLeg, ...]

@@ -218,6 +218,7 @@ class Dispatcher:
                     seed,
                     start=self._stops or None,
                     commitments=situation.commitments,
+                    on_road=situation.on_road,
                 )
                 result = run_cycle(cycle, self._solve, self._executor)
                 report, plans = result.report, result.plans

@@ -324,8 +324,8 @@ class Tour:
         if standing is None or standing.stop != report.stop:
             return
         self.ready_ns = report.time_ns
-        if self._legs[self.leg] is None:  # the next stop is at the same junction
-            self._arrive(report.time_ns)
+        if self._legs[self.leg] is None and standing.wait_s == 0:
+            self._arrive(report.time_ns)  # the next stop is at the same junction
 
     def _legs_of(self, plan: VehiclePlan) -> tuple[Leg | None, ...]:
         return legs_of(plan.cycle, plan.segments, len(plan.stops) - 1, self._max_speed_mps)

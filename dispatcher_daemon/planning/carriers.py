@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from bisect import insort
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
 from dispatcher_daemon.planning.exchanges import exchanged
@@ -26,7 +26,8 @@ class Accounts:
     """What the vehicles of a plan have more than in the base plan, each by itself.
 
     Platoons are those of the published plans (`dispatcher_daemon.platooning.form_platoons`), who
-    leads where two enter at once included; `Meetings` knows their sums only.
+    leads where two enter at once included; `Meetings` knows their sums only. What is expected of
+    gates that are closed now is in no account.
 
     Attributes:
         present: itineraries by vehicle number.
@@ -101,6 +102,10 @@ class Accounts:
         self.change(before)
         return fair
 
+    def vehicles_of(self, carrier: str | None) -> list[int]:
+        """Numbers of a carrier's vehicles."""
+        return [number for number, own in enumerate(self._carrier) if own == carrier]
+
     def worst(self, carrier: str | None) -> list[int]:
         """Of the smallest groups of a carrier's vehicles that can go back to the base plan, the one
         that loses most.
@@ -122,7 +127,7 @@ class Accounts:
             return
         vehicle, shares = itinerary.route.vehicle, self._shares[itinerary.number]
         for leg, position, segment, entry, leaving in itinerary.route.entries_s():
-            if segment in shares:
+            if segment in shares and shares[segment].gate.open:
                 yield segment, (entry, leaving, (vehicle, leg, position))
 
     def _count(self, segments: Iterable[str]) -> None:
@@ -135,9 +140,7 @@ class Accounts:
                 for place, (_, _, (vehicle, _, _)) in enumerate(group if len(group) > 1 else ()):
                     if vehicle in self._number:
                         number = self._number[vehicle]
-                        shares = self._shares[number][segment]
-                        chance = shares.gate.chance(group[0][0])
-                        saved[number] += chance * shares.at(place, len(group))
+                        saved[number] += self._shares[number][segment].at(place, len(group))
             for number, kwh in saved.items():
                 self._saved[number][segment] = kwh
             self._savers[segment] = set(saved)
@@ -148,6 +151,7 @@ def nobody_worse_off(
     base: Sequence[Itinerary],
     present: Sequence[Itinerary],
     on_road: Iterable[RoadUser] = (),
+    has_time: Callable[[], bool] = lambda: True,
 ) -> Accounts | None:
     """Accounts of the plan with changes undone until no carrier has less than alone; None: the
     fleet is of one carrier.
@@ -159,11 +163,14 @@ def nobody_worse_off(
         base: itineraries of the base plan, by vehicle number.
         present: of the plan, in which every stop is with the carrier that the base plan gave it.
         on_road: vehicles that earlier cycles sent.
+        has_time: whether another group may be looked for; without it all of a carrier's vehicles go
+            back at once.
     """
     if len(planner.problem.fleet.carriers) < 2:
         return None
     accounts = Accounts(planner, base, present, on_road)
     while losing := accounts.losing():
         for carrier in losing:
-            accounts.change([base[number] for number in accounts.worst(carrier)])
+            back = accounts.worst(carrier) if has_time() else accounts.vehicles_of(carrier)
+            accounts.change([base[number] for number in back])
     return accounts

@@ -26,24 +26,33 @@ def departure_s(own: Commitment, roads: Roads, now_ns: int) -> float:
     return measured_s - unhindered_s(roads, own.legs[0].path[0], own.moving.share)
 
 
-def planned_waits_s(own: Commitment, route: Route, now_ns: int) -> tuple[float, ...]:
+def planned_waits_s(
+    problem: RoutingProblem, own: Commitment, route: Route, now_ns: int, reference_s: float
+) -> tuple[float, ...]:
     """Waits at the ends of a route's legs but the last by which a vehicle leaves its stops no
     sooner than its present plan says, where that has waits; shorter ones if it is late.
 
     Args:
+        problem: of the cycle.
         own: what it is bound to.
         route: over its stops, without waits.
         now_ns: the cycle's start, UTC.
+        reference_s: when the fleet's times count from.
     """
     planned = {stop.stop: stop for stop in own.plan.stops if stop.wait_s > 0}
-    waits: list[float] = []
+    waits, shift_s = list[float](), 0.0
     for visit in route.visits[1:-1]:
-        stop = planned.get(visit.place)
-        wait_s = 0.0
+        served = problem.fleet.stop_by_id.get(visit.place)
+        if served is not None:
+            # What it has to wait for the window takes up what it waited before.
+            early_s = reference_s + served.earliest_s - visit.arrival_s
+            shift_s = max(0.0, shift_s - max(0.0, early_s))
+        stop, wait_s = planned.get(visit.place), 0.0
         if stop is not None:
             leaves_s = 1e-9 * (stop.departure_ns - now_ns)
-            wait_s = min(stop.wait_s, max(0.0, leaves_s - visit.departure_s - sum(waits)))
+            wait_s = min(stop.wait_s, max(0.0, leaves_s - visit.departure_s - shift_s))
         waits.append(wait_s)
+        shift_s += wait_s
     return tuple(waits)
 
 

@@ -131,6 +131,8 @@ def _waiting(
     found: list[tuple[float, int, float]] = []
     for at in range(max(1, fixed), len(visits) - 1) if only is None else [only]:
         visit = visits[at]
+        if not itinerary.route.legs[at].path:
+            continue  # the next stop is at the same junction
         rest = {
             segment: later
             for segment, passages in itinerary.traversals.items()

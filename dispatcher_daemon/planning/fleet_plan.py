@@ -128,7 +128,9 @@ def plan_fleet(
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
     base = first.base.itineraries
-    accounts = nobody_worse_off(first.planner, base, descent.present, cycle.on_road)
+    accounts = nobody_worse_off(
+        first.planner, base, descent.present, cycle.on_road, lambda: clock() < ends
+    )
     gains, base_gains = Gains(), Gains()
     if accounts is not None:
         if any(a is not b for a, b in zip(accounts.present, descent.present, strict=True)):

@@ -27,7 +27,14 @@ from dispatcher_daemon.platooning import (
     traversals_on_road,
 )
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Leg, Route, Travel, lateness_s, timed
+from dispatcher_daemon.roads import (
+    Leg,
+    Route,
+    Travel,
+    lateness_by_window_s,
+    lateness_s,
+    timed,
+)
 from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh, shortfall_kwh
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import VehicleParameters
@@ -47,7 +54,7 @@ class Itinerary:
         stops: served in order; none: the vehicle stays idle.
         route: with its timetable; None for an idle vehicle.
         cost_kwh: Σ leg costs without platooning, and the cost of waiting for other vehicles.
-        traversals: passages of open segments.
+        traversals: passages of segments whose gate is open, or may be then.
     """
 
     number: int
@@ -144,8 +151,10 @@ class Planner:
         """
         own = self.bound.get(number)
         if own is not None and own.may_wait and self.problem.objective == "energy":
-            ready_s = 1e-9 * (own.ready_ns - self.snapshot.now_ns)
-            return ready_s, ready_s + MAX_WAIT_S
+            ends_s = 1e-9 * (own.ends_ns - self.snapshot.now_ns)
+            # Its new plan has to be out.
+            first_s = max(ends_s, self.reference_s)
+            return first_s, max(first_s, ends_s + MAX_WAIT_S, self.planned_departure_s(number))
         if own is not None:
             begins_s = self.planned_departure_s(number)
             return begins_s, begins_s
@@ -294,17 +303,16 @@ class Planner:
         waits_s: Sequence[float],
     ) -> Itinerary | None:
         """What a bound vehicle has loaded is delivered, late or not, but later for no wait."""
+        problem, vehicle = self.problem, self.problem.fleet.vehicles[number]
         first_s, last_s = self.window_s(number)
         begins_s = first_s if depart_s is None else min(max(depart_s, first_s), last_s)
 
         def driven(begins_s: float, waits_s: Sequence[float]) -> Route:
-            vehicle = self.problem.fleet.vehicles[number]
-            return timed(self.problem, legs, vehicle, self.reference_s, begins_s, waits_s)
+            route = timed(problem, legs, vehicle, self.reference_s, begins_s, waits_s)
+            return self._standing_first(number, route)
 
-        def late_s(route: Route) -> float:
-            vehicle = self.problem.fleet.vehicles[number]
-            late = lateness_s(self.problem, vehicle, route, self.reference_s, under_way=True)
-            return max(0.0, late)
+        def late_s(route: Route) -> list[float]:
+            return lateness_by_window_s(problem, vehicle, route, self.reference_s, under_way=True)
 
         # It waits as planned before a leg that is fixed.
         fixed = max(0, len(self.fixed_legs(number) or ()) - 1)
@@ -314,16 +322,31 @@ class Planner:
         if begins_s == first_s and not any(waits_s[fixed:]):
             return self._itinerary(number, stops, at_once, 0.0)
         route = driven(begins_s, waits_s)
-        if late_s(route) > late_s(at_once) + _ROUNDING_S:
-            return None
-        here = replace(route.visits[0], arrival_s=first_s, wait_s=begins_s - first_s)
-        route = replace(route, visits=(here, *route.visits[1:]))
+        for late, allowed in zip(late_s(route), late_s(at_once), strict=True):
+            if late > max(0.0, allowed) + _ROUNDING_S:
+                return None
         return self._itinerary(number, stops, route, 0.0)
+
+    def _standing_first(self, number: int, route: Route) -> Route:
+        """A bound vehicle's route from the stop that it stands at, with its wait there: without it
+        the vehicle would leave as soon as it has the plan.
+        """
+        own, here = self.bound[number], route.visits[0]
+        if own.moving is not None or not own.under_way:
+            return route
+        ready_s = max(0.0, 1e-9 * (own.ends_ns - self.snapshot.now_ns))
+        wait_s = max(0.0, here.departure_s - ready_s)
+        if own.departs_ns <= own.ends_ns and not own.may_wait:
+            return route
+        here = replace(here, arrival_s=here.departure_s - wait_s, wait_s=wait_s)
+        return replace(route, visits=(here, *route.visits[1:]))
 
     def planned_waits_s(self, number: int, route: Route) -> tuple[float, ...]:
         """Waits of a vehicle's present plan on a route without any; none of a free vehicle."""
         own = self.bound.get(number)
-        return () if own is None else planned_waits_s(own, route, self.snapshot.now_ns)
+        if own is None:
+            return ()
+        return planned_waits_s(self.problem, own, route, self.snapshot.now_ns, self.reference_s)
 
     def _itinerary(
         self, number: int, stops: tuple[str, ...], route: Route, at_depot_s: float

@@ -121,6 +121,12 @@ def _joint(
     ends = min(own + high - itinerary.depart_s, other + partner_high - partner.depart_s)
     if begins <= ends:
         depart_s = itinerary.depart_s + begins - own
-        moved = planner.itinerary(itinerary.number, itinerary.stops, itinerary.route.legs, depart_s)
+        moved = planner.itinerary(
+            itinerary.number,
+            itinerary.stops,
+            itinerary.route.legs,
+            depart_s,
+            itinerary.waits_s,
+        )
         if moved is not None:
             yield moved

@@ -32,7 +32,7 @@ VehicleNumber = tuple[int]
 """A vehicle's number in the fleet."""
 Traversal = TimedPassage[VehicleNumber]
 Traversals = Mapping[str, Sequence[Traversal]]
-"""One vehicle's passages of open segments, by segment."""
+"""One vehicle's passages of segments whose gate is open, or may be then, by segment."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -232,30 +231,39 @@ def timed(
 
 
 def lateness_s(
+    problem: RoutingProblem, vehicle: Vehicle, route: Route, reference_s: float = 0.0
+) -> float:
+    """By how much a route misses its worst window; 0 or less: it keeps them all.
+
+    Windows are those of its stops (for the start of service), of its departure and its return.
+    """
+    return max(lateness_by_window_s(problem, vehicle, route, reference_s))
+
+
+def lateness_by_window_s(
     problem: RoutingProblem,
     vehicle: Vehicle,
     route: Route,
     reference_s: float = 0.0,
     *,
     under_way: bool = False,
-) -> float:
-    """By how much a route misses its worst window; 0 or less: it keeps them all.
-
-    Windows are those of its stops (for the start of service), of its departure and its return.
+) -> list[float]:
+    """By how much a route misses each of its windows, less than 0 where it keeps it: those of
+    departure and return, then those of its stops.
 
     Args:
         under_way: its departure lies behind it.
     """
     leaves, back = route.visits[0].departure_s - reference_s, route.visits[-1].arrival_s
     latest = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
-    late = [-math.inf] if under_way else [leaves - latest, vehicle.ready_s - leaves]
+    late = [] if under_way else [leaves - latest, vehicle.ready_s - leaves]
     if vehicle.return_by_s is not None:
         late.append(back - reference_s - vehicle.return_by_s)
     for visit in route.visits[1:-1]:
         stop = problem.fleet.stop_by_id.get(visit.place)
         if stop is not None and stop.latest_s is not None:
             late.append(visit.arrival_s - reference_s - stop.latest_s)
-    return max(late)
+    return late
 
 
 def _places(problem: RoutingProblem, vehicle: Vehicle, stops: Sequence[str]) -> list[str]:

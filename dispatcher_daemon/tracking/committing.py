@@ -37,7 +37,7 @@ def commitment(
     stops = tuple(stop.stop for stop in plan.stops[leg + 1 : -1] if stop.stop in held)
     moving, at = None, None
     arrived_ns, late_ns = place.arrival_ns, 0
-    ready_ns = departs_ns = place.departure_ns
+    ends_ns = departs_ns = place.departure_ns
     if position.on_road:
         moving = Moving(position.share, position.speed_mps, _measured_ns(vehicle, now_ns))
         at = _index(legs[leg], position, now_ns)
@@ -54,12 +54,12 @@ def commitment(
                 ends_ns += arrived_ns - place.arrival_ns
         if visit is not None and visit.ended_ns is not None:
             ends_ns = visit.ended_ns
-        ready_ns = departs_ns = max(ends_ns, now_ns)
+        departs_ns = max(ends_ns, now_ns)
         if place.wait_s > 0:
             departs_ns = max(ends_ns, place.departure_ns, now_ns)
         late_ns = departs_ns - place.departure_ns
     else:
-        ready_ns = departs_ns = max(place.departure_ns, now_ns)
+        departs_ns = max(place.departure_ns, now_ns)
         late_ns = departs_ns - place.departure_ns
     if position.on_road and at is None:
         committed = [CommittedLeg((position.segment,), False)]
@@ -72,7 +72,7 @@ def commitment(
         place=place.stop,
         node=place.node,
         arrived_ns=arrived_ns,
-        ready_ns=ready_ns,
+        ends_ns=ends_ns,
         departs_ns=departs_ns,
         moving=moving,
         legs=tuple(committed),
@@ -80,6 +80,24 @@ def commitment(
         under_way=vehicle.left,
         lost=lost,
     )
+
+
+def behind_s(vehicle: TrackedVehicle, now_ns: int) -> float:
+    """By how much a vehicle that drives is behind its accepted plan, s; 0: it stands, or it is not
+    known.
+    """
+    assert vehicle.accepted is not None
+    position = vehicle.position
+    if position is None or not position.on_road:
+        return 0.0
+    legs = legs_of(vehicle.accepted.plan)
+    leg = legs[min(vehicle.leg, len(legs) - 1)]
+    at = _index(leg, position, now_ns)
+    if at is None:
+        return 0.0
+    planned = leg[at]
+    driven_ns = round(position.share * (planned.exit_ns - planned.entry_ns))
+    return 1e-9 * (_measured_ns(vehicle, now_ns) - planned.entry_ns - driven_ns)
 
 
 def legs_of(plan: VehiclePlan) -> list[list[PlannedSegment]]:

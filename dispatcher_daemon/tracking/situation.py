@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet, Vehicle
+from dispatcher_daemon.platooning import RoadUser
 from dispatcher_daemon.tracking.orders import stops_at
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 from slipstream.orders import OrderRecord
@@ -21,11 +22,13 @@ class Situation:
             The fleet's file itself where no vehicle has ever reported. None: nothing to plan.
         commitments: of those vehicles.
         left_out: reason by vehicle that is not planned in this cycle; it keeps what it has.
+        on_road: of these, those on their way to charge or to a hub: others may meet them.
     """
 
     fleet: Fleet | None
     commitments: tuple[Commitment, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
+    on_road: tuple[RoadUser, ...] = ()
 
 
 def cycle_fleet(

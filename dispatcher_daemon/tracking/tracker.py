@@ -7,8 +7,9 @@ from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
+from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.tracking.availability import Availability
-from dispatcher_daemon.tracking.committing import commitment
+from dispatcher_daemon.tracking.committing import behind_s, commitment
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.plan_life import PlanLife
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
@@ -167,12 +168,15 @@ class FleetTracker:
         self._life.take_back(self._vehicles.values(), cycle, now_ns)
         reference_ns = now_ns + round(1e9 * reference_s)
         left_out: dict[str, str] = {}
+        kept: list[TrackedVehicle] = []
         bound: list[Commitment] = []
         free: list[Vehicle] = []
         for vehicle in self._vehicles.values():
             reason = self._available.obstacle(vehicle, cycle, now_ns)
             if reason is not None:
                 left_out[vehicle.id] = reason
+                if vehicle.keeps_its_plan and vehicle.is_fresh(now_ns):
+                    kept.append(vehicle)
             elif vehicle.accepted is not None:
                 held = self.book.held_by(vehicle.id)
                 bound.append(commitment(vehicle, held, now_ns, reference_ns))
@@ -187,7 +191,9 @@ class FleetTracker:
             lambda order: self._may_have(order, now_ns),
             reference_ns,
         )
-        return Situation(found, tuple(bound), left_out)
+        plans = [vehicle.accepted.plan for vehicle in kept if vehicle.accepted is not None]
+        late_s = {vehicle.id: behind_s(vehicle, now_ns) for vehicle in kept}
+        return Situation(found, tuple(bound), left_out, on_road(plans, now_ns, late_s))
 
     def admissible(self, plans: Iterable[VehiclePlan]) -> tuple[VehiclePlan, ...]:
         """The plans of a cycle that still fit: vehicles have reported while it ran."""

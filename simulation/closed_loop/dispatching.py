@@ -108,6 +108,7 @@ class Dispatching:
             cycle_seed(self._seed, number),
             reference_delay_s=0.0,
             commitments=situation.commitments,
+            on_road=situation.on_road,
         )
         result = run_cycle(cycle, self._solve, self._executor)
         plans = self._tracker.admissible(result.plans)

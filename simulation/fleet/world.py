@@ -214,6 +214,8 @@ class FleetWorld:
             van.tour, van.leg, van.begun = van.tour + 1, 0, plan.cycle
             van.ready_s = min(now_s, max(van.ready_s, self._time_s(plan.issued_ns)))
         due_s = self._time_s(plan.depart_ns) if begins else van.ready_s
+        if not begins and plan.stops[leg].wait_s > 0:
+            due_s = max(due_s, self._time_s(plan.stops[leg].departure_ns))
         path = tuple(segment.segment for segment in planned)
         van.way = Way(plan, leg, planned, path, due_s, free_s(planned))
         van.serves, van.entering = None, True

@@ -91,6 +91,26 @@ def test_nothing_is_served_at_a_hub() -> None:
         assert [v.stop for v in tour.progress(ns(300)).visits] == ["b"]
 
 
+def test_a_wait_before_a_leg_without_a_road_is_kept() -> None:
+    """The next stop at the same junction is due when the wait ends."""
+    whole = plan()
+    place = whole.stops[1].model_copy(update={"wait_s": 60.0})
+    joint = whole.model_copy(
+        update={
+            "stops": (whole.stops[0], place, *whole.stops[2:]),
+            "segments": tuple(s for s in whole.segments if s.leg != 1),
+        }
+    )
+    tour = Tour(VAN)
+    tour.offer(joint, ns(1))
+    drive(tour, 0, 100)
+    tour.report(report(130, "served", "a"), ns(130))
+    assert tour.due_ns() == place.departure_ns
+    tour.skip(place.departure_ns)
+    assert tour.standing_at is not None
+    assert tour.standing_at.stop == "b"
+
+
 def test_stops_at_one_junction_need_no_road() -> None:
     """A leg without segments is skipped when the stop before it has been served."""
     whole = plan()

@@ -20,6 +20,7 @@ from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import VehiclePlan
 from slipstream.roads import Segment, build_network
+from tests.dispatcher_daemon.tracking.fleet_drive import Day, Van
 
 APART_S = 200.0
 SETTINGS = DispatcherSettings(
@@ -30,7 +31,9 @@ SETTINGS = DispatcherSettings(
 
 
 def problem(
-    hubs: tuple[str, ...] = ("m",), price_of_time_kw: float = 20.0
+    hubs: tuple[str, ...] = ("m",),
+    price_of_time_kw: float = 20.0,
+    carriers: tuple[str, str] = ("a", "a"),
 ) -> tuple[RoutingProblem, TrafficSnapshot]:
     """Roads from two depots, w and x, join at m and lead on to e, 20 km each; the van from x starts
     200 s later, and neither may wait at its depot.
@@ -48,8 +51,14 @@ def problem(
             "depots": [{"id": "west", "node": "w"}, {"id": "north", "node": "x"}],
             "stops": [{"id": name, "node": "e", "service_s": 60.0} for name in ("s0", "s1")],
             "vehicles": [
-                {"id": "early", "depot": "west", "first_stop": "s0"},
-                {"id": "late", "depot": "north", "first_stop": "s1", "ready_s": APART_S},
+                {"id": "early", "depot": "west", "first_stop": "s0", "carrier": carriers[0]},
+                {
+                    "id": "late",
+                    "depot": "north",
+                    "first_stop": "s1",
+                    "ready_s": APART_S,
+                    "carrier": carriers[1],
+                },
             ],
             "hubs": [{"id": f"rest-{node}", "node": node} for node in hubs],
         },
@@ -178,3 +187,33 @@ def test_a_meeting_on_a_road_that_is_usually_calm_is_planned_before_it_is() -> N
         plans = cycle_of((found, replace(snapshot, segments=traffic)))
         assert sum(stop.is_hub for plan in plans for stop in plan.stops) == hubs
         assert {segment.platoon for plan in plans for segment in plan.segments} == {None}
+
+
+def test_of_several_carriers_nobody_waits_for_a_gate_that_may_open() -> None:
+    """The published plan would leave its carrier with less than alone: it has no platoon yet."""
+    found, snapshot = problem(carriers=("a", "b"))
+    traffic = {
+        name: replace(of, open=False, y_e=0, reason="turbulent", age_s=1.0, usual_share=1.0)
+        for name, of in snapshot.segments.items()
+    }
+    plans = cycle_of((found, replace(snapshot, segments=traffic)))
+    assert not any(stop.is_hub for plan in plans for stop in plan.stops)
+
+
+def test_a_van_that_waits_at_a_hub_is_met_there() -> None:
+    """Later cycles leave it alone and see it on the road, so its partner keeps its platoon."""
+    found, snapshot = problem()
+    vans = {"early": Van("early", "w-m"), "late": Van("late", "x-m")}
+    today = Day(found, snapshot, vans, found.fleet)
+    today.drive(2)
+    today.run(60)
+    assert today.states() == {"served": 2}
+    (waiting,) = [p for p in vans["early"].plans if any(stop.is_hub for stop in p.stops[1:])]
+    home = [
+        (plan.cycle, {s.platoon for s in plan.segments if s.segment == "e-m"})
+        for plan in vans["late"].plans
+        if any(s.segment == "e-m" for s in plan.segments)
+    ]
+    meanwhile = [names for cycle, names in home if cycle > waiting.cycle]
+    assert len(meanwhile) > 2
+    assert {None} not in meanwhile

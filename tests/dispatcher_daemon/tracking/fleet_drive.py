@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.fleet import Fleet
@@ -227,13 +227,14 @@ class Day:
         plans: tuple[VehiclePlan, ...] = ()
         if situation.fleet is not None:
             cycle = Cycle(
-                RoutingProblem(self.problem.network, situation.fleet),
+                replace(self.problem, fleet=situation.fleet),
                 TrafficSnapshot(now_ns, self.snapshot.segments, ()),
                 SETTINGS,
                 self.number,
                 now_ns,
                 self.number,
                 commitments=situation.commitments,
+                on_road=situation.on_road,
             )
             result = run_cycle(cycle, SOLVE)
             assert result.report.status != "failed", result.report.reason
