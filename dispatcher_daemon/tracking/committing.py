@@ -42,9 +42,7 @@ def commitment(
         moving = Moving(position.share, position.speed_mps, _measured_ns(vehicle, now_ns))
         at = _index(legs[leg], position, now_ns)
         if at is not None:
-            planned = legs[leg][at]
-            driven_ns = round(position.share * (planned.exit_ns - planned.entry_ns))
-            late_ns = moving.time_ns - planned.entry_ns - driven_ns
+            late_ns = _late_ns(legs[leg][at], position, moving.time_ns)
     elif vehicle.left:
         visit = _visit(vehicle, place.stop)
         ends_ns = place.departure_ns - round(place.wait_s * 1e9)
@@ -95,9 +93,13 @@ def behind_s(vehicle: TrackedVehicle, now_ns: int) -> float:
     at = _index(leg, position, now_ns)
     if at is None:
         return 0.0
-    planned = leg[at]
+    return 1e-9 * _late_ns(leg[at], position, _measured_ns(vehicle, now_ns))
+
+
+def _late_ns(planned: PlannedSegment, position: VehiclePosition, measured_ns: int) -> int:
+    """By how much a vehicle is behind its plan on a segment."""
     driven_ns = round(position.share * (planned.exit_ns - planned.entry_ns))
-    return 1e-9 * (_measured_ns(vehicle, now_ns) - planned.entry_ns - driven_ns)
+    return measured_ns - planned.entry_ns - driven_ns
 
 
 def legs_of(plan: VehiclePlan) -> list[list[PlannedSegment]]:
