@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from typing import Annotated, Final, Self
+from typing import Annotated, Any, Final, Self
 
 from pydantic import Field, model_validator
 
@@ -193,6 +193,11 @@ class Fleet(Settings):
     vehicle_types: tuple[NamedVehicleType, ...] = ()
     charging_stops: tuple[ChargingStop, ...] = ()
     hubs: tuple[Hub, ...] = ()
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """What it was made of, to make another one: a copy would keep what this one has cached."""
+        return {name: getattr(self, name) for name in Fleet.model_fields}
 
     @cached_property
     def stop_by_id(self) -> dict[str, Stop]:

@@ -53,8 +53,7 @@ def located(fleet: Fleet, network: RoadNetwork, source: str | Path) -> Fleet:
             node = _snapped(place, network, snapper, source, f"{table}.{place.id}").node
             place = place.model_copy(update={"node": node})
         found[table].append(place)
-    parts = {name: getattr(fleet, name) for name in Fleet.model_fields}
-    return Fleet(**parts | {table: tuple(rows) for table, rows in found.items()})
+    return Fleet(**fleet.parts | {table: tuple(rows) for table, rows in found.items()})
 
 
 def distances(

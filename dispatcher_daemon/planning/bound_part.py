@@ -27,8 +27,7 @@ def unbound(cycle: Cycle) -> RoutingProblem | None:
     stops = tuple(stop for stop in fleet.stops if stop.id not in loaded)
     if not vehicles or not stops:
         return None
-    parts = {name: getattr(fleet, name) for name in Fleet.model_fields}
-    smaller = Fleet(**parts | {"stops": stops, "vehicles": vehicles})
+    smaller = Fleet(**fleet.parts | {"stops": stops, "vehicles": vehicles})
     return replace(cycle.problem, fleet=smaller)
 
 
@@ -55,15 +54,11 @@ def drivable(cycle: Cycle, travel: Travel) -> Cycle:
     vehicles = {own.vehicle for own in lost}
     stops = {stop for own in lost for stop in own.stops}
     fleet = cycle.problem.fleet
-    smaller = Fleet.model_construct(
-        name=fleet.name,
-        depots=fleet.depots,
-        stops=tuple(stop for stop in fleet.stops if stop.id not in stops),
-        vehicles=tuple(vehicle for vehicle in fleet.vehicles if vehicle.id not in vehicles),
-        vehicle_types=fleet.vehicle_types,
-        charging_stops=fleet.charging_stops,
-        hubs=fleet.hubs,
-    )
+    left = {
+        "stops": tuple(stop for stop in fleet.stops if stop.id not in stops),
+        "vehicles": tuple(vehicle for vehicle in fleet.vehicles if vehicle.id not in vehicles),
+    }
+    smaller = Fleet.model_construct(**fleet.parts | left)
     return replace(
         cycle,
         problem=replace(cycle.problem, fleet=smaller),

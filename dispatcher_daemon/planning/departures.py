@@ -49,7 +49,7 @@ def _meeting_shifts(
             end = bisect_left(there, (entry + latest_s + _ROUNDING_S,))
             entries = [p[0] for p in there[begin:end] if p[2] != key]
             shifts += [other - entry for other in entries]
-            weights += [shares.follower_kwh * shares.gate.chance(other) for other in entries]
+            weights += [shares.following_kwh(other) for other in entries]
     if not shifts:
         return []
     order = np.argsort(shifts, kind="stable")
@@ -104,7 +104,7 @@ def as_planned(planner: Planner, itinerary: Itinerary) -> Itinerary:
 
 def longest_wait_s(planner: Planner, itinerary: Itinerary) -> float:
     """The longest wait on a tour that what is saved behind it can pay for, s."""
-    if itinerary.route is None or not itinerary.waits_s or planner.problem.objective == "paper":
+    if itinerary.route is None or not itinerary.waits_s or not planner.waits_on_tours:
         return 0.0
     kwh = planner.followed_kwh(itinerary, itinerary.route.visits[1].departure_s)
     price_kw = min(planner.price_of_wait_kw(v.place) for v in itinerary.route.visits[1:-1])
@@ -124,7 +124,7 @@ def _waiting(
     Args:
         only: number of the visit to wait at; None: any.
     """
-    if itinerary.route is None or planner.problem.objective == "paper":
+    if itinerary.route is None or not planner.waits_on_tours:
         return
     number, visits, waits_s = itinerary.number, itinerary.route.visits, itinerary.waits_s
     fixed = len(planner.fixed_legs(number) or ())
@@ -174,7 +174,7 @@ def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> lis
     for itinerary in itineraries:
         best = best_departure(planner, itinerary, meetings)
         # Each round changes the departure or one wait.
-        for _ in best.waits_s:
+        for _ in best.waits_s if best is not itinerary else ():
             best, before = best_departure(planner, best, meetings), best
             if best.key == before.key:
                 break

@@ -329,7 +329,7 @@ def discounted_travel(problem: RoutingProblem, travel: Travel, planner: Planner)
 
     def discount_kwh(roads: Roads) -> Floats:
         shares = planner.shares_by_profile[roads.profile]
-        saving = {n: share.follower_kwh * share.gate.chance(0.0) for n, share in shares.items()}
+        saving = {name: share.following_kwh(0.0) for name, share in shares.items()}
         return np.array([saving.get(name, 0.0) for name in roads.ids])
 
     return searched_again(travel, problem, discount_kwh)

@@ -18,7 +18,7 @@ def over_hubs(planner: Planner, itinerary: Itinerary) -> Iterator[tuple[int, Iti
     stop and the detour; of each with the number of the visit that the hub is.
     """
     fleet = planner.problem.fleet
-    if itinerary.route is None or not fleet.hubs or planner.problem.objective == "paper":
+    if itinerary.route is None or not fleet.hubs or not planner.waits_on_tours:
         return
     legs, visits = itinerary.route.legs, itinerary.route.visits
     if any(leg.end in fleet.hub_by_id for leg in legs):

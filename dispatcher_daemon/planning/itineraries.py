@@ -150,7 +150,7 @@ class Planner:
         it may stay for others if it stands at a stop.
         """
         own = self.bound.get(number)
-        if own is not None and own.may_wait and self.problem.objective == "energy":
+        if own is not None and own.may_wait and self.waits_on_tours:
             ends_s = 1e-9 * (own.ends_ns - self.snapshot.now_ns)
             # Its new plan has to be out.
             first_s = max(ends_s, self.reference_s)
@@ -173,10 +173,17 @@ class Planner:
             return self.problem.price_of_waiting_kw
         return self.problem.price_of_standing_kw
 
+    @property
+    def waits_on_tours(self) -> bool:
+        """Whether vehicles may wait for each other at stops and hubs; by the paper's objective at
+        depots only.
+        """
+        return self.problem.objective == "energy"
+
     def followed_kwh(self, itinerary: Itinerary, from_s: float) -> float:
         """What a vehicle saves that follows another one on all open segments from a moment on."""
         return sum(
-            self.shares[segment].follower_kwh * self.shares[segment].gate.chance(entry)
+            self.shares[segment].following_kwh(entry)
             for segment, passages in itinerary.traversals.items()
             for entry, _, _ in passages
             if entry >= from_s
@@ -280,9 +287,9 @@ class Planner:
             return self.idle(number)
         if legs is None:
             return None
-        vehicle = self.problem.fleet.vehicles[number]
         if bound:
             return self._bound_itinerary(number, stops, legs, depart_s, waits_s)
+        vehicle = self.problem.fleet.vehicles[number]
         earliest_s = self._ready_after_charging_s(number, legs)
         if math.isinf(earliest_s) or (depart_s is not None and depart_s < earliest_s - _ROUNDING_S):
             return None
@@ -316,7 +323,7 @@ class Planner:
 
         # It waits as planned before a leg that is fixed.
         fixed = max(0, len(self.fixed_legs(number) or ()) - 1)
-        planned_s = self.planned_waits_s(number, driven(first_s, ()))[:fixed]
+        planned_s = self.planned_waits_s(number, driven(first_s, ()))[:fixed] if fixed else ()
         at_once = driven(first_s, planned_s)
         waits_s = (*planned_s, *waits_s[fixed:])
         if begins_s == first_s and not any(waits_s[fixed:]):
@@ -334,10 +341,10 @@ class Planner:
         own, here = self.bound[number], route.visits[0]
         if own.moving is not None or not own.under_way:
             return route
-        ready_s = max(0.0, 1e-9 * (own.ends_ns - self.snapshot.now_ns))
-        wait_s = max(0.0, here.departure_s - ready_s)
         if own.departs_ns <= own.ends_ns and not own.may_wait:
             return route
+        ready_s = max(0.0, 1e-9 * (own.ends_ns - self.snapshot.now_ns))
+        wait_s = max(0.0, here.departure_s - ready_s)
         here = replace(here, arrival_s=here.departure_s - wait_s, wait_s=wait_s)
         return replace(route, visits=(here, *route.visits[1:]))
 

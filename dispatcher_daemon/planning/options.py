@@ -104,10 +104,7 @@ def _joint(
     strongest, shared = 0.0, None
     for partner in partners:
         common = [s for s in itinerary.traversals if s in partner.traversals]
-        weight = sum(
-            shares[s].follower_kwh * shares[s].gate.chance(itinerary.traversals[s][0][0])
-            for s in common
-        )
+        weight = sum(shares[s].following_kwh(itinerary.traversals[s][0][0]) for s in common)
         if partner.number != itinerary.number and weight > strongest:
             strongest, shared = weight, (partner, common)
     if shared is None or itinerary.route is None:

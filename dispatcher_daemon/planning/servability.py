@@ -53,10 +53,7 @@ def without(problem: RoutingProblem, stops: Collection[str]) -> RoutingProblem:
     )
     kept = tuple(stop for stop in fleet.stops if stop.id not in stops)
     # Not a copy: what a fleet has looked up of its stops would be copied with it.
-    smaller = Fleet(
-        **{name: getattr(fleet, name) for name in Fleet.model_fields}
-        | {"stops": kept, "vehicles": vehicles}
-    )
+    smaller = Fleet(**fleet.parts | {"stops": kept, "vehicles": vehicles})
     return replace(problem, fleet=smaller)
 
 

@@ -66,6 +66,10 @@ class Shares:
         middle_kwh, last_kwh = self.longer_kwh
         return last_kwh if number == members - 1 else middle_kwh
 
+    def following_kwh(self, entry_s: float) -> float:
+        """Saving of an only follower, with the chance that the gate is open at its entry."""
+        return self.follower_kwh * self.gate.chance(entry_s)
+
     def platoon_kwh(self, members: int) -> float:
         """Saving of a platoon of at least two vehicles that all have these shares."""
         if members == 2 or self.longer_kwh is None:

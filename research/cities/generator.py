@@ -129,7 +129,7 @@ def with_carriers(city: Instance, carriers: int) -> Instance:
     fleet = city.problem.fleet
     depots = len(fleet.depots)
     dealt = Fleet(
-        **{name: getattr(fleet, name) for name in Fleet.model_fields}
+        **fleet.parts
         | {
             "stops": tuple(
                 stop.model_copy(update={"carrier": f"carrier-{n % carriers + 1}"})
