@@ -174,9 +174,13 @@ def test_an_agent_answers_advises_and_goes_on_after_a_kill(tmp_path: Path, route
                 return isinstance(advice, VehicleAdvice) and advice.depart_ns is not None
 
             assert van.sense_until(leaves, "out2")
-            progress = van.latest("progress")
-            assert isinstance(progress, VehicleProgress)
-            assert [(v.stop, v.status) for v in progress.visits] == [("a", "served")]
+
+            def has_served() -> bool:
+                progress = van.latest("progress")
+                assert isinstance(progress, VehicleProgress)
+                return [(v.stop, v.status) for v in progress.visits] == [("a", "served")]
+
+            assert van.sense_until(has_served, "out2")
         finally:
             log = end(second)
         assert "Traceback" not in log

@@ -34,11 +34,16 @@ from slipstream.energy import drag_saving_kwh
 from slipstream.messages import VehiclePlan
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
+AMPLE_S = 250.0
+"""No search here takes so long on a machine that stalls: a plan is the same again."""
 SETTINGS = DispatcherSettings(
     form="route",
     solvers=("exact",),
+    deadline_s=AMPLE_S,
+    interval_s=AMPLE_S + 1.0,
     city=CitySettings(
-        search=SearchSettings(rounds=2, iterations_per_stop=5, workers=1),
+        search=SearchSettings(rounds=2, iterations_per_stop=5, workers=1, time_limit_s=AMPLE_S),
+        block_deadline_s=AMPLE_S,
         second_rounds=1,
         max_sweeps=4,
         patience=2,
@@ -49,7 +54,7 @@ SOLVE = solve_in_process([ExactSolver()])
 
 def cycle_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Cycle:
     """Cycle 3."""
-    return Cycle(problem, snapshot, SETTINGS, 3, snapshot.now_ns, 11)
+    return Cycle(problem, snapshot, SETTINGS, 3, snapshot.now_ns, 11, reference_delay_s=10.0)
 
 
 def planner_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Planner:
