@@ -21,7 +21,7 @@ from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
 from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
-from edge_daemon.sources import FrameSource, open_source
+from edge_daemon.sources import FrameSource, mark_repeats, open_source
 from edge_daemon.watch import Watch, read_reference
 from slipstream.bus import Bus, Publisher
 from slipstream.messages import (
@@ -38,6 +38,7 @@ from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 log = logging.getLogger(__name__)
 
 _RECENT_S = 10.0
+_MANY_REPEATS = 0.1
 _RECONNECT_S = 30.0
 
 
@@ -105,6 +106,7 @@ class EdgeDaemon:
         )
         self._started_ns = time.time_ns()
         self._frames = 0
+        self._repeated = 0
         self._states = 0
         self._recent: deque[tuple[float, float]] = deque()
         self._latest: dict[str, SegmentState] = {}
@@ -129,7 +131,7 @@ class EdgeDaemon:
         stages = self._stages
         with (
             stages.measure_garbage_collection(),
-            closing(detect_stream(self._source.frames(), self._detector)) as results,
+            closing(detect_stream(mark_repeats(self._source.frames()), self._detector)) as results,
         ):
             done_s = time.monotonic()
             for frame, found in results:
@@ -141,6 +143,8 @@ class EdgeDaemon:
                     self._check_camera(frame)
                     if frame is not None and found is not None:
                         self._update(frame, found)
+                    elif frame is not None:
+                        self._repeated += 1
                 now = self._now_s(frame)
                 with stages.measure("states"):
                     if now >= due_s:
@@ -231,7 +235,14 @@ class EdgeDaemon:
         health = self._health(status)
         self._health_publisher.put(health)
         self._log_skipped(health.frames_skipped)
+        if self._repeated > _MANY_REPEATS * self._frames and self._limiter.allow("repeated"):
+            log.warning(
+                "%d pictures show the one before once more and are left out; %d are new",
+                self._repeated,
+                self._frames,
+            )
         metrics.SKIPPED.set(health.frames_skipped)
+        metrics.REPEATED.set(health.frames_repeated)
         metrics.DECODE_ERRORS.set(health.decode_errors)
         metrics.RECONNECTS.set(health.reconnects)
         # Connecting to an absent camera is progress too: a restart would not help.
@@ -268,6 +279,7 @@ class EdgeDaemon:
             fault=self._fault,
             frames=self._frames,
             frames_skipped=counters.skipped,
+            frames_repeated=self._repeated,
             decode_errors=counters.decode_errors,
             reconnects=counters.reconnects,
             states=self._states,

@@ -30,6 +30,7 @@ class Frame:
         captured_s: the same moment on this machine's monotonic clock, for latencies.
         cut: True if the scene before it is another one (a loop, a reconnect).
         clock_jump: True if the stream's own clock stepped before it; the media time is corrected.
+        repeated: True if it shows the frame before once more: nothing is measured in it.
     """
 
     image: Image
@@ -38,6 +39,7 @@ class Frame:
     captured_s: float
     cut: bool = False
     clock_jump: bool = False
+    repeated: bool = False
 
 
 def read_image(path: Path) -> Image | None:

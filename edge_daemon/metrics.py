@@ -6,6 +6,7 @@ from prometheus_client import Counter, Gauge, Histogram
 
 FRAMES = Counter("slipstream_edge_frames", "Frames processed")
 SKIPPED = Gauge("slipstream_edge_frames_skipped", "Frames skipped for lack of time, or in a burst")
+REPEATED = Gauge("slipstream_edge_frames_repeated", "Frames left out as they repeat the one before")
 DECODE_ERRORS = Gauge("slipstream_edge_decode_errors", "Frames or clip ends that were unreadable")
 RECONNECTS = Gauge("slipstream_edge_reconnects", "Times the camera had to be connected again")
 STATES = Counter("slipstream_edge_segment_states", "Segment states published", ["segment", "flag"])

@@ -19,6 +19,7 @@ from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate
 from edge_daemon.settings import TrackSettings
+from edge_daemon.sources import mark_repeats
 from edge_daemon.sources.clip import FastClip, open_clip
 from edge_daemon.tracking import Sightings
 from edge_daemon.watch import Watch, read_reference
@@ -81,6 +82,7 @@ class TrackResult:
         done_s: monotonic time at which each frame had gone through, s.
         latency_s: of each frame, from decoded to processed, s.
         decode_errors: frames that could not be read.
+        repeated: frames that repeated the one before, which nothing was measured in.
         fault_s: for how long each fault of the frame was reported, s: it begins after its wait
             and ends some seconds after its last sign.
         rss_mb: resident memory at the end.
@@ -91,6 +93,7 @@ class TrackResult:
     done_s: list[float] = field(default_factory=list)
     latency_s: list[float] = field(default_factory=list)
     decode_errors: int = 0
+    repeated: int = 0
     fault_s: dict[CameraFault, float] = field(default_factory=dict)
     rss_mb: float = 0.0
 
@@ -127,18 +130,19 @@ def track(
     fault: CameraFault | None = None
     latest: dict[str, SegmentState] = {}
     source = FastClip(reader)
-    frames = detect_stream(prefetch(source.frames(), _PREFETCHED_FRAMES), detector)
+    frames = detect_stream(mark_repeats(prefetch(source.frames(), _PREFETCHED_FRAMES)), detector)
     with closing(frames), _AnnotatedVideo(annotated, reader.fps, camera) as annotated_video:
         for frame, detections in frames:
-            if frame is None or detections is None:
+            if frame is None:
                 continue
             now = frame.media_time_s
+            result.repeated += frame.repeated
             # A recording's own time: this machine's clocks say when it was read, not taken.
             seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
             before, fault = fault, watch.look(seen)
-            if fault is None:
+            if fault is None and detections is not None:
                 result.recorder.frame(len(result.done_s), now, pipeline.update(frame, detections))
-            else:
+            elif fault is not None:
                 result.fault_s[fault] = result.fault_s.get(fault, 0.0) + now - last_s
                 if fault != before:
                     pipeline.reset()

@@ -40,6 +40,7 @@ class _Window:
     observed_s: float
     coverage: float
     frames: int
+    sparse: bool
 
 
 class Pipeline:
@@ -158,6 +159,7 @@ class Pipeline:
             observed_s,
             coverage=min(1.0, observed_s / self._window_s),
             frames=len(self._frames),
+            sparse=sum(f.gap_s > _MAX_GAP_S for f in self._frames) > len(self._frames) / 2,
         )
         return (self._state(each, window, time_ns, fault) for each in self._camera.segments)
 
@@ -180,7 +182,13 @@ class Pipeline:
         vehicles = len(measured.vehicles) if measured else 0
         flag = (
             self._judge.judge(
-                segment.id, time_ns, features, vehicles, window.frames, window.coverage
+                segment.id,
+                time_ns,
+                features,
+                vehicles,
+                window.frames,
+                window.coverage,
+                sparse=window.sparse,
             )
             if fault is None
             else self._judge.invalidate(segment.id, fault)

@@ -22,6 +22,8 @@ _BGR: Final[dict[int | None, Colour]] = {
 _WORD: Final = {1: "stable", 0: "turbulent", None: "unknown"}
 _MPS_TO_KMH: Final = 3.6
 _SEEN_S: Final = 0.1
+_KNOWN_AFTER_S: Final = 0.5
+"""Before, a track's speed is still largely what a new track starts with."""
 _MIN_FONT_SCALE: Final = 0.38
 _LABELLED_OF_FONT: Final = 50  # px of box a unit of font scale
 _TINT: Final = 0.22
@@ -38,7 +40,8 @@ def annotate(
     """Draw what the pipeline knows at a media time over a copy of the frame, ``width`` px wide.
 
     Boxes of vehicles seen just now, each with its number where there is room, nearer ones first;
-    speeds are shown inside segments only, as the calibration is not checked elsewhere.
+    speeds are shown inside segments only, as the calibration is not checked elsewhere, and of
+    vehicles that have been followed for half a second.
     """
     zoom = width / image.shape[1]
     height = round(image.shape[0] * zoom)
@@ -73,7 +76,8 @@ def annotate(
     watched = _watched(camera, shown)
     for track, inside, (x1, y1, x2, y2) in zip(shown, watched, boxes, strict=True):
         if y2 - y1 >= _LABELLED_OF_FONT * scale:
-            speed = f"  {_MPS_TO_KMH * track.speed_mps:.0f} km/h" if inside else ""
+            known = inside and track.last_seen_s - track.first_seen_s >= _KNOWN_AFTER_S
+            speed = f"  {_MPS_TO_KMH * track.speed_mps:.0f} km/h" if known else ""
             labels.put(
                 f"#{track.id}{speed}",
                 [(x1, y1 - 12 * scale), (x1, y2 + 32 * scale), (x2, y1), (x2, y2)],

@@ -53,7 +53,9 @@ _FAULTS: Final[dict[CameraFault, str]] = {
 _REASONS: Final[dict[str, str]] = {
     "no_frames": "no picture from the camera",
     "too_few_vehicles": "too few vehicles to tell",
+    "low_frame_rate": "the camera sends too few pictures a second",
     "window_not_covered": "camera not watching long enough yet",
+    "implausible": "measured accelerations that no traffic has",
     "uncertain": "too uncertain to tell",
     "stale": "no fresh data",
     "dark": "the camera's picture is black",

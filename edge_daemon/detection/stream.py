@@ -34,6 +34,8 @@ def detect_stream(
 ) -> Generator[tuple[Frame | None, Detections | None]]:
     """Detect in each frame, several at a time, and hand them on in order, each exactly once.
 
+    A repeated frame is handed on without detections.
+
     A frame is taken from the source only when a request is free for it, so that a live source
     knows how far behind its reader is, and handed on as soon as its vehicles are known, whether or
     not another frame has come. Close the generator to stop early; it then waits for the source's
@@ -75,9 +77,9 @@ def detect_stream(
                     break
                 if stopping.is_set():
                     break
-                if frame is None:
+                if frame is None or frame.repeated:
                     free.release()
-                    _put(found, (None, None), stopping)
+                    _put(found, (frame, None), stopping)
                 else:
                     _put(found, (frame, pool.submit(detect, frame)), stopping)
             _close(source)

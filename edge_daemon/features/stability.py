@@ -18,6 +18,9 @@ from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
 _MIN_SPEED_SHARE: Final = 0.7
 """A kept flag ends below this share of the mean speed at which it was judged: a vehicle that stands
 on an empty road is not light traffic."""
+_MAX_BRAKING_MPS2: Final = 3.0
+_MAX_ACCELERATION_MPS2: Final = 3.0
+_POWER_W_PER_KG: Final = 45.0
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class StabilityJudge:
         vehicles: int,
         frames: int,
         coverage: float,
+        *,
+        sparse: bool = False,
     ) -> Flag:
         """The flag of a segment's latest window; windows come in the order of their ends.
 
@@ -61,7 +66,13 @@ class StabilityJudge:
         """
         before = self._stable.get(segment)
         flag = classify(
-            features, vehicles, frames, coverage, self._settings, was_stable=before is not None
+            features,
+            vehicles,
+            frames,
+            coverage,
+            self._settings,
+            was_stable=before is not None,
+            sparse=sparse,
         )
         if flag.y_e == 1 and features is not None:
             self._stable[segment] = _Stable(time_ns, features.mean_speed_mps.value)
@@ -97,6 +108,7 @@ def classify(
     settings: StabilitySettings,
     *,
     was_stable: bool = False,
+    sparse: bool = False,
 ) -> Flag:
     """Decide the flag of one segment for one window.
 
@@ -107,13 +119,17 @@ def classify(
         coverage: share of the window with frames, in [0, 1].
         settings: the thresholds.
         was_stable: the segment's flag was 1 so far: it stays so up to the threshold itself.
+        sparse: frames come too seldom for vehicles to be followed from one to the next.
     """
     if frames == 0:
         return Flag(None, "no_frames")
     if coverage < settings.min_coverage:
-        return Flag(None, "window_not_covered")
+        return Flag(None, "low_frame_rate" if sparse else "window_not_covered")
     if features is None or vehicles < settings.min_vehicles:
         return Flag(None, "too_few_vehicles")
+    most = max_acceleration_variance(features.mean_speed_mps.value)
+    if features.acceleration_variance_m2ps4.value > most:
+        return Flag(None, "implausible")
     ratios = _ratios(features, settings)
     values = [ratio.value for ratio in ratios]
     errors = [_margin(ratio, settings.confidence_sigmas) for ratio in ratios]
@@ -127,6 +143,17 @@ def classify(
     if highest <= 1:
         return Flag(1 if highest <= 1 - slack else 0, None)
     return Flag(None, "uncertain")
+
+
+def max_acceleration_variance(mean_speed_mps: float) -> float:
+    """The largest variance of acceleration that traffic of a mean speed can have, m²/s⁴.
+
+    Accelerations between −b and a have a variance of ((a + b) / 2)² at most (Popoviciu). b and a
+    are 3 m/s², beyond what drivers use but in emergencies; from 15 m/s on an engine's 45 W/kg allow
+    less than that: a = 45 / v. 9 m²/s⁴ in a town, 5 at 30 m/s.
+    """
+    a = min(_MAX_ACCELERATION_MPS2, _POWER_W_PER_KG / max(mean_speed_mps, 1.0))
+    return ((a + _MAX_BRAKING_MPS2) / 2) ** 2
 
 
 def _ratios(features: KinematicFeatures, settings: StabilitySettings) -> tuple[Estimate, Estimate]:

@@ -2,5 +2,6 @@
 
 from edge_daemon.sources.protocol import FrameSource, SourceCounters
 from edge_daemon.sources.registry import open_source
+from edge_daemon.sources.repeats import mark_repeats
 
-__all__ = ["FrameSource", "SourceCounters", "open_source"]
+__all__ = ["FrameSource", "SourceCounters", "mark_repeats", "open_source"]

@@ -14,20 +14,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
 
 from edge_daemon.camera import Array
 from edge_daemon.settings import TrackerSettings
+from edge_daemon.tracking.association import associate, overlap
 from edge_daemon.tracking.measurement import RoadPoints
 from edge_daemon.tracking.sightings import Indices, Sightings
+from edge_daemon.tracking.timing import FrameTiming
 
-_GATE = 13.8  # 99.9 % of χ² with two degrees of freedom
-_FORBIDDEN = 1e6
 # In a jam the next vehicle is a few metres ahead: no track may jump there, however uncertain.
 _MAX_JUMP_M = 3.0
 _NEW_TRACK_HITS = 5
-# Two vehicles are never closer than this, along the view and across it, m.
-_BODY_M = (2.5, 1.2)
 _MAX_CONFIRMED_STD_M = 2.0
 # A track less certain than a few car lengths cannot be distinguished from the next vehicle.
 _MAX_POSITION_STD_M = 4.0
@@ -40,6 +37,7 @@ class Track:
     Attributes:
         id: number, unique while the daemon runs.
         state: x, y, vx, vy, ax, ay in m and s.
+        first_seen_s: media time of its first detection.
         last_seen_s: media time of its last detection.
         box: last detection's box, px.
         vehicle_class: the class with most votes.
@@ -47,6 +45,7 @@ class Track:
 
     id: int
     state: Array
+    first_seen_s: float
     last_seen_s: float
     box: npt.NDArray[np.float32]
     vehicle_class: int
@@ -63,6 +62,7 @@ class _Record:
 
     id: int
     box: npt.NDArray[np.float32]
+    first_seen_s: float
     last_seen_s: float
     hits: int = 1
     votes: dict[int, float] = field(default_factory=dict)
@@ -74,11 +74,16 @@ class _Record:
 
 
 class Tracker:
-    """Tracks the vehicles of one camera."""
+    """Tracks the vehicles of one camera.
+
+    Attributes:
+        timing: how wrong the frames' times are; no scene's, so that it outlasts `reset`.
+    """
 
     def __init__(self, settings: TrackerSettings) -> None:
         self._settings = settings
         self._next_id = 1
+        self.timing = FrameTiming()
         self.reset()
 
     def reset(self) -> None:
@@ -93,7 +98,14 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks, seen in the last frame or coasting."""
         return tuple(
-            Track(record.id, state, record.last_seen_s, record.box, record.vehicle_class)
+            Track(
+                record.id,
+                state,
+                record.first_seen_s,
+                record.last_seen_s,
+                record.box,
+                record.vehicle_class,
+            )
             for record, state in zip(self._records, self._states, strict=True)
             if record.hits >= self._settings.confirm_hits
         )
@@ -119,11 +131,17 @@ class Tracker:
         self._time_s = time_s
         # Of a vehicle just found the speed is unknown yet.
         young = np.array(
-            [record.hits < _NEW_TRACK_HITS for record in self._records], dtype=np.float64
+            [record.hits < _NEW_TRACK_HITS for record in self._records], dtype=np.bool_
         )
         self._reach_m = _MAX_JUMP_M + young * self._settings.max_speed_mps * step_s
         tracks, detections = self._assign_in_two_stages(found)
-        self._correct(tracks, found.points_m[detections], found.covariances_m2[detections])
+        known = ~young[tracks]
+        self._learn_timing(step_s, tracks[known], detections[known], found)
+        self._correct(
+            tracks,
+            found.points_m[detections],
+            found.covariances_m2[detections] + self._late(tracks),
+        )
         sightings = self._seen(tracks, detections, time_s, found)
         new = found.scores >= self._settings.high_score
         new[detections] = False
@@ -131,6 +149,23 @@ class Tracker:
         new[new] = ~self._occupied(found.points_m[new], found.away[new])
         self._start(time_s, found, np.flatnonzero(new))
         return sightings
+
+    def _learn_timing(
+        self, step_s: float, tracks: Indices, detections: Indices, found: RoadPoints
+    ) -> None:
+        """Take from all vehicles together how far a frame's time was wrong."""
+        self.timing.learn(
+            step_s,
+            found.points_m[detections] - self._states[tracks, :2],
+            self._states[tracks, 2:4],
+            self._covariances[tracks, :2, :2] + found.covariances_m2[detections],
+        )
+
+    def _late(self, tracks: Indices) -> Array:
+        """Covariances of positions from the error of the frame's time, σ²E[v vᵀ], m², (n, 2, 2)."""
+        velocity = self._states[tracks, 2:4]
+        squares = velocity[:, :, None] * velocity[:, None] + self._covariances[tracks, 2:4, 2:4]
+        return np.asarray(self.timing.variance_s2 * squares)
 
     def _assign_in_two_stages(self, found: RoadPoints) -> tuple[Indices, Indices]:
         sure = found.scores >= self._settings.high_score
@@ -145,19 +180,10 @@ class Tracker:
         if not len(tracks) or not len(detections):
             return tracks[:0], detections[:0]
         gap = found.points_m[detections][None] - self._states[tracks, None, :2]
-        spread = self._covariances[tracks, None, :2, :2] + found.covariances_m2[detections][None]
-        determinant = spread[..., 0, 0] * spread[..., 1, 1] - spread[..., 0, 1] ** 2
-        distance = (
-            spread[..., 1, 1] * gap[..., 0] ** 2
-            - 2 * spread[..., 0, 1] * gap[..., 0] * gap[..., 1]
-            + spread[..., 0, 0] * gap[..., 1] ** 2
-        ) / determinant
-        # The log-determinant keeps an uncertain track from taking a certain one's detection.
-        cost = np.where(distance > _GATE, _FORBIDDEN, distance + np.log(determinant))
-        cost[np.hypot(gap[..., 0], gap[..., 1]) > self._reach_m[tracks, None]] = _FORBIDDEN
-        rows, columns = linear_sum_assignment(cost)
-        allowed = cost[rows, columns] < _FORBIDDEN
-        return tracks[rows[allowed]], detections[columns[allowed]]
+        spread = (self._covariances[tracks, :2, :2] + self._late(tracks))[:, None]
+        spread = spread + found.covariances_m2[detections][None]
+        rows, columns = associate(gap, spread, self._reach_m[tracks])
+        return tracks[rows], detections[columns]
 
     def _correct(self, tracks: Indices, points: Array, noise: Array) -> None:
         if not len(tracks):
@@ -180,12 +206,12 @@ class Tracker:
         sure = confirmed & (
             self._covariances[:, 0, 0] + self._covariances[:, 1, 1] < _MAX_CONFIRMED_STD_M**2
         )
-        return np.asarray(_overlap(points, self._states[sure, :2], away).any(axis=1))
+        return np.asarray(overlap(points, self._states[sure, :2], away).any(axis=1))
 
     def _merge(self, tracks: Indices, away: Array) -> None:
         """Drop the younger of two tracks that have come to lie on one vehicle."""
         points = self._states[tracks, :2]
-        same = _overlap(points, self._states[:, :2], away)
+        same = overlap(points, self._states[:, :2], away)
         same[np.arange(len(tracks)), tracks] = False
         if not same.any():
             return
@@ -235,7 +261,7 @@ class Tracker:
         self._states = np.concatenate([self._states, states])
         self._covariances = np.concatenate([self._covariances, covariances])
         for detection in detections.tolist():
-            record = _Record(self._next_id, found.boxes[detection], time_s)
+            record = _Record(self._next_id, found.boxes[detection], time_s, time_s)
             record.votes[int(found.classes[detection])] = float(found.scores[detection])
             record.early.append(_sightings([record], time_s, found, np.array([detection])))
             self._records.append(record)
@@ -271,14 +297,6 @@ def _sightings(
         np.array([record.vehicle_class for record in records], dtype=np.int64),
         found.boxes[detections],
     )
-
-
-def _overlap(points: Array, others: Array, away: Array) -> npt.NDArray[np.bool_]:
-    """Which of the others (m, 2) lie within a vehicle's body of the points (n, 2), shape (n, m)."""
-    gap = others[None] - points[:, None]
-    along = np.abs(np.einsum("nmi,ni->nm", gap, away))
-    across = np.abs(gap[..., 0] * away[:, None, 1] - gap[..., 1] * away[:, None, 0])
-    return np.asarray((along < _BODY_M[0]) & (across < _BODY_M[1]))
 
 
 def _motion(dt: float, jerk_noise: float) -> tuple[Array, Array]:

@@ -53,9 +53,17 @@ CameraFault = Literal[
 CAMERA_FAULTS: Final[tuple[CameraFault, ...]] = get_args(CameraFault)
 
 UnknownReason = (
-    Literal["no_frames", "too_few_vehicles", "window_not_covered", "uncertain"] | CameraFault
+    Literal[
+        "no_frames",
+        "low_frame_rate",
+        "window_not_covered",
+        "too_few_vehicles",
+        "implausible",
+        "uncertain",
+    ]
+    | CameraFault
 )
-"""Why a flag is unknown."""
+"""Why a flag is unknown. `implausible`: accelerations that no traffic has were measured."""
 
 
 class SegmentState(Message):
@@ -101,6 +109,9 @@ class RsuHealth(Message):
     )
     frames: Count
     frames_skipped: Count
+    frames_repeated: Count = Field(
+        default=0, description="Left out as they show the frame before once more."
+    )
     decode_errors: Count
     reconnects: Count
     states: Count

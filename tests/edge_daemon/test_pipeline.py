@@ -172,6 +172,15 @@ def test_a_pause_of_the_source_does_not_count_as_watched(camera: Camera) -> None
     assert state.coverage == pytest.approx(0.6, abs=0.02)
 
 
+def test_a_camera_of_a_frame_a_second_is_told_from_one_that_paused(camera: Camera) -> None:
+    """Nothing can be followed from one frame to the next: the reason says so."""
+    pipeline = a_pipeline(camera)
+    for number in range(12):
+        pipeline.process(blank(float(number)))
+    (state,) = pipeline.states(1)
+    assert (state.reason, state.coverage) == ("low_frame_rate", 0.0)
+
+
 def test_a_picture_of_another_size_is_refused(camera: Camera) -> None:
     """The calibration holds for one size only."""
     frame = Frame(np.zeros((480, 640, 3), np.uint8), 0.0, 0, 0.0)

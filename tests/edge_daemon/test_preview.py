@@ -36,11 +36,16 @@ def picture() -> Image:
 
 
 def track(
-    number: int, box: tuple[float, float, float, float], last_seen_s: float, y_m: float = 3.0
+    number: int,
+    box: tuple[float, float, float, float],
+    last_seen_s: float,
+    y_m: float = 3.0,
+    followed_s: float = 2.0,
 ) -> Track:
     """A vehicle at 10 m/s."""
     state = np.array([40.0, y_m, -10.0, 0.0, 0.0, 0.0])
-    return Track(number, state, last_seen_s, np.array(box, dtype=np.float32), 0)
+    box_px = np.array(box, dtype=np.float32)
+    return Track(number, state, last_seen_s - followed_s, last_seen_s, box_px, 0)
 
 
 @pytest.mark.parametrize("width", [1280, 640, 321])
@@ -73,6 +78,17 @@ def test_speeds_are_shown_in_the_segments_only(camera: Camera, picture: Image) -
     )
     changed = [(shown[270:298, 880:] != 90).any(axis=(0, 2)).sum() for shown in (inside, beside)]
     assert changed[0] > 2 * changed[1] > 0
+
+
+def test_the_speed_of_a_vehicle_just_found_is_not_shown(camera: Camera, picture: Image) -> None:
+    """A new track's speed says little for half a second."""
+    box = (900.0, 300.0, 1000.0, 380.0)
+    young, old = (
+        annotate(picture, camera, [track(1, box, 5.0, followed_s=s)], {}, 5.0, 1280)
+        for s in (0.4, 0.6)
+    )
+    changed = [(shown[270:298, 880:] != 90).any(axis=(0, 2)).sum() for shown in (young, old)]
+    assert 0 < 2 * changed[0] < changed[1]
 
 
 def test_labels_keep_out_of_each_others_way(picture: Image) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from queue import Queue
 
 import numpy as np
@@ -43,6 +44,17 @@ class Numbered:
         return Detections(
             np.zeros((number, 4), np.float32), np.ones(number, np.float32), np.zeros(number, int)
         )
+
+
+def test_a_repeated_frame_is_handed_on_without_detections() -> None:
+    """In its place, and without a request of the detector's."""
+    frames = [replace(frame(n), repeated=n % 2 == 1) for n in range(1, 9)]
+    detector = Numbered(requests=1)
+    results = list(detect_stream(iter(frames), detector))
+    assert [f for f, _ in results] == frames
+    assert [None if d is None else len(d.scores) for _, d in results] == [
+        None if n % 2 else n for n in range(1, 9)
+    ]
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3])

@@ -250,3 +250,16 @@ def test_a_fault_or_a_step_back_of_the_clock_ends_what_is_kept() -> None:
     assert flag(13 * MINUTE, 5) == 1
     judge.reset()
     assert flag(14 * MINUTE, 1) is None
+
+
+@pytest.mark.parametrize(
+    ("mean", "variance", "reason"),
+    [(30.0, 4.9, None), (30.0, 5.2, "implausible"), (10.0, 8.9, None), (10.0, 9.1, "implausible")],
+)
+def test_accelerations_that_no_traffic_has_are_unknown(
+    mean: float, variance: float, reason: str | None
+) -> None:
+    """At 108 km/h an engine leaves 1.5 m/s², so that ((1.5 + 3) / 2)² = 5.1 is the most."""
+    flag = classify(features(mean=mean, variance=variance), 5, 300, 1.0, StabilitySettings())
+    assert flag.reason == reason
+    assert flag.y_e == (0 if reason is None else None)

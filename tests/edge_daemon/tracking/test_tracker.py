@@ -7,6 +7,7 @@ import pytest
 
 from edge_daemon.settings import TrackerSettings
 from edge_daemon.tracking import Sightings, Tracker
+from edge_daemon.tracking.timing import FrameTiming
 
 from ..conftest import seen_at
 
@@ -127,3 +128,49 @@ def test_two_tracks_that_end_up_on_one_vehicle_become_one() -> None:
             points.append([50.0 - 5.0 * now + max(0.0, 6.0 - 4.0 * (now - 10 / FPS)), 2.0])
         tracker.update(now, seen_at(np.array(points), 0.1))
     assert [track.id for track in tracker.tracks] == [1]
+
+
+def jittered(std_s: float, seed: int) -> tuple[Tracker, Sightings]:
+    """Five vehicles at 20 to 28 m/s for 5 s, the frames' times wrong by a normal error."""
+    tracker = Tracker(TrackerSettings())
+    rng = np.random.default_rng(seed)
+    speeds = np.linspace(20, 28, 5)
+    parts = []
+    said_s = -1.0
+    for number in range(150):
+        true_s = number / FPS
+        said_s = max(true_s + rng.normal(0, std_s), said_s + 1e-3)
+        points = np.column_stack([200 - speeds * true_s, 4.0 * np.arange(5)])
+        parts.append(tracker.update(said_s, seen_at(points + rng.normal(0, 0.1, (5, 2)), 0.1)))
+    return tracker, Sightings.join(parts)
+
+
+@pytest.mark.parametrize("std_s", [0.010, 0.020, 0.033])
+@pytest.mark.parametrize("seed", range(3))
+def test_frames_with_wrong_times_lose_no_vehicle(std_s: float, seed: int) -> None:
+    """At 28 m/s 33 ms are 0.9 m, nine times what boxes err; speeds stay right to 1 m/s."""
+    tracker, sightings = jittered(std_s, seed)
+    assert len(set(sightings.track[sightings.time_s > 1.0])) == 5
+    assert len(sightings) >= 0.99 * 5 * 150
+    speeds = sorted(track.speed_mps for track in tracker.tracks)
+    assert speeds == pytest.approx([20, 22, 24, 26, 28], abs=1.0)
+
+
+def test_the_error_of_times_is_measured_and_nothing_else_passes_for_it() -> None:
+    """Neither noise of boxes nor vehicles that brake together do."""
+    timing = FrameTiming()
+    rng = np.random.default_rng(5)
+    velocity = np.tile([-25.0, 0.0], (4, 1))
+    for _ in range(300):
+        late = velocity * rng.normal(0, 0.02)
+        found = late + rng.normal(0, 0.1, (4, 2))
+        timing.learn(1 / FPS, found, velocity, np.tile(np.eye(2) * 0.1**2, (4, 1, 1)))
+    assert timing.variance_s2 == pytest.approx(0.02**2, rel=0.3)
+    assert jittered(0.0, 1)[0].timing.variance_s2 == 0
+    tracker = Tracker(TrackerSettings())
+    for number in range(120):
+        now = number / FPS
+        along = 200 - 25 * now + 3.0 * max(0.0, now - 1.0) ** 2 / 2
+        points = np.column_stack([along + 15 * np.arange(4), np.zeros(4)])
+        tracker.update(now, seen_at(points + rng.normal(0, 0.1, points.shape), 0.1))
+    assert tracker.timing.variance_s2 == 0
