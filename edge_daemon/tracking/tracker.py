@@ -133,7 +133,9 @@ class Tracker:
         young = np.array(
             [record.hits < _NEW_TRACK_HITS for record in self._records], dtype=np.bool_
         )
-        self._reach_m = _MAX_JUMP_M + young * self._settings.max_speed_mps * step_s
+        self._reach_m = np.where(
+            young, _MAX_JUMP_M + self._settings.max_speed_mps * step_s, _MAX_JUMP_M
+        )
         tracks, detections = self._assign_in_two_stages(found)
         known = ~young[tracks]
         self._learn_timing(step_s, tracks[known], detections[known], found)
