@@ -140,7 +140,7 @@ class EdgeDaemon:
                 if self._service.stopping.is_set():
                     break
                 with stages.measure("fault check and tracking"):
-                    self._check_camera(frame)
+                    self._check_camera(frame, found)
                     if frame is not None and found is not None:
                         self._update(frame, found)
                     elif frame is not None:
@@ -172,10 +172,15 @@ class EdgeDaemon:
             return frame.media_time_s
         return time.monotonic()
 
-    def _check_camera(self, frame: Frame | None) -> None:
+    def _check_camera(self, frame: Frame | None, found: Detections | None) -> None:
         """Look for a camera fault; log and count its beginning and its end."""
         now = time.monotonic()
-        fault = self._watch.look(frame) if frame is not None else self._fault_without_frame(now)
+        # What starts no track has not been found.
+        high_score = self._settings.tracker.high_score
+        boxes = None if found is None else found.boxes_above(high_score)
+        fault = (
+            self._watch.look(frame, boxes) if frame is not None else self._fault_without_frame(now)
+        )
         if fault == self._fault:
             return
         if self._fault is not None:

@@ -139,7 +139,10 @@ def track(
             result.repeated += frame.repeated
             # A recording's own time: this machine's clocks say when it was read, not taken.
             seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
-            before, fault = fault, watch.look(seen)
+            sure = (
+                None if detections is None else detections.boxes_above(settings.tracker.high_score)
+            )
+            before, fault = fault, watch.look(seen, sure)
             if fault is None and detections is not None:
                 result.recorder.frame(len(result.done_s), now, pipeline.update(frame, detections))
             elif fault is not None:

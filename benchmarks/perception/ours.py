@@ -59,7 +59,7 @@ def measure(
         for number, (frame, found) in enumerate(results, start=1):
             assert frame is not None
             assert found is not None
-            watch.look(frame)
+            watch.look(frame, found.boxes_above(TrackerSettings().high_score))
             pipeline.update(frame, found)
             if frame.media_time_s >= due_s:
                 pipeline.states(frame.captured_ns)

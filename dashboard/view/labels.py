@@ -48,6 +48,7 @@ _FAULTS: Final[dict[CameraFault, str]] = {
     "corrupt": "pictures damaged",
     "camera_moved": "camera moved",
     "clock_jump": "clock jumped",
+    "blind": "vehicles not recognised",
 }
 
 _REASONS: Final[dict[str, str]] = {
@@ -65,6 +66,7 @@ _REASONS: Final[dict[str, str]] = {
     "corrupt": "the camera's pictures are damaged",
     "camera_moved": "the camera has moved",
     "clock_jump": "a clock has jumped",
+    "blind": "something moves that the detector does not recognise",
     "future": "the camera's clock is ahead",
     "missing": "no data",
     "turbulent": "turbulent traffic",

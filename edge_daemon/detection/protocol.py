@@ -32,6 +32,10 @@ class Detections:
     def __len__(self) -> int:
         return len(self.scores)
 
+    def boxes_above(self, score: float) -> npt.NDArray[np.float32]:
+        """Boxes of the detections with this score at least, shape (n, 4)."""
+        return self.boxes[self.scores >= score]
+
 
 class Detector(Protocol):
     """Finds vehicles in a frame.

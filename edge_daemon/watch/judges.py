@@ -14,6 +14,7 @@ import numpy as np
 from edge_daemon.camera import Camera
 from edge_daemon.frame import Image
 from edge_daemon.settings import WatchSettings
+from edge_daemon.watch.blind import BlindJudge
 from edge_daemon.watch.camera_moved import CameraMovedJudge, ViewShift
 from edge_daemon.watch.clock_jump import ClockJumpJudge
 from edge_daemon.watch.corrupt import CorruptJudge
@@ -86,4 +87,5 @@ def make_judges(
         ObscuredJudge(settings.exposure_after_s, lambda: moved.sharpness),
         FrozenJudge(settings.frozen_after_s, road_mask(camera, grid, 0.0)),
         moved,
+        BlindJudge(camera, road_mask(camera, (rows, columns), 0.0)),
     )

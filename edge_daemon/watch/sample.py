@@ -30,10 +30,12 @@ class Sample:
     Attributes:
         frame: the frame.
         number: of the sampled frames so far, this one included.
+        boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
     """
 
     frame: Frame
     number: int
+    boxes: npt.NDArray[np.float32] | None = None
 
     @property
     def time_s(self) -> float:

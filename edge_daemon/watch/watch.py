@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 from edge_daemon.camera import Camera
 from edge_daemon.frame import Frame, Image
 from edge_daemon.settings import WatchSettings
@@ -30,8 +33,14 @@ class Watch:
         self._samples = 0
         self.fault: CameraFault | None = None
 
-    def look(self, frame: Frame) -> CameraFault | None:
+    def look(
+        self, frame: Frame, boxes: npt.NDArray[np.float32] | None = None
+    ) -> CameraFault | None:
         """Judge one frame of the calibrated size.
+
+        Args:
+            frame: the frame.
+            boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
 
         Returns:
             Why the camera cannot be trusted now; None while it can.
@@ -40,7 +49,7 @@ class Watch:
         is_sampled = self._sampled_s is None or not (
             0 <= now_s - self._sampled_s < self._settings.sample_interval_s
         )
-        sample = Sample(frame, self._samples + is_sampled)
+        sample = Sample(frame, self._samples + is_sampled, boxes)
         seen = {judge.fault for judge in self._judges if judge.every_frame and judge.look(sample)}
         if seen or frame.cut:
             self._interrupt()

@@ -47,6 +47,7 @@ CameraFault = Literal[
     "corrupt",
     "camera_moved",
     "clock_jump",
+    "blind",
 ]
 """Faults of a camera; its pictures are not used while one lasts."""
 

@@ -223,6 +223,42 @@ def test_a_fault_closes_all_segments_and_a_window_later_they_are_back(
     assert ["has a fault" in line for line in lines] == [True, False]
 
 
+def test_a_road_on_which_nothing_that_moves_is_detected_is_not_empty(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+) -> None:
+    """A detector that finds nothing: named within 10 s, and until it finds what moves again."""
+    camera, pictures, seen = calm
+    watch = Watch(camera, WatchSettings())
+    rounds = 2
+    faults: list[str | None] = []
+    for number in range(rounds * len(pictures)):
+        time_s = number / FPS
+        frame = Frame(pictures[number % len(pictures)], time_s, round(1e18 + 1e9 * time_s), time_s)
+        finds = number >= len(pictures)
+        boxes = seen[number % len(pictures)].boxes
+        faults.append(watch.look(frame, boxes if finds else boxes[:0]))
+    first = faults.index("blind")
+    again = len(pictures)
+    assert first / FPS <= 10.0
+    assert set(faults[first:again]) == {"blind"}
+    assert faults[-1] is None
+    assert 0 < faults[again:].index(None) / FPS <= 10.0
+
+
+def test_a_blind_detector_closes_the_segments(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+) -> None:
+    """The states say `blind`, and not that too few vehicles came by."""
+    camera, pictures, _ = calm
+    shown = [
+        Frame(picture, n / FPS, n * 10**9 // FPS, n / FPS) for n, picture in enumerate(pictures)
+    ]
+    daemon, recorder, _ = a_daemon(camera, Reel(shown), Still(), "fast")
+    daemon.run()
+    assert recorder.states[-2].reason == "blind"
+    assert recorder.health[-1].fault == "blind"
+
+
 def test_a_clock_that_steps_empties_the_window(
     calm: tuple[Camera, list[Picture], list[Detections]],
 ) -> None:

@@ -50,6 +50,7 @@ def test_every_fault_has_one_judge_in_the_order_of_precedence(camera: Camera) ->
         "obscured",
         "frozen",
         "camera_moved",
+        "blind",
     ]
     assert {*faults, "stale"} == set(CAMERA_FAULTS)
 
