@@ -56,6 +56,7 @@ class BlindJudge:
         self._camera = camera
         self._road = road
         self._zoom = road.shape[1] / camera.size[0]
+        self._blind = False
         self._restart()
 
     def look(self, sample: Sample) -> bool:
@@ -63,15 +64,16 @@ class BlindJudge:
         if sample.boxes is None:
             return self._blind
         self._samples += 1
-        mask = self._background.apply(sample.small)
+        moving = np.asarray(self._background.apply(sample.small)) == _MOVING
         if self._samples <= _LEARN_SAMPLES:
             return False
-        covered = _covered(self._moving(mask), sample.boxes.astype(np.float64))
+        covered = _covered(self._find(moving & self._road), sample.boxes.astype(np.float64))
         found = int(np.count_nonzero(covered))
         self._counts.append((sample.time_s, found, len(covered) - found))
         while sample.time_s - self._counts[0][0] > _WINDOW_S:
             self._counts.popleft()
-        found, missed = (sum(count[i] for count in self._counts) for i in (1, 2))
+        found = sum(count for _, count, _ in self._counts)
+        missed = sum(count for _, _, count in self._counts)
         if missed >= _MIN_MISSED and missed > _MISSED_TO_FOUND * found:
             self._blind = True
         elif found > missed:
@@ -90,9 +92,8 @@ class BlindJudge:
         self._blind = False
         self._counts: deque[tuple[float, int, int]] = deque()
 
-    def _moving(self, mask: npt.NDArray[np.uint8]) -> Array:
-        """Boxes around moving things of a vehicle's size on the road, px, shape (n, 4)."""
-        moving = (np.asarray(mask) == _MOVING) & self._road
+    def _find(self, moving: Mask) -> Array:
+        """Boxes around moving things of a vehicle's size, px, shape (n, 4)."""
         if np.count_nonzero(moving) > _MAX_MOVING_SHARE * np.count_nonzero(self._road):
             return np.empty((0, 4))
         _, _, stats, _ = cv2.connectedComponentsWithStats(moving.astype(np.uint8), connectivity=8)
