@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import io
-import itertools
+from types import SimpleNamespace
 
 import pytest
 
-from slipstream_cli import progress
 from slipstream_cli.progress import Progress
 
 
@@ -22,8 +21,9 @@ class Terminal(io.StringIO):
 def test_remaining_time_follows_the_rate_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     """A quarter in a minute leaves three; nothing is told in the first seconds, nothing remains of
     the line before."""
-    clock = itertools.chain([100.0, 101.0, 160.0, 300.0, 340.0])
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    times_s = iter([100.0, 101.0, 160.0, 300.0, 340.0])
+    clock = SimpleNamespace(monotonic=lambda: next(times_s))
+    monkeypatch.setattr("slipstream_cli.progress.time", clock)
     stream = Terminal()
     with Progress("planning", stream) as shown:
         for done in (1, 25, 90, 100):
