@@ -32,6 +32,7 @@ _STYLES: Final[Mapping[str, Mapping[str, Any]]] = {
 }
 """By colours that are told apart by colour-blind readers, and by markers and dashes in grey."""
 _LINES: Final = {"linewidth": 1.2, "markersize": 4.0, "capsize": 2.0, "elinewidth": 0.8}
+_EXPLAINED: Final = {"local search": "local search (ours)", "as ready": "as ready (nobody waits)"}
 _MARGIN: Final = 1.3
 _DODGE: Final = 1.03
 """Series stand so far beside each other that bars of spread do not cover each other."""
@@ -72,14 +73,17 @@ def figure(plt: Any, results: Sequence[Result], driven: Mapping[int, Evaluation]
         driven: evaluations by vehicles a day; none: no panel of them.
     """
     drawn, panels = plt.subplots(
-        2, 3, figsize=(9.6, 6.2), layout="constrained", sharey=True, width_ratios=(1, 1, 0.85)
+        2, 3, figsize=(9.2, 6.2), layout="constrained", sharey=True, width_ratios=(1, 1, 0.95)
     )
     densities = sorted({r.cell.vehicles for r in results} or driven)
     for (row, price_kw), (column, place) in product(enumerate(PRICES_KW), enumerate(PLACES)):
         some = [r for r in results if (r.cell.place, r.cell.price_kw) == (place, price_kw)]
         waiting = "waiting is free" if price_kw == 0 else f"waiting costs {price_kw} kW"
         _panel(panels[row, column], _planned(some), densities, f"{PLACES[place]}, {waiting}")
-    drawn.suptitle("100 %: every vehicle follows another one all the way", fontsize=10)
+    drawn.suptitle(
+        "100 %: every vehicle follows another one all the way. Bars: standard deviation over days",
+        fontsize=10,
+    )
     for axes in panels[:, 0]:
         axes.set_ylabel("share of the drafting ceiling, %")
     legend, last = panels[:, -1]
@@ -137,9 +141,11 @@ def _panel(
         at = [n * _DODGE ** (number - len(series) / 2) for n in known]
         means = [100 * spread.mean for spread in known.values()]
         errors = [100 * (spread.deviation or 0.0) for spread in known.values()]
-        axes.errorbar(at, means, errors, label=label, **{**_LINES, **_STYLES[label]})
+        axes.errorbar(
+            at, means, errors, label=_EXPLAINED.get(label, label), **{**_LINES, **_STYLES[label]}
+        )
     axes.set_title(title, fontsize=10)
     axes.set(xscale="log", xlabel="vehicles a day", ylim=(-2, 100))
-    axes.set_xticks(densities, [f"{n:,}" for n in densities], fontsize=8)
+    axes.set_xticks(densities, [str(n) for n in densities], fontsize=8)
     axes.minorticks_off()
     tidy(axes)

@@ -110,10 +110,12 @@ def test_the_picture_has_every_series(
         "ten carriers, waiting is free",
     ]
     assert len(planned) == 4
+    ready, *rivals, own = STRATEGIES
+    lines = {"upper bound", *rivals, f"{own} (ours)", f"{ready} (nobody waits)"}
     for axes in planned:
         series = _series(axes)
-        assert set(series) == {*STRATEGIES, "upper bound"}
-        assert series["local search"] == [pytest.approx(30.0)] * 2
+        assert set(series) == lines
+        assert series["local search (ours)"] == [pytest.approx(30.0)] * 2
         assert series["upper bound"] == [pytest.approx(60.0)] * 2
     assert set(_series(rounds)) == {"planned by the dispatcher", "driven in SUMO"}
     shares = driven[29].figure("C", lambda m: 100 * m.drafted_kwh / m.ceiling_kwh)
@@ -121,9 +123,7 @@ def test_the_picture_has_every_series(
     assert _series(rounds)["driven in SUMO"] == [pytest.approx(shares.mean)]
     legends = [a for axes in drawn.axes for a in axes.get_children() if hasattr(a, "get_texts")]
     named = [text.get_text() for legend in legends for text in legend.get_texts()]
-    assert sorted(named) == sorted(
-        [*STRATEGIES, "upper bound", "planned by the dispatcher", "driven in SUMO"]
-    )
+    assert sorted(named) == sorted([*lines, "planned by the dispatcher", "driven in SUMO"])
     assert len({axes.get_xlim() for axes in panels.values()}) == 1
     plt.close(drawn)
     without = picture.figure(plt, results, {})
