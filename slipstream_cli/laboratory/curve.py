@@ -126,7 +126,7 @@ class Curve:
         summaries: dict[str, Any] = {}
         if not (results or fleets):
             raise InputError(self.out, "nothing of these is stored", "run it without --stored")
-        missing = write_curve(self.out, results, {})
+        missing = write_curve(self.out, results, {}) if results else None
         for number, (vehicles, fleet) in enumerate(fleets.items(), 1):
             if sys.stderr.isatty():
                 said = f"{vehicles} vehicles a day ({number} of {len(fleets)} that are driven)"
@@ -134,7 +134,7 @@ class Curve:
             evaluation, summary = evaluate(fleet.parent, replace(files, fleet=fleet))
             found[vehicles], summaries[str(vehicles)] = evaluation, summary
         if found:
-            write_curve(self.out, results, found)
+            missing = write_curve(self.out, results, found)
         if missing is not None:
             print(f"slipstream: {missing}", file=sys.stderr)
         if not self.quiet:

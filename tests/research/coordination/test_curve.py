@@ -87,6 +87,15 @@ def test_what_was_driven_stands_beside_with_its_differences(
     assert (tmp_path / "density.png").read_bytes() == image
 
 
+def test_what_is_driven_alone_has_its_picture(
+    tmp_path: Path, driven: Mapping[int, Evaluation]
+) -> None:
+    """Nothing of the densities that were asked for is planned yet."""
+    assert write_curve(tmp_path, [], driven) is None
+    assert (tmp_path / "density.md").read_text().startswith("## Driven: share")
+    assert (tmp_path / "density.png").is_file()
+
+
 def _series(axes: Any) -> dict[str, list[float]]:
     """Means by label."""
     handles, labels = axes.get_legend_handles_labels()
