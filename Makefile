@@ -119,10 +119,10 @@ bench-world: setup
 bench-agents: setup
 	$(BIN)/python -m benchmarks.agents $(if $(SHORT),--short)
 
-# Coordination of platoons by density, window and carriers, planned only: rivals, upper bound,
-# picture; hours, gone on with if interrupted. `SHORT=1`: a minute or two, no picture in docs.
+# Coordination of platoons by density, window and carriers, planned only: rivals, upper bound;
+# hours, gone on with if interrupted. `SHORT=1`: a minute or two.
 bench-coordination: setup
-	$(BIN)/python -m benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short,--picture docs)
+	$(BIN)/python -m benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv

@@ -24,13 +24,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--prices", help="of waiting, kW, as 0,10 (default: 10,0,27)")
     parser.add_argument("--trucks", type=int, help="in the region; 0: leave it out")
     parser.add_argument("--report-only", action="store_true", help="of what was planned before")
-    parser.add_argument("--picture", type=Path, help="folder for the picture (default: --out)")
     parser.add_argument("--out", type=Path, default=_DEFAULTS.out, help="folder for all results")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(arguments)
 
     def measure() -> Measured:
-        settings = BenchSettings(options.out, _form(options), options.picture)
+        settings = BenchSettings(options.out, _form(options))
         results = written(settings) if options.report_only else run_bench(settings, say)
         return Measured(settings.out, checks(results))
 

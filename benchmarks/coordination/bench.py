@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from benchmarks.aims import Load, machine
 from benchmarks.coordination import report
-from benchmarks.coordination.cells import Cell, Place, Result, found, measured
+from research.coordination.cells import Cell, Place, Result, found, measured
 from research.coordination.corridor import DENSITIES, WINDOWS_MIN
 from research.coordination.region import TRUCKS
 from slipstream.errors import InputError
@@ -58,12 +58,10 @@ class BenchSettings:
     Attributes:
         out: folder for the report and the cells; those of an earlier run are gone on with.
         form: how much.
-        picture: folder for the picture; None: `out`.
     """
 
     out: Path = Path(".slipstream/bench-coordination")
     form: Form = FULL
-    picture: Path | None = None
 
 
 def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Result]:
@@ -85,16 +83,14 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Resul
             say(f"{number} of {len(cells)}: {cell.name}")
         results.append(measured(cell, folder, say))
         report.write(settings.out, results, _about(settings, load))
-    report.draw(results, settings.picture or settings.out)
     return results
 
 
 def written(settings: BenchSettings) -> list[Result]:
-    """Report and picture of what there is already; nothing is planned."""
+    """Report of what there is already; nothing is planned."""
     folder = settings.out / "cells"
     results = [r for cell in settings.form.cells() if (r := found(cell, folder)) is not None]
     report.write(settings.out, results, _about(settings, Load()))
-    report.draw(results, settings.picture or settings.out)
     return results
 
 

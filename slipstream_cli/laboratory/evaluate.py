@@ -6,11 +6,11 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.errors import InputError
+from slipstream_cli.laboratory.curve import Curve, add_options, parse_numbers
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -30,8 +30,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "evaluate",
         help="the paper's day in SUMO, closed loop, arm against arm",
         description="Drives a delivery fleet through a simulated day, once for each arm and seed, "
-        "and writes the paper's tables and figures with ours beside them. Finished arms are kept; "
-        "the same command goes on where it was interrupted.",
+        "and writes the paper's tables and figures with ours beside them. With --density it plans "
+        "platoons by vehicles a day instead, and draws the curve. What is finished is kept; the "
+        "same command goes on where it was interrupted.",
     )
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="for all results")
     command.add_argument("--hours", type=float, help="simulated (default: to midnight)")
@@ -45,7 +46,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--arms",
         metavar="NAME,NAME",
         help="arms, or all, main, levers, gating, noise, exogenous "
-        "(default: all, with --density B,C)",
+        "(default: all, with --drive B,C)",
     )
     command.add_argument(
         "--scenario",
@@ -65,11 +66,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--routes", type=Path, metavar="FILE", help="SUMO route file instead of the demand"
     )
     command.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
-    command.add_argument(
-        "--density",
-        metavar="N,N",
-        help="the corridor's fleet with so many vehicles a day, an evaluation each",
-    )
+    add_options(command)
     command.add_argument(
         "--workers", type=int, metavar="N", help="arms at once (default: as many as cores)"
     )
@@ -84,48 +81,32 @@ def run(options: argparse.Namespace) -> int:
     """Simulate what is missing, write the results, print the main figures."""
     from simulation.evaluation.arms import choose
 
-    options.arms = options.arms or ("all" if options.density is None else "B,C")
-    densities = None if options.density is None else _densities(options)
-    policies, seeds = choose(options.arms), _seeds(options.seeds)
+    curve = Curve.of(options)
+    options.arms = options.arms or ("all" if curve is None else "B,C")
+    policies, seeds = choose(options.arms), parse_numbers("--seeds", options.seeds, 0, "1,2,3")
     span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
-    from simulation.evaluation.report import as_json, write_density
+    from simulation.evaluation.report import as_json
     from simulation.evaluation.runs import WorldFiles
 
     parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
     files = WorldFiles(options.scenario, *parts)
+
+    def evaluated(out: Path, of: WorldFiles) -> tuple[Evaluation, dict[str, Any]]:
+        return _evaluate(options, out, of, policies, seeds, span_s, workers)
+
     try:
-        if densities is None:
-            _, summary = _evaluate(options, options.out, files, policies, seeds, span_s, workers)
-            if options.json:
-                print(as_json(summary), end="")
-            return 0
-        found: dict[int, Evaluation] = {}
-        summaries: dict[str, Any] = {}
-        outs = {vehicles: options.out / f"density-{vehicles}" for vehicles in densities}
-        fleets = {n: _scaled_fleet(files, n, out) for n, out in outs.items()}
-        for vehicles, out in outs.items():
-            if sys.stderr.isatty():
-                said = f"{vehicles} vehicles a day ({len(found) + 1} of {len(densities)})"
-                print(said, file=sys.stderr)
-            found[vehicles], summaries[str(vehicles)] = _evaluate(
-                options,
-                out,
-                replace(files, fleet=fleets[vehicles]),
-                policies,
-                seeds,
-                span_s,
-                workers,
-            )
+        if curve is None:
+            _, summary = evaluated(options.out, files)
+        else:
+            summary = curve.make(seeds, workers, files, evaluated)
     except KeyboardInterrupt:
         said = "interrupted; the same command goes on from what is stored in"
         print(f"slipstream: {said} {options.out}", file=sys.stderr)
         return _EXIT_INTERRUPTED
-    missing = write_density(options.out, found)
-    if missing is not None:
-        print(f"slipstream: {missing}", file=sys.stderr)
-    print(as_json(summaries) if options.json else f"{options.out / 'density.md'}\n", end="")
+    if options.json:
+        print(as_json(summary), end="")
     return 0
 
 
@@ -166,22 +147,6 @@ def _evaluate(
         print(f"{out / 'report.md'}")
     _refuse_gridlock(evaluation)
     return evaluation, whole_summary(evaluation, more, exogenous)
-
-
-def _scaled_fleet(files: WorldFiles, vehicles: int, folder: Path) -> Path:
-    """File with the scenario's fleet at another density."""
-    import tomli_w
-
-    from simulation.evaluation.density import scaled
-    from simulation.evaluation.runs import not_writable, write_atomically
-
-    settings = scaled(files.load().fleet, vehicles).model_dump(mode="json", exclude_none=True)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(folder / "fleet.toml", tomli_w.dumps(settings))
-    except OSError as error:
-        raise not_writable(folder, error) from None
-    return folder / "fleet.toml"
 
 
 def _simulate(
@@ -243,38 +208,6 @@ def _refuse_gridlock(evaluation: Evaluation) -> None:
                 faults[0],
                 "take fewer trips or another network",
             )
-
-
-def _seeds(text: str) -> tuple[int, ...]:
-    """Seeds of a comma-separated list, rising, each once."""
-    try:
-        seeds = sorted({int(part) for part in text.split(",") if part.strip()})
-    except ValueError:
-        seeds = []
-    if not seeds or seeds[0] < 0:
-        raise InputError("evaluate", f"no seeds: {text!r}", "give some as 1,2,3", key="--seeds")
-    return tuple(seeds)
-
-
-def _densities(options: argparse.Namespace) -> tuple[int, ...]:
-    """Vehicles a day, rising, each once."""
-    from simulation.evaluation.arms import wants_exogenous
-
-    text = options.density
-    try:
-        counts = sorted({int(part) for part in text.split(",") if part.strip()})
-    except ValueError:
-        counts = []
-    if not counts or counts[0] < 1:
-        problem = f"no vehicles a day: {text!r}"
-        raise InputError("evaluate", problem, "give some as 29,100,500", key="--density")
-    if options.scenario != "corridor" or options.fleet is not None:
-        mend = "give --scenario corridor and no --fleet"
-        raise InputError("evaluate", "the law is of the corridor's fleet", mend, key="--density")
-    if wants_exogenous(options.arms):
-        mend = "give --arms B,C"
-        raise InputError("evaluate", "no density has exogenous arms", mend, key="--arms")
-    return tuple(counts)
 
 
 def _span(begin_h: float, hours: float | None) -> tuple[float, float]:

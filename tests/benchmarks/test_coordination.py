@@ -9,22 +9,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.coordination.__main__ import main
-from benchmarks.coordination.cells import Bounded, Cell, Plans, Result, Row
-from benchmarks.coordination.report import OWN, checks, draw, markdown
-
-
-def row(strategy: str, net_kwh: float, worst_kwh: float = 0.0) -> Row:
-    """A strategy's result."""
-    return Row(strategy, net_kwh, net_kwh, 0.0, 0.0, 1.0, 2.0, 3.0, worst_kwh, 0.1)
-
-
-def result(own_kwh: float, rival_kwh: float, bound_kwh: float, worst_kwh: float = 0.0) -> Result:
-    """A cell's."""
-    names = ("as ready", "threshold", "pairwise leaders")
-    rows = (*(row(name, 0.0) for name in names), row("hub waiting", rival_kwh))
-    cell = Cell("one", 20, 10, 10)
-    plans = Plans(10.0, 50.0, (*rows, row(OWN, own_kwh, worst_kwh)))
-    return Result(cell, plans, Bounded(bound_kwh, 2.0, 1.0))
+from benchmarks.coordination.report import checks, markdown
+from tests.research.coordination.fakes import result
 
 
 def test_aims() -> None:
@@ -35,25 +21,14 @@ def test_aims() -> None:
         assert [check.reached for check in checks([bad])].index(False) == number
     unfair = result(9.0, 9.1, 10.0)
     rows = tuple(
-        replace(r, worst_carrier_kwh=-1.0) if r.strategy == "hub waiting" else r
+        replace(r, outcome=replace(r.outcome, carrier_kwh=(-1.0, 1.0)))
+        if r.strategy == "hub waiting"
+        else r
         for r in unfair.plans.rows
     )
     unfair = replace(unfair, plans=replace(unfair.plans, rows=rows))
     assert all(check.reached for check in checks([unfair]))
     assert "91.0%\\*" in markdown([unfair], {})
-
-
-def test_the_picture_is_drawn(tmp_path: Path) -> None:
-    """With densities at the price and window that it shows."""
-    cells = [
-        replace(result(2.0, 1.0, 3.0), cell=Cell(place, count, 10, 10))
-        for place in ("one", "ten")
-        for count in (20, 50)
-    ]
-    path = draw(cells, tmp_path)
-    assert path is not None
-    assert path.stat().st_size > 10_000
-    assert draw(cells[:1], tmp_path) is None
 
 
 def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:

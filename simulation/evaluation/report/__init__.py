@@ -1,19 +1,26 @@
 """An evaluation as people read it: tables, plots, CSV and Markdown."""
 
 from simulation.evaluation.report.ceilings import ceiling_tables
-from simulation.evaluation.report.density import write_density
+from simulation.evaluation.report.density import density_shares, density_tables
 from simulation.evaluation.report.exogenous import exogenous_tables
 from simulation.evaluation.report.files import as_json, whole_summary, write_results
-from simulation.evaluation.report.formatting import Table
+from simulation.evaluation.report.formatting import Table, as_markdown, number, percent
 from simulation.evaluation.report.markdown import terminal_summary
+from simulation.evaluation.report.plots import pyplot, tidy
 
 __all__ = [
     "Table",
     "as_json",
+    "as_markdown",
     "ceiling_tables",
+    "density_shares",
+    "density_tables",
     "exogenous_tables",
+    "number",
+    "percent",
+    "pyplot",
     "terminal_summary",
+    "tidy",
     "whole_summary",
-    "write_density",
     "write_results",
 ]

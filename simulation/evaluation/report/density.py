@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 from simulation.evaluation.arms import BASELINE, COOPERATIVE
 from simulation.evaluation.measures import Evaluation, Measures, Spread
 from simulation.evaluation.report.cells import MEANS
-from simulation.evaluation.report.formatting import Table, count, markdown, number, percent
-from simulation.evaluation.report.plots import pyplot, tidy
-from simulation.evaluation.runs import not_writable, write_atomically
+from simulation.evaluation.report.formatting import Table, count, number, percent
 from simulation.fleet.drafting import CAUSES
 
 _Figure = Callable[[Measures], float | None]
@@ -29,13 +26,29 @@ def _kept(found: Measures) -> float | None:
     return found.drafted_kwh / planned if planned > 0 else None
 
 
+_Spreads = dict[int, Spread | None]
+
+
+def density_shares(evaluations: Mapping[int, Evaluation]) -> tuple[_Spreads, _Spreads]:
+    """(Planned, driven) share of the drafting ceiling of the cooperative arm.
+
+    Args:
+        evaluations: by vehicles a day.
+    """
+    shown = _with_cooperative(evaluations)
+    return (
+        {n: e.figure(COOPERATIVE, _planned_share) for n, e in shown.items()},
+        {n: e.figure(COOPERATIVE, _driven_share) for n, e in shown.items()},
+    )
+
+
 def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
     """What the cooperative arm planned and drove, and why not all of it.
 
     Args:
         evaluations: by vehicles a day.
     """
-    shown = {n: e for n, e in sorted(evaluations.items()) if COOPERATIVE in e}
+    shown = _with_cooperative(evaluations)
     source = f"arm {COOPERATIVE} of `density-N/arms.csv`"
 
     def rows(*columns: tuple[Callable[..., str], _Figure]) -> tuple[tuple[str, ...], ...]:
@@ -77,7 +90,7 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
     )
     return (
         Table(
-            "Share of the drafting ceiling by density",
+            "Driven: share of the drafting ceiling by density",
             heads,
             tuple((*row, *more) for row, more in zip(reached, saved, strict=True)),
             source,
@@ -100,46 +113,6 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
     )
 
 
-def write_density(folder: Path, evaluations: Mapping[int, Evaluation]) -> str | None:
-    """Write `density.md` and `density.png`; returns why there is no picture, if so.
-
-    Args:
-        folder: of all densities.
-        evaluations: by vehicles a day.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
-    tables = density_tables(evaluations)
-    try:
-        write_atomically(folder / "density.md", "\n".join(map(markdown, tables)))
-        _draw(evaluations, folder / "density.png")
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "matplotlib":
-            raise
-        return "matplotlib is not installed, so no figure is drawn"
-    except OSError as error:
-        raise not_writable(Path(error.filename or folder), error) from None
-    return None
-
-
-def _draw(evaluations: Mapping[int, Evaluation], path: Path) -> None:
-    plt = pyplot()
-    shown = {n: e for n, e in sorted(evaluations.items()) if COOPERATIVE in e}
-    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
-    for words, of, colour in (
-        ("planned", _planned_share, "#444444"),
-        ("driven", _driven_share, "#0072b2"),
-    ):
-        spreads = [e.figure(COOPERATIVE, of) for e in shown.values()]
-        means = [100 * s.mean for s in spreads if s is not None]
-        errors = [100 * (s.deviation or 0.0) for s in spreads if s is not None]
-        axes.errorbar(list(shown), means, errors, label=words, color=colour, marker="o", capsize=3)
-    axes.set(xscale="log", xlabel="vehicles a day", ylabel="% of the drafting ceiling")
-    axes.set_xticks(list(shown), [str(n) for n in shown])
-    axes.minorticks_off()
-    axes.set_ylim(0, None)
-    axes.legend(frameon=False)
-    tidy(axes)
-    figure.savefig(path, dpi=150, metadata={"Software": None})
-    plt.close(figure)
+def _with_cooperative(evaluations: Mapping[int, Evaluation]) -> dict[int, Evaluation]:
+    """Those that have the arm, rising."""
+    return {n: e for n, e in sorted(evaluations.items()) if COOPERATIVE in e}

@@ -31,7 +31,7 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
-def markdown(table: Table) -> str:
+def as_markdown(table: Table) -> str:
     """A table with its heading, source and notes."""
     lines = [
         f"## {table.title}",

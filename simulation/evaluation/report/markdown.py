@@ -8,7 +8,7 @@ from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER
 from simulation.evaluation.measures import Evaluation
 from simulation.evaluation.report.ablation_tables import gating_table, lever_table, noise_table
 from simulation.evaluation.report.cells import equal_time
-from simulation.evaluation.report.formatting import Table, join_names, markdown, number, percent
+from simulation.evaluation.report.formatting import Table, as_markdown, join_names, number, percent
 from simulation.evaluation.report.tables import (
     curve_table,
     day_table,
@@ -46,7 +46,7 @@ def report(
     )
     parts = [
         _head(evaluation),
-        *(markdown(table) for table in tables if table is not None),
+        *(as_markdown(table) for table in tables if table is not None),
         _figures(pictures, missing),
         _provenance(evaluation),
     ]

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from research.coordination import curve
+from research.coordination.cells import Cell, Result
 from simulation.closed_loop.arm import ArmSpec
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation import exogenous, report
@@ -16,6 +18,7 @@ from simulation.evaluation.report import files
 from simulation.evaluation.runs import world
 from simulation.scenarios.scenario import Background, Scenario, load_scenario
 from slipstream_cli.main import main
+from tests.research.coordination.fakes import result
 from tests.simulation.evaluation.fakes import make_arm
 
 Capture = pytest.CaptureFixture[str]
@@ -130,12 +133,27 @@ def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
 
 
 @pytest.mark.slow
-def test_each_density_is_an_evaluation_of_a_scaled_fleet(
-    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
+def test_each_driven_density_is_an_evaluation_of_a_scaled_fleet(
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Orders and vehicles in proportion, all else as it was; finished ones are kept; one table."""
-    first = evaluate(capsys, tmp_path, "--density", "100,29", "--arms", "C", "--seeds", "1")
-    assert list(first) == ["29", "100"]
+    """Orders and vehicles in proportion, all else as it was; finished ones are kept; one table and
+    one picture with what is planned only, which is planned for the seeds that are driven."""
+    planned: list[Cell] = []
+
+    def measured(cell: Cell, *_: object) -> Result:
+        planned.append(cell)
+        return result(2.0, 1.0, 3.0, cell=cell)
+
+    monkeypatch.setattr(curve, "measured", measured)
+    monkeypatch.setattr(
+        curve, "found", lambda cell, _: result(2.0, 1.0, 3.0, cell=cell) if planned else None
+    )
+    words = ("--density", "20,5", "--drive", "100,29", "--arms", "C", "--seeds", "1")
+    words = (*words, "--workers", "1")
+    first = evaluate(capsys, tmp_path, *words)
+    assert [(c.vehicles, c.seed) for c in planned] == [(5, 1)] * 4 + [(20, 1)] * 4
+    assert [row["vehicles"] for row in first["planned"]] == [5, 20] * 4
+    assert list(first["driven"]) == ["29", "100"]
     assert [order.policy.name for order in orders] == ["B", "C"] * 2
     fleets = {order.fleet: load_scenario("corridor", fleet=order.fleet).fleet for order in orders}
     assert [path.parent.name for path in fleets if path] == ["density-29", "density-100"]
@@ -145,13 +163,46 @@ def test_each_density_is_an_evaluation_of_a_scaled_fleet(
         f.model_copy(update={"orders": own.orders, "vehicles": own.vehicles}) == own
         for f in fleets.values()
     )
-    assert evaluate(capsys, tmp_path, "--density", "29,100", "--arms", "C", "--seeds", "1") == first
-    assert len(orders) == 4
+    assert evaluate(capsys, tmp_path, *words) == first
+    assert (len(orders), len(planned)) == (4, 8)
     text = (tmp_path / "density.md").read_text()
+    assert "| one carrier | 20 |" in text
     assert "| 29 |" in text
     assert "| 100 |" in text
     assert (tmp_path / "density.png").stat().st_size > 1000
     assert (tmp_path / "density-100" / "report.md").is_file()
+
+
+@pytest.mark.slow
+def test_a_curve_that_is_interrupted_goes_on_to_the_same(capsys: Capture, tmp_path: Path) -> None:
+    """Really planned: two densities of a few vehicles, gone on with after half of the files are
+    lost, in two processes and in one; then everything is stored."""
+    words = ["evaluate", "--scenario", "corridor", "--density", "2,3", "--seeds", "1"]
+    whole, half = tmp_path / "whole", tmp_path / "half"
+    assert main([*words, "--out", str(whole), "--workers", "2"]) == 0
+    assert capsys.readouterr().out == f"{whole / 'density.md'}\n"
+    stored = sorted((whole / "planned").iterdir())
+    # Nobody can wait for ten minutes at 27 kW, so a shorter window is planned in its place.
+    assert [path.name for path in stored if path.name.startswith("one-2-")] == [
+        "one-2-10min-0kw-seed1.bound.json",
+        "one-2-10min-0kw-seed1.plans.json",
+        "one-2-5min-27kw-seed1.bound.json",
+        "one-2-5min-27kw-seed1.plans.json",
+    ]
+    (half / "planned").mkdir(parents=True)
+    kept = {path.name: path.read_bytes() for path in stored[::2]}
+    for name, content in kept.items():
+        (half / "planned" / name).write_bytes(content)
+    assert main([*words, "--out", str(half), "--workers", "1"]) == 0
+    for name in ("density.md", "density.png"):
+        assert (half / name).read_bytes() == (whole / name).read_bytes()
+    assert all((half / "planned" / name).read_bytes() == kept[name] for name in kept)
+    capsys.readouterr()
+    assert main([*words, "--out", str(half), "--stored", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [row["vehicles"] for row in document["planned"]] == [2, 3] * 4
+    assert document["driven"] == {}
+    assert len(list((half / "planned").iterdir())) == len(stored)
 
 
 def test_a_gridlock_is_one_line_after_all_is_written(
@@ -224,12 +275,21 @@ def test_without_libsumo_the_line_says_what_to_install(
         (("--begin", "20", "--hours", "5"), "are no part of a day"),
         (("--begin", "7.01"), "no multiple of five minutes"),
         (("--workers", "0"), "--workers"),
-        (("--density", "29,x"), "--density: no vehicles a day"),
-        (("--density", "0"), "--density: no vehicles a day"),
+        (("--density", "29,x"), "--density: no whole numbers from 1 on: '29,x'; give some as 20"),
+        (("--density", "0"), "--density: no whole numbers from 1 on"),
+        (("--density", ","), "--density: no whole numbers from 1 on"),
+        (("--density", "20,2.5"), "--density: no whole numbers from 1 on"),
         (("--density", "900000"), "--density: 900000 vehicles a day are too many"),
         (("--density", "29", "--fleet", "f.toml"), "--density: the law is of the corridor's"),
         (("--density", "29", "--scenario", "troy"), "--density: the law is of the corridor's"),
-        (("--density", "29", "--arms", "main"), "--arms: no density has exogenous arms"),
+        (("--density", "29", "--rsus", "f.toml"), "--density: the law is of the corridor's"),
+        (("--density", "29", "--arms", "B,C"), "--drive: arms and hours are of what is driven"),
+        (("--density", "29", "--begin", "9.5"), "--drive: arms and hours are of what is driven"),
+        (("--drive", "29"), "--drive: there is no curve to add to; give --density too"),
+        (("--density", "29", "--drive", "x"), "--drive: no whole numbers from 1 on"),
+        (("--density", "29", "--drive", "900000"), "900000 vehicles a day are too many"),
+        (("--density", "29", "--drive", "29", "--arms", "main"), "--arms: no density has"),
+        (("--density", "29", "--stored"), "nothing of these is stored; run it without --stored"),
         (("--stored",), "no arm of these seeds is stored"),
     ],
 )

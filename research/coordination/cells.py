@@ -1,4 +1,4 @@
-"""One cell of the table: a day's trips at one price, all strategies and the bound."""
+"""One cell of the study: a day's trips at one price, all strategies and the bound, stored."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import ast
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeVar
+
+from pydantic import TypeAdapter
 
 import research.coordination
 from dispatcher_daemon.settings import DispatcherSettings
@@ -18,14 +20,23 @@ from research.coordination.bound import upper_bound
 from research.coordination.case import Case, build_case
 from research.coordination.corridor import WINDOWS_MIN, corridor_freight
 from research.coordination.freight import MS, Freight
-from research.coordination.plan import evaluate
+from research.coordination.plan import Outcome, evaluate
 from research.coordination.region import region_freight
 from research.coordination.strategies import STRATEGIES
+from simulation.evaluation.runs import write_atomically
+
+_Content = TypeVar("_Content", "Plans", "Bounded")
 
 Place = Literal["one", "ten", "region"]
 """The corridor with one carrier or ten, or the region."""
 
-_SEED: Final = 1
+OWN: Final = "local search"
+"""The strategy that aims are judged by."""
+NONE_KWH: Final = 1e-6
+"""Less than this is nothing."""
+FORMAT: Final = 2
+"""Of stored cells; those of another one are made anew."""
+_REPORT_MODULES: Final = ("cells", "curve", "picture")
 _BOUND_MODULES: Final = ("bound", "bins")
 _STRATEGY_MODULES: Final = ("strategies", "local_search", "pairwise", "threshold", "schedule")
 
@@ -39,33 +50,50 @@ class Cell:
         vehicles: a day.
         window_min: half of the interval of arrival.
         price_kw: of waiting.
+        seed: of the trips.
     """
 
     place: Place
     vehicles: int
     window_min: int
     price_kw: int
+    seed: int = 1
 
     @property
     def name(self) -> str:
         """For files."""
-        return f"{self.place}-{self.vehicles}-{self.window_min}min-{self.price_kw}kw"
+        trips = f"{self.place}-{self.vehicles}-{self.window_min}min"
+        return f"{trips}-{self.price_kw}kw-seed{self.seed}"
 
 
 @dataclass(frozen=True)
 class Row:
-    """What one strategy reached; names as in `research.coordination.plan.Outcome`."""
+    """What one strategy reached.
+
+    Attributes:
+        strategy: its name in `STRATEGIES`.
+        outcome: of its plan.
+        wall_s: time that it took.
+    """
 
     strategy: str
-    net_kwh: float
-    drafting_kwh: float
-    stops_kwh: float
-    waiting_kwh: float
-    mean_wait_s: float
-    max_wait_s: float
-    platooned_km: float
-    worst_carrier_kwh: float
+    outcome: Outcome
     wall_s: float
+
+    @property
+    def net_kwh(self) -> float:
+        """What strategies maximise."""
+        return self.outcome.net_kwh
+
+    @property
+    def worst_carrier_kwh(self) -> float:
+        """Net value of the carrier that has least; alone it is 0."""
+        return min(self.outcome.carrier_kwh)
+
+    @property
+    def is_fair(self) -> bool:
+        """Whether no carrier has less than alone."""
+        return self.worst_carrier_kwh >= -NONE_KWH
 
 
 @dataclass(frozen=True)
@@ -74,12 +102,12 @@ class Plans:
 
     Attributes:
         ceiling_kwh: saving if everybody were a follower all the way.
-        open_km: driven where platoons may.
+        longest_wait_s: the longest wait of any trip that can pay.
         rows: one a strategy.
     """
 
     ceiling_kwh: float
-    open_km: float
+    longest_wait_s: float
     rows: tuple[Row, ...]
 
 
@@ -116,6 +144,14 @@ class Result:
         """The bound as a share of the ceiling."""
         return self.bounded.bound_kwh / self.plans.ceiling_kwh
 
+    def row(self, strategy: str) -> Row:
+        """What a strategy reached."""
+        return next(row for row in self.plans.rows if row.strategy == strategy)
+
+    def net_share(self, strategy: str) -> float:
+        """A strategy's net value as a share of the ceiling."""
+        return self.row(strategy).net_kwh / self.plans.ceiling_kwh
+
 
 def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
     """A cell's result; what this code has put into the folder before is not made again.
@@ -124,16 +160,20 @@ def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
     does, which is then measured in its place.
 
     Raises:
+        OSError: the folder cannot be written.
         RuntimeError: a strategy above the bound.
     """
+    known = found(cell, folder)
+    if known is not None:
+        return known
     smallest = _smallest_window(cell)
     plans, bounded = _stored_plans(smallest, folder), _stored_bound(smallest, folder)
     if plans is None:
         plans = _plan(smallest, say)
-        _store(_path(smallest, folder, "plans"), asdict(plans), plans_digest())
+        _store(_path(smallest, folder, "plans"), plans, plans_digest())
     if bounded is None:
         bounded = _bound(smallest, say)
-        _store(_path(smallest, folder, "bound"), asdict(bounded), bound_digest())
+        _store(_path(smallest, folder, "bound"), bounded, bound_digest())
     for row in plans.rows:
         if row.net_kwh > bounded.bound_kwh * (1 + 1e-9) + 1e-9:
             raise RuntimeError(f"{smallest.name}: {row.strategy} is above the bound")
@@ -142,9 +182,12 @@ def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
 
 def found(cell: Cell, folder: Path) -> Result | None:
     """A cell's result if it was measured before."""
-    smallest = _smallest_window(cell)
-    plans, bounded = _stored_plans(smallest, folder), _stored_bound(smallest, folder)
-    return None if plans is None or bounded is None else Result(cell, plans, bounded)
+    for shorter in _no_longer_windows(cell):
+        plans = _stored_plans(shorter, folder)
+        if plans is not None and (shorter == cell or not _binds(shorter, plans.longest_wait_s)):
+            bounded = _stored_bound(shorter, folder)
+            return None if bounded is None else Result(cell, plans, bounded)
+    return None
 
 
 @cache
@@ -162,7 +205,7 @@ def bound_digest() -> str:
 def _digest(counts: Callable[[str], bool]) -> str:
     digest = hashlib.sha256()
     for path in sorted(Path(research.coordination.__path__[0]).glob("*.py")):
-        if not counts(path.stem):
+        if path.stem in _REPORT_MODULES or not counts(path.stem):
             continue
         tree = ast.parse(path.read_bytes())
         for node in ast.walk(tree):
@@ -188,23 +231,10 @@ def _plan(cell: Cell, say: Callable[[str], None]) -> Plans:
         began = time.perf_counter()
         plan = strategy(case)
         wall_s = time.perf_counter() - began
-        outcome = evaluate(case, plan)
-        rows.append(
-            Row(
-                name,
-                outcome.net_kwh,
-                outcome.drafting_kwh,
-                outcome.stops_kwh,
-                outcome.waiting_kwh,
-                outcome.mean_wait_s,
-                outcome.max_wait_s,
-                outcome.platooned_km,
-                min(outcome.carrier_kwh),
-                wall_s,
-            )
-        )
-        say(f"{cell.name}: {name}, {outcome.net_kwh / case.ceiling_kwh:.1%}, {wall_s:.1f} s")
-    return Plans(case.ceiling_kwh, outcome.open_km, tuple(rows))
+        row = Row(name, evaluate(case, plan), wall_s)
+        rows.append(row)
+        say(f"{cell.name}: {name}, {row.net_kwh / case.ceiling_kwh:.1%}, {wall_s:.1f} s")
+    return Plans(case.ceiling_kwh, float(case.useful_ms.max()) / MS, tuple(rows))
 
 
 def _bound(cell: Cell, say: Callable[[str], None]) -> Bounded:
@@ -222,46 +252,50 @@ def _case(cell: Cell) -> Case:
 
 def _freight(cell: Cell) -> Freight:
     if cell.place == "region":
-        return region_freight(cell.window_min, cell.vehicles, _SEED)
-    return corridor_freight(cell.vehicles, cell.window_min, cell.place, _SEED)
+        return region_freight(cell.window_min, cell.vehicles, cell.seed)
+    return corridor_freight(cell.vehicles, cell.window_min, cell.place, cell.seed)
 
 
-@cache
 def _smallest_window(cell: Cell) -> Cell:
-    if cell.price_kw == 0:
-        return cell
-    longest_ms = int(_case(replace(cell, window_min=max(WINDOWS_MIN))).useful_ms.max())
-    for window_min in WINDOWS_MIN:
-        if window_min == cell.window_min or 2 * 60 * MS * window_min > longest_ms:
-            return replace(cell, window_min=window_min)
-    return cell
+    for shorter in _no_longer_windows(cell):
+        if shorter == cell or not _binds(shorter, float(_case(shorter).useful_ms.max()) / MS):
+            break
+    return shorter
+
+
+def _no_longer_windows(cell: Cell) -> list[Cell]:
+    """The cell by windows of the law up to its own."""
+    shorter = [w for w in WINDOWS_MIN if w < cell.window_min and cell.price_kw > 0]
+    return [replace(cell, window_min=w) for w in (*shorter, cell.window_min)]
+
+
+def _binds(cell: Cell, longest_wait_s: float) -> bool:
+    """Whether a trip could use more time than the window leaves it."""
+    return longest_wait_s >= 2 * 60 * cell.window_min
 
 
 def _path(cell: Cell, folder: Path, kind: str) -> Path:
     return folder / f"{cell.name}.{kind}.json"
 
 
-def _store(path: Path, content: Mapping[str, Any], digest: str) -> None:
-    draft = path.with_suffix(".part")
-    draft.write_text(json.dumps({"code": digest, **content}, indent=1) + "\n", encoding="utf-8")
-    draft.replace(path)
+def _store(path: Path, content: Plans | Bounded, digest: str) -> None:
+    document = {"format": FORMAT, "code": digest, **asdict(content)}
+    write_atomically(path, json.dumps(document, indent=1) + "\n")
 
 
-def _stored(path: Path, digest: str) -> dict[str, Any] | None:
+def _stored(path: Path, digest: str, kind: type[_Content]) -> _Content | None:
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        document = TypeAdapter(dict[str, Any]).validate_json(path.read_bytes())
+        if (document.pop("format", None), document.pop("code", None)) != (FORMAT, digest):
+            return None
+        return TypeAdapter(kind).validate_python(document)
     except (OSError, ValueError):
         return None
-    return content if content.pop("code", None) == digest else None
 
 
 def _stored_plans(cell: Cell, folder: Path) -> Plans | None:
-    content = _stored(_path(cell, folder, "plans"), plans_digest())
-    if content is None:
-        return None
-    return Plans(**{**content, "rows": tuple(Row(**row) for row in content["rows"])})
+    return _stored(_path(cell, folder, "plans"), plans_digest(), Plans)
 
 
 def _stored_bound(cell: Cell, folder: Path) -> Bounded | None:
-    content = _stored(_path(cell, folder, "bound"), bound_digest())
-    return None if content is None else Bounded(**content)
+    return _stored(_path(cell, folder, "bound"), bound_digest(), Bounded)
