@@ -21,7 +21,10 @@ _JOIN_SPACINGS: Final = 2.0
 _KEEP_SPACINGS: Final = 3.0
 
 NONE_AHEAD: Final = "no vehicle is sensed ahead"
-"""The one obstacle that may be the sensor's, for a moment."""
+"""An obstacle that may be the sensor's, for a moment."""
+
+STRANGER_AHEAD: Final = "the vehicle ahead is not of the fleet"
+"""An obstacle that is none for a moment, where the partner has just changed its lane."""
 
 
 def obstacle(situation: Situation, *, keeps: bool) -> str | None:
@@ -36,7 +39,7 @@ def obstacle(situation: Situation, *, keeps: bool) -> str | None:
     if s.ahead is None:
         return NONE_AHEAD
     if s.ahead.vehicle is None:
-        return "the vehicle ahead is not of the fleet"
+        return STRANGER_AHEAD
     if s.partner is None:
         return f"{s.ahead.vehicle} is silent"
     shared = find_shared_path(s.leg, s.state.number, s.place_m, s.partner, s.partner_age_s)

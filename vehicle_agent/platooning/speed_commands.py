@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from slipstream.messages import PlatoonControl, PlatoonMode
 from slipstream.spacing import MAX_BRAKING_MPS2
 from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.gap_control import IDM, following_mps, leaving_mps, waiting_mps
 from vehicle_agent.platooning.safe_gap import safe_mps
 from vehicle_agent.platooning.situation import Situation, allowed_mps
+
+_OBEYED_MPS: Final = 0.05
 
 
 def commanded_mps(
@@ -21,21 +25,23 @@ def commanded_mps(
     Args:
         situation: now.
         mode: of the vehicle.
-        front: last message of the vehicle that it follows; while no vehicle is sensed ahead, it
-            drives no faster than that one. Where that one has told of another lane it is not in
-            the way, and coasting is enough.
+        front: last message of the vehicle that it follows; while that one is not sensed ahead, it
+            drives no faster than it. Where that one has told of another lane it is not in the way,
+            and coasting is enough.
         cap_mps: what the rest of the agent allows.
     """
     if mode == "alone":
         return None
     own, ahead = situation.own, situation.motion
     bound = min(allowed_mps(situation), cap_mps)
-    if ahead is None:
+    if ahead is None or (front is not None and situation.partner is None):
         command = own.speed_mps
         if front is not None and front.announced_mps < own.speed_mps:
             command = front.announced_mps
             if on_another_lane(situation, front):
                 command = max(command, own.speed_mps - own.coasting_mps2 * own.interval_s)
+        if ahead is not None:
+            command = min(command, safe_mps(own.speed_mps, ahead, own.interval_s))
     else:
         law = following_mps if mode == "following" else leaving_mps
         command = min(law(own, ahead), safe_mps(own.speed_mps, ahead, own.interval_s))
@@ -108,3 +114,8 @@ def announced_mps(situation: Situation, commanded: float | None, cap_mps: float)
         goes_on = max(0.0, own.speed_mps + state.acceleration_mps2 * own.interval_s)
         commanded = min(goes_on, cap_mps)
     return max(commanded, lowest)
+
+
+def obeys(situation: Situation, commanded: float | None) -> bool:
+    """Whether the vehicle drives what it was last commanded; its own safety may hold it back."""
+    return commanded is None or situation.own.speed_mps > commanded - _OBEYED_MPS

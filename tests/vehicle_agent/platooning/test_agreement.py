@@ -301,8 +301,15 @@ def test_nobody_drops_back_for_a_vehicle_that_refuses_or_is_gone() -> None:
     assert (step.cruise_mps, step.lane, step.partner) == (None, None, None)
 
 
-def after_a_lane_change(lane: int) -> tuple[PlatoonStep, PlatoonStep]:
-    """A follower whose partner is no longer sensed ahead and slows down: at once, 1.5 s later."""
+def after_a_lane_change(
+    lane: int, beyond: SensedVehicle | None = None
+) -> tuple[PlatoonStep, PlatoonStep]:
+    """A follower whose partner is no longer sensed ahead and slows down: at once, 1.5 s later.
+
+    Args:
+        lane: that the partner tells of.
+        beyond: sensed in its place.
+    """
     platooning = Platooning("me", PAPER_CAR, 4.6, 0.5)
     place_m, ahead = 500.0, SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=30.0)
     steps = []
@@ -315,7 +322,7 @@ def after_a_lane_change(lane: int) -> tuple[PlatoonStep, PlatoonStep]:
             now_ns,
         )
         state = VehicleState("a", 0, False, 0, place_m, 30.0)
-        seen = ahead if number < 2 else None
+        seen = ahead if number < 2 else beyond
         steps.append(
             platooning.step(now_ns, LEG, state, sensing_of(state, seen, now_ns), Roadside())
         )
@@ -331,6 +338,19 @@ def test_a_partner_that_has_changed_its_lane_is_followed_without_braking() -> No
     assert (first.mode, first.lane, later.mode) == ("following", 1, "following")
     first, later = after_a_lane_change(lane=0)
     assert (first.speed_mps, first.mode, later.mode) == (28.0, "following", "leaving")
+
+
+def test_a_partner_that_passes_a_truck_is_followed_past_it() -> None:
+    """The truck that is sensed in its place is none that has come between."""
+    truck = SensedVehicle(track="x", vehicle=None, gap_m=80.0, speed_mps=25.0)
+    first, later = after_a_lane_change(lane=1, beyond=truck)
+    assert (first.mode, first.lane, later.mode) == ("following", 1, "following")
+    assert first.speed_mps is not None
+    assert 29.7 < first.speed_mps < 30.0
+    near = truck.model_copy(update={"gap_m": 30.0})
+    for lane, seen in ((1, near), (0, truck)):
+        first, _ = after_a_lane_change(lane, seen)
+        assert (first.mode, first.reason) == ("leaving", "the vehicle ahead is not of the fleet")
 
 
 def test_who_waits_for_another_vehicle_is_caught_up_with_and_not_asked() -> None:
