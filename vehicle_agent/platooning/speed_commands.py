@@ -78,21 +78,29 @@ def leading_mps(situation: Situation, set_mps: float, cap_mps: float) -> float:
 
 
 def cruise_mps(
-    situation: Situation, slowdown: float, joining: Joining, before_mps: float | None
+    situation: Situation,
+    lags: float,
+    asked: float,
+    joining: Joining,
+    before_mps: float | None,
 ) -> float | None:
     """Highest set speed of a vehicle alone, m/s; None: as without platooning.
 
-    A vehicle that catches up with another one itself waits no more than half as much as that one.
+    A vehicle that catches up with another one itself waits for a third one no more than half as
+    much as that one does for it. For its own followers it waits all the same: groups close up
+    beside each other, and then with each other.
 
     Args:
         situation: now.
-        slowdown: share of its speed that it takes off.
+        lags: share of its speed that it takes off for its own followers.
+        asked: the same, for a vehicle that joins it.
         joining: whom it catches up with.
         before_mps: the set speed of the interval before; None: there was none.
     """
     own = situation.own
     if joining.slowdown > 0:
-        slowdown = min(slowdown, joining.slowdown / 2)
+        asked = min(asked, joining.slowdown / 2)
+    slowdown = max(lags, asked)
     if slowdown > 0:
         before_mps = own.speed_mps if before_mps is None else before_mps
         target_mps = (1 - slowdown) * own.desired_mps

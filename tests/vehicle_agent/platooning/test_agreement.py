@@ -9,7 +9,10 @@ from tests.vehicle_agent.platooning.test_limits import sensing_of, told
 from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
+from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.neighbours import MAX_NEIGHBOURS, Neighbours
+from vehicle_agent.platooning.situation import look
+from vehicle_agent.platooning.speed_commands import cruise_mps
 
 NS = 1_000_000_000
 LEG = Leg(1, 0, tuple(planned(name, 3000.0, 30.0) for name in "abc"))
@@ -351,6 +354,24 @@ def test_a_partner_that_passes_a_truck_is_followed_past_it() -> None:
     for lane, seen in ((1, near), (0, truck)):
         first, _ = after_a_lane_change(lane, seen)
         assert (first.mode, first.reason) == ("leaving", "the vehicle ahead is not of the fleet")
+
+
+def test_a_vehicle_that_is_waited_for_waits_for_its_own_followers_all_the_same() -> None:
+    """By as much as if it caught up with nobody; for who only joins it, by half at most."""
+    state = VehicleState("a", 0, False, 0, 500.0, 30.0)
+    s = look(
+        *(BEGIN_NS, LEG, state, sensing_of(state, None, BEGIN_NS), Roadside()),
+        *(Neighbours("me", 0.1), PAPER_CAR, 1.0, 0.1),
+    )
+    joining = Joining()
+    joining.choose("p", "p", 0.0, 0.1, BEGIN_NS)
+    for before_mps, lags, asked, wanted_mps in (
+        (20.0, 0.15, 0.0, 25.5),
+        (20.0, 0.15, 0.15, 25.5),
+        (20.0, 0.0, 0.15, 28.5),
+        (20.0, 0.02, 0.15, 28.5),
+    ):
+        assert cruise_mps(s, lags, asked, joining, before_mps) == pytest.approx(wanted_mps)
 
 
 def test_who_waits_for_another_vehicle_is_caught_up_with_and_not_asked() -> None:
