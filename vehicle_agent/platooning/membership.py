@@ -94,18 +94,17 @@ class Membership:
     def _is_merely_hidden(self, s: Situation, found: str | None, neighbours: Neighbours) -> bool:
         """Whether its partner, still heard, is not sensed ahead for a moment.
 
-        That is a dropout of the sensor, or it has told of another lane and is sensed ahead once the
-        vehicle is there too. Until then the vehicle sees whom that one passes, farther away than
-        one that has cut in.
+        That is a dropout of the sensor, or the partner changes lanes, tells of it a message later,
+        and is sensed ahead once the vehicle is there too. Until then the vehicle may sense whom the
+        partner passes, farther away than one that has cut in.
         """
         front = neighbours.get(self.partner)
         aside = front is not None and on_another_lane(s, front)
-        longest_ns = _LANE_CHANGE_NS if aside else _DROPOUT_NS
-        if not 0 <= s.now_ns - self._seen_ns < longest_ns:
+        if not 0 <= s.now_ns - self._seen_ns < (_LANE_CHANGE_NS if aside else _DROPOUT_NS):
             return False
-        heard = neighbours.fresh(self.partner, s.now_ns) is not None
         passed = found == STRANGER_AHEAD and s.gap_m > IDM.desired_gap_m(s.own.speed_mps)
-        return heard and (found == NONE_AHEAD or (passed and aside))
+        heard = neighbours.fresh(self.partner, s.now_ns) is not None
+        return heard and (found == NONE_AHEAD or passed)
 
     def _obstacle(self, s: Situation, *, keeps: bool) -> str | None:
         """Why it may not follow the vehicle directly ahead; None: it may."""

@@ -350,10 +350,13 @@ def test_a_partner_that_passes_a_truck_is_followed_past_it() -> None:
     assert (first.mode, first.lane, later.mode) == ("following", 1, "following")
     assert first.speed_mps is not None
     assert 29.7 < first.speed_mps < 30.0
+    stranger = "the vehicle ahead is not of the fleet"
+    first, later = after_a_lane_change(lane=0, beyond=truck)  # it has not told yet, and never does
+    assert (first.mode, first.speed_mps) == ("following", 28.0)
+    assert (later.mode, later.reason) == ("leaving", stranger)
     near = truck.model_copy(update={"gap_m": 30.0})
-    for lane, seen in ((1, near), (0, truck)):
-        first, _ = after_a_lane_change(lane, seen)
-        assert (first.mode, first.reason) == ("leaving", "the vehicle ahead is not of the fleet")
+    first, _ = after_a_lane_change(lane=1, beyond=near)
+    assert (first.mode, first.reason) == ("leaving", stranger)
 
 
 def test_a_vehicle_that_is_waited_for_waits_for_its_own_followers_all_the_same() -> None:
