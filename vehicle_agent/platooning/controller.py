@@ -259,9 +259,8 @@ class Platooning:
         if mode == "alone":
             platoon = self._platoon()
             lags = closing_slowdown(s, platoon)
-            asked = DROP_BACK if self._drop_back else agreements.joined.slowdown
-            lagging = 0.0 if self._drop_back else lags
-            cruise = cruise_mps(s, lagging, asked, agreements.joining, self._cruise_mps)
+            waits = DROP_BACK if self._drop_back else max(agreements.joined.slowdown, lags)
+            cruise = cruise_mps(s, waits, agreements.joining, self._cruise_mps)
             partner = agreements.joining.front or agreements.joined.by
             if partner is None and lags > 0:
                 partner = platoon[0].vehicle

@@ -21,10 +21,7 @@ _JOIN_SPACINGS: Final = 2.0
 _KEEP_SPACINGS: Final = 3.0
 
 NONE_AHEAD: Final = "no vehicle is sensed ahead"
-"""An obstacle that may be the sensor's, for a moment."""
-
-STRANGER_AHEAD: Final = "the vehicle ahead is not of the fleet"
-"""An obstacle that is none for a moment, where the partner has just changed its lane."""
+"""The one obstacle that may be the sensor's, for a moment."""
 
 
 def obstacle(situation: Situation, *, keeps: bool) -> str | None:
@@ -39,7 +36,7 @@ def obstacle(situation: Situation, *, keeps: bool) -> str | None:
     if s.ahead is None:
         return NONE_AHEAD
     if s.ahead.vehicle is None:
-        return STRANGER_AHEAD
+        return "the vehicle ahead is not of the fleet"
     if s.partner is None:
         return f"{s.ahead.vehicle} is silent"
     shared = find_shared_path(s.leg, s.state.number, s.place_m, s.partner, s.partner_age_s)

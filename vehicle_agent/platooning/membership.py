@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from slipstream.messages import PlatoonMode
-from vehicle_agent.platooning.gap_control import IDM, has_left
+from vehicle_agent.platooning.gap_control import has_left
 from vehicle_agent.platooning.join_leave import (
     NONE_AHEAD,
-    STRANGER_AHEAD,
     obstacle,
     turbulent_segment,
 )
@@ -94,17 +93,14 @@ class Membership:
     def _is_merely_hidden(self, s: Situation, found: str | None, neighbours: Neighbours) -> bool:
         """Whether its partner, still heard, is not sensed ahead for a moment.
 
-        That is a dropout of the sensor, or the partner changes lanes, tells of it a message later,
-        and is sensed ahead once the vehicle is there too. Until then the vehicle may sense whom the
-        partner passes, farther away than one that has cut in.
+        That is a dropout of the sensor, or it has told of another lane and is sensed ahead once the
+        vehicle is there too.
         """
         front = neighbours.get(self.partner)
         aside = front is not None and on_another_lane(s, front)
-        if not 0 <= s.now_ns - self._seen_ns < (_LANE_CHANGE_NS if aside else _DROPOUT_NS):
-            return False
-        passed = found == STRANGER_AHEAD and s.gap_m > IDM.desired_gap_m(s.own.speed_mps)
+        seen = 0 <= s.now_ns - self._seen_ns < (_LANE_CHANGE_NS if aside else _DROPOUT_NS)
         heard = neighbours.fresh(self.partner, s.now_ns) is not None
-        return heard and (found == NONE_AHEAD or passed)
+        return found == NONE_AHEAD and heard and seen
 
     def _obstacle(self, s: Situation, *, keeps: bool) -> str | None:
         """Why it may not follow the vehicle directly ahead; None: it may."""

@@ -25,23 +25,21 @@ def commanded_mps(
     Args:
         situation: now.
         mode: of the vehicle.
-        front: last message of the vehicle that it follows; while that one is not sensed ahead, it
-            drives no faster than it. Where that one has told of another lane it is not in the way,
-            and coasting is enough.
+        front: last message of the vehicle that it follows; while no vehicle is sensed ahead, it
+            drives no faster than that one. Where that one has told of another lane it is not in
+            the way, and coasting is enough.
         cap_mps: what the rest of the agent allows.
     """
     if mode == "alone":
         return None
     own, ahead = situation.own, situation.motion
     bound = min(allowed_mps(situation), cap_mps)
-    if ahead is None or (front is not None and situation.partner is None):
+    if ahead is None:
         command = own.speed_mps
         if front is not None and front.announced_mps < own.speed_mps:
             command = front.announced_mps
             if on_another_lane(situation, front):
                 command = max(command, own.speed_mps - own.coasting_mps2 * own.interval_s)
-        if ahead is not None:
-            command = min(command, safe_mps(own.speed_mps, ahead, own.interval_s))
     else:
         law = following_mps if mode == "following" else leaving_mps
         command = min(law(own, ahead), safe_mps(own.speed_mps, ahead, own.interval_s))
@@ -78,29 +76,21 @@ def leading_mps(situation: Situation, set_mps: float, cap_mps: float) -> float:
 
 
 def cruise_mps(
-    situation: Situation,
-    lags: float,
-    asked: float,
-    joining: Joining,
-    before_mps: float | None,
+    situation: Situation, slowdown: float, joining: Joining, before_mps: float | None
 ) -> float | None:
     """Highest set speed of a vehicle alone, m/s; None: as without platooning.
 
-    A vehicle that catches up with another one itself waits for a third one no more than half as
-    much as that one does for it. For its own followers it waits all the same: groups close up
-    beside each other, and then with each other.
+    A vehicle that catches up with another one itself waits no more than half as much as that one.
 
     Args:
         situation: now.
-        lags: share of its speed that it takes off for its own followers.
-        asked: the same, for a vehicle that joins it.
+        slowdown: share of its speed that it takes off.
         joining: whom it catches up with.
         before_mps: the set speed of the interval before; None: there was none.
     """
     own = situation.own
     if joining.slowdown > 0:
-        asked = min(asked, joining.slowdown / 2)
-    slowdown = max(lags, asked)
+        slowdown = min(slowdown, joining.slowdown / 2)
     if slowdown > 0:
         before_mps = own.speed_mps if before_mps is None else before_mps
         target_mps = (1 - slowdown) * own.desired_mps

@@ -9,10 +9,7 @@ from tests.vehicle_agent.platooning.test_limits import sensing_of, told
 from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
-from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.neighbours import MAX_NEIGHBOURS, Neighbours
-from vehicle_agent.platooning.situation import look
-from vehicle_agent.platooning.speed_commands import cruise_mps
 
 NS = 1_000_000_000
 LEG = Leg(1, 0, tuple(planned(name, 3000.0, 30.0) for name in "abc"))
@@ -304,15 +301,8 @@ def test_nobody_drops_back_for_a_vehicle_that_refuses_or_is_gone() -> None:
     assert (step.cruise_mps, step.lane, step.partner) == (None, None, None)
 
 
-def after_a_lane_change(
-    lane: int, beyond: SensedVehicle | None = None
-) -> tuple[PlatoonStep, PlatoonStep]:
-    """A follower whose partner is no longer sensed ahead and slows down: at once, 1.5 s later.
-
-    Args:
-        lane: that the partner tells of.
-        beyond: sensed in its place.
-    """
+def after_a_lane_change(lane: int) -> tuple[PlatoonStep, PlatoonStep]:
+    """A follower whose partner is no longer sensed ahead and slows down: at once, 1.5 s later."""
     platooning = Platooning("me", PAPER_CAR, 4.6, 0.5)
     place_m, ahead = 500.0, SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=30.0)
     steps = []
@@ -325,7 +315,7 @@ def after_a_lane_change(
             now_ns,
         )
         state = VehicleState("a", 0, False, 0, place_m, 30.0)
-        seen = ahead if number < 2 else beyond
+        seen = ahead if number < 2 else None
         steps.append(
             platooning.step(now_ns, LEG, state, sensing_of(state, seen, now_ns), Roadside())
         )
@@ -341,40 +331,6 @@ def test_a_partner_that_has_changed_its_lane_is_followed_without_braking() -> No
     assert (first.mode, first.lane, later.mode) == ("following", 1, "following")
     first, later = after_a_lane_change(lane=0)
     assert (first.speed_mps, first.mode, later.mode) == (28.0, "following", "leaving")
-
-
-def test_a_partner_that_passes_a_truck_is_followed_past_it() -> None:
-    """The truck that is sensed in its place is none that has come between."""
-    truck = SensedVehicle(track="x", vehicle=None, gap_m=80.0, speed_mps=25.0)
-    first, later = after_a_lane_change(lane=1, beyond=truck)
-    assert (first.mode, first.lane, later.mode) == ("following", 1, "following")
-    assert first.speed_mps is not None
-    assert 29.7 < first.speed_mps < 30.0
-    stranger = "the vehicle ahead is not of the fleet"
-    first, later = after_a_lane_change(lane=0, beyond=truck)  # it has not told yet, and never does
-    assert (first.mode, first.speed_mps) == ("following", 28.0)
-    assert (later.mode, later.reason) == ("leaving", stranger)
-    near = truck.model_copy(update={"gap_m": 30.0})
-    first, _ = after_a_lane_change(lane=1, beyond=near)
-    assert (first.mode, first.reason) == ("leaving", stranger)
-
-
-def test_a_vehicle_that_is_waited_for_waits_for_its_own_followers_all_the_same() -> None:
-    """By as much as if it caught up with nobody; for who only joins it, by half at most."""
-    state = VehicleState("a", 0, False, 0, 500.0, 30.0)
-    s = look(
-        *(BEGIN_NS, LEG, state, sensing_of(state, None, BEGIN_NS), Roadside()),
-        *(Neighbours("me", 0.1), PAPER_CAR, 1.0, 0.1),
-    )
-    joining = Joining()
-    joining.choose("p", "p", 0.0, 0.1, BEGIN_NS)
-    for before_mps, lags, asked, wanted_mps in (
-        (20.0, 0.15, 0.0, 25.5),
-        (20.0, 0.15, 0.15, 25.5),
-        (20.0, 0.0, 0.15, 28.5),
-        (20.0, 0.02, 0.15, 28.5),
-    ):
-        assert cruise_mps(s, lags, asked, joining, before_mps) == pytest.approx(wanted_mps)
 
 
 def test_who_waits_for_another_vehicle_is_caught_up_with_and_not_asked() -> None:
