@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from slipstream.drafting import DragLaw
-from slipstream.messages import PlatoonControl, PlatoonManagement, PlatoonMode, VehicleSensing
+from slipstream.messages import PlatoonControl, PlatoonManagement, VehicleSensing
 from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.agreement import MAX_REASON, RENEW_NS, Agreements
@@ -17,9 +17,9 @@ from vehicle_agent.platooning.catch_up import (
     find_catch_up,
 )
 from vehicle_agent.platooning.control_message import ControlMessages
-from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, IDM, has_left
+from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, IDM
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
-from vehicle_agent.platooning.join_leave import NONE_AHEAD, obstacle, turbulent_segment
+from vehicle_agent.platooning.membership import Membership
 from vehicle_agent.platooning.neighbours import Heard, Neighbours
 from vehicle_agent.platooning.shared_path import MAX_DISTANCE_M
 from vehicle_agent.platooning.situation import Situation, look
@@ -28,14 +28,9 @@ from vehicle_agent.platooning.speed_commands import (
     commanded_mps,
     cruise_mps,
     leading_mps,
-    on_another_lane,
+    obeys,
 )
 
-_SETTLE_NS: Final = 2_000_000_000
-# A sensor may lose the vehicle ahead for a moment, as where a lane begins.
-_DROPOUT_NS: Final = 1_000_000_000
-_LANE_CHANGE_NS: Final = 3_000_000_000
-_OBEYED_MPS: Final = 0.05
 _SEGMENTS_BEHIND: Final = 2
 
 
@@ -75,16 +70,12 @@ class Platooning:
         self._neighbours = Neighbours(vehicle, interval_s)
         self._agreements = Agreements(vehicle)
         self._controls = ControlMessages(vehicle, length_m)
-        self._mode: PlatoonMode = "alone"
-        self._partner: str | None = None
-        self._reason: str | None = None
-        self._disengaged_on: str | None = None
+        self._member = Membership()
         self._lane: int | None = None
         self._drop_back = False
         self._cruise_mps: float | None = None
         self._lead_mps: float | None = None
-        self._now_ns = self._seen_ns = self._look_ns = 0
-        self._left_ns = self._parted_ns = self._alone_ns = -_SETTLE_NS
+        self._now_ns = self._look_ns = 0
 
     @staticmethod
     def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
@@ -125,14 +116,14 @@ class Platooning:
         agreements = self._agreements
         told = {agreements.joined.by, agreements.joining.asked}
         told |= {heard.message.vehicle for heard in self._followers()}
-        if self._mode == "following":
-            told.add(self._partner)
+        if self._member.mode == "following":
+            told.add(self._member.partner)
             self._leave(reason, tell=False)
         agreements.joined.end()
         agreements.joining.end()
         for partner in sorted(name for name in told if name is not None):
             agreements.send(self._now_ns, "leave", partner, reason=reason)
-        self._reason, self._parted_ns = reason, self._now_ns
+        self._member.end(reason, self._now_ns)
         return agreements.take()
 
     def step(
@@ -166,7 +157,7 @@ class Platooning:
             *(self._neighbours, self._parameters, self._pace, self._interval_s),
             self._drafting,
         )
-        if len(self._neighbours) or self._mode != "alone" or self._agreements.joining.front:
+        if len(self._neighbours) or self._member.mode != "alone" or self._agreements.joining.front:
             self._decide(s)
         cap = math.inf if cap_mps is None else cap_mps
         return self._result(s, cap)
@@ -175,62 +166,27 @@ class Platooning:
         due = not 0 < self._look_ns - s.now_ns <= RENEW_NS
         if due:
             self._look_ns = s.now_ns + RENEW_NS
-        if due or self._mode != "alone":
+        if due or self._member.mode != "alone":
             self._decide_mode(s)
-        if self._mode == "alone":
+        if self._member.mode == "alone":
             if due:
                 self._catch_up(s)
             return
         self._drop_back = False
-        self._lane = self._partners_lane(s)
+        self._lane = self._member.partners_lane(s, self._neighbours)
 
     def _decide_mode(self, s: Situation) -> None:
-        follows = self._mode == "following"
-        keeps = follows and s.ahead is not None and s.ahead.vehicle == self._partner
-        found = self._obstacle(s, keeps=keeps)
-        if found is None and s.partner is not None:
+        if not self._member.may_go_on(s, self._neighbours):
+            self._leave(self._member.reason)
+        elif self._member.mode == "following":
             self._agreements.joining.end()
             self._agreements.joined.end()
-            self._mode, self._partner = "following", s.partner.vehicle
-            self._reason, self._seen_ns = None, s.now_ns
-            return
-        if follows:
-            heard = self._neighbours.fresh(self._partner, s.now_ns) is not None
-            longest_ns = _LANE_CHANGE_NS if self._is_on_another_lane(s) else _DROPOUT_NS
-            seen = 0 <= s.now_ns - self._seen_ns < longest_ns
-            if not (found == NONE_AHEAD and heard and seen):
-                self._leave(found)
-        elif self._mode == "leaving":
-            settled = not 0 <= s.now_ns - self._left_ns < _SETTLE_NS
-            if settled and (s.motion is None or has_left(s.own, s.motion)):
-                self._mode, self._partner, self._alone_ns = "alone", None, s.now_ns
-        else:
-            self._reason = None if s.partner is None else found
-
-    def _is_on_another_lane(self, s: Situation) -> bool:
-        """Whether its partner has told so; it is sensed ahead once the vehicle is there too."""
-        front = self._neighbours.get(self._partner)
-        return front is not None and on_another_lane(s, front)
-
-    def _obstacle(self, s: Situation, *, keeps: bool) -> str | None:
-        """Why it may not follow the vehicle directly ahead; None: it may."""
-        rough = turbulent_segment(s)
-        if rough is not None:
-            if self._mode == "following":
-                self._disengaged_on = rough
-            return f"the traffic on {rough} is turbulent"
-        if self._disengaged_on is not None:
-            if self._disengaged_on in s.leg.path[s.state.number :]:
-                return f"the traffic on {self._disengaged_on} was turbulent"
-            self._disengaged_on = None
-        if self._mode != "following" and self._has_just_parted:
-            return self._reason or "it has just parted"
-        return obstacle(s, keeps=keeps)
 
     def _catch_up(self, s: Situation) -> None:
         """Look for a vehicle to catch up with, and ask it, or its leader, to wait."""
-        found, joining = None, self._agreements.joining
-        if self._disengaged_on is None and s.sensing_in_time and not self._has_just_parted:
+        found, joining, member = None, self._agreements.joining, self._member
+        calm = member.disengaged_on is None and not member.has_just_parted(s.now_ns)
+        if calm and s.sensing_in_time:
             found = find_catch_up(s, self._vehicle, self._neighbours)
         if found is None:
             joining.end()
@@ -248,8 +204,8 @@ class Platooning:
     def _answer(self, request: PlatoonManagement) -> None:
         joined = self._agreements.joined
         reason = None
-        if self._mode != "alone":
-            reason = f"it is {self._mode}"
+        if self._member.mode != "alone":
+            reason = f"it is {self._member.mode}"
         elif not joined.ask(request, self._now_ns):
             reason = f"{joined.by} joins it"
         self._agreements.send(
@@ -264,29 +220,23 @@ class Platooning:
             agreements.joined.end()
         if name in (agreements.joining.front, agreements.joining.asked):
             agreements.joining.end()
-        if self._mode == "following" and self._partner == name:
+        if self._member.mode == "following" and self._member.partner == name:
             self._leave(f"{name} has left")
 
     def _leave(self, reason: str | None, *, tell: bool = True) -> None:
-        self._mode, self._reason = "leaving", reason
-        self._left_ns = self._parted_ns = self._now_ns
+        self._member.leave(reason, self._now_ns)
         if tell:
-            asked = self._agreements.joining.asked
-            for partner in sorted({name for name in (self._partner, asked) if name is not None}):
+            told = {self._member.partner, self._agreements.joining.asked}
+            for partner in sorted(name for name in told if name is not None):
                 self._agreements.send(self._now_ns, "leave", partner, reason=reason)
         self._agreements.joining.end()
-
-    @property
-    def _has_just_parted(self) -> bool:
-        """Whether it has left a platoon, or was told to end platooning."""
-        return 0 <= self._now_ns - self._parted_ns < _SETTLE_NS
 
     def _followers(self) -> list[Heard]:
         return [heard for heard in self._neighbours if heard.message.ahead == self._vehicle]
 
     def _platoon(self) -> list[PlatoonControl]:
         """Last messages of all who follow it, or others that do."""
-        told = (heard.message for heard in self._neighbours)
+        told = [heard.message for heard in self._neighbours]
         return [one for one in told if one.mode == "following" and one.leader == self._vehicle]
 
     def _may_be_commanded(self, s: Situation) -> bool:
@@ -294,33 +244,18 @@ class Platooning:
         out of a close gap, and with no vehicle nearer than its driver would let it come. There its
         own model brakes as hard as a vehicle can, and a command would not be bound to that.
         """
-        calm = not 0 <= s.now_ns - self._alone_ns < _SETTLE_NS
+        calm = not self._member.is_just_alone(s.now_ns)
         free = s.gap_m > IDM.desired_gap_m(s.state.speed_mps)
         return calm and free and s.leg.limits_mps[s.state.number] > MOTORWAY_MPS
 
-    def _partners_lane(self, s: Situation) -> int | None:
-        """The lane of the vehicle that it follows, while both are on one segment and go on alike.
-
-        For a moment also of the one that it has just left: that may have changed its lane.
-        """
-        front, state = self._neighbours.get(self._partner), s.state
-        if front is None or state.crossing or front.crossing or front.front_m < state.front_m:
-            return None
-        if self._mode == "leaving" and not (
-            self._has_just_parted and s.gates.is_open(state.segment)
-        ):
-            return None
-        alike = front.path[:2] == s.leg.path[state.number : state.number + 2]
-        return front.lane if alike else None
-
     def _result(self, s: Situation, cap_mps: float) -> PlatoonStep:
-        agreements, mode = self._agreements, self._mode
+        agreements, mode = self._agreements, self._member.mode
         if mode == "alone" and agreements.joining.front is None:
             self._lane, self._drop_back = None, False
-        follows = self._neighbours.get(self._partner) if mode == "following" else None
+        follows = self._neighbours.get(self._member.partner) if mode == "following" else None
         speed = commanded_mps(s, mode, follows, cap_mps)
         cruise = wanted = None
-        partner = self._partner
+        partner = self._member.partner
         if mode == "alone":
             platoon = self._platoon()
             lags = closing_slowdown(s, platoon)
@@ -335,17 +270,18 @@ class Platooning:
             wanted = IDM.desired_gap_m(s.state.speed_mps)
         self._cruise_mps = cruise
         leads = mode == "alone" and self._may_be_commanded(s) and bool(self._platoon())
-        obeys, lead_mps = _obeys(s, self._lead_mps), None
+        told_mps, lead_mps = speed, None
         if leads:
             set_mps = s.own.desired_mps if cruise is None else cruise
             lead_mps = leading_mps(s, set_mps, cap_mps)
+            if obeys(s, self._lead_mps):
+                told_mps = lead_mps
         self._lead_mps = lead_mps
-        told_mps = lead_mps if leads and obeys else speed
         announced = announced_mps(s, told_mps, cap_mps if lead_mps is None else lead_mps)
         control = self._controls.make(
             s, mode, follows, announced, agreements.joined.by, self._neighbours
         )
-        behind = mode != "alone" and s.ahead is not None and s.ahead.vehicle == self._partner
+        behind = mode != "alone" and s.ahead is not None and s.ahead.vehicle == self._member.partner
         return PlatoonStep(
             mode=mode,
             speed_mps=speed,
@@ -356,12 +292,7 @@ class Platooning:
             partner=partner,
             tail_m=control.tail_m,
             close=behind and s.gap_m <= CLOSE_GAP_M,
-            reason=None if self._reason is None else self._reason[:MAX_REASON],
+            reason=None if self._member.reason is None else self._member.reason[:MAX_REASON],
             control=control,
             messages=agreements.take(),
         )
-
-
-def _obeys(s: Situation, commanded: float | None) -> bool:
-    """Whether the vehicle drives what it was last commanded; its own safety may hold it back."""
-    return commanded is None or s.own.speed_mps > commanded - _OBEYED_MPS

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from slipstream.messages import PlatoonControl, PlatoonMode
 from slipstream.spacing import MAX_BRAKING_MPS2
 from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.gap_control import IDM, following_mps, leaving_mps, waiting_mps
 from vehicle_agent.platooning.safe_gap import safe_mps
 from vehicle_agent.platooning.situation import Situation, allowed_mps
+
+_OBEYED_MPS: Final = 0.05
 
 
 def commanded_mps(
@@ -108,3 +112,8 @@ def announced_mps(situation: Situation, commanded: float | None, cap_mps: float)
         goes_on = max(0.0, own.speed_mps + state.acceleration_mps2 * own.interval_s)
         commanded = min(goes_on, cap_mps)
     return max(commanded, lowest)
+
+
+def obeys(situation: Situation, commanded: float | None) -> bool:
+    """Whether the vehicle drives what it was last commanded; its own safety may hold it back."""
+    return commanded is None or situation.own.speed_mps > commanded - _OBEYED_MPS

@@ -1,0 +1,118 @@
+"""Whether a vehicle is alone, follows another one, or leaves it: from interval to interval."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from slipstream.messages import PlatoonMode
+from vehicle_agent.platooning.gap_control import has_left
+from vehicle_agent.platooning.join_leave import (
+    NONE_AHEAD,
+    obstacle,
+    turbulent_segment,
+)
+from vehicle_agent.platooning.neighbours import Neighbours
+from vehicle_agent.platooning.situation import Situation
+from vehicle_agent.platooning.speed_commands import on_another_lane
+
+_SETTLE_NS: Final = 2_000_000_000
+# A sensor may lose the vehicle ahead for a moment, as where a lane begins.
+_DROPOUT_NS: Final = 1_000_000_000
+_LANE_CHANGE_NS: Final = 3_000_000_000
+
+
+class Membership:
+    """A vehicle's mode, and why.
+
+    Attributes:
+        mode: alone, following or leaving.
+        partner: that it follows or leaves; None: it is alone.
+        reason: why a platoon ended or does not form; None: neither.
+        disengaged_on: segment whose turbulence it has left for and that still lies ahead.
+    """
+
+    def __init__(self) -> None:
+        self.mode: PlatoonMode = "alone"
+        self.partner: str | None = None
+        self.reason: str | None = None
+        self.disengaged_on: str | None = None
+        self._seen_ns = 0
+        self._left_ns = self._parted_ns = self._alone_ns = -_SETTLE_NS
+
+    def has_just_parted(self, now_ns: int) -> bool:
+        """Whether it has left a platoon, or was told to end platooning, in the last 2 s."""
+        return 0 <= now_ns - self._parted_ns < _SETTLE_NS
+
+    def is_just_alone(self, now_ns: int) -> bool:
+        """Whether it has come out of a platoon in the last 2 s."""
+        return 0 <= now_ns - self._alone_ns < _SETTLE_NS
+
+    def leave(self, reason: str | None, now_ns: int) -> None:
+        """Open the gap from now on."""
+        self.mode, self.reason = "leaving", reason
+        self._left_ns = self._parted_ns = now_ns
+
+    def end(self, reason: str, now_ns: int) -> None:
+        """Note that platooning was ended from outside."""
+        self.reason, self._parted_ns = reason, now_ns
+
+    def may_go_on(self, s: Situation, neighbours: Neighbours) -> bool:
+        """Take the situation in; False: it follows and must leave now, for `reason`."""
+        follows = self.mode == "following"
+        keeps = follows and s.ahead is not None and s.ahead.vehicle == self.partner
+        found = self._obstacle(s, keeps=keeps)
+        if found is None and s.partner is not None:
+            self.mode, self.partner = "following", s.partner.vehicle
+            self.reason, self._seen_ns = None, s.now_ns
+        elif follows:
+            if not self._is_merely_hidden(s, found, neighbours):
+                self.reason = found
+                return False
+        elif self.mode == "leaving":
+            settled = not 0 <= s.now_ns - self._left_ns < _SETTLE_NS
+            if settled and (s.motion is None or has_left(s.own, s.motion)):
+                self.mode, self.partner, self._alone_ns = "alone", None, s.now_ns
+        else:
+            self.reason = None if s.partner is None else found
+        return True
+
+    def partners_lane(self, s: Situation, neighbours: Neighbours) -> int | None:
+        """The lane of the vehicle that it follows, while both are on one segment and go on alike.
+
+        For a moment also of the one that it has just left: that may have changed its lane.
+        """
+        front, state = neighbours.get(self.partner), s.state
+        if front is None or state.crossing or front.crossing or front.front_m < state.front_m:
+            return None
+        stays = self.has_just_parted(s.now_ns) and s.gates.is_open(state.segment)
+        if self.mode == "leaving" and not stays:
+            return None
+        alike = front.path[:2] == s.leg.path[state.number : state.number + 2]
+        return front.lane if alike else None
+
+    def _is_merely_hidden(self, s: Situation, found: str | None, neighbours: Neighbours) -> bool:
+        """Whether its partner, still heard, is not sensed ahead for a moment.
+
+        That is a dropout of the sensor, or it has told of another lane and is sensed ahead once the
+        vehicle is there too.
+        """
+        front = neighbours.get(self.partner)
+        aside = front is not None and on_another_lane(s, front)
+        seen = 0 <= s.now_ns - self._seen_ns < (_LANE_CHANGE_NS if aside else _DROPOUT_NS)
+        heard = neighbours.fresh(self.partner, s.now_ns) is not None
+        return found == NONE_AHEAD and heard and seen
+
+    def _obstacle(self, s: Situation, *, keeps: bool) -> str | None:
+        """Why it may not follow the vehicle directly ahead; None: it may."""
+        rough = turbulent_segment(s)
+        if rough is not None:
+            if self.mode == "following":
+                self.disengaged_on = rough
+            return f"the traffic on {rough} is turbulent"
+        if self.disengaged_on is not None:
+            if self.disengaged_on in s.leg.path[s.state.number :]:
+                return f"the traffic on {self.disengaged_on} was turbulent"
+            self.disengaged_on = None
+        if self.mode != "following" and self.has_just_parted(s.now_ns):
+            return self.reason or "it has just parted"
+        return obstacle(s, keeps=keeps)
