@@ -22,6 +22,7 @@ from dispatcher_daemon.platooning import (
     RoadUser,
     Shares,
     Traversals,
+    expected_drafting,
     open_shares,
     traversals,
     traversals_on_road,
@@ -89,6 +90,7 @@ class Planner:
         shares: saving of a leader and of a follower of the fleet's first profile on each open
             segment.
         shares_by_profile: those of all its profiles.
+        expected: of platoons; None: they are close everywhere.
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
         paths_per_leg: number of cheapest paths of each leg that options may contain.
@@ -122,7 +124,8 @@ class Planner:
         self.reference_s = reference_s
         self.batteries = [battery_of(problem.fleet, v) for v in problem.fleet.vehicles]
         self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...], float], float] = {}
-        self.on_road = traversals_on_road(on_road, self.shares)
+        self.expected = expected_drafting(problem, snapshot, commitments, on_road)
+        self.on_road = traversals_on_road(on_road, self.shares, self.expected)
         # A vehicle on the road that has left the fleet counts as one of its first profile.
         users = [(-n, user.vehicle) for n, user in enumerate(on_road, 1)]
         self._own_shares = {
@@ -140,7 +143,7 @@ class Planner:
 
     def meetings(self) -> Meetings:
         """Passages of the vehicles on the road only; their savings are part of no change."""
-        meetings = Meetings(self.shares, self.sync_window_s, self._own_shares)
+        meetings = Meetings(self.shares, self.sync_window_s, self._own_shares, self.expected)
         for vehicle in self.on_road:
             meetings.add(vehicle)
         return meetings
@@ -363,4 +366,5 @@ class Planner:
         cost += problem.price_of_waiting_kw * at_depot_s / S_PER_H
         for visit in route.visits:
             cost += self.price_of_wait_kw(visit.place) * visit.wait_s / S_PER_H
-        return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))
+        passages = traversals(number, route, self.shares, self.expected)
+        return Itinerary(number, stops, route, cost, passages)
