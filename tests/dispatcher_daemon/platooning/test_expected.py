@@ -16,11 +16,8 @@ from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.plans.energy import route_energy
 from dispatcher_daemon.platooning import expected_drafting, form_platoons, judge_pairs
-from dispatcher_daemon.platooning.expected import (
-    SIGNAL_CYCLE_S,
-    ExpectedDrafting,
-    closing_way_m,
-)
+from dispatcher_daemon.platooning.closing_up import SIGNAL_CYCLE_S, closing_way_m
+from dispatcher_daemon.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.platooning.vehicles_on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import (
@@ -165,7 +162,8 @@ def test_who_joins_a_close_platoon_closes_its_own_gap_only() -> None:
 
 def test_same_approach_and_different_approaches_to_a_signal() -> None:
     """Half of all passages stop at c. Two from a come to it together: parted once in a cycle, from
-    rest again in half of the cases. Of two from a and b none may have stopped.
+    rest again in half of the cases. Of two from a and b none may have stopped, and who is a stop
+    behind does not close up within 2 km.
     """
     roads = {"ac": 5000.0, "bc": 5000.0, "cd": 2000.0}
     town = line(roads, signals={"c": 0.5})
@@ -177,6 +175,23 @@ def test_same_approach_and_different_approaches_to_a_signal() -> None:
     calm = line(roads, signals={"c": 0.0})
     assert shares(*calm, ["ac", "cd"], ["ac", "cd"])[1] == 1.0
     assert shares(*calm, ["ac", "cd"], ["bc", "cd"])[1] == pytest.approx(anew)
+
+
+def test_who_is_parted_by_a_signal_closes_up_on_a_long_road() -> None:
+    """Parted on the same approach the rear one is half a cycle behind, 45 s; from another one a
+    stop's mean wait, 22.5 s: 30 km of motorway are enough for both.
+    """
+    town = line({"ac": 5000.0, "bc": 5000.0, "cd": 30_000.0}, signals={"c": 0.5})
+    anew, red, wait = (
+        1 - closing_way_m(ENTRY_M + late_s * V_MPS, V_MPS, C_MPS2) / 30_000
+        for late_s in (0.0, 45.0, 22.5)
+    )
+    assert 0.7 < red < wait < anew
+    same = shares(*town, ["ac", "cd"], ["ac", "cd"])[1]
+    together = TOGETHER_S * (0.5 + 0.5 * anew)
+    assert same == pytest.approx(together + (1 - TOGETHER_S) * red)
+    other = shares(*town, ["ac", "cd"], ["bc", "cd"])[1]
+    assert other == pytest.approx(0.25 * anew + 0.75 * wait)
 
 
 def test_learned_stops_count_before_those_of_the_settings() -> None:
