@@ -7,10 +7,8 @@ from dispatcher_daemon.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.platooning.meetings import (
     Change,
     Meetings,
-    Shares,
     Traversal,
     Traversals,
-    open_shares,
     saving_kwh,
     traversals,
 )
@@ -28,6 +26,7 @@ from dispatcher_daemon.platooning.rewards import (
     judge_pairs,
     rewards,
 )
+from dispatcher_daemon.platooning.shares import Shares, open_shares
 from dispatcher_daemon.platooning.vehicles_on_road import (
     RoadUser,
     expected_drafting,

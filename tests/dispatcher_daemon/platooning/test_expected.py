@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from dispatcher_daemon.commitments import Commitment, CommittedLeg, Moving
 from dispatcher_daemon.fleet import fleet_from
 from dispatcher_daemon.planning.carriers import Accounts
 from dispatcher_daemon.planning.itineraries import Planner
@@ -21,6 +22,7 @@ from dispatcher_daemon.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.platooning.vehicles_on_road import on_road
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import (
+    Leg,
     Travel,
     candidate_arcs,
     least_energy_legs,
@@ -28,6 +30,7 @@ from dispatcher_daemon.roads import (
     roads_of,
 )
 from dispatcher_daemon.traffic import Expectations, SegmentTraffic, TrafficSnapshot
+from slipstream.drive import Drive
 from slipstream.messages import DrivingAdvice, PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.roads import Segment, build_network
 from slipstream.spacing import ENTRY_HEADWAY_S, driver_gap_m, wanted_gap_m
@@ -356,3 +359,36 @@ def test_what_vehicles_on_the_road_have_behind_them_counts() -> None:
     assert left_m > 0
     assert share("a", ["ab", "bc", "cd"]) == pytest.approx(1 - left_m / 3000)
     assert share("a", ["bc", "cd"]) == 1.0
+
+
+def test_what_a_vehicle_that_is_planned_on_has_behind_it_counts() -> None:
+    """Two that left the depot together are on the second road: their routes begin there, and what
+    the first one has closed of their gap stays closed.
+    """
+    problem, snapshot = line(
+        {"ab": 300.0, "bc": 300.0, "cd": 3000.0}, [{}, {}], [{"id": "s", "node": "d"}]
+    )
+    path = ("bc", "cd")
+    bound = [
+        Commitment(
+            vehicle=v,
+            plan=plan_of(v, "a", ["ab", "bc", "cd"]),
+            place="depot-a",
+            node="a",
+            arrived_ns=NOW_NS,
+            ends_ns=NOW_NS,
+            departs_ns=NOW_NS,
+            moving=Moving(0.2, V_MPS, NOW_NS + 60 * 10**9),
+            legs=(CommittedLeg(path, complete=True),),
+            stops=("s",),
+        )
+        for v in ("v0", "v1")
+    ]
+    of = expected_drafting(problem, snapshot, bound)
+    assert of is not None
+    leg = Leg("depot-a", "s", path, 0.0, Drive((0.0,), (0.0,), (), 0.0))
+    found = of.shares(tuple(of.of_leg(v, 0, leg)[1] for v in ("v0", "v1")))
+    left_m = closing_way_m(ENTRY_M, V_MPS, C_MPS2) - 600
+    assert found[1] == pytest.approx(1 - left_m / 3000)
+    fresh = of.shares(tuple(of.of_leg(v, 1, leg)[1] for v in ("v0", "v1")))
+    assert fresh[1] == pytest.approx(1 - (left_m + 300) / 3000)
