@@ -118,7 +118,7 @@ def generate_city(
     now = dict(_traffic(traffic, grid, ways, network, shape))
     return Instance(
         name=fleet.name,
-        problem=RoutingProblem(network, fleet, drafting="expected"),
+        problem=RoutingProblem(network, fleet),
         snapshot=TrafficSnapshot(CITY_TIME_NS, MappingProxyType(now), ()),
         provenance=f"generated city, seed {seed}, {shape}",
     )
