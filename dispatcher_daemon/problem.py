@@ -33,6 +33,9 @@ class RoutingProblem:
         price_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
             the departure windows limit the wait.
         advised_gap_m: that plans advise to followers.
+        drafting: with objective "energy", what platoons save. "ideal": each is close from where it
+            forms. "expected": less what its vehicles need to close up, and by the chance that
+            signals keep them together; see `dispatcher_daemon.platooning.expected`.
     """
 
     network: RoadNetwork
@@ -44,6 +47,7 @@ class RoutingProblem:
     price_of_time_kw: float = 0.0
     price_of_waiting_kw: float = 0.0
     advised_gap_m: float = ADVISED_GAP_M
+    drafting: Literal["ideal", "expected"] = "ideal"
 
     def __post_init__(self) -> None:
         for name in ("price_of_time_kw", "price_of_waiting_kw"):
@@ -95,6 +99,7 @@ def routing_problem(
         price_of_time_kw=prices.price_of_time_kw,
         price_of_waiting_kw=prices.price_of_waiting_kw,
         advised_gap_m=settings.gap_m,
+        drafting="expected",
     )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -109,10 +109,12 @@ class Expectations:
             to rest needs the sum of its movements' losses and of those of its last segment, the
             last braking included.
         seconds: time by movement, s, > 0; the time to regain speed counts where it was lost.
+        stops: number of full stops by movement, ≥ 0.
     """
 
     loss_kwh: Mapping[Movement, float]
     seconds: Mapping[Movement, float]
+    stops: Mapping[Movement, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,15 @@ class TrafficSnapshot:
     segments: Mapping[str, SegmentTraffic]
     states: tuple[SegmentState, ...]
     expected: Expectations | None = None
+
+    def chance_of_stop(self, segment: str, onto: str) -> float:
+        """Chance that a vehicle comes to a stand before it goes from a segment onto the next one:
+        its expected stops there, 1 at most.
+        """
+        stops = self.segments[segment].stops
+        if self.expected is not None:
+            stops = self.expected.stops.get((segment, onto), stops)
+        return min(1.0, stops)
 
     def at_usual_speeds(self, usual_mps: Mapping[str, float]) -> TrafficSnapshot:
         """The same with these planning speeds of segments where none is measured."""

@@ -86,6 +86,11 @@ class VehicleParameters:
 PAPER_CAR = VehicleParameters()
 
 
+def coasting_mps2(speed_mps: float, vehicle: VehicleParameters) -> float:
+    """Deceleration without traction and brake, m/s²."""
+    return (vehicle.rolling_force_n + vehicle.drag_force_n(speed_mps)) / vehicle.mass_kg
+
+
 def steady_energy_kwh(
     distance_m: float,
     speed_mps: float,

@@ -19,7 +19,7 @@ import pyvrp
 from dispatcher_daemon.planning import FleetPlan, initial_plans, plan_fleet
 from dispatcher_daemon.planning.pyvrp_model import VrpModel
 from dispatcher_daemon.plans import RouteEnergy, route_energy, summarise
-from dispatcher_daemon.platooning import form_platoons
+from dispatcher_daemon.platooning import expected_drafting, form_platoons
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route, fleet_travel
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
@@ -195,7 +195,8 @@ def _objectives(plan: FleetPlan) -> dict[str, object]:
 def _energy(city: Instance, plan: FleetPlan) -> dict[str, object]:
     """Physical energy of the plan against the VRP without platooning."""
     ours, base = plan.choice.routes, plan.base.routes
-    places = form_platoons(ours, city.snapshot, city.sync_window_s, 1)
+    expected = expected_drafting(city.problem, city.snapshot)
+    places = form_platoons(ours, city.snapshot, city.sync_window_s, 1, expected=expected)
     driven = [route_energy(city.problem, route, places) for route in ours]
     alone: list[RouteEnergy] = [route_energy(city.problem, route, {}) for route in base]
     summary = summarise("the VRP without platooning", alone, driven, city.problem.price_of_time_kw)

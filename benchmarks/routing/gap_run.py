@@ -68,7 +68,7 @@ def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:
 def _whole(
     planner: Planner, itineraries: Sequence[Itinerary], seed: int
 ) -> tuple[RouteProblem, nx.Graph]:
-    meetings = Meetings(planner.shares, planner.sync_window_s)
+    meetings = Meetings(planner.shares, planner.sync_window_s, expected=planner.expected)
     for itinerary in itineraries:
         meetings.add(itinerary.traversals)
     rng, most = np.random.default_rng(seed), CitySettings().options

@@ -19,7 +19,7 @@ from benchmarks.routing.city_run import workers
 from dispatcher_daemon.planning import plan_fleet
 from dispatcher_daemon.planning.sweeps import Choice
 from dispatcher_daemon.plans import route_energy
-from dispatcher_daemon.platooning import form_platoons
+from dispatcher_daemon.platooning import expected_drafting, form_platoons
 from dispatcher_daemon.roads import leg_along, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings
 from research.cities.generator import generate_city
@@ -74,7 +74,8 @@ def measured(city: Instance, choice: Choice, platooning: bool) -> tuple[float, f
     """(physical energy, kWh; time on the road, h) of a plan, whatever it was chosen by."""
     problem = replace(city.problem, objective="energy")
     roads = roads_of(problem, city.snapshot)
-    places = form_platoons(choice.routes, city.snapshot, city.sync_window_s, 1)
+    expected = expected_drafting(problem, city.snapshot)
+    places = form_platoons(choice.routes, city.snapshot, city.sync_window_s, 1, expected=expected)
     kwh = hours = 0.0
     for route in choice.routes:
         legs = tuple(

@@ -94,10 +94,9 @@ class History:
 
         loss = np.maximum(steady + beyond(self.loss_kwh, steady), _MIN_SHARE * steady)
         seconds = np.maximum(free_s + beyond(self.seconds, free_s), _MIN_SHARE * free_s)
-        return Expectations(
-            dict(zip(pairs, loss.tolist(), strict=True)),
-            dict(zip(pairs, seconds.tolist(), strict=True)),
-        )
+        stops = np.maximum(beyond(self.stops, np.zeros(len(pairs))), 0.0)
+        by_pair = (dict(zip(pairs, v.tolist(), strict=True)) for v in (loss, seconds, stops))
+        return Expectations(*by_pair)
 
     def time_worth_kw(self, network: RoadNetwork) -> float:
         """What an hour is worth at least to those who drive at the limit, kWh.

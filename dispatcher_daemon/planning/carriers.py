@@ -17,7 +17,14 @@ from typing import Final
 from dispatcher_daemon.planning.exchanges import exchanged
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.plans import Gains
-from dispatcher_daemon.platooning import Passage, RoadUser, TimedPassage, platoons_of
+from dispatcher_daemon.platooning import (
+    Approach,
+    ExpectedDrafting,
+    Passage,
+    RoadUser,
+    TimedPassage,
+    platoons_of,
+)
 
 _ROUNDING_KWH: Final = 1e-9
 
@@ -53,7 +60,7 @@ class Accounts:
         self._number = {vehicle.id: number for number, vehicle in enumerate(vehicles)}
         self._carrier = [vehicle.carrier for vehicle in vehicles]
         self._shares = [planner.shares_by_profile[planner.problem.profile_of(v)] for v in vehicles]
-        self._window_s = planner.sync_window_s
+        self._window_s, self._expected = planner.sync_window_s, planner.expected
         self._on: dict[str, list[TimedPassage[Passage]]] = defaultdict(list)
         self._savers: dict[str, set[int]] = {}
         self._saved: list[dict[str, float]] = [{} for _ in vehicles]
@@ -137,13 +144,33 @@ class Accounts:
                 del self._saved[number][segment]
             saved: dict[int, float] = defaultdict(float)
             for group in platoons_of(self._on[segment], self._window_s):
-                for place, (_, _, (vehicle, _, _)) in enumerate(group if len(group) > 1 else ()):
+                if len(group) < 2:
+                    continue
+                close = self._close(group)
+                for place, (share, (_, _, (vehicle, _, _))) in enumerate(
+                    zip(close, group, strict=True)
+                ):
                     if vehicle in self._number:
                         number = self._number[vehicle]
-                        saved[number] += self._shares[number][segment].at(place, len(group))
+                        ideal_kwh = self._shares[number][segment].at(place, len(group))
+                        saved[number] += share * ideal_kwh
             for number, kwh in saved.items():
                 self._saved[number][segment] = kwh
             self._savers[segment] = set(saved)
+
+    def _close(self, group: Sequence[TimedPassage[Passage]]) -> Sequence[float]:
+        """Share of the segment on which each place of a platoon is expected to be close."""
+        expected = self._expected
+        if expected is None:
+            return [1.0] * len(group)
+        return expected.shares(tuple(self._approach(expected, passage) for _, _, passage in group))
+
+    def _approach(self, expected: ExpectedDrafting, passage: Passage) -> Approach:
+        vehicle, leg, position = passage
+        route = self.present[self._number[vehicle]].route if vehicle in self._number else None
+        if route is None:
+            return expected.on_road[passage]
+        return expected.of_leg(vehicle, leg, route.legs[leg])[position]
 
 
 def nobody_worse_off(

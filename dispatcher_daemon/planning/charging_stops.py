@@ -9,13 +9,22 @@ vehicle-charging problem: Montoya, Guéret, Mendoza and Villegas, Transportation
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Leg, Travel
-from dispatcher_daemon.roads.charge import TOLERANCE_KWH, Battery
+from dispatcher_daemon.roads.charge import (
+    TOLERANCE_KWH,
+    Battery,
+    battery_of,
+    leg_energy_kwh,
+    shortfall_kwh,
+)
 from dispatcher_daemon.roads.routes import Charging
+from slipstream.energy import VehicleParameters
 
 MAX_LABELS = 64
 """Kept at each stop of a route."""
@@ -28,6 +37,71 @@ class _Label:
     extra_s: float
     charge_kwh: float
     legs: tuple[Leg, ...]
+
+
+class Batteries:
+    """What a fleet's batteries allow of its routes.
+
+    Attributes:
+        of: by vehicle number; None: its charge is not looked at.
+    """
+
+    def __init__(self, problem: RoutingProblem) -> None:
+        self._problem = problem
+        self.of = [battery_of(problem.fleet, v) for v in problem.fleet.vehicles]
+        self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...], float], float] = {}
+
+    def with_stops(
+        self, number: int, travel: Travel, legs: Sequence[Leg], fixed: int, *, under_way: bool
+    ) -> list[Leg] | None:
+        """The legs of a vehicle's route, over charging stops where its battery needs them; None if
+        it does not last.
+
+        Args:
+            travel: of the vehicle's profile.
+            legs: see `with_charging_stops`.
+            fixed: likewise.
+            under_way: whether the vehicle goes on as it can.
+        """
+        battery = self.of[number]
+        if battery is None:
+            return list(legs)
+        fleet, energy_kwh = self._problem.fleet, self._energy_kwh(number)
+        ready_kwh = battery.charge_kwh
+        if not under_way:
+            ready_kwh = battery.at_departure_kwh(fleet.vehicles[number].ready_s)
+        found = with_charging_stops(battery, fleet, travel, legs, ready_kwh, energy_kwh, fixed)
+        # Charged at the depot while it may wait there, it may get along without.
+        if found is None and (under_way or battery.depot_power_kw > 0):
+            return list(legs)
+        return found
+
+    def needed_h(self, number: int, legs: Sequence[Leg]) -> float:
+        """How long a vehicle has to charge at its depot for a route, h; inf: it does not last."""
+        battery = self.of[number]
+        if battery is None:
+            return 0.0
+        energies_kwh = [self._energy_kwh(number)(leg) for leg in legs]
+        charge_kwh = battery.at_departure_kwh(self._problem.fleet.vehicles[number].ready_s)
+        short_kwh = shortfall_kwh(battery, legs, energies_kwh, charge_kwh)
+        if short_kwh == 0.0:
+            return 0.0
+        if battery.depot_power_kw == 0 or charge_kwh + short_kwh > battery.capacity_kwh:
+            return math.inf
+        return short_kwh / battery.depot_power_kw
+
+    def _energy_kwh(self, number: int) -> Callable[[Leg], float]:
+        """What a leg takes out of a vehicle's battery."""
+        physics = self._problem.profile_of(self._problem.fleet.vehicles[number]).physics
+
+        def energy_kwh(leg: Leg) -> float:
+            # The rest of a leg has the path of the whole one.
+            key = physics, leg.path, leg.drive.duration_s
+            if key not in self._energies_kwh:
+                self._energies_kwh[key] = leg_energy_kwh(leg, physics)
+            return self._energies_kwh[key]
+
+        return energy_kwh
 
 
 def with_charging_stops(

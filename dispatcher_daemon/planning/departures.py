@@ -47,7 +47,7 @@ def _meeting_shifts(
         for entry, _, key in passages:
             begin = bisect_left(there, (entry + earliest_s,))
             end = bisect_left(there, (entry + latest_s + _ROUNDING_S,))
-            entries = [p[0] for p in there[begin:end] if p[2] != key]
+            entries = [p[0] for p in there[begin:end] if p[2][0] != key[0]]
             shifts += [other - entry for other in entries]
             weights += [shares.following_kwh(other) for other in entries]
     if not shifts:

@@ -23,7 +23,7 @@ def over_hubs(planner: Planner, itinerary: Itinerary) -> Iterator[tuple[int, Iti
     legs, visits = itinerary.route.legs, itinerary.route.visits
     if any(leg.end in fleet.hub_by_id for leg in legs):
         return
-    if itinerary.number in planner.bound and planner.batteries[itinerary.number] is not None:
+    if itinerary.number in planner.bound and planner.batteries.of[itinerary.number] is not None:
         return  # it goes on as it can: its charge is not looked at
     travel = planner.travels[0].of(fleet.vehicles[itinerary.number])
     fixed = len(planner.fixed_legs(itinerary.number) or ())

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
-from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.planning.charging_stops import with_charging_stops
+from dispatcher_daemon.planning.charging_stops import Batteries
 from dispatcher_daemon.planning.continuing import (
     committed_legs,
     departure_s,
@@ -22,6 +21,7 @@ from dispatcher_daemon.platooning import (
     RoadUser,
     Shares,
     Traversals,
+    expected_drafting,
     open_shares,
     traversals,
     traversals_on_road,
@@ -35,9 +35,7 @@ from dispatcher_daemon.roads import (
     lateness_s,
     timed,
 )
-from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh, shortfall_kwh
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import VehicleParameters
 
 S_PER_H: Final = 3600.0
 _ROUNDING_S: Final = 1e-6
@@ -89,10 +87,11 @@ class Planner:
         shares: saving of a leader and of a follower of the fleet's first profile on each open
             segment.
         shares_by_profile: those of all its profiles.
+        expected: of platoons; None: they are close everywhere.
         sync_window_s: Δt_sync.
         reference_s: when a vehicle that is ready at once leaves.
         paths_per_leg: number of cheapest paths of each leg that options may contain.
-        batteries: by vehicle number; None: its charge is not looked at.
+        batteries: what they allow.
         on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
             are.
         bound: commitments by the numbers of their vehicles.
@@ -120,9 +119,9 @@ class Planner:
             **{other: open_shares(problem, snapshot, other) for other in others},
         }
         self.reference_s = reference_s
-        self.batteries = [battery_of(problem.fleet, v) for v in problem.fleet.vehicles]
-        self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...], float], float] = {}
-        self.on_road = traversals_on_road(on_road, self.shares)
+        self.batteries = Batteries(problem)
+        self.expected = expected_drafting(problem, snapshot, commitments, on_road)
+        self.on_road = traversals_on_road(on_road, self.shares, self.expected)
         # A vehicle on the road that has left the fleet counts as one of its first profile.
         users = [(-n, user.vehicle) for n, user in enumerate(on_road, 1)]
         self._own_shares = {
@@ -140,7 +139,7 @@ class Planner:
 
     def meetings(self) -> Meetings:
         """Passages of the vehicles on the road only; their savings are part of no change."""
-        meetings = Meetings(self.shares, self.sync_window_s, self._own_shares)
+        meetings = Meetings(self.shares, self.sync_window_s, self._own_shares, self.expected)
         for vehicle in self.on_road:
             meetings.add(vehicle)
         return meetings
@@ -205,29 +204,8 @@ class Planner:
             if leg is None:
                 return None
             legs.append(leg)
-        battery = self.batteries[number]
-        if battery is None:
-            return legs
-        energy_kwh = self._energy_kwh(vehicle)
         bound = number in self.bound
-        ready_kwh = battery.charge_kwh if bound else battery.at_departure_kwh(vehicle.ready_s)
-        charged = with_charging_stops(battery, fleet, own, legs, ready_kwh, energy_kwh, len(fixed))
-        # Charged at the depot while it may wait there, it may get along without; and a bound
-        # vehicle goes on as it can.
-        return legs if charged is None and (bound or battery.depot_power_kw > 0) else charged
-
-    def _energy_kwh(self, vehicle: Vehicle) -> Callable[[Leg], float]:
-        """What a leg takes out of a vehicle's battery."""
-        physics = self.problem.profile_of(vehicle).physics
-
-        def energy_kwh(leg: Leg) -> float:
-            # The rest of a leg has the path of the whole one.
-            key = physics, leg.path, leg.drive.duration_s
-            if key not in self._energies_kwh:
-                self._energies_kwh[key] = leg_energy_kwh(leg, physics)
-            return self._energies_kwh[key]
-
-        return energy_kwh
+        return self.batteries.with_stops(number, own, legs, len(fixed), under_way=bound)
 
     def lasts(self, number: int, legs: Sequence[Leg]) -> bool:
         """Whether a vehicle's battery lasts for a route, charged at its depot if need be."""
@@ -235,18 +213,7 @@ class Planner:
 
     def _ready_after_charging_s(self, number: int, legs: Sequence[Leg]) -> float:
         """When a vehicle can leave at the earliest, s; inf: its battery does not last."""
-        vehicle, battery = self.problem.fleet.vehicles[number], self.batteries[number]
-        ready_s = self.window_s(number)[0]
-        if battery is None:
-            return ready_s
-        energies_kwh = [self._energy_kwh(vehicle)(leg) for leg in legs]
-        charge_kwh = battery.at_departure_kwh(vehicle.ready_s)
-        short_kwh = shortfall_kwh(battery, legs, energies_kwh, charge_kwh)
-        if short_kwh == 0.0:
-            return ready_s
-        if battery.depot_power_kw == 0 or charge_kwh + short_kwh > battery.capacity_kwh:
-            return math.inf
-        return ready_s + short_kwh / battery.depot_power_kw * S_PER_H
+        return self.window_s(number)[0] + S_PER_H * self.batteries.needed_h(number, legs)
 
     def fixed_legs(self, number: int, travel: int = 0) -> list[Leg] | None:
         """The first legs of a bound vehicle, which are the same whatever it does; of any other
@@ -363,4 +330,5 @@ class Planner:
         cost += problem.price_of_waiting_kw * at_depot_s / S_PER_H
         for visit in route.visits:
             cost += self.price_of_wait_kw(visit.place) * visit.wait_s / S_PER_H
-        return Itinerary(number, stops, route, cost, traversals(number, route, self.shares))
+        passages = traversals(number, route, self.shares, self.expected)
+        return Itinerary(number, stops, route, cost, passages)

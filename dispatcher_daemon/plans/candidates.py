@@ -9,7 +9,14 @@ from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.plans.energy import RouteEnergy, route_energy
 from dispatcher_daemon.plans.messages import vehicle_plans
 from dispatcher_daemon.plans.verify import verify_plans
-from dispatcher_daemon.platooning import Passage, Place, RoadUser, form_platoons, joined_segments
+from dispatcher_daemon.platooning import (
+    Passage,
+    Place,
+    RoadUser,
+    expected_drafting,
+    form_platoons,
+    joined_segments,
+)
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import DispatcherSettings
@@ -151,7 +158,10 @@ class Cycle:
         places: dict[Passage, Place] = {}
         if platooning:
             others = [p for user in self.on_road for p in user.passages()]
-            places = form_platoons(routes, self.snapshot, window, self.number, others)
+            expected = expected_drafting(
+                self.problem, self.snapshot, self.commitments, self.on_road
+            )
+            places = form_platoons(routes, self.snapshot, window, self.number, others, expected)
         energies = tuple(route_energy(self.problem, route, places) for route in routes)
         plans = vehicle_plans(
             self.problem,

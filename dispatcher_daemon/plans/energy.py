@@ -18,9 +18,10 @@ class RouteEnergy:
     """Energy of one route.
 
     Attributes:
-        driven: with the drag reductions of its platoons.
+        driven: with the drag reductions that are expected of its platoons.
         undrafted: the same drive without any.
-        platooned_m: distance driven in a platoon, as leader or follower.
+        platooned_m: distance on which it is expected to drive in a close platoon, as leader or
+            follower.
         driving_s: time on the road, without stands at stops.
     """
 
@@ -50,9 +51,9 @@ def route_energy(
         for e in (driven, undrafted)
     )
     platooned_m = sum(
-        problem.network.segments[segment].length_m
+        problem.network.segments[segment].length_m * place.share
         for number, position, segment, _, _ in route.entries_s()
-        if (route.vehicle, number, position) in places
+        if (place := places.get((route.vehicle, number, position))) is not None
     )
     return RouteEnergy(driven, undrafted, platooned_m, sum(d.duration_s for d in drives))
 

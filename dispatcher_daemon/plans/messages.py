@@ -85,6 +85,7 @@ def vehicle_plans(
                     platoon=None if place is None else place.platoon,
                     place=None if place is None else place.number,
                     gap_m=gap_m if place is not None and place.number > 0 else None,
+                    drafting_share=None if place is None else place.share,
                     leg=leg,
                     length_m=road.length_m,
                     speed_limit_mps=road.access.speed_limit_mps(road.speed_limit_mps, profile),

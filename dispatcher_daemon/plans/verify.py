@@ -253,6 +253,8 @@ def _platoon_faults(
         if segment.platoon is None:
             if segment.place is not None or segment.gap_m is not None:
                 yield f"{where}: a place or gap without a platoon"
+            if segment.drafting_share is not None:
+                yield f"{where}: drafting without a platoon"
             continue
         if segment.segment not in open_segments:
             yield f"{where}: platoon where the gate is closed"

@@ -3,13 +3,12 @@ vehicles of earlier cycles that are still on the road."""
 
 from __future__ import annotations
 
+from dispatcher_daemon.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.platooning.meetings import (
     Change,
     Meetings,
-    Shares,
     Traversal,
     Traversals,
-    open_shares,
     saving_kwh,
     traversals,
 )
@@ -27,15 +26,19 @@ from dispatcher_daemon.platooning.rewards import (
     judge_pairs,
     rewards,
 )
+from dispatcher_daemon.platooning.shares import Shares, open_shares
 from dispatcher_daemon.platooning.vehicles_on_road import (
     RoadUser,
+    expected_drafting,
     joined_segments,
     on_road,
     traversals_on_road,
 )
 
 __all__ = [
+    "Approach",
     "Change",
+    "ExpectedDrafting",
     "JudgedPair",
     "Meetings",
     "Passage",
@@ -47,6 +50,7 @@ __all__ = [
     "Traversals",
     "apart_at_the_end",
     "drag_reductions",
+    "expected_drafting",
     "form_platoons",
     "joined_segments",
     "judge_pairs",

@@ -3,7 +3,8 @@
 On a segment, each vehicle of a platoon saves by its place: the leader, and behind it the follower
 of a platoon of two, or in longer ones those in the middle and the last one. By the paper's law all
 followers save the same, so that m ≥ 2 vehicles save L + (m − 1) F: the pairwise sum of the paper
-would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8).
+would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8). What is expected of it by the vehicles'
+approaches: see `dispatcher_daemon.platooning.expected`.
 """
 
 from __future__ import annotations
@@ -11,111 +12,39 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
 
+from dispatcher_daemon.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.platooning.platoons import (
     TimedPassage,
     independent_platoons,
     platoons_of,
 )
-from dispatcher_daemon.platooning.reductions import planned_reductions
-from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Route, planning_speed_mps
-from dispatcher_daemon.traffic import GateForecast, SegmentTraffic, TrafficSnapshot
-from slipstream.energy import drag_saving_kwh
-from slipstream.roads import Segment
-from slipstream.vehicle_types import RoutingProfile
+from dispatcher_daemon.platooning.shares import Shares
+from dispatcher_daemon.roads import Route
 
-ALWAYS_OPEN: Final = GateForecast(open=True)
-
-VehicleNumber = tuple[int]
-"""A vehicle's number in the fleet."""
-Traversal = TimedPassage[VehicleNumber]
+Traversal = TimedPassage[tuple[int, ...]]
+"""A passage by a vehicle's number in the fleet, with its approach if `ExpectedDrafting` counts."""
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
 
 
-@dataclass(frozen=True)
-class Shares:
-    """Energy that one vehicle saves on one segment while its gate is open, kWh.
-
-    Attributes:
-        leader_kwh: in front of any number of followers.
-        follower_kwh: behind a leader, as the only follower.
-        longer_kwh: in a platoon of three and more, between two others and as the last one; None:
-            as the only follower, each.
-        gate: of the segment. Savings count with the chance that it is open when they begin.
-    """
-
-    leader_kwh: float
-    follower_kwh: float
-    longer_kwh: tuple[float, float] | None = None
-    gate: GateForecast = ALWAYS_OPEN
-
-    def at(self, number: int, members: int) -> float:
-        """Saving at one place.
-
-        Args:
-            number: 0 is the leader.
-            members: of the platoon, at least two.
-        """
-        if number == 0:
-            return self.leader_kwh
-        if members == 2 or self.longer_kwh is None:
-            return self.follower_kwh
-        middle_kwh, last_kwh = self.longer_kwh
-        return last_kwh if number == members - 1 else middle_kwh
-
-    def following_kwh(self, entry_s: float) -> float:
-        """Saving of an only follower, with the chance that the gate is open at its entry."""
-        return self.follower_kwh * self.gate.chance(entry_s)
-
-    def platoon_kwh(self, members: int) -> float:
-        """Saving of a platoon of at least two vehicles that all have these shares."""
-        if members == 2 or self.longer_kwh is None:
-            return self.leader_kwh + (members - 1) * self.follower_kwh
-        middle_kwh, last_kwh = self.longer_kwh
-        return self.leader_kwh + (members - 2) * middle_kwh + last_kwh
-
-
-def open_shares(
-    problem: RoutingProblem, snapshot: TrafficSnapshot, profile: RoutingProfile | None = None
-) -> dict[str, Shares]:
-    """Shares of all segments whose gate is open, or may be later on.
-
-    Args:
-        profile: of the vehicles; None: the fleet's first.
-    """
-    of = problem.profiles[0] if profile is None else profile
-
-    def shares(segment: Segment, traffic: SegmentTraffic) -> Shares:
-        speed = planning_speed_mps(segment, traffic, of)
-        leader, follower, middle, last = (
-            drag_saving_kwh(segment.length_m, speed, eta, of.physics)
-            for eta in planned_reductions(problem, of, speed)
-        )
-        alike = middle == last == follower
-        return Shares(leader, follower, None if alike else (middle, last), traffic.gate)
-
-    return {
-        name: shares(problem.network.segments[name], traffic)
-        for name, traffic in snapshot.segments.items()
-        if traffic.gate.may_be_open
-    }
-
-
 def traversals(
-    number: int, route: Route, shares: Mapping[str, Shares]
+    number: int,
+    route: Route,
+    shares: Mapping[str, Shares],
+    expected: ExpectedDrafting | None = None,
 ) -> dict[str, list[Traversal]]:
     """A route's passages of open segments."""
     found: dict[str, list[Traversal]] = {}
-    for leg, visit in zip(route.legs, route.visits, strict=False):
+    for at, (leg, visit) in enumerate(zip(route.legs, route.visits, strict=False)):
         times = (*leg.drive.entry_s, leg.drive.duration_s)
+        approaches = () if expected is None else expected.of_leg(route.vehicle, at, leg)
         for position, segment in enumerate(leg.path):
             if segment in shares:
                 entry, leaving = times[position], times[position + 1]
+                key = (number, *approaches[position : position + 1])
                 found.setdefault(segment, []).append(
-                    (visit.departure_s + entry, visit.departure_s + leaving, (number,))
+                    (visit.departure_s + entry, visit.departure_s + leaving, key)
                 )
     return found
 
@@ -125,27 +54,36 @@ def saving_kwh(
     shares: Shares,
     sync_window_s: float,
     own: Mapping[int, Shares] | None = None,
+    expected: ExpectedDrafting | None = None,
 ) -> float:
     """Saving of all platoons on one segment, kWh.
 
     Args:
         passages: in the order of entry.
         own: shares of vehicles that have others, by their number.
+        expected: of platoons; None: they are close everywhere.
     """
-    return _platoons_kwh(platoons_of(passages, sync_window_s), shares, own)
+    return _platoons_kwh(platoons_of(passages, sync_window_s), shares, own, expected)
 
 
 def _platoons_kwh(
-    platoons: Iterable[Sequence[Traversal]], shares: Shares, own: Mapping[int, Shares] | None
+    platoons: Iterable[Sequence[Traversal]],
+    shares: Shares,
+    own: Mapping[int, Shares] | None,
+    expected: ExpectedDrafting | None,
 ) -> float:
     total = 0.0
     for group in platoons:
-        if len(group) < 2:
+        members = len(group)
+        if members < 2:
             continue
-        if own:
+        if own or expected is not None:
+            close = (1.0,) * members
+            if expected is not None:
+                close = expected.shares(tuple(key[1] for _, _, key in group))
             leader, *followers = (
-                own.get(number, shares).at(place, len(group))
-                for place, (_, _, (number,)) in enumerate(group)
+                share * (own.get(key[0], shares) if own else shares).at(place, members)
+                for place, (share, (_, _, key)) in enumerate(zip(close, group, strict=True))
             )
             saved = leader + sum(followers)
         else:
@@ -201,14 +139,18 @@ class Meetings:
         shares: Mapping[str, Shares],
         sync_window_s: float,
         own_shares: Mapping[int, Mapping[str, Shares]] | None = None,
+        expected: ExpectedDrafting | None = None,
     ) -> None:
         """Start with empty roads.
 
         Args:
             shares: by segment.
             own_shares: of vehicles that have others, by their number; of the same segments.
+            expected: of platoons, by the approaches of the passages; None: they are close
+                everywhere.
         """
         self.shares, self.sync_window_s = shares, sync_window_s
+        self._expected = expected
         self._own_shares = own_shares or {}
         self._own: dict[str, dict[int, Shares]] = {}
         self._roads: dict[str, _Road] = {}
@@ -299,4 +241,5 @@ class Meetings:
     def _platoons_kwh(self, segment: str, platoons: Iterable[Sequence[Traversal]]) -> float:
         if self._own_shares and segment not in self._own:
             self._own[segment] = {n: of[segment] for n, of in self._own_shares.items()}
-        return _platoons_kwh(platoons, self.shares[segment], self._own.get(segment))
+        own = self._own.get(segment)
+        return _platoons_kwh(platoons, self.shares[segment], own, self._expected)

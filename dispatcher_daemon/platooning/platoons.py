@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
+from dispatcher_daemon.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Leg, Route
@@ -31,11 +32,13 @@ class Place:
         platoon: its name.
         number: 0 is the leader.
         members: of the platoon, at least two.
+        share: of the segment, on which it is expected to be close.
     """
 
     platoon: str
     number: int
     members: int
+    share: float = 1.0
 
 
 def form_platoons(
@@ -44,6 +47,7 @@ def form_platoons(
     sync_window_s: float,
     cycle: int,
     on_road: Iterable[tuple[str, TimedPassage[Passage]]] = (),
+    expected: ExpectedDrafting | None = None,
 ) -> dict[Passage, Place]:
     """Platoons of finished routes.
 
@@ -54,6 +58,7 @@ def form_platoons(
     Args:
         on_road: passages of vehicles on the road, each with its segment. Platoons of theirs alone
             are left as they are.
+        expected: of platoons; None: they are close everywhere.
 
     Returns:
         Places of all passages in a platoon; vehicles alone are left out. A platoon keeps its name
@@ -71,14 +76,18 @@ def form_platoons(
             passages[segment].append(timed)
     names: dict[tuple[str, ...], str] = {}
     places: dict[Passage, Place] = {}
+    approaches = {} if expected is None else expected.of_routes(routes)
     for segment in sorted(passages):
         for group in platoons_of(sorted(passages[segment]), sync_window_s):
             members = tuple(passage[0] for _, _, passage in group)
             if len(group) < 2 or sent.isdisjoint(members):
                 continue
             name = names.setdefault(members, f"c{cycle}-p{len(names) + 1}")
-            for number, (_, _, passage) in enumerate(group):
-                places[passage] = Place(name, number, len(group))
+            close = (1.0,) * len(group)
+            if expected is not None:
+                close = expected.shares(tuple(approaches[passage] for _, _, passage in group))
+            for number, (share, (_, _, passage)) in enumerate(zip(close, group, strict=True)):
+                places[passage] = Place(name, number, len(group), share)
     return places
 
 
@@ -153,7 +162,8 @@ def _joined(
 def drag_reductions(
     problem: RoutingProblem, route: Route, places: Mapping[Passage, Place]
 ) -> list[list[float]]:
-    """η_drag on each segment of each leg, by place and by the gap at the mean speed there; 0 alone.
+    """η_drag on each segment of each leg, by place and by the gap at the mean speed there, times
+    the share of it on which the platoon is expected to be close; 0 alone.
 
     By the paper's law 0.05 in front and 0.20 behind (II-B).
     """
@@ -169,7 +179,7 @@ def drag_reductions(
         length_m = problem.network.segments[leg.path[position]].length_m
         speed_mps = length_m / (times_s[position + 1] - times_s[position])
         reductions = planned_reductions(problem, profile, speed_mps)
-        return reductions.at(place.number, place.members)
+        return place.share * reductions.at(place.number, place.members)
 
     return [
         [eta(number, leg, position) for position in range(len(leg.path))]

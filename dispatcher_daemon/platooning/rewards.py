@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from dispatcher_daemon.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.platooning.reductions import planned_reductions
+from dispatcher_daemon.platooning.vehicles_on_road import expected_drafting
 from dispatcher_daemon.problem import ArcReward, RoutingProblem
 from dispatcher_daemon.roads import RoutedArc, planning_speed_mps
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
@@ -79,12 +81,14 @@ def judge_pairs(
     """Judge every pair of arcs of two vehicles that share a segment (paper section III-A).
 
     Under the objective "energy" a reward also needs certain departures, and the two must be due to
-    leave the segment as a platoon: what it counts comes about.
+    leave the segment as a platoon: what it counts comes about. Where the problem's drafting is
+    "expected", it counts the share of the segment on which the two are expected to be close.
 
     Args:
         sync_window_s: Δt_sync; the largest difference of entry times that still counts.
         watched_only: leave out segments that no RSU has reported on, where every reward is 0.
     """
+    expected = expected_drafting(problem, snapshot)
     users: dict[str, list[tuple[int, float]]] = {}
     for index, arc in enumerate(arcs):
         for name, entry in arc.entries_s().items():
@@ -112,7 +116,17 @@ def judge_pairs(
                     pair = (first, second) if first_entry <= second_entry else (second, first)
                     leader, follower = (problem.profile_of(arcs[i].vehicle) for i in pair)
                     saving = pair_saving_kwh(problem, segment, traffic, leader, follower)
+                    if expected is not None:
+                        # The leader saves as long as its only follower is close.
+                        saving *= expected.shares(
+                            tuple(_approach(expected, arcs[i], name) for i in pair)
+                        )[1]
                 yield JudgedPair(name, first, second, first_entry, second_entry, saving, reason)
+
+
+def _approach(expected: ExpectedDrafting, arc: RoutedArc, segment: str) -> Approach:
+    # Arcs begin at stops, where vehicles stand.
+    return expected.of_leg(arc.vehicle, 0, arc.leg)[arc.leg.path.index(segment)]
 
 
 def _doubt(segment: str, first: RoutedArc, second: RoutedArc, sync_window_s: float) -> str | None:

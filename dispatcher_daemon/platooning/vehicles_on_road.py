@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from dispatcher_daemon.platooning.meetings import Shares, Traversal, Traversals
+from dispatcher_daemon.commitments import Commitment
+from dispatcher_daemon.platooning.expected import ExpectedDrafting, LegFrom
+from dispatcher_daemon.platooning.meetings import Traversal, Traversals
 from dispatcher_daemon.platooning.platoons import Passage, Place, TimedPassage
+from dispatcher_daemon.platooning.shares import Shares
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import PlannedSegment, VehiclePlan
 
 
@@ -19,11 +23,13 @@ class RoadUser:
         vehicle: of the fleet; the cycle does not plan it.
         now_ns: the cycle's start, UTC.
         ahead: remaining segments in order: passage of its plan and segment, with times in UTC.
+        legs: of its plan by number: node of the place that it left, and path.
     """
 
     vehicle: str
     now_ns: int
     ahead: tuple[tuple[Passage, PlannedSegment], ...]
+    legs: Mapping[int, tuple[str, tuple[str, ...]]] = field(default_factory=dict)
 
     def passages(self) -> Iterator[tuple[str, TimedPassage[Passage]]]:
         """Each segment with its passage, times in s after the cycle's start."""
@@ -46,12 +52,12 @@ def on_road(
     users = []
     for plan in sorted(plans, key=lambda plan: plan.vehicle):
         shifts_ns = _shifts_ns(plan, round(1e9 * late.get(plan.vehicle, 0.0)), now_ns)
-        position: Counter[int] = Counter()
+        paths: dict[int, list[str]] = {}
         ahead = []
         for planned in plan.segments:
-            shift_ns = shifts_ns[planned.leg]
-            passage = plan.vehicle, planned.leg, position[planned.leg]
-            position[planned.leg] += 1
+            shift_ns, path = shifts_ns[planned.leg], paths.setdefault(planned.leg, [])
+            passage = plan.vehicle, planned.leg, len(path)
+            path.append(planned.segment)
             if planned.entry_ns + shift_ns > now_ns:
                 times = {
                     "entry_ns": planned.entry_ns + shift_ns,
@@ -59,8 +65,46 @@ def on_road(
                 }
                 ahead.append((passage, planned.model_copy(update=times)))
         if ahead:
-            users.append(RoadUser(plan.vehicle, now_ns, tuple(ahead)))
+            legs = {leg: (plan.stops[leg].node, tuple(path)) for leg, path in paths.items()}
+            users.append(RoadUser(plan.vehicle, now_ns, tuple(ahead), legs))
     return tuple(users)
+
+
+def expected_drafting(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    commitments: Iterable[Commitment] = (),
+    users: Iterable[RoadUser] = (),
+) -> ExpectedDrafting | None:
+    """What is expected of platoons; None: they are close from where they form, as the paper has it.
+
+    See `RoutingProblem.drafting`.
+
+    Args:
+        commitments: of vehicles whose routes may begin under way.
+        users: vehicles on the road that the cycle does not plan.
+    """
+    if problem.objective == "paper" or problem.drafting == "ideal":
+        return None
+    begun = {own.vehicle: _begun_leg(own) for own in commitments if own.moving is not None}
+    known = {(user.vehicle, number): leg for user in users for number, leg in user.legs.items()}
+    return ExpectedDrafting(problem, snapshot, begun, known)
+
+
+def _begun_leg(own: Commitment) -> LegFrom:
+    """What a vehicle that moves has done of its leg by its present plan, up to its segment; that
+    segment alone where the plan does not have it.
+    """
+    here, time_ns = own.legs[0].path[0], 0 if own.moving is None else own.moving.time_ns
+    planned = own.plan.segments
+    found = [
+        (abs(one.entry_ns - time_ns), at) for at, one in enumerate(planned) if one.segment == here
+    ]
+    if not found:
+        return own.node, (here,)
+    _, at = min(found)
+    leg = planned[at].leg
+    return own.plan.stops[leg].node, tuple(p.segment for p in planned[: at + 1] if p.leg == leg)
 
 
 def _shifts_ns(plan: VehiclePlan, late_ns: int, now_ns: int) -> list[int]:
@@ -75,14 +119,20 @@ def _shifts_ns(plan: VehiclePlan, late_ns: int, now_ns: int) -> list[int]:
     return shifts
 
 
-def traversals_on_road(users: Sequence[RoadUser], shares: Mapping[str, Shares]) -> list[Traversals]:
+def traversals_on_road(
+    users: Sequence[RoadUser],
+    shares: Mapping[str, Shares],
+    expected: ExpectedDrafting | None = None,
+) -> list[Traversals]:
     """Their passages of open segments, under negative vehicle numbers; the fleet's are ≥ 0."""
     found: list[Traversals] = []
+    approaches = None if expected is None else expected.on_road
     for number, user in enumerate(users, 1):
         traversals: dict[str, list[Traversal]] = {}
-        for segment, (entry, leaving, _) in user.passages():
+        for segment, (entry, leaving, passage) in user.passages():
             if segment in shares:
-                traversals.setdefault(segment, []).append((entry, leaving, (-number,)))
+                key = (-number,) if approaches is None else (-number, approaches[passage])
+                traversals.setdefault(segment, []).append((entry, leaving, key))
         found.append(traversals)
     return found
 
@@ -99,6 +149,7 @@ def joined_segments(
                     "platoon": places[passage].platoon,
                     "place": places[passage].number,
                     "gap_m": gap_m if places[passage].number > 0 else None,
+                    "drafting_share": places[passage].share,
                 }
             ),
         )

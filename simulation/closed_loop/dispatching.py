@@ -163,6 +163,7 @@ class Dispatching:
             price_of_time_kw=self.time_worth_kw,
             price_of_waiting_kw=self.waiting_worth_kw,
             advised_gap_m=self._settings.gap_m,
+            drafting="expected",
         )
 
     def _expectations(self, now_s: float) -> Expectations | None:

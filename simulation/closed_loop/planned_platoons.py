@@ -12,7 +12,7 @@ class PlannedPlatoons:
     A later plan replaces what an earlier one had of the time after it.
 
     Attributes:
-        planned_m: distance in platoons so far, of all plans, what was replaced left out.
+        planned_m: distance on which plans expect close platoons so far, what was replaced left out.
         saved_kwh: what drafting saves there, at planned speeds by the paper's reductions.
     """
 
@@ -37,13 +37,14 @@ class PlannedPlatoons:
 
 
 def platooned(plan: VehiclePlan, from_ns: int = 0) -> tuple[float, float]:
-    """(distance in platoons, m; what drafting saves there, kWh) on segments that are entered from a
-    moment on, at planned speeds by the paper's reductions.
+    """(distance on which close platoons are expected, m; what drafting saves there, kWh) on
+    segments that are entered from a moment on, at planned speeds by the paper's reductions.
     """
     distance_m, saved_kwh = 0.0, 0.0
     for segment in plan.segments:
         if segment.platoon is not None and segment.entry_ns >= from_ns:
-            length_m = segment.length_m or 0.0
+            share = 1.0 if segment.drafting_share is None else segment.drafting_share
+            length_m = share * (segment.length_m or 0.0)
             eta = ETA_LEADER if segment.place == 0 else ETA_FOLLOWER
             distance_m += length_m
             saved_kwh += drag_saving_kwh(length_m, segment.speed_mps, eta)

@@ -50,6 +50,11 @@ class PlannedSegment(Message):
     gap_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         description="Advised gap to the vehicle ahead; None for the leader and for vehicles alone."
     )
+    drafting_share: Annotated[float, Field(ge=0, le=1)] | None = Field(
+        default=None,
+        description="Share of the segment on which the platoon is expected to be close; null: "
+        "alone, or from a sender before this field.",
+    )
     leg: Count = Field(description="Which leg between two stops it belongs to.")
     length_m: Positive | None = Field(
         default=None, description="Of the segment; senders before this field left null."

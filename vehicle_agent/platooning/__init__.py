@@ -6,11 +6,9 @@ Pure: messages, motion and gates in, speeds and messages out. Each vehicle decid
 from vehicle_agent.platooning.controller import Platooning
 from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, MIN_SPEED_MPS
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
-from vehicle_agent.platooning.rendezvous import MAX_SLOWDOWN
 
 __all__ = [
     "CLOSE_GAP_M",
-    "MAX_SLOWDOWN",
     "MIN_SPEED_MPS",
     "Gates",
     "PlatoonStep",

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from slipstream.messages import PlatoonManagement
+from slipstream.spacing import MAX_SLOWDOWN
 from vehicle_agent.platooning.neighbours import Sequences
-from vehicle_agent.platooning.rendezvous import MAX_CLOSING_S, MAX_SLOWDOWN
+from vehicle_agent.platooning.rendezvous import MAX_CLOSING_S
 
 RENEW_NS: Final = 1_000_000_000
 """Between two requests of a vehicle that catches up."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream.messages import PlatoonControl
-from slipstream.spacing import wanted_gap_m
+from slipstream.spacing import MAX_SLOWDOWN, wanted_gap_m
 from vehicle_agent.platooning.gap_control import (
     IDM,
     MIN_SPEED_MPS,
@@ -17,7 +17,6 @@ from vehicle_agent.platooning.join_leave import is_planned_behind
 from vehicle_agent.platooning.neighbours import SILENT_NS, Neighbours
 from vehicle_agent.platooning.rendezvous import (
     MARGIN_KWH,
-    MAX_SLOWDOWN,
     Rendezvous,
     best_rendezvous,
 )

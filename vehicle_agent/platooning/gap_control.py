@@ -32,8 +32,15 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream.drafting import DragLaw, DragReductions, reductions_at
-from slipstream.spacing import MAX_BRAKING_MPS2, RESPONSE_S, wanted_gap_m
-from slipstream.traction import VehicleParameters
+from slipstream.spacing import (
+    DRIVER_MIN_GAP_M,
+    DRIVER_TIME_GAP_S,
+    MAX_BRAKING_MPS2,
+    RESPONSE_S,
+    SLOWING_SHARE,
+    wanted_gap_m,
+)
+from slipstream.traction import VehicleParameters, coasting_mps2
 from vehicle_agent.platooning.safe_gap import AheadMotion
 
 CLOSE_GAP_M: Final = 7.5
@@ -90,19 +97,14 @@ class Own:
         return coasting_mps2(self.speed_mps, self.vehicle)
 
 
-def coasting_mps2(speed_mps: float, vehicle: VehicleParameters) -> float:
-    """Deceleration without traction and brake, m/s²."""
-    return (vehicle.rolling_force_n + vehicle.drag_force_n(speed_mps)) / vehicle.mass_kg
-
-
 @dataclass(frozen=True, slots=True)
 class Idm:
     """Car-following model of vehicles alone: IDM (Treiber, Hennecke, Helbing 2000)."""
 
     acceleration_mps2: float = 1.8
     deceleration_mps2: float = COMFORTABLE_MPS2
-    time_gap_s: float = 1.2
-    min_gap_m: float = 2.5
+    time_gap_s: float = DRIVER_TIME_GAP_S
+    min_gap_m: float = DRIVER_MIN_GAP_M
 
     def desired_gap_m(self, speed_mps: float, approach_mps: float = 0.0) -> float:
         """s* = s₀ + max(0, v T + v Δv / 2√(ab))."""
@@ -153,7 +155,7 @@ def closing_mps(error_m: float, coasting: float) -> float:
     k e near the wanted gap, where that asks for less than such a deceleration c; u² = 2 c (e − ½ c
     / k²) from there on, which goes over into it without a kink.
     """
-    slowing = 0.9 * coasting
+    slowing = SLOWING_SHARE * coasting
     linear_m = slowing / _GAIN_PER_S**2
     if error_m <= linear_m:
         return _GAIN_PER_S * max(0.0, error_m)
@@ -194,7 +196,7 @@ def waiting_mps(before_mps: float, target_mps: float, own: Own) -> float:
         target_mps: that it is to reach.
         own: the vehicle.
     """
-    return max(target_mps, before_mps - 0.9 * own.coasting_mps2 * own.interval_s)
+    return max(target_mps, before_mps - SLOWING_SHARE * own.coasting_mps2 * own.interval_s)
 
 
 def has_left(own: Own, ahead: AheadMotion) -> bool:

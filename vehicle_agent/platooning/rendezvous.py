@@ -20,13 +20,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.spacing import MAX_SLOWDOWN
 from slipstream.traction import VehicleParameters, drag_saving_kwh
 
 MAX_SPEEDUP: Final = 0.10
 """Largest share above its own speed."""
-
-MAX_SLOWDOWN: Final = 0.15
-"""Largest share below it: at 30 m/s it is still faster than trucks, which would else pass it."""
 
 _SLOWDOWNS: Final = (0.0, 0.05, 0.1, MAX_SLOWDOWN)
 

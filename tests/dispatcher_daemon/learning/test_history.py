@@ -103,6 +103,7 @@ def test_many_passages_are_believed_few_are_drawn_to_the_mean() -> None:
     much = known(network, [pair], 1e6).expectations(network, 8)
     assert much.loss_kwh[pair] == pytest.approx(0.2, rel=1e-3)
     assert much.seconds[pair] == pytest.approx(90.0, rel=1e-3)
+    assert (none.stops[pair], much.stops[pair]) == (0.0, pytest.approx(1.0, rel=1e-3))
     others = [(a, b) for a in network.segments for b in network.follows[a] if a != pair[0]]
     mixed = known(network, [pair, *others], 1e6)
     mixed.loss_kwh[mixed.movements.index(pair)] = 0.0

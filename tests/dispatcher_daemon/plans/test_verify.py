@@ -229,6 +229,10 @@ def _gap_alone(p: Plain) -> None:
     p[1]["segments"][0]["gap_m"] = 1.5
 
 
+def _drafting_alone(p: Plain) -> None:
+    p[1]["segments"][0]["drafting_share"] = 0.5
+
+
 def _no_place(p: Plain) -> None:
     _avenue(p[1])["place"] = None
 
@@ -277,6 +281,7 @@ def _no_place(p: Plain) -> None:
         (_half, "van-b on avenue_east: a place or gap without a platoon"),
         (_place_alone, "van-b on depot_road_east: a place or gap without a platoon"),
         (_gap_alone, "van-b on depot_road_east: a place or gap without a platoon"),
+        (_drafting_alone, "van-b on depot_road_east: drafting without a platoon"),
         (_two_leaders, "platoon c1-p1 on avenue_east: places are not 0, 1, 2 ..."),
         (_no_place, "platoon c1-p1 on avenue_east: places are not 0, 1, 2 ..."),
         (_swapped, "platoon c1-p1 on avenue_east: places are not in the order of entry"),

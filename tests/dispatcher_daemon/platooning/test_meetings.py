@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.platooning.meetings import (
     Meetings,
-    Shares,
     Traversal,
-    open_shares,
     saving_kwh,
 )
 from dispatcher_daemon.platooning.platoons import independent_platoons, platoons_of
+from dispatcher_daemon.platooning.shares import Shares, open_shares
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot

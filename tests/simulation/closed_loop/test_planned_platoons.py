@@ -48,6 +48,18 @@ def test_what_drafting_saves_goes_by_place() -> None:
     assert platoons.saved_kwh == pytest.approx(both - led)
 
 
+def test_what_a_plan_promises_counts() -> None:
+    """Where a platoon is expected to be close on a quarter of its segment, that is planned."""
+    whole, quarter = PlannedPlatoons(), PlannedPlatoons()
+    told = timed("ab", (10, 110))
+    first = told.segments[0].model_copy(update={"drafting_share": 0.25})
+    whole.add(told, ns(0))
+    quarter.add(told.model_copy(update={"segments": (first, *told.segments[1:])}), ns(0))
+    assert quarter.planned_m == pytest.approx(whole.planned_m - 0.75 * LENGTHS["a"])
+    lost_kwh = 0.75 * drag_saving_kwh(LENGTHS["a"], first.speed_mps, ETA_FOLLOWER)
+    assert quarter.saved_kwh == pytest.approx(whole.saved_kwh - lost_kwh)
+
+
 def test_a_later_plan_replaces_what_was_to_come() -> None:
     """What was entered before it stays; the rest is what the newer plan says."""
     platoons = PlannedPlatoons()

@@ -7,10 +7,10 @@ import pytest
 
 from slipstream.energy import PAPER_CAR
 from slipstream.spacing import MAX_BRAKING_MPS2, wanted_gap_m
+from slipstream.traction import coasting_mps2
 from vehicle_agent.platooning.gap_control import (
     IDM,
     Own,
-    coasting_mps2,
     following_mps,
     has_left,
     leaving_distance_m,
