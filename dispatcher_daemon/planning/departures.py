@@ -158,7 +158,9 @@ def best_departure(
 ) -> Itinerary:
     """The same route at the departure that saves most with the others, its present one included."""
     candidates = [itinerary, *alternatives(planner, itinerary, meetings, max_departures)]
-    return max(candidates, key=lambda c: meetings.gain_kwh(c.traversals) - c.cost_kwh)
+    gains_kwh = meetings.gains_kwh(c.traversals for c in candidates)
+    better = [kwh - c.cost_kwh for kwh, c in zip(gains_kwh, candidates, strict=True)]
+    return candidates[better.index(max(better))]
 
 
 def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> list[Itinerary]:

@@ -13,12 +13,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from dispatcher_daemon.platooning.platoons import (
-    TimedPassage,
-    independent_platoons,
-    platoons_of,
-)
+from dispatcher_daemon.platooning.platoons import TimedPassage, platoons_of
 from dispatcher_daemon.platooning.reductions import planned_reductions
+from dispatcher_daemon.platooning.stretches import Stretch, stretch_at
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route, planning_speed_mps
 from dispatcher_daemon.traffic import GateForecast, SegmentTraffic, TrafficSnapshot
@@ -154,21 +151,25 @@ def _platoons_kwh(
     return total
 
 
+_Stretches = tuple[list[Traversal], list[Stretch[VehicleNumber]]]
+"""First passages of some stretches, and the stretches."""
+
+
 @dataclass
 class _Road:
     """Passages of one segment in the order of entry, and what they save.
 
     Attributes:
         begins: first passages of the stretches of `independent_platoons`.
-        saved_kwh: of each stretch.
+        stretches: these.
     """
 
     passages: list[Traversal] = field(default_factory=list)
     begins: list[Traversal] = field(default_factory=list)
-    saved_kwh: list[float] = field(default_factory=list)
+    stretches: list[Stretch[VehicleNumber]] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Change:
     """What passages that come and go on one segment change.
 
@@ -184,7 +185,7 @@ class Change:
     end: Traversal | None
     _replaced: slice
     _begins: list[Traversal]
-    _saved_kwh: list[float]
+    _stretches: list[Stretch[VehicleNumber]]
 
     def touches(self, other: Change) -> bool:
         """Whether both form some of the same platoons anew."""
@@ -223,15 +224,26 @@ class Meetings:
 
     def gain_kwh(self, traversals: Traversals) -> float:
         """What a vehicle's passages save, those of them counted that are on the roads already."""
-        total = 0.0
-        for segment, passages in traversals.items():
-            there = [p for p in passages if self._is_on(segment, p)]
-            new = [p for p in passages if p not in there]
-            if new:
-                total += self.change(segment, (), new).saving_kwh
-            if there:
-                total -= self.change(segment, there, ()).saving_kwh
-        return total
+        (gain,) = self.gains_kwh((traversals,))
+        return gain
+
+    def gains_kwh(self, options: Iterable[Traversals]) -> list[float]:
+        """`gain_kwh` of each of some options of one vehicle, which have passages in common."""
+        known: dict[tuple[str, tuple[Traversal, ...]], float] = {}
+
+        def gain_kwh(segment: str, passages: Sequence[Traversal]) -> float:
+            key = segment, tuple(passages)
+            if key not in known:
+                known[key] = self._gain_kwh(segment, passages)
+            return known[key]
+
+        return [sum(gain_kwh(s, p) for s, p in option.items()) for option in options]
+
+    def _gain_kwh(self, segment: str, passages: Sequence[Traversal]) -> float:
+        there = [p for p in passages if self._is_on(segment, p)]
+        new = [p for p in passages if p not in there] if there else passages
+        gain = self.change(segment, (), new).saving_kwh if new else 0.0
+        return gain - self.change(segment, there, ()).saving_kwh if there else gain
 
     def on(self, segment: str) -> Sequence[Traversal]:
         """Passages of a segment in the order of entry."""
@@ -249,35 +261,107 @@ class Meetings:
         road = self._roads.setdefault(segment, _Road())
         changed = sorted((*off, *on))
         first, last = changed[0], changed[-1]
+        begins = road.begins
+        replaced = slice(max(0, bisect_right(begins, first) - 1), bisect_right(begins, last))
+        begin = min(first, begins[replaced.start]) if begins else first
+        found = self._adjusted(segment, road, replaced, off, on)
+        if found is None:
+            replaced, found = self._formed(segment, road, replaced, begin, off, on)
+        new_begins, stretches = found
+        return Change(
+            sum(s.total_kwh for s in stretches) - sum(s.total_kwh for s in road.stretches[replaced]),
+            begin,
+            begins[replaced.stop] if replaced.stop < len(begins) else None,
+            replaced,
+            new_begins,
+            stretches,
+        )
+
+    def _formed(
+        self,
+        segment: str,
+        road: _Road,
+        replaced: slice,
+        begin: Traversal,
+        off: Sequence[Traversal],
+        on: Sequence[Traversal],
+    ) -> tuple[slice, _Stretches]:
+        """(stretches that are replaced, those in their place), formed anew from a passage on."""
         begins, there = road.begins, road.passages
-        replaced_from = max(0, bisect_right(begins, first) - 1)
-        replaced_to = bisect_right(begins, last)
-        begin = min(first, begins[replaced_from]) if begins else first
+        new_begins: list[Traversal] = []
+        stretches: list[Stretch[VehicleNumber]] = []
+        first = min((*off, *on))
+        if begin < first and road.stretches[replaced.start].ends_before(first, self.sync_window_s):
+            new_begins, stretches = [begin], [road.stretches[replaced.start]]
+            begin = first
         onward = there[bisect_left(there, begin) :]
         for passage in off:
             onward.remove(passage)
         for passage in on:
             insort(onward, passage)
-        new_begins: list[Traversal] = []
-        new_kwh: list[float] = []
-        at = 0
+        at, end = 0, replaced.stop
         while at < len(onward):
-            replaced_to = bisect_left(begins, onward[at], replaced_to)
-            if begins[replaced_to : replaced_to + 1] == [onward[at]]:
+            end = bisect_left(begins, onward[at], end)
+            if begins[end : end + 1] == [onward[at]]:
                 break
             new_begins.append(onward[at])
-            at, platoons = independent_platoons(onward, at, self.sync_window_s)
-            new_kwh.append(self._platoons_kwh(segment, platoons))
+            at, platoons, vehicles = stretch_at(onward, at, self.sync_window_s)
+            saved_kwh = tuple(self._platoons_kwh(segment, (platoon,)) for platoon in platoons)
+            stretches.append(Stretch(platoons, saved_kwh, vehicles))
         else:
-            replaced_to = len(begins)
-        return Change(
-            sum(new_kwh) - sum(road.saved_kwh[replaced_from:replaced_to]),
-            begin,
-            begins[replaced_to] if replaced_to < len(begins) else None,
-            slice(replaced_from, replaced_to),
-            new_begins,
-            new_kwh,
-        )
+            end = len(begins)
+        return slice(replaced.start, end), (new_begins, stretches)
+
+    def _adjusted(
+        self,
+        segment: str,
+        road: _Road,
+        replaced: slice,
+        off: Sequence[Traversal],
+        on: Sequence[Traversal],
+    ) -> _Stretches | None:
+        """The stretches in the place of those that are replaced, where passages that go and come
+        leave all others as they are; None: they have to be formed anew.
+        """
+        window_s = self.sync_window_s
+        begins, stretches = road.begins[replaced], road.stretches[replaced]
+        for passage in off:
+            at = bisect_right(begins, passage) - 1
+            if at >= 0 and stretches[at].is_one_alone and begins[at] == passage:
+                del begins[at], stretches[at]
+                continue
+            found = stretches[at].platoon_without(passage) if at >= 0 else None
+            if found is None:
+                return None
+            stretches[at] = self._with_platoon(segment, stretches[at], passage, *found)
+        for passage in on:
+            at = bisect_right(begins, passage) - 1
+            if at < 0 or stretches[at].ends_before(passage, window_s):
+                stop = replaced.stop
+                later = begins[at + 1 : at + 2] or road.begins[stop : stop + 1]
+                if later and later[0][0] - passage[0] <= window_s:
+                    return None
+                begins.insert(at + 1, passage)
+                alone = Stretch(([passage],), (0.0,), frozenset(passage[2]))
+                stretches.insert(at + 1, alone)
+                continue
+            found = stretches[at].platoon_with(passage, window_s)
+            if found is None:
+                return None
+            stretches[at] = self._with_platoon(segment, stretches[at], passage, *found)
+        return begins, stretches
+
+    def _with_platoon(
+        self,
+        segment: str,
+        stretch: Stretch[VehicleNumber],
+        passage: Traversal,
+        number: int,
+        platoon: Sequence[Traversal],
+    ) -> Stretch[VehicleNumber]:
+        """The stretch with a platoon that a passage has joined or left."""
+        saved_kwh = self._platoons_kwh(segment, (platoon,))
+        return stretch.replaced(number, platoon, saved_kwh, passage)
 
     def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
         if not off and not on:
@@ -288,7 +372,7 @@ class Meetings:
         for passage in on:
             insort(road.passages, passage)
         road.begins[change._replaced] = change._begins
-        road.saved_kwh[change._replaced] = change._saved_kwh
+        road.stretches[change._replaced] = change._stretches
         return change.saving_kwh
 
     def _is_on(self, segment: str, passage: Traversal) -> bool:

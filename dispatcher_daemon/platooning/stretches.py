@@ -1,0 +1,109 @@
+"""Stretches of a segment's order of entry, and how one passage more or less changes one.
+
+Forming a stretch's platoons takes a look at every passage of it. One that joins a platoon behind
+its leader, or leaves it, mostly leaves all the others where they are: that is found by its
+neighbours. Where it is not certain, the answer is None, and the stretch has to be formed anew.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic
+
+from dispatcher_daemon.platooning.platoons import Key, TimedPassage, independent_platoons
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch(Generic[Key]):
+    """Passages that no earlier one reaches into, as platoons.
+
+    Attributes:
+        platoons: in the order of their leaders, at least one.
+        saved_kwh: of each platoon.
+        vehicles: that pass; None: one of them passes twice, which has rules of its own.
+    """
+
+    platoons: tuple[Sequence[TimedPassage[Key]], ...]
+    saved_kwh: tuple[float, ...]
+    vehicles: frozenset[object] | None
+
+    @property
+    def total_kwh(self) -> float:
+        """What all its platoons save."""
+        return sum(self.saved_kwh)
+
+    @property
+    def is_one_alone(self) -> bool:
+        """Whether it is a single passage."""
+        return len(self.platoons) == 1 and len(self.platoons[0]) == 1
+
+    def ends_before(self, passage: TimedPassage[Key], window_s: float) -> bool:
+        """Whether a later passage is out of reach of all its platoons."""
+        return passage[0] - self.platoons[-1][0][0] > window_s
+
+    def platoon_with(
+        self, passage: TimedPassage[Key], window_s: float
+    ) -> tuple[int, list[TimedPassage[Key]]] | None:
+        """(number of the platoon that another passage joins, that platoon with it), where all other
+        passages stay in their places.
+        """
+        if self.vehicles is None or passage[2][0] in self.vehicles:
+            return None
+        entry, leaving, _ = passage
+        for number, platoon in enumerate(self.platoons):
+            lead = platoon[0]
+            if passage < lead:
+                return None
+            if entry - lead[0] > window_s:
+                continue
+            at = bisect_left(platoon, passage)
+            if platoon[at - 1][1] <= leaving <= lead[1] + window_s:
+                if at < len(platoon) and platoon[at][1] < leaving:
+                    return None
+                return number, [*platoon[:at], passage, *platoon[at:]]
+        return None
+
+    def platoon_without(
+        self, passage: TimedPassage[Key]
+    ) -> tuple[int, list[TimedPassage[Key]]] | None:
+        """(number of the platoon that a passage leaves, that platoon without it), likewise."""
+        if self.vehicles is None:
+            return None
+        for number, platoon in enumerate(self.platoons):
+            at = bisect_left(platoon, passage)
+            if at == len(platoon) or platoon[at] != passage:
+                continue
+            if at == 0:
+                return None
+            # Whom only it kept from joining may join.
+            before, leaving = platoon[at - 1][1], passage[1]
+            for later in self.platoons[number + 1 :]:
+                if any(before <= other[1] < leaving for other in later):
+                    return None
+            return number, [*platoon[:at], *platoon[at + 1 :]]
+        return None
+
+    def replaced(
+        self,
+        number: int,
+        platoon: Sequence[TimedPassage[Key]],
+        saved_kwh: float,
+        passage: TimedPassage[Key],
+    ) -> Stretch[Key]:
+        """The stretch with another platoon in the place of one, which a passage joined or left."""
+        return Stretch(
+            (*self.platoons[:number], platoon, *self.platoons[number + 1 :]),
+            (*self.saved_kwh[:number], saved_kwh, *self.saved_kwh[number + 1 :]),
+            None if self.vehicles is None else self.vehicles ^ {passage[2][0]},
+        )
+
+
+def stretch_at(
+    passages: Sequence[TimedPassage[Key]], at: int, window_s: float
+) -> tuple[int, tuple[list[TimedPassage[Key]], ...], frozenset[object] | None]:
+    """(position of the next passage, platoons, vehicles) of the stretch from a passage on."""
+    end, platoons = independent_platoons(passages, at, window_s)
+    vehicles = frozenset(passage[2][0] for passage in passages[at:end])
+    return end, tuple(platoons), vehicles if len(vehicles) == end - at else None
