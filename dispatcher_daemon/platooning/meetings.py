@@ -67,6 +67,12 @@ class Shares:
         """Saving of an only follower, with the chance that the gate is open at its entry."""
         return self.follower_kwh * self.gate.chance(entry_s)
 
+    def followings_kwh(self, entries_s: Sequence[float]) -> list[float]:
+        """`following_kwh` of each of some entries."""
+        if self.gate.usual_share is None:
+            return [self.following_kwh(0.0)] * len(entries_s)
+        return [self.following_kwh(entry_s) for entry_s in entries_s]
+
     def platoon_kwh(self, members: int) -> float:
         """Saving of a platoon of at least two vehicles that all have these shares."""
         if members == 2 or self.longer_kwh is None:
@@ -153,6 +159,10 @@ def _platoons_kwh(
 
 _Stretches = tuple[list[Traversal], list[Stretch[VehicleNumber]]]
 """First passages of some stretches, and the stretches."""
+
+
+def _total_kwh(stretches: Sequence[Stretch[VehicleNumber]]) -> float:
+    return sum([stretch.total_kwh for stretch in stretches])
 
 
 @dataclass
@@ -269,7 +279,7 @@ class Meetings:
             replaced, found = self._formed(segment, road, replaced, begin, off, on)
         new_begins, stretches = found
         return Change(
-            sum(s.total_kwh for s in stretches) - sum(s.total_kwh for s in road.stretches[replaced]),
+            _total_kwh(stretches) - _total_kwh(road.stretches[replaced]),
             begin,
             begins[replaced.stop] if replaced.stop < len(begins) else None,
             replaced,
@@ -306,7 +316,7 @@ class Meetings:
                 break
             new_begins.append(onward[at])
             at, platoons, vehicles = stretch_at(onward, at, self.sync_window_s)
-            saved_kwh = tuple(self._platoons_kwh(segment, (platoon,)) for platoon in platoons)
+            saved_kwh = [self._platoons_kwh(segment, (platoon,)) for platoon in platoons]
             stretches.append(Stretch(platoons, saved_kwh, vehicles))
         else:
             end = len(begins)
@@ -342,7 +352,7 @@ class Meetings:
                 if later and later[0][0] - passage[0] <= window_s:
                     return None
                 begins.insert(at + 1, passage)
-                alone = Stretch(([passage],), (0.0,), frozenset(passage[2]))
+                alone = Stretch([[passage]], [0.0], frozenset(passage[2]))
                 stretches.insert(at + 1, alone)
                 continue
             found = stretches[at].platoon_with(passage, window_s)

@@ -9,30 +9,30 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic
 
 from dispatcher_daemon.platooning.platoons import Key, TimedPassage, independent_platoons
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Stretch(Generic[Key]):
-    """Passages that no earlier one reaches into, as platoons.
+    """Passages that no earlier one reaches into, as platoons; it is not changed.
 
     Attributes:
         platoons: in the order of their leaders, at least one.
         saved_kwh: of each platoon.
         vehicles: that pass; None: one of them passes twice, which has rules of its own.
+        total_kwh: what all its platoons save.
     """
 
-    platoons: tuple[Sequence[TimedPassage[Key]], ...]
-    saved_kwh: tuple[float, ...]
+    platoons: Sequence[Sequence[TimedPassage[Key]]]
+    saved_kwh: Sequence[float]
     vehicles: frozenset[object] | None
+    total_kwh: float = field(init=False)
 
-    @property
-    def total_kwh(self) -> float:
-        """What all its platoons save."""
-        return sum(self.saved_kwh)
+    def __post_init__(self) -> None:
+        self.total_kwh = sum(self.saved_kwh)
 
     @property
     def is_one_alone(self) -> bool:
@@ -93,17 +93,16 @@ class Stretch(Generic[Key]):
         passage: TimedPassage[Key],
     ) -> Stretch[Key]:
         """The stretch with another platoon in the place of one, which a passage joined or left."""
-        return Stretch(
-            (*self.platoons[:number], platoon, *self.platoons[number + 1 :]),
-            (*self.saved_kwh[:number], saved_kwh, *self.saved_kwh[number + 1 :]),
-            None if self.vehicles is None else self.vehicles ^ {passage[2][0]},
-        )
+        platoons, every_kwh = list(self.platoons), list(self.saved_kwh)
+        platoons[number], every_kwh[number] = platoon, saved_kwh
+        vehicles = None if self.vehicles is None else self.vehicles ^ {passage[2][0]}
+        return Stretch(platoons, every_kwh, vehicles)
 
 
 def stretch_at(
     passages: Sequence[TimedPassage[Key]], at: int, window_s: float
-) -> tuple[int, tuple[list[TimedPassage[Key]], ...], frozenset[object] | None]:
+) -> tuple[int, list[list[TimedPassage[Key]]], frozenset[object] | None]:
     """(position of the next passage, platoons, vehicles) of the stretch from a passage on."""
     end, platoons = independent_platoons(passages, at, window_s)
-    vehicles = frozenset(passage[2][0] for passage in passages[at:end])
-    return end, tuple(platoons), vehicles if len(vehicles) == end - at else None
+    vehicles = frozenset([passage[2][0] for passage in passages[at:end]])
+    return end, platoons, vehicles if len(vehicles) == end - at else None
