@@ -276,8 +276,8 @@ class Meetings:
         begin = min(first, begins[replaced.start]) if begins else first
         found = self._adjusted(segment, road, replaced, off, on)
         if found is None:
-            replaced, found = self._formed(segment, road, replaced, begin, off, on)
-        new_begins, stretches = found
+            found = self._formed(segment, road, replaced, begin, off, on)
+        replaced, (new_begins, stretches) = found
         return Change(
             _total_kwh(stretches) - _total_kwh(road.stretches[replaced]),
             begin,
@@ -329,37 +329,53 @@ class Meetings:
         replaced: slice,
         off: Sequence[Traversal],
         on: Sequence[Traversal],
-    ) -> _Stretches | None:
-        """The stretches in the place of those that are replaced, where passages that go and come
-        leave all others as they are; None: they have to be formed anew.
+    ) -> tuple[slice, _Stretches] | None:
+        """The same where passages that go and come leave all others as they are; None: they have to
+        be formed anew.
         """
-        window_s = self.sync_window_s
+        window_s, stop = self.sync_window_s, replaced.stop
         begins, stretches = road.begins[replaced], road.stretches[replaced]
         for passage in off:
             at = bisect_right(begins, passage) - 1
-            if at >= 0 and stretches[at].is_one_alone and begins[at] == passage:
+            if at < 0:
+                return None
+            if begins[at] == passage and stretches[at].is_one_alone:
                 del begins[at], stretches[at]
                 continue
-            found = stretches[at].platoon_without(passage) if at >= 0 else None
+            found = stretches[at].platoon_without(passage)
             if found is None:
                 return None
-            stretches[at] = self._with_platoon(segment, stretches[at], passage, *found)
+            number, platoon = found
+            if begins[at] == passage:
+                later = begins[at + 1 : at + 2] or road.begins[stop : stop + 1]
+                if later and later[0][0] - platoon[0][0] <= window_s:
+                    return None
+                begins[at] = platoon[0]
+            stretches[at] = self._with_platoon(segment, stretches[at], passage, number, platoon)
         for passage in on:
             at = bisect_right(begins, passage) - 1
-            if at < 0 or stretches[at].ends_before(passage, window_s):
-                stop = replaced.stop
-                later = begins[at + 1 : at + 2] or road.begins[stop : stop + 1]
-                if later and later[0][0] - passage[0] <= window_s:
+            if at >= 0 and not stretches[at].ends_before(passage, window_s):
+                found = stretches[at].platoon_with(passage, window_s)
+                if found is None:
                     return None
-                begins.insert(at + 1, passage)
-                alone = Stretch([[passage]], [0.0], frozenset(passage[2]))
-                stretches.insert(at + 1, alone)
+                stretches[at] = self._with_platoon(segment, stretches[at], passage, *found)
                 continue
-            found = stretches[at].platoon_with(passage, window_s)
-            if found is None:
+            at += 1
+            if at == len(begins) and stop < len(road.begins):
+                if road.begins[stop][0] - passage[0] <= window_s:
+                    begins.append(road.begins[stop])
+                    stretches.append(road.stretches[stop])
+                    stop += 1
+            if at == len(begins) or begins[at][0] - passage[0] > window_s:
+                begins.insert(at, passage)
+                stretches.insert(at, Stretch([[passage]], [0.0], frozenset(passage[2])))
+                continue
+            led = stretches[at].platoon_led_by(passage, window_s)
+            if led is None:
                 return None
-            stretches[at] = self._with_platoon(segment, stretches[at], passage, *found)
-        return begins, stretches
+            begins[at] = passage
+            stretches[at] = self._with_platoon(segment, stretches[at], passage, 0, led)
+        return slice(replaced.start, stop), (begins, stretches)
 
     def _with_platoon(
         self,

@@ -65,6 +65,21 @@ class Stretch(Generic[Key]):
                 return number, [*platoon[:at], passage, *platoon[at:]]
         return None
 
+    def platoon_led_by(
+        self, passage: TimedPassage[Key], window_s: float
+    ) -> list[TimedPassage[Key]] | None:
+        """The first platoon with an earlier passage in front, likewise."""
+        if self.vehicles is None or passage[2][0] in self.vehicles:
+            return None
+        entry, leaving, _ = passage
+        platoon, *others = self.platoons
+        lead, last = platoon[0], platoon[-1]
+        if not leaving <= lead[1] or last[1] > leaving + window_s:
+            return None
+        if last[0] - entry > window_s or (others and others[0][0][0] - entry > window_s):
+            return None
+        return [passage, *platoon]
+
     def platoon_without(
         self, passage: TimedPassage[Key]
     ) -> tuple[int, list[TimedPassage[Key]]] | None:
@@ -76,7 +91,9 @@ class Stretch(Generic[Key]):
             if at == len(platoon) or platoon[at] != passage:
                 continue
             if at == 0:
-                return None
+                # The next one's window is another one.
+                alone = len(self.platoons) == 1 and len(platoon) > 1
+                return (number, [*platoon[1:]]) if alone else None
             # Whom only it kept from joining may join.
             before, leaving = platoon[at - 1][1], passage[1]
             for later in self.platoons[number + 1 :]:
