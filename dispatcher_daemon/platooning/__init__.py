@@ -4,10 +4,8 @@ vehicles of earlier cycles that are still on the road."""
 from __future__ import annotations
 
 from dispatcher_daemon.platooning.meetings import (
-    Change,
     Meetings,
     Shares,
-    Traversal,
     Traversals,
     open_shares,
     saving_kwh,
@@ -27,6 +25,8 @@ from dispatcher_daemon.platooning.rewards import (
     judge_pairs,
     rewards,
 )
+from dispatcher_daemon.platooning.segment_order import Change
+from dispatcher_daemon.platooning.stretches import Traversal
 from dispatcher_daemon.platooning.vehicles_on_road import (
     RoadUser,
     joined_segments,

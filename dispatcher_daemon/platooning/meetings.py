@@ -8,14 +8,14 @@ would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8).
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.platooning.platoons import TimedPassage, platoons_of
+from dispatcher_daemon.platooning.platoons import platoons_of
 from dispatcher_daemon.platooning.reductions import planned_reductions
-from dispatcher_daemon.platooning.stretches import Stretch, stretch_at
+from dispatcher_daemon.platooning.segment_order import Change, SegmentOrder
+from dispatcher_daemon.platooning.stretches import Traversal
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route, planning_speed_mps
 from dispatcher_daemon.traffic import GateForecast, SegmentTraffic, TrafficSnapshot
@@ -25,9 +25,6 @@ from slipstream.vehicle_types import RoutingProfile
 
 ALWAYS_OPEN: Final = GateForecast(open=True)
 
-VehicleNumber = tuple[int]
-"""A vehicle's number in the fleet."""
-Traversal = TimedPassage[VehicleNumber]
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
 
@@ -157,53 +154,6 @@ def _platoons_kwh(
     return total
 
 
-_Stretches = tuple[list[Traversal], list[Stretch[VehicleNumber]]]
-"""First passages of some stretches, and the stretches."""
-
-
-def _total_kwh(stretches: Sequence[Stretch[VehicleNumber]]) -> float:
-    return sum([stretch.total_kwh for stretch in stretches])
-
-
-@dataclass
-class _Road:
-    """Passages of one segment in the order of entry, and what they save.
-
-    Attributes:
-        begins: first passages of the stretches of `independent_platoons`.
-        stretches: these.
-    """
-
-    passages: list[Traversal] = field(default_factory=list)
-    begins: list[Traversal] = field(default_factory=list)
-    stretches: list[Stretch[VehicleNumber]] = field(default_factory=list)
-
-
-@dataclass(slots=True)
-class Change:
-    """What passages that come and go on one segment change.
-
-    Attributes:
-        saving_kwh: by how much more is saved.
-        begin: first passage of the part of the segment's order that is formed anew.
-        end: first passage behind it, None: it reaches to the last one. Changes with parts of their
-            own add up.
-    """
-
-    saving_kwh: float
-    begin: Traversal
-    end: Traversal | None
-    _replaced: slice
-    _begins: list[Traversal]
-    _stretches: list[Stretch[VehicleNumber]]
-
-    def touches(self, other: Change) -> bool:
-        """Whether both form some of the same platoons anew."""
-        before = self.end is not None and self.end <= other.begin
-        behind = other.end is not None and other.end <= self.begin
-        return not before and not behind
-
-
 class Meetings:
     """Passages of open segments by all vehicles, with the sum of their platoons' savings."""
 
@@ -221,8 +171,7 @@ class Meetings:
         """
         self.shares, self.sync_window_s = shares, sync_window_s
         self._own_shares = own_shares or {}
-        self._own: dict[str, dict[int, Shares]] = {}
-        self._roads: dict[str, _Road] = {}
+        self._orders: dict[str, SegmentOrder] = {}
 
     def add(self, traversals: Traversals) -> float:
         """Put a vehicle on the roads; the change in total savings, kWh."""
@@ -250,163 +199,36 @@ class Meetings:
         return [sum(gain_kwh(s, p) for s, p in option.items()) for option in options]
 
     def _gain_kwh(self, segment: str, passages: Sequence[Traversal]) -> float:
-        there = [p for p in passages if self._is_on(segment, p)]
+        order = self._order(segment)
+        there = [p for p in passages if p in order]
         new = [p for p in passages if p not in there] if there else passages
-        gain = self.change(segment, (), new).saving_kwh if new else 0.0
-        return gain - self.change(segment, there, ()).saving_kwh if there else gain
+        gain = order.change((), new).saving_kwh if new else 0.0
+        return gain - order.change(there, ()).saving_kwh if there else gain
 
     def on(self, segment: str) -> Sequence[Traversal]:
         """Passages of a segment in the order of entry."""
-        road = self._roads.get(segment)
-        return () if road is None else road.passages
+        order = self._orders.get(segment)
+        return () if order is None else order.passages
 
     def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
         """What passages of a segment that go, and others that come, at least one of both, would
-        change. Platoons are formed anew from the stretch that the first one lies in until a stretch
-        behind the last one begins where one has begun before.
+        change.
 
         Raises:
             ValueError: one that goes is not there.
         """
-        road = self._roads.setdefault(segment, _Road())
-        changed = sorted((*off, *on))
-        first, last = changed[0], changed[-1]
-        begins = road.begins
-        replaced = slice(max(0, bisect_right(begins, first) - 1), bisect_right(begins, last))
-        begin = min(first, begins[replaced.start]) if begins else first
-        found = self._adjusted(segment, road, replaced, off, on)
-        if found is None:
-            found = self._formed(segment, road, replaced, begin, off, on)
-        replaced, (new_begins, stretches) = found
-        return Change(
-            _total_kwh(stretches) - _total_kwh(road.stretches[replaced]),
-            begin,
-            begins[replaced.stop] if replaced.stop < len(begins) else None,
-            replaced,
-            new_begins,
-            stretches,
-        )
-
-    def _formed(
-        self,
-        segment: str,
-        road: _Road,
-        replaced: slice,
-        begin: Traversal,
-        off: Sequence[Traversal],
-        on: Sequence[Traversal],
-    ) -> tuple[slice, _Stretches]:
-        """(stretches that are replaced, those in their place), formed anew from a passage on."""
-        begins, there = road.begins, road.passages
-        new_begins: list[Traversal] = []
-        stretches: list[Stretch[VehicleNumber]] = []
-        first = min((*off, *on))
-        if begin < first and road.stretches[replaced.start].ends_before(first, self.sync_window_s):
-            new_begins, stretches = [begin], [road.stretches[replaced.start]]
-            begin = first
-        onward = there[bisect_left(there, begin) :]
-        for passage in off:
-            onward.remove(passage)
-        for passage in on:
-            insort(onward, passage)
-        at, end = 0, replaced.stop
-        while at < len(onward):
-            end = bisect_left(begins, onward[at], end)
-            if begins[end : end + 1] == [onward[at]]:
-                break
-            new_begins.append(onward[at])
-            at, platoons, vehicles = stretch_at(onward, at, self.sync_window_s)
-            saved_kwh = [self._platoons_kwh(segment, (platoon,)) for platoon in platoons]
-            stretches.append(Stretch(platoons, saved_kwh, vehicles))
-        else:
-            end = len(begins)
-        return slice(replaced.start, end), (new_begins, stretches)
-
-    def _adjusted(
-        self,
-        segment: str,
-        road: _Road,
-        replaced: slice,
-        off: Sequence[Traversal],
-        on: Sequence[Traversal],
-    ) -> tuple[slice, _Stretches] | None:
-        """The same where passages that go and come leave all others as they are; None: they have to
-        be formed anew.
-        """
-        window_s, stop = self.sync_window_s, replaced.stop
-        begins, stretches = road.begins[replaced], road.stretches[replaced]
-        for passage in off:
-            at = bisect_right(begins, passage) - 1
-            if at < 0:
-                return None
-            if begins[at] == passage and stretches[at].is_one_alone:
-                del begins[at], stretches[at]
-                continue
-            found = stretches[at].platoon_without(passage)
-            if found is None:
-                return None
-            number, platoon = found
-            if begins[at] == passage:
-                later = begins[at + 1 : at + 2] or road.begins[stop : stop + 1]
-                if later and later[0][0] - platoon[0][0] <= window_s:
-                    return None
-                begins[at] = platoon[0]
-            stretches[at] = self._with_platoon(segment, stretches[at], passage, number, platoon)
-        for passage in on:
-            at = bisect_right(begins, passage) - 1
-            if at >= 0 and not stretches[at].ends_before(passage, window_s):
-                found = stretches[at].platoon_with(passage, window_s)
-                if found is None:
-                    return None
-                stretches[at] = self._with_platoon(segment, stretches[at], passage, *found)
-                continue
-            at += 1
-            if at == len(begins) and stop < len(road.begins):
-                if road.begins[stop][0] - passage[0] <= window_s:
-                    begins.append(road.begins[stop])
-                    stretches.append(road.stretches[stop])
-                    stop += 1
-            if at == len(begins) or begins[at][0] - passage[0] > window_s:
-                begins.insert(at, passage)
-                stretches.insert(at, Stretch([[passage]], [0.0], frozenset(passage[2])))
-                continue
-            led = stretches[at].platoon_led_by(passage, window_s)
-            if led is None:
-                return None
-            begins[at] = passage
-            stretches[at] = self._with_platoon(segment, stretches[at], passage, 0, led)
-        return slice(replaced.start, stop), (begins, stretches)
-
-    def _with_platoon(
-        self,
-        segment: str,
-        stretch: Stretch[VehicleNumber],
-        passage: Traversal,
-        number: int,
-        platoon: Sequence[Traversal],
-    ) -> Stretch[VehicleNumber]:
-        """The stretch with a platoon that a passage has joined or left."""
-        saved_kwh = self._platoons_kwh(segment, (platoon,))
-        return stretch.replaced(number, platoon, saved_kwh, passage)
+        return self._order(segment).change(off, on)
 
     def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
-        if not off and not on:
-            return 0.0
-        change, road = self.change(segment, off, on), self._roads[segment]
-        for passage in off:
-            del road.passages[bisect_left(road.passages, passage)]
-        for passage in on:
-            insort(road.passages, passage)
-        road.begins[change._replaced] = change._begins
-        road.stretches[change._replaced] = change._stretches
-        return change.saving_kwh
+        return self._order(segment).apply(off, on) if off or on else 0.0
 
-    def _is_on(self, segment: str, passage: Traversal) -> bool:
-        there = self.on(segment)
-        at = bisect_left(there, passage)
-        return at < len(there) and there[at] == passage
+    def _order(self, segment: str) -> SegmentOrder:
+        if segment not in self._orders:
+            shares = self.shares[segment]
+            own = {n: of[segment] for n, of in self._own_shares.items()}
 
-    def _platoons_kwh(self, segment: str, platoons: Iterable[Sequence[Traversal]]) -> float:
-        if self._own_shares and segment not in self._own:
-            self._own[segment] = {n: of[segment] for n, of in self._own_shares.items()}
-        return _platoons_kwh(platoons, self.shares[segment], self._own.get(segment))
+            def kwh(platoon: Sequence[Traversal]) -> float:
+                return _platoons_kwh((platoon,), shares, own)
+
+            self._orders[segment] = SegmentOrder(self.sync_window_s, kwh)
+        return self._orders[segment]

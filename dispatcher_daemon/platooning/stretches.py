@@ -1,8 +1,6 @@
 """Stretches of a segment's order of entry, and how one passage more or less changes one.
 
-Forming a stretch's platoons takes a look at every passage of it. One that joins a platoon behind
-its leader, or leaves it, mostly leaves all the others where they are: that is found by its
-neighbours. Where it is not certain, the answer is None, and the stretch has to be formed anew.
+Answers about a platoon are None where other passages may not stay in their places.
 """
 
 from __future__ import annotations
@@ -10,13 +8,16 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Generic
 
-from dispatcher_daemon.platooning.platoons import Key, TimedPassage, independent_platoons
+from dispatcher_daemon.platooning.platoons import TimedPassage, independent_platoons
+
+VehicleNumber = tuple[int]
+"""A vehicle's number in the fleet."""
+Traversal = TimedPassage[VehicleNumber]
 
 
 @dataclass(slots=True)
-class Stretch(Generic[Key]):
+class Stretch:
     """Passages that no earlier one reaches into, as platoons; it is not changed.
 
     Attributes:
@@ -26,9 +27,9 @@ class Stretch(Generic[Key]):
         total_kwh: what all its platoons save.
     """
 
-    platoons: Sequence[Sequence[TimedPassage[Key]]]
+    platoons: Sequence[Sequence[Traversal]]
     saved_kwh: Sequence[float]
-    vehicles: frozenset[object] | None
+    vehicles: frozenset[int] | None
     total_kwh: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -39,13 +40,13 @@ class Stretch(Generic[Key]):
         """Whether it is a single passage."""
         return len(self.platoons) == 1 and len(self.platoons[0]) == 1
 
-    def ends_before(self, passage: TimedPassage[Key], window_s: float) -> bool:
+    def ends_before(self, passage: Traversal, window_s: float) -> bool:
         """Whether a later passage is out of reach of all its platoons."""
         return passage[0] - self.platoons[-1][0][0] > window_s
 
     def platoon_with(
-        self, passage: TimedPassage[Key], window_s: float
-    ) -> tuple[int, list[TimedPassage[Key]]] | None:
+        self, passage: Traversal, window_s: float
+    ) -> tuple[int, list[Traversal]] | None:
         """(number of the platoon that another passage joins, that platoon with it), where all other
         passages stay in their places.
         """
@@ -65,9 +66,7 @@ class Stretch(Generic[Key]):
                 return number, [*platoon[:at], passage, *platoon[at:]]
         return None
 
-    def platoon_led_by(
-        self, passage: TimedPassage[Key], window_s: float
-    ) -> list[TimedPassage[Key]] | None:
+    def platoon_led_by(self, passage: Traversal, window_s: float) -> list[Traversal] | None:
         """The first platoon with an earlier passage in front, likewise."""
         if self.vehicles is None or passage[2][0] in self.vehicles:
             return None
@@ -80,9 +79,7 @@ class Stretch(Generic[Key]):
             return None
         return [passage, *platoon]
 
-    def platoon_without(
-        self, passage: TimedPassage[Key]
-    ) -> tuple[int, list[TimedPassage[Key]]] | None:
+    def platoon_without(self, passage: Traversal) -> tuple[int, list[Traversal]] | None:
         """(number of the platoon that a passage leaves, that platoon without it), likewise."""
         if self.vehicles is None:
             return None
@@ -105,10 +102,10 @@ class Stretch(Generic[Key]):
     def replaced(
         self,
         number: int,
-        platoon: Sequence[TimedPassage[Key]],
+        platoon: Sequence[Traversal],
         saved_kwh: float,
-        passage: TimedPassage[Key],
-    ) -> Stretch[Key]:
+        passage: Traversal,
+    ) -> Stretch:
         """The stretch with another platoon in the place of one, which a passage joined or left."""
         platoons, every_kwh = list(self.platoons), list(self.saved_kwh)
         platoons[number], every_kwh[number] = platoon, saved_kwh
@@ -117,8 +114,8 @@ class Stretch(Generic[Key]):
 
 
 def stretch_at(
-    passages: Sequence[TimedPassage[Key]], at: int, window_s: float
-) -> tuple[int, list[list[TimedPassage[Key]]], frozenset[object] | None]:
+    passages: Sequence[Traversal], at: int, window_s: float
+) -> tuple[int, list[list[Traversal]], frozenset[int] | None]:
     """(position of the next passage, platoons, vehicles) of the stretch from a passage on."""
     end, platoons = independent_platoons(passages, at, window_s)
     vehicles = frozenset([passage[2][0] for passage in passages[at:end]])

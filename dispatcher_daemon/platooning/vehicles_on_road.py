@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.platooning.meetings import Shares, Traversal, Traversals
+from dispatcher_daemon.platooning.meetings import Shares, Traversals
 from dispatcher_daemon.platooning.platoons import Passage, Place, TimedPassage
+from dispatcher_daemon.platooning.stretches import Traversal
 from slipstream.messages import PlannedSegment, VehiclePlan
 
 
