@@ -95,10 +95,11 @@ def base_routes(
     carriers, timed_out = groups, False
     if anybodys:
         # Among several carriers a search finds feasible routes late, unless it begins with some.
-        if start is None:
+        if start is None and groups:
             found, timed_out = search.first(groups, seed, None)
             start = routes | found
         groups = [Part(problem.fleet.vehicles, stops)]
+        carriers = carriers or groups
     found, cut = search.first(groups, seed, start)
     routes |= found
     timed_out |= cut

@@ -2,24 +2,97 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from dispatcher_daemon.planning.hubs import over_hubs
 from dispatcher_daemon.planning.itineraries import MAX_WAIT_S, S_PER_H, Itinerary, Planner
-from dispatcher_daemon.platooning import Meetings, Traversals
+from dispatcher_daemon.platooning import Meetings
 from dispatcher_daemon.roads import timed
+from dispatcher_daemon.roads.weights import Floats
 
 MAX_DEPARTURES: Final = 6
 """Maximum number of departures, and of waits at stops, that are evaluated exactly."""
 _ROUNDING_S: Final = 1e-9
 
 
+@dataclass(frozen=True)
+class Encounters:
+    """Passages of others over the segments of one vehicle, in the order of its segments.
+
+    Attributes:
+        own_s: the vehicle's entry, shape (n,).
+        other_s: the other's, likewise.
+        kwh: what the vehicle saves behind the other.
+        window_s: Δt_sync.
+    """
+
+    own_s: Floats
+    other_s: Floats
+    kwh: Floats
+    window_s: float
+
+    def shifts(
+        self, earliest_s: float, latest_s: float, from_s: float = -math.inf
+    ) -> list[tuple[float, float]]:
+        """(score in kWh, shift in s) of shifts of the passages from a moment on by which they meet
+        others, best first.
+
+        Each encounter names the shift at which both enter a segment at once. A shift's score is the
+        sum of follower savings over those within the synchronisation window around it. Of shifts
+        within a window of each other the best is kept.
+        """
+        own_s, other_s = self.own_s, self.other_s
+        found = (own_s >= from_s) & (other_s >= own_s + earliest_s)
+        found &= other_s < own_s + latest_s + _ROUNDING_S
+        shifts, weights = (other_s - own_s)[found], self.kwh[found]
+        if not len(shifts):
+            return []
+        order = shifts.argsort(kind="stable")
+        at, window_s = shifts[order], self.window_s
+        total = np.concatenate([[0.0], weights[order].cumsum()])
+        low, high = at.searchsorted(at - window_s, "left"), at.searchsorted(at + window_s, "right")
+        score = total[high] - total[low]
+        chosen: list[tuple[float, float]] = []
+        best_first = (-score).argsort(kind="stable")
+        while len(best_first) and len(chosen) < MAX_DEPARTURES:
+            best = best_first[0]
+            shift = min(max(float(at[best]), earliest_s), latest_s)
+            chosen.append((float(score[best]), shift))
+            best_first = best_first[np.abs(at[best_first] - at[best]) > window_s]
+        return chosen
+
+
+def encounters(planner: Planner, itinerary: Itinerary, meetings: Meetings) -> Encounters:
+    """What another departure of a vehicle, or another wait, can bring about."""
+    first_s, last_s = (moment - itinerary.depart_s for moment in planner.window_s(itinerary.number))
+    waits_s = itinerary.waits_s or (0.0,)
+    earliest_s, latest_s = min(first_s, -max(waits_s)), max(last_s, MAX_WAIT_S - min(waits_s))
+    counts: list[int] = []
+    own: list[float] = []
+    others: list[float] = []
+    kwh: list[float] = []
+    for segment, passages in itinerary.traversals.items():
+        shares, there = meetings.shares[segment], meetings.on(segment)
+        for entry, _, key in passages:
+            begin = bisect_left(there, (entry + earliest_s,))
+            end = bisect_left(there, (entry + latest_s + _ROUNDING_S,))
+            entries = [p[0] for p in there[begin:end] if p[2][0] != key[0]]
+            own.append(entry)
+            counts.append(len(entries))
+            others += entries
+            kwh += shares.followings_kwh(entries)
+    window_s = meetings.sync_window_s
+    return Encounters(np.repeat(own, counts), np.array(others), np.array(kwh), window_s)
+
+
 def meeting_departures(
-    planner: Planner, itinerary: Itinerary, meetings: Meetings, max_departures: int = MAX_DEPARTURES
+    planner: Planner, itinerary: Itinerary, met: Encounters, max_departures: int = MAX_DEPARTURES
 ) -> list[float]:
     """Departures at which a vehicle would meet many others, the most promising first, s.
 
@@ -27,46 +100,8 @@ def meeting_departures(
     """
     first, last = planner.window_s(itinerary.number)
     leaves = itinerary.depart_s
-    shifts = _meeting_shifts(itinerary.traversals, meetings, first - leaves, last - leaves)
+    shifts = met.shifts(first - leaves, last - leaves)
     return [leaves + shift for _, shift in shifts[:max_departures]]
-
-
-def _meeting_shifts(
-    traversals: Traversals, meetings: Meetings, earliest_s: float, latest_s: float
-) -> list[tuple[float, float]]:
-    """(score in kWh, shift in s) of shifts of all passages by which they meet others, best first.
-
-    Each passage of another vehicle over a shared segment names the shift at which both enter it at
-    once. A shift's score is the sum of follower savings over those within the synchronisation
-    window around it. Of shifts within a window of each other the best is kept.
-    """
-    shifts: list[float] = []
-    weights: list[float] = []
-    for segment, passages in traversals.items():
-        shares, there = meetings.shares[segment], meetings.on(segment)
-        for entry, _, key in passages:
-            begin = bisect_left(there, (entry + earliest_s,))
-            end = bisect_left(there, (entry + latest_s + _ROUNDING_S,))
-            entries = [p[0] for p in there[begin:end] if p[2][0] != key[0]]
-            shifts += [other - entry for other in entries]
-            weights += [shares.following_kwh(other) for other in entries]
-    if not shifts:
-        return []
-    order = np.argsort(shifts, kind="stable")
-    at, weight_at = np.array(shifts)[order], np.array(weights)[order]
-    total = np.concatenate([[0.0], np.cumsum(weight_at)])
-    window = meetings.sync_window_s
-    low = np.searchsorted(at, at - window, "left")
-    high = np.searchsorted(at, at + window, "right")
-    score = total[high] - total[low]
-    chosen: list[tuple[float, float]] = []
-    best_first = np.argsort(-score, kind="stable")
-    while len(best_first) and len(chosen) < MAX_DEPARTURES:
-        best = best_first[0]
-        shift = min(max(float(at[best]), earliest_s), latest_s)
-        chosen.append((float(score[best]), shift))
-        best_first = best_first[np.abs(at[best_first] - at[best]) > window]
-    return chosen
 
 
 def alternatives(
@@ -78,14 +113,15 @@ def alternatives(
     if itinerary.route is None:
         return
     number, stops, legs = itinerary.number, itinerary.stops, itinerary.route.legs
-    waits_s = itinerary.waits_s
-    for depart_s in meeting_departures(planner, itinerary, meetings, max_departures):
+    waits_s, met = itinerary.waits_s, encounters(planner, itinerary, meetings)
+    for depart_s in meeting_departures(planner, itinerary, met, max_departures):
         moved = planner.itinerary(number, stops, legs, depart_s, waits_s)
         if moved is not None:
             yield moved
-    yield from _waiting(planner, itinerary, meetings, max_departures)
+    yield from _waiting(planner, itinerary, met, max_departures)
     for hub, changed in over_hubs(planner, itinerary):
-        yield from _waiting(planner, changed, meetings, max_departures, hub)
+        met = encounters(planner, changed, meetings)
+        yield from _waiting(planner, changed, met, max_departures, hub)
 
 
 def as_planned(planner: Planner, itinerary: Itinerary) -> Itinerary:
@@ -114,7 +150,7 @@ def longest_wait_s(planner: Planner, itinerary: Itinerary) -> float:
 def _waiting(
     planner: Planner,
     itinerary: Itinerary,
-    meetings: Meetings,
+    met: Encounters,
     max_waits: int,
     only: int | None = None,
 ) -> Iterable[Itinerary]:
@@ -122,6 +158,7 @@ def _waiting(
     others, the most promising first; none under the paper's objective, which has no such waits.
 
     Args:
+        met: by shifts that waits bring about.
         only: number of the visit to wait at; None: any.
     """
     if itinerary.route is None or not planner.waits_on_tours:
@@ -133,16 +170,11 @@ def _waiting(
         visit = visits[at]
         if not itinerary.route.legs[at].path:
             continue  # the next stop is at the same junction
-        rest = {
-            segment: later
-            for segment, passages in itinerary.traversals.items()
-            if (later := [p for p in passages if p[0] >= visit.departure_s])
-        }
         price_kw = planner.price_of_wait_kw(visit.place)
         longest_s = MAX_WAIT_S - visit.wait_s
         found += [
             (score - price_kw * shift / S_PER_H, at, visit.wait_s + shift)
-            for score, shift in _meeting_shifts(rest, meetings, -visit.wait_s, longest_s)
+            for score, shift in met.shifts(-visit.wait_s, longest_s, visit.departure_s)
         ]
     for _, at, wait_s in sorted(found, reverse=True)[:max_waits]:
         changed_s = (*waits_s[: at - 1], wait_s, *waits_s[at:])
@@ -158,7 +190,9 @@ def best_departure(
 ) -> Itinerary:
     """The same route at the departure that saves most with the others, its present one included."""
     candidates = [itinerary, *alternatives(planner, itinerary, meetings, max_departures)]
-    return max(candidates, key=lambda c: meetings.gain_kwh(c.traversals) - c.cost_kwh)
+    gains_kwh = meetings.gains_kwh(c.traversals for c in candidates)
+    better = [kwh - c.cost_kwh for kwh, c in zip(gains_kwh, candidates, strict=True)]
+    return candidates[better.index(max(better))]
 
 
 def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> list[Itinerary]:

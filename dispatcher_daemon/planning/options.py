@@ -41,7 +41,8 @@ def options_for(
         for candidate in (variant, *alternatives(planner, variant, meetings))
     ]
     tried += _detours(planner, itinerary)
-    gains = [meetings.gain_kwh(candidate.traversals) - candidate.cost_kwh for candidate in tried]
+    saved_kwh = meetings.gains_kwh(candidate.traversals for candidate in tried)
+    gains = [kwh - candidate.cost_kwh for kwh, candidate in zip(saved_kwh, tried, strict=True)]
     meetings.add(itinerary.traversals)
     ranked = [tried[i] for i in sorted(range(len(tried)), key=lambda i: -gains[i])]
     joint = list(_joint(planner, itinerary, partners, meetings.shares))

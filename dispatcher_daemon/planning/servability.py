@@ -174,9 +174,11 @@ def _charge_refusal(
 ) -> _Refusal | None:
     """Why a vehicle's battery does not last from its depot over some places and back."""
     battery = battery_of(problem.fleet, vehicle)
+    if battery is None:
+        return None
     legs = [travel.leg(a, b) for a, b in pairwise([*places, places[0]])]
     found = [leg for leg in legs if leg is not None]
-    if battery is None or len(found) < len(legs):
+    if len(found) < len(legs):
         return None
     physics = problem.profile_of(vehicle).physics
     latest_s = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s

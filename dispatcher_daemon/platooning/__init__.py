@@ -5,9 +5,7 @@ from __future__ import annotations
 
 from dispatcher_daemon.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.platooning.meetings import (
-    Change,
     Meetings,
-    Traversal,
     Traversals,
     saving_kwh,
     traversals,
@@ -26,7 +24,9 @@ from dispatcher_daemon.platooning.rewards import (
     judge_pairs,
     rewards,
 )
+from dispatcher_daemon.platooning.segment_order import Change
 from dispatcher_daemon.platooning.shares import Shares, open_shares
+from dispatcher_daemon.platooning.stretches import Traversal
 from dispatcher_daemon.platooning.vehicles_on_road import (
     RoadUser,
     expected_drafting,

@@ -9,21 +9,15 @@ approaches: see `dispatcher_daemon.platooning.expected`.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 from dispatcher_daemon.platooning.expected import ExpectedDrafting
-from dispatcher_daemon.platooning.platoons import (
-    TimedPassage,
-    independent_platoons,
-    platoons_of,
-)
+from dispatcher_daemon.platooning.platoons import platoons_of
+from dispatcher_daemon.platooning.segment_order import Change, SegmentOrder
 from dispatcher_daemon.platooning.shares import Shares
+from dispatcher_daemon.platooning.stretches import Traversal
 from dispatcher_daemon.roads import Route
 
-Traversal = TimedPassage[tuple[int, ...]]
-"""A passage by a vehicle's number in the fleet, with its approach if `ExpectedDrafting` counts."""
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
 
@@ -92,45 +86,6 @@ def _platoons_kwh(
     return total
 
 
-@dataclass
-class _Road:
-    """Passages of one segment in the order of entry, and what they save.
-
-    Attributes:
-        begins: first passages of the stretches of `independent_platoons`.
-        saved_kwh: of each stretch.
-    """
-
-    passages: list[Traversal] = field(default_factory=list)
-    begins: list[Traversal] = field(default_factory=list)
-    saved_kwh: list[float] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Change:
-    """What passages that come and go on one segment change.
-
-    Attributes:
-        saving_kwh: by how much more is saved.
-        begin: first passage of the part of the segment's order that is formed anew.
-        end: first passage behind it, None: it reaches to the last one. Changes with parts of their
-            own add up.
-    """
-
-    saving_kwh: float
-    begin: Traversal
-    end: Traversal | None
-    _replaced: slice
-    _begins: list[Traversal]
-    _saved_kwh: list[float]
-
-    def touches(self, other: Change) -> bool:
-        """Whether both form some of the same platoons anew."""
-        before = self.end is not None and self.end <= other.begin
-        behind = other.end is not None and other.end <= self.begin
-        return not before and not behind
-
-
 class Meetings:
     """Passages of open segments by all vehicles, with the sum of their platoons' savings."""
 
@@ -152,8 +107,7 @@ class Meetings:
         self.shares, self.sync_window_s = shares, sync_window_s
         self._expected = expected
         self._own_shares = own_shares or {}
-        self._own: dict[str, dict[int, Shares]] = {}
-        self._roads: dict[str, _Road] = {}
+        self._orders: dict[str, SegmentOrder] = {}
 
     def add(self, traversals: Traversals) -> float:
         """Put a vehicle on the roads; the change in total savings, kWh."""
@@ -165,81 +119,52 @@ class Meetings:
 
     def gain_kwh(self, traversals: Traversals) -> float:
         """What a vehicle's passages save, those of them counted that are on the roads already."""
-        total = 0.0
-        for segment, passages in traversals.items():
-            there = [p for p in passages if self._is_on(segment, p)]
-            new = [p for p in passages if p not in there]
-            if new:
-                total += self.change(segment, (), new).saving_kwh
-            if there:
-                total -= self.change(segment, there, ()).saving_kwh
-        return total
+        (gain,) = self.gains_kwh((traversals,))
+        return gain
+
+    def gains_kwh(self, options: Iterable[Traversals]) -> list[float]:
+        """`gain_kwh` of each of some options of one vehicle, which have passages in common."""
+        known: dict[tuple[str, tuple[Traversal, ...]], float] = {}
+
+        def gain_kwh(segment: str, passages: Sequence[Traversal]) -> float:
+            key = segment, tuple(passages)
+            if key not in known:
+                known[key] = self._gain_kwh(segment, passages)
+            return known[key]
+
+        return [sum(gain_kwh(s, p) for s, p in option.items()) for option in options]
+
+    def _gain_kwh(self, segment: str, passages: Sequence[Traversal]) -> float:
+        order = self._order(segment)
+        there = [p for p in passages if p in order]
+        new = [p for p in passages if p not in there] if there else passages
+        gain = order.change((), new).saving_kwh if new else 0.0
+        return gain - order.change(there, ()).saving_kwh if there else gain
 
     def on(self, segment: str) -> Sequence[Traversal]:
         """Passages of a segment in the order of entry."""
-        road = self._roads.get(segment)
-        return () if road is None else road.passages
+        order = self._orders.get(segment)
+        return () if order is None else order.passages
 
     def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
         """What passages of a segment that go, and others that come, at least one of both, would
-        change. Platoons are formed anew from the stretch that the first one lies in until a stretch
-        behind the last one begins where one has begun before.
+        change.
 
         Raises:
             ValueError: one that goes is not there.
         """
-        road = self._roads.setdefault(segment, _Road())
-        changed = sorted((*off, *on))
-        first, last = changed[0], changed[-1]
-        begins, there = road.begins, road.passages
-        replaced_from = max(0, bisect_right(begins, first) - 1)
-        replaced_to = bisect_right(begins, last)
-        begin = min(first, begins[replaced_from]) if begins else first
-        onward = there[bisect_left(there, begin) :]
-        for passage in off:
-            onward.remove(passage)
-        for passage in on:
-            insort(onward, passage)
-        new_begins: list[Traversal] = []
-        new_kwh: list[float] = []
-        at = 0
-        while at < len(onward):
-            replaced_to = bisect_left(begins, onward[at], replaced_to)
-            if begins[replaced_to : replaced_to + 1] == [onward[at]]:
-                break
-            new_begins.append(onward[at])
-            at, platoons = independent_platoons(onward, at, self.sync_window_s)
-            new_kwh.append(self._platoons_kwh(segment, platoons))
-        else:
-            replaced_to = len(begins)
-        return Change(
-            sum(new_kwh) - sum(road.saved_kwh[replaced_from:replaced_to]),
-            begin,
-            begins[replaced_to] if replaced_to < len(begins) else None,
-            slice(replaced_from, replaced_to),
-            new_begins,
-            new_kwh,
-        )
+        return self._order(segment).change(off, on)
 
     def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
-        if not off and not on:
-            return 0.0
-        change, road = self.change(segment, off, on), self._roads[segment]
-        for passage in off:
-            del road.passages[bisect_left(road.passages, passage)]
-        for passage in on:
-            insort(road.passages, passage)
-        road.begins[change._replaced] = change._begins
-        road.saved_kwh[change._replaced] = change._saved_kwh
-        return change.saving_kwh
+        return self._order(segment).apply(off, on) if off or on else 0.0
 
-    def _is_on(self, segment: str, passage: Traversal) -> bool:
-        there = self.on(segment)
-        at = bisect_left(there, passage)
-        return at < len(there) and there[at] == passage
+    def _order(self, segment: str) -> SegmentOrder:
+        if segment not in self._orders:
+            shares = self.shares[segment]
+            own = {n: of[segment] for n, of in self._own_shares.items()}
 
-    def _platoons_kwh(self, segment: str, platoons: Iterable[Sequence[Traversal]]) -> float:
-        if self._own_shares and segment not in self._own:
-            self._own[segment] = {n: of[segment] for n, of in self._own_shares.items()}
-        own = self._own.get(segment)
-        return _platoons_kwh(platoons, self.shares[segment], own, self._expected)
+            def kwh(platoon: Sequence[Traversal]) -> float:
+                return _platoons_kwh((platoon,), shares, own, self._expected)
+
+            self._orders[segment] = SegmentOrder(self.sync_window_s, kwh)
+        return self._orders[segment]

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.platooning.expected import ExpectedDrafting, LegFrom
-from dispatcher_daemon.platooning.meetings import Traversal, Traversals
+from dispatcher_daemon.platooning.meetings import Traversals
 from dispatcher_daemon.platooning.platoons import Passage, Place, TimedPassage
 from dispatcher_daemon.platooning.shares import Shares
+from dispatcher_daemon.platooning.stretches import Traversal
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import PlannedSegment, VehiclePlan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dispatcher_daemon.roads.arrays import Roads, roads_of
 from dispatcher_daemon.roads.costs import planning_speed_mps, segment_cost_kwh
 from dispatcher_daemon.roads.onward import leg_from, leg_onward, unhindered_s
 from dispatcher_daemon.roads.routes import (
@@ -15,12 +16,10 @@ from dispatcher_daemon.roads.routes import (
     timetable,
 )
 from dispatcher_daemon.roads.travel import (
-    Roads,
     Travel,
     fleet_travel,
     least_energy_legs,
     leg_along,
-    roads_of,
     searched_again,
 )
 

@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
+from dispatcher_daemon.roads.arrays import Roads
 from dispatcher_daemon.roads.routes import Leg, empty_leg
-from dispatcher_daemon.roads.travel import Roads, Travel, leg_along
+from dispatcher_daemon.roads.travel import Travel, leg_along
 from slipstream.drive import DrivingStyle, plan_drive
 
 _MIN_REST_M = 1.0

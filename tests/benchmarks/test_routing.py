@@ -12,7 +12,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from benchmarks.routing import report
+from benchmarks.routing import published, report
 from benchmarks.routing.__main__ import main
 from benchmarks.routing.bench import FULL, SHORT, CitySize, parts_of
 from benchmarks.routing.figures import (
@@ -33,7 +33,7 @@ from benchmarks.routing.report import Results, checks, markdown
 from benchmarks.routing.tables import percent
 from benchmarks.routing.watch import tree_mb, watched
 from dispatcher_daemon.problem import Problem, RouteOption, RouteProblem
-from dispatcher_daemon.settings import CitySettings
+from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.protocol import Outcome
 from research.cities.generator import generate_city
 from slipstream.errors import InputError
@@ -368,3 +368,29 @@ def test_what_a_city_could_choose_is_one_problem() -> None:
     assert set(graph) <= set(problem.vehicles)
     assert all(problem.options_of[vehicle] for vehicle in problem.vehicles)
     assert problem.choices > 6
+
+
+@pytest.mark.process
+def test_published_instances_are_read_and_searched(tmp_path: Path) -> None:
+    """Four customers in two corners, of which a vehicle takes two: 2 · (√2 · 10 + 1 + √221) each,
+    cut to tenths; the same in VRPLIB's form, with distances rounded.
+    """
+    at = [(0, 0), (10, 10), (10, 11), (-10, -10), (-10, -11)]
+    rows = [f"{i} {x} {y} {min(i, 1)} 0 200 0" for i, (x, y) in enumerate(at)]
+    solomon = tmp_path / "corners.txt"
+    solomon.write_text(
+        "corners\n\nVEHICLE\nNUMBER CAPACITY\n3 2\n\nCUSTOMER\nCUST NO. XCOORD. YCOORD. DEMAND "
+        "READY TIME DUE DATE SERVICE TIME\n\n" + "\n".join(rows) + "\n"
+    )
+    cvrp = tmp_path / "C-n5-k2.vrp"
+    coordinates = "\n".join(f"{i} {x} {y}" for i, (x, y) in enumerate(at, 1))
+    demands = "\n".join(f"{i} {min(i - 1, 1)}" for i in range(1, 6))
+    cvrp.write_text(
+        "NAME : C-n5-k2\nTYPE : CVRP\nDIMENSION : 5\nEDGE_WEIGHT_TYPE : EUC_2D\nCAPACITY : 2\n"
+        f"NODE_COORD_SECTION\n{coordinates}\nDEMAND_SECTION\n{demands}\nDEPOT_SECTION\n1\n-1\nEOF\n"
+    )
+    cvrp.with_suffix(".sol").write_text("Route #1: 1 2\nRoute #2: 3 4\nCost 60\n")
+    settings = SearchSettings(rounds=1)
+    assert "60.0, 0 unserved" in (told := published.measure(cvrp, settings, 1))
+    assert "0.00 % above 60;" in told
+    assert "59.8, 0 unserved;" in published.measure(solomon, settings, 1)

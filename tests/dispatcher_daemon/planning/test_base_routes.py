@@ -13,8 +13,9 @@ from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.parts import Part, parts_of_stops
 from dispatcher_daemon.planning.pyvrp_model import VrpModel
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.arrays import roads_of
 from dispatcher_daemon.roads.routes import Leg, lateness_s, timed
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import CityShape, generate_city
@@ -216,6 +217,15 @@ def test_tight_capacities_are_met_by_one_more_van(town: Town) -> None:
     assert found.unassigned == ()
     assert cost_kwh(made, found.stops) < float("inf")
     assert sorted(map(len, found.stops.values())) in ([1, 3], [2, 2])
+
+
+def test_stops_that_are_all_anybodys_are_served_by_several_carriers(town: Town) -> None:
+    """No carrier has a part of its own to begin with."""
+    vehicles = [{"capacity": 1, "carrier": carrier} for carrier in "ab"]
+    made = town([parcel("s1", "03"), parcel("s2", "30")], vehicles)
+    found = routed(made)
+    assert served(found) == ["s1", "s2"]
+    assert all(len(stops) == 1 for stops in found.stops.values())
 
 
 def test_what_is_too_much_stays_behind_and_nothing_else(town: Town) -> None:

@@ -13,7 +13,8 @@ from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.platooning.meetings import Meetings
 from dispatcher_daemon.platooning.platoons import form_platoons
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.arrays import roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.traffic import TrafficSnapshot
 

@@ -24,7 +24,8 @@ from dispatcher_daemon.plans import Candidate, Cycle
 from dispatcher_daemon.platooning.reductions import planned_reductions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.arrays import roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process

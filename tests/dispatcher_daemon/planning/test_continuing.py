@@ -11,8 +11,9 @@ from dispatcher_daemon.commitments import Commitment, CommittedLeg
 from dispatcher_daemon.planning.continuing import planned_waits_s
 from dispatcher_daemon.planning.itineraries import MAX_WAIT_S, Planner
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.arrays import roads_of
 from dispatcher_daemon.roads.routes import Route, StopVisit
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import PlannedStop, VehiclePlan
 

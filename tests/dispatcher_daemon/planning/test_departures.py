@@ -11,6 +11,7 @@ import pytest
 from dispatcher_daemon.planning.departures import (
     alternatives,
     best_departure,
+    encounters,
     longest_wait_s,
     meeting_departures,
     schedule_greedily,
@@ -19,7 +20,8 @@ from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.platooning.meetings import Meetings
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.arrays import roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.traffic import PERSISTENCE_S, TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
@@ -49,7 +51,7 @@ def test_who_can_wait_leaves_with_the_one_that_comes_later(town: Town) -> None:
     planner, (early, late) = planned(town, [{"depart_by_s": 100.0}, {"ready_s": 40.0}])
     meetings = Meetings(planner.shares, 3.0)
     meetings.add(late.traversals)
-    found = meeting_departures(planner, early, meetings)
+    found = meeting_departures(planner, early, encounters(planner, early, meetings))
     assert found[0] == pytest.approx(50.0)
     best = max(
         alternatives(planner, early, meetings), key=lambda i: meetings.gain_kwh(i.traversals)
@@ -84,7 +86,7 @@ def test_departures_stay_within_the_window(town: Town) -> None:
     planner, (early, late) = planned(town, [{"depart_by_s": 39.9}, {"ready_s": 40.0}])
     meetings = Meetings(planner.shares, 3.0)
     meetings.add(late.traversals)
-    assert meeting_departures(planner, early, meetings) == []
+    assert meeting_departures(planner, early, encounters(planner, early, meetings)) == []
     assert list(alternatives(planner, planner.idle(0), meetings)) == []
 
 
@@ -95,12 +97,24 @@ def test_departures_are_apart_and_the_most_promising_comes_first(town: Town) -> 
     meetings = Meetings(planner.shares, 3.0)
     for other in itineraries[1:]:
         meetings.add(other.traversals)
-    found = meeting_departures(planner, itineraries[0], meetings)
+    found = meeting_departures(
+        planner, itineraries[0], encounters(planner, itineraries[0], meetings)
+    )
     assert found[0] == pytest.approx(130.5, abs=0.51)
     assert any(abs(depart_s - 70.0) < 1e-6 for depart_s in found)
     ordered = sorted(found)
     assert all(b - a > 3.0 for a, b in pairwise(ordered))
-    assert len(meeting_departures(planner, itineraries[0], meetings, max_departures=1)) == 1
+    assert (
+        len(
+            meeting_departures(
+                planner,
+                itineraries[0],
+                encounters(planner, itineraries[0], meetings),
+                max_departures=1,
+            )
+        )
+        == 1
+    )
 
 
 def test_alternatives_that_would_miss_a_stop_s_window_are_left_out(town: Town) -> None:
@@ -114,7 +128,7 @@ def test_alternatives_that_would_miss_a_stop_s_window_are_left_out(town: Town) -
     assert early.route.visits[1].arrival_s - early.depart_s > 70.0
     meetings = Meetings(planner.shares, 3.0)
     meetings.add(late.traversals)
-    assert meeting_departures(planner, early, meetings)
+    assert meeting_departures(planner, early, encounters(planner, early, meetings))
     others = list(alternatives(planner, early, meetings))
     assert {other.depart_s for other in others} <= {early.depart_s}
     assert all(o.route is not None and o.route.visits[1].arrival_s <= 160 + 10 for o in others)

@@ -13,8 +13,9 @@ from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.sweeps import choice_of, initial_choices
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.arrays import roads_of
 from dispatcher_daemon.roads.routes import lateness_s
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.settings import (
     CitySettings,
     DispatcherSettings,

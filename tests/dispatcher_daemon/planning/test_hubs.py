@@ -13,7 +13,8 @@ from dispatcher_daemon.planning.hubs import over_hubs
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.plans import Cycle, verify_plans
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.arrays import roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process

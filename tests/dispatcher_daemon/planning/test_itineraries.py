@@ -7,8 +7,9 @@ import pytest
 
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.arrays import roads_of
 from dispatcher_daemon.roads.routes import lateness_s
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]

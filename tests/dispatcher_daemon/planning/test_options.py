@@ -11,7 +11,8 @@ from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.platooning.meetings import Meetings
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.arrays import roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]

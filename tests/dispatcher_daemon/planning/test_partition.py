@@ -10,7 +10,8 @@ from dispatcher_daemon.planning.departures import MAX_WAIT_S, longest_wait_s
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.arrays import roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]

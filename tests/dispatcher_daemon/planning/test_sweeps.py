@@ -15,8 +15,9 @@ from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.sweeps import BlockDescent, choice_of
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import Problem, RouteProblem, RoutingProblem
+from dispatcher_daemon.roads.arrays import roads_of
 from dispatcher_daemon.roads.routes import lateness_s
-from dispatcher_daemon.roads.travel import Travel, roads_of
+from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process

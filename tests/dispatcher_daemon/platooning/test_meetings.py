@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from unittest.mock import patch
 
 import pytest
 from hypothesis import given
@@ -9,11 +10,12 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.platooning.meetings import (
     Meetings,
-    Traversal,
     saving_kwh,
 )
 from dispatcher_daemon.platooning.platoons import independent_platoons, platoons_of
+from dispatcher_daemon.platooning.segment_order import SegmentOrder
 from dispatcher_daemon.platooning.shares import Shares, open_shares
+from dispatcher_daemon.platooning.stretches import Traversal
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -132,6 +134,31 @@ def test_changes_that_touch_nothing_in_common_add_up(data: st.DataObject) -> Non
     assert both.saving_kwh == pytest.approx(
         saving_kwh(sorted(passages), SHARES["e"], WINDOW_S) - kept
     )
+
+
+@pytest.mark.slow
+@given(st.data())
+def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) -> None:
+    """Exactly: a plan does not depend on which of the two found a change."""
+    seconds = st.tuples(st.integers(0, 40), st.integers(16, 20), st.integers(0, 19))
+    shares = SHARES["f"]
+    order = SegmentOrder(WINDOW_S, lambda platoon: saving_kwh(platoon, shares, WINDOW_S))
+    present: list[Traversal] = []
+    for _ in range(data.draw(st.integers(1, 30))):
+        off = [p for p in present if data.draw(st.integers(0, 9)) == 0][:2]
+        drawn = data.draw(st.lists(seconds, min_size=not off, max_size=2, unique=True))
+        on = {(m / 2, (m + d) / 2, (who,)) for m, d, who in drawn} - {*present}
+        if not off and not on:
+            continue
+        change = order.change(off, sorted(on))
+        with patch.object(SegmentOrder, "_adjusted", return_value=None):
+            assert order.change(off, sorted(on)) == change
+        before = saving_kwh(present, shares, WINDOW_S)
+        present = sorted({*present, *on} - {*off})
+        assert order.apply(off, sorted(on)) == change.saving_kwh
+        assert order.passages == present
+        after = saving_kwh(present, shares, WINDOW_S)
+        assert change.saving_kwh == pytest.approx(after - before, abs=1e-9)
 
 
 @pytest.mark.parametrize("members", [1, 2, 3, 5])

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.travel import Roads, Travel, leg_along, roads_of
+from dispatcher_daemon.roads.arrays import Roads, roads_of
+from dispatcher_daemon.roads.travel import Travel, leg_along
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import small_city
 
@@ -98,7 +99,7 @@ def test_paths_do_not_depend_on_how_many_are_searched_at_once(
 ) -> None:
     """A junction at a time, the matrices are the same."""
     problem, roads, whole = made(town, 1)
-    monkeypatch.setattr("dispatcher_daemon.roads.travel._SEARCHED_AT_ONCE", 1)
+    monkeypatch.setattr("dispatcher_daemon.roads.all_pairs._SEARCHED_AT_ONCE", 1)
     single = Travel(problem, roads)
     for name in ("search_cost_kwh", "duration_s", "energy_kwh"):
         np.testing.assert_array_equal(getattr(single, name), getattr(whole, name))

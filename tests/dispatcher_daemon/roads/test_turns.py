@@ -12,10 +12,11 @@ from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.plans.energy import route_energy
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.roads.arrays import Roads, roads_of
 from dispatcher_daemon.roads.charge import leg_energy_kwh
 from dispatcher_daemon.roads.costs import segment_cost_kwh
 from dispatcher_daemon.roads.routes import Leg, timed
-from dispatcher_daemon.roads.travel import Roads, Travel, leg_along, roads_of
+from dispatcher_daemon.roads.travel import Travel, leg_along
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
