@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import dijkstra
 from dispatcher_daemon.roads.arrays import Roads
 from dispatcher_daemon.roads.weights import Floats, Weights
 
-_SEARCHED_AT_ONCE: Final = 4_000_000
-"""Distances that a search holds at a time, 32 MB of them."""
+_SEARCHED_AT_ONCE: Final = 1_000_000
+"""Distances that a search holds at a time, 8 MB of them, beside a dozen arrays of that size."""
 
 Ints32 = npt.NDArray[np.int32]
 Ranks = npt.NDArray[np.unsignedinteger[Any]]
