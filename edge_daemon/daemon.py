@@ -12,6 +12,7 @@ from contextlib import closing
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from edge_daemon import metrics
 from edge_daemon.camera import Camera, load_camera
@@ -107,6 +108,7 @@ class EdgeDaemon:
         self._started_ns = time.time_ns()
         self._frames = 0
         self._repeated = 0
+        self._boxes: npt.NDArray[np.float32] | None = None
         self._states = 0
         self._recent: deque[tuple[float, float]] = deque()
         self._latest: dict[str, SegmentState] = {}
@@ -175,11 +177,13 @@ class EdgeDaemon:
     def _check_camera(self, frame: Frame | None, found: Detections | None) -> None:
         """Look for a camera fault; log and count its beginning and its end."""
         now = time.monotonic()
-        # What starts no track has not been found.
-        high_score = self._settings.tracker.high_score
-        boxes = None if found is None else found.boxes_above(high_score)
+        if found is not None:
+            # What starts no track has not been found; a repeated frame shows what the last one did.
+            self._boxes = found.boxes_above(self._settings.tracker.high_score)
         fault = (
-            self._watch.look(frame, boxes) if frame is not None else self._fault_without_frame(now)
+            self._watch.look(frame, self._boxes)
+            if frame is not None
+            else self._fault_without_frame(now)
         )
         if fault == self._fault:
             return

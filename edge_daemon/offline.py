@@ -11,6 +11,7 @@ from typing import Final, Self
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from edge_daemon.camera import Camera
 from edge_daemon.detection import detect_stream, open_detector, prefetch
@@ -128,6 +129,7 @@ def track(
     result = TrackResult()
     due_s = last_s = 0.0
     fault: CameraFault | None = None
+    boxes: npt.NDArray[np.float32] | None = None
     latest: dict[str, SegmentState] = {}
     source = FastClip(reader)
     frames = detect_stream(mark_repeats(prefetch(source.frames(), _PREFETCHED_FRAMES)), detector)
@@ -139,10 +141,9 @@ def track(
             result.repeated += frame.repeated
             # A recording's own time: this machine's clocks say when it was read, not taken.
             seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
-            sure = (
-                None if detections is None else detections.boxes_above(settings.tracker.high_score)
-            )
-            before, fault = fault, watch.look(seen, sure)
+            if detections is not None:
+                boxes = detections.boxes_above(settings.tracker.high_score)
+            before, fault = fault, watch.look(seen, boxes)
             if fault is None and detections is not None:
                 result.recorder.frame(len(result.done_s), now, pipeline.update(frame, detections))
             elif fault is not None:

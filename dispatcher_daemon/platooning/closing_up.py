@@ -19,10 +19,10 @@ own did are not among the k of a: they are closed.
 
 **Signals.** A vehicle stops before a junction with a chance p, its expected stops there. Two that
 come over the same segment, T apart, are parted by a signal if its green ends between them, once in
-a cycle C: the chance is T/C, and the rear one then follows a red of C/2 later, T + C/2 instead of T
-behind. With 1 − T/C they stay together, and start from rest again where both stop. Phases that two
-find at signals on different ways are independent: where these ways meet, they are T apart with the
-chance that none of both has stopped, Π (1 − p), and else T + C/4, a stop's mean wait.
+a cycle C: the chance is T/C, but p at most, as the rear one stops then, and follows a red of C/2
+later, T + C/2 instead of T behind. With the rest of p both stop and start from rest again. Phases
+that two find at signals on different ways are independent: where these ways meet, they are T apart
+with the chance that none of both has stopped, Π (1 − p), and else T + C/4, a stop's mean wait.
 
 A platoon saves, at each place, the ideal saving times this share; the leader that of its first
 follower.
@@ -121,12 +121,12 @@ def onward(
     if stops < _UNLIKELY:
         return tuple(after)
     whole = sum(c.chance for c in after)
-    kept = 1 - ENTRY_HEADWAY_S / SIGNAL_CYCLE_S if at_signal else 1.0
-    going = [c._replace(chance=kept * (1 - stops) * c.chance) for c in after]
+    parted = min(ENTRY_HEADWAY_S / SIGNAL_CYCLE_S, stops) if at_signal else 0.0
+    going = [c._replace(chance=(1 - stops) * c.chance) for c in after]
     (anew,) = STARTING
     stopped = (
-        anew._replace(chance=kept * stops * whole),
-        anew._replace(chance=(1 - kept) * whole, headway_s=ENTRY_HEADWAY_S + _RED_S),
+        anew._replace(chance=(stops - parted) * whole),
+        anew._replace(chance=parted * whole, headway_s=ENTRY_HEADWAY_S + _RED_S),
     )
     return going[0], *(c for c in (*going[1:], *stopped) if c.chance > _UNLIKELY)
 

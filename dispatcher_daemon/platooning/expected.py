@@ -122,7 +122,8 @@ class ExpectedDrafting:
     def _start(self, leg: LegFrom) -> Approach:
         """Where a leg begins: at rest, or under way if its first segment does not begin there."""
         node, path = leg
-        return _FROM_REST if self._problem.network.segments[path[0]].start == node else _UNDER_WAY
+        first = self._problem.network.segments.get(path[0])
+        return _FROM_REST if first is not None and first.start == node else _UNDER_WAY
 
     def _place(self, leg: LegFrom) -> Approach:
         """Where a route goes on whose vehicle is on a path's last segment: before that."""
@@ -130,13 +131,20 @@ class ExpectedDrafting:
         return (start, *self.along(leg[1][:-1], start))[-1]
 
     def along(self, path: Iterable[str], start: Approach = _FROM_REST) -> tuple[Approach, ...]:
-        """Approaches to the segments of a path, from rest unless it starts otherwise."""
+        """Approaches to the segments of a path, from rest unless it starts otherwise.
+
+        Plans of before a restart may have segments that the network no longer has: behind one the
+        vehicle counts as under way.
+        """
         found = []
         for segment in path:
-            if (start, segment) not in self._number:
-                self._number[start, segment] = len(self._nodes)
-                self._nodes.append(self._node(start, segment))
-            start = self._number[start, segment]
+            if segment not in self._problem.network.segments:
+                start = _UNDER_WAY
+            else:
+                if (start, segment) not in self._number:
+                    self._number[start, segment] = len(self._nodes)
+                    self._nodes.append(self._node(start, segment))
+                start = self._number[start, segment]
             found.append(start)
         return tuple(found)
 

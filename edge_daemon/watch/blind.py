@@ -66,7 +66,7 @@ class BlindJudge:
         self._samples += 1
         moving = np.asarray(self._background.apply(sample.small)) == _MOVING
         if self._samples <= _LEARN_SAMPLES:
-            return False
+            return self._blind
         covered = _covered(self._find(moving & self._road), sample.boxes.astype(np.float64))
         found = int(np.count_nonzero(covered))
         self._counts.append((sample.time_s, found, len(covered) - found))
@@ -81,7 +81,7 @@ class BlindJudge:
         return self._blind
 
     def interrupt(self, by: CameraFault | None) -> None:
-        """The next frame may show another scene or another light."""
+        """The next frame may show another scene or another light; the detector is the same."""
         self._restart()
 
     def _restart(self) -> None:
@@ -89,7 +89,6 @@ class BlindJudge:
             _HISTORY_SAMPLES, _MAX_VARIANCES, detectShadows=True
         )
         self._samples = 0
-        self._blind = False
         self._counts: deque[tuple[float, int, int]] = deque()
 
     def _find(self, moving: Mask) -> Array:

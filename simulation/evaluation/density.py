@@ -17,8 +17,11 @@ TOURS: Final = 29
 """A day, of the corridor's fleet."""
 
 
-def scaled(settings: FleetSettings, vehicles: int) -> FleetSettings:
+def scaled(settings: FleetSettings, vehicles: int, key: str) -> FleetSettings:
     """The corridor's fleet with so many tours a day.
+
+    Args:
+        key: option that asks for them.
 
     Raises:
         InputError: more orders or vehicles than a fleet can have.
@@ -32,5 +35,5 @@ def scaled(settings: FleetSettings, vehicles: int) -> FleetSettings:
         return FleetSettings.model_validate(settings.model_dump() | counts)
     except ValueError:
         raise InputError(
-            "evaluate", f"{vehicles} vehicles a day are too many", "give fewer", key="--density"
+            "evaluate", f"{vehicles} vehicles a day are too many", "give fewer", key=key
         ) from None

@@ -149,7 +149,9 @@ class Curve:
         from simulation.evaluation.runs import not_writable, write_atomically
 
         own = files.load().fleet
-        fleets = {n: scaled(own, n) for n in sorted({*self.densities, *self.driven})}
+        for vehicles in self.densities:
+            scaled(own, vehicles, "--density")
+        fleets = {n: scaled(own, n, "--drive") for n in self.driven}
         paths = {n: self.out / f"density-{n}" / "fleet.toml" for n in self.driven}
         try:
             for vehicles, path in paths.items():

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
+from string import ascii_lowercase
 from types import MappingProxyType
 from typing import Any
 
@@ -41,7 +43,7 @@ V_MPS = 20.0
 C_MPS2 = coasting_mps2(V_MPS, PAPER_CAR)
 ENTRY_M = ENTRY_HEADWAY_S * V_MPS - wanted_gap_m(V_MPS, 1.5)
 GATE_M = driver_gap_m(V_MPS) - wanted_gap_m(V_MPS, 1.5)
-TOGETHER_S = 1 - ENTRY_HEADWAY_S / SIGNAL_CYCLE_S
+PARTED = ENTRY_HEADWAY_S / SIGNAL_CYCLE_S
 
 
 def line(
@@ -173,7 +175,7 @@ def test_same_approach_and_different_approaches_to_a_signal() -> None:
     anew = 1 - closing_way_m(ENTRY_M, V_MPS, C_MPS2) / 2000
     assert 0 < anew < 1
     same = shares(*town, ["ac", "cd"], ["ac", "cd"])[1]
-    assert same == pytest.approx(TOGETHER_S * (0.5 + 0.5 * anew))
+    assert same == pytest.approx(0.5 + (0.5 - PARTED) * anew)
     assert shares(*town, ["ac", "cd"], ["bc", "cd"])[1] == pytest.approx(0.25 * anew)
     calm = line(roads, signals={"c": 0.0})
     assert shares(*calm, ["ac", "cd"], ["ac", "cd"])[1] == 1.0
@@ -191,10 +193,28 @@ def test_who_is_parted_by_a_signal_closes_up_on_a_long_road() -> None:
     )
     assert 0.7 < red < wait < anew
     same = shares(*town, ["ac", "cd"], ["ac", "cd"])[1]
-    together = TOGETHER_S * (0.5 + 0.5 * anew)
-    assert same == pytest.approx(together + (1 - TOGETHER_S) * red)
+    assert same == pytest.approx(0.5 + (0.5 - PARTED) * anew + PARTED * red)
     other = shares(*town, ["ac", "cd"], ["bc", "cd"])[1]
     assert other == pytest.approx(0.25 * anew + 0.75 * wait)
+
+
+def test_a_signal_that_stops_hardly_anybody_parts_hardly_anybody() -> None:
+    """Twenty junctions at which one passage in 200 stops: no more are parted than stop."""
+    nodes = ascii_lowercase[:22]
+    roads = {a + b: 500.0 for a, b in pairwise(nodes)}
+    way = list(roads)
+    town = line(roads, signals=dict.fromkeys(nodes[1:-1], 0.005))
+    assert 0.995**20 - 0.001 < shares(*town, way, way)[1] < 1.0
+
+
+def test_a_segment_that_the_network_no_longer_has_ends_nothing() -> None:
+    """A plan of before a restart: its vehicle counts as under way behind it."""
+    problem, snapshot = line({"ab": 500.0, "bc": 2000.0})
+    of = expected_drafting(problem, snapshot)
+    assert of is not None
+    gone, behind = of.along(["zz", "bc"])
+    assert gone < 0 <= behind
+    assert of.shares((behind, behind)) == (1.0, 1.0)
 
 
 def test_learned_stops_count_before_those_of_the_settings() -> None:
@@ -203,9 +223,11 @@ def test_learned_stops_count_before_those_of_the_settings() -> None:
     learned = replace(snapshot, expected=Expectations({}, {}, {("ac", "cd"): 0.1}))
     anew = 1 - closing_way_m(ENTRY_M, V_MPS, C_MPS2) / 2000
     found = shares(problem, learned, ["ac", "cd"], ["ac", "cd"])[1]
-    assert found == pytest.approx(TOGETHER_S * (0.9 + 0.1 * anew))
+    assert found == pytest.approx(0.9 + (0.1 - PARTED) * anew)
     often = replace(snapshot, expected=Expectations({}, {}, {("ac", "cd"): 1.7}))
-    assert shares(problem, often, ["ac", "cd"], ["ac", "cd"])[1] == pytest.approx(TOGETHER_S * anew)
+    assert shares(problem, often, ["ac", "cd"], ["ac", "cd"])[1] == pytest.approx(
+        (1 - PARTED) * anew
+    )
 
 
 def planned(problem: RoutingProblem, snapshot: TrafficSnapshot) -> tuple[Planner, list[Any]]:
