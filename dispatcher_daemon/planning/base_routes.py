@@ -44,6 +44,8 @@ _WHOLE_ROUNDS: Final = 5
 """Rounds in one, where a city is one part."""
 _SEED_STEP: Final = 1_000_003
 """Between searches of one part side by side; rounds count their seeds by ones."""
+_MIN_PART_S: Final = 3.0
+"""Where time is short, fewer rounds: in less a search hardly gets beyond its start."""
 _FIRST_SHARE: Final = 1 / 8
 """Of the time, for each attempt at first routes."""
 
@@ -119,6 +121,8 @@ def base_routes(
         uncut = not anybodys and len(parts) <= len(groups)
         together = min(_WHOLE_ROUNDS, settings.rounds - number) if uncut else 1
         limit_s = left_s * together / (settings.rounds - number)
+        at_least_s = _MIN_PART_S * math.ceil(len(parts) / settings.workers)
+        limit_s = min(left_s, max(limit_s, at_least_s))
         unassigned = set(unserved(stops, routes))
         found, cut = search.round(parts, unassigned, routes, limit_s, seed + number, together)
         routes |= found
