@@ -192,8 +192,9 @@ class WatchSettings(Settings):
         description="`camera_moved`: time over which the median shift is taken, s.",
     )
     max_shift_share: Annotated[float, Field(gt=0, le=0.05)] = Field(
-        default=0.003,
-        description="`camera_moved`: allowed shift of the view, as a share of the frame's width.",
+        default=0.002,
+        description="`camera_moved`: allowed shift of the road in the frame, as a share of the "
+        "frame's width; shaking may be 1.5 times that in the median.",
     )
     stale_after_s: FaultSeconds = Field(
         default=3.0, description="`stale`: time without a new frame, s."

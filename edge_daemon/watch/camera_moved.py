@@ -1,8 +1,9 @@
-"""`camera_moved`: the view has shifted against the calibrated one.
+"""`camera_moved`: the view has shifted or turned against the calibrated one, or shakes.
 
-Tiles beside the road are located in each examined frame. The calibrated view is compared first;
-where light or season no longer let it be recognised, the view of some minutes ago, whose own shift
-was measured, is used instead.
+Tiles beside the road are located in each examined frame. Their shifts give that of the road by a
+similarity transform, for a roll about the optical axis moves the middle of the picture little and
+its corners much. The calibrated view is compared first; where light or season no longer let it be
+recognised, the view of some minutes ago, whose own shift was measured, is used instead.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import logging
 from collections import deque
 from typing import ClassVar, Final
 
+import cv2
 import numpy as np
 
 from edge_daemon.camera import Array
@@ -26,6 +28,10 @@ _MIN_TILES: Final = 6
 _MOVED_SHARE: Final = 0.5
 _LOST_SHARE: Final = 0.7
 _RECENT_S: Final = 300.0
+_MIN_FITTED: Final = 4
+_MIN_SPREAD: Final = 0.1
+_SHAKE_TO_SHIFT: Final = 1.5
+"""Shaking is averaged out by the tracker, a shift is not: it may be larger."""
 
 
 class CameraMovedJudge:
@@ -93,7 +99,8 @@ class ViewShift:
         self._recent: Tiles | None = None
         self._recent_s = 0.0
         self._recent_shift = np.zeros(2)
-        self._shifts: deque[tuple[float, Array]] = deque()
+        self._shifts: deque[tuple[float, Tiles, Array]] = deque()
+        self._corners = _hull(road)
 
     @property
     def is_learned(self) -> bool:
@@ -111,10 +118,10 @@ class ViewShift:
         if self._calibrated is None:
             self._learn(time_s, small)
             return False
-        shifts = self._measure(view)
-        if len(self._shifts) and len(self._shifts[-1][1]) != len(shifts):
+        tiles, shifts = self._measure(view)
+        if self._shifts and self._shifts[-1][1] is not tiles:
             self._shifts.clear()
-        self._shifts.append((time_s, shifts))
+        self._shifts.append((time_s, tiles, shifts))
         while time_s - self._shifts[0][0] > self._median_s:
             self._shifts.popleft()
         if time_s - self._shifts[0][0] < 0.7 * self._median_s:
@@ -149,23 +156,29 @@ class ViewShift:
         self._recent_s = time_s
         self._learning.clear()
 
-    def _measure(self, view: Floats) -> Array:
+    def _measure(self, view: Floats) -> tuple[Tiles, Array]:
+        """The tiles that are found best, and their shifts, px, shape (n, 2)."""
         assert self._calibrated is not None
         shifts = self._calibrated.shifts(view)
         if self._recent is None or _lost(shifts) <= _MOVED_SHARE:
-            return shifts
+            return self._calibrated, shifts
         later = self._recent.shifts(view) + self._recent_shift
-        return later if _lost(later) < _lost(shifts) else shifts
+        if _lost(later) < _lost(shifts):
+            return self._recent, later
+        return self._calibrated, shifts
 
     def _judge(self) -> bool:
-        rows = np.stack([shifts for _, shifts in self._shifts])
+        rows = np.stack([shifts for _, _, shifts in self._shifts])
         if not rows.shape[1]:
             return False  # nothing in this view could be recognised in the first place
         seen = np.isfinite(rows[..., 0]).mean(axis=0) >= 0.5
         if seen.mean() < 1 - _LOST_SHARE:
             return True
-        middle = np.nanmedian(rows[:, seen], axis=0)
-        return bool((np.hypot(*middle.T) > self._max_px).mean() > _MOVED_SHARE)
+        found = rows[:, seen]
+        middle = np.nanmedian(found, axis=0)
+        shakes = np.nanmedian(np.linalg.norm(found - middle, axis=2), axis=0)
+        moved = _displaced(self._shifts[-1][1].centres[seen], middle, self._corners)
+        return bool(moved > self._max_px or np.median(shakes) > _SHAKE_TO_SHIFT * self._max_px)
 
     def _renew(self, time_s: float, view: Floats, shifts: Array) -> None:
         if _lost(shifts) > _MOVED_SHARE:
@@ -178,3 +191,21 @@ class ViewShift:
 
 def _lost(shifts: Array) -> float:
     return float(np.isnan(shifts[:, 0]).mean()) if len(shifts) else 1.0
+
+
+def _hull(road: Mask) -> Array:
+    """Corners of the convex hull of the road, or of all of the image if it has none, (n, 2) px."""
+    rows, columns = np.nonzero(road if road.any() else np.ones_like(road))
+    hull = cv2.convexHull(np.column_stack([columns, rows]).astype(np.int32))
+    return np.asarray(hull, dtype=np.float64).reshape(-1, 2)
+
+
+def _displaced(centres: Array, shifts: Array, points: Array) -> float:
+    """How far the points move at most if the tiles at the centres shift so, px."""
+    spread = float(centres.std(axis=0).max()) if len(centres) else 0.0
+    if len(centres) >= _MIN_FITTED and spread > _MIN_SPREAD * float(np.ptp(points, axis=0).max()):
+        transform, _ = cv2.estimateAffinePartial2D(centres, centres + shifts, method=cv2.LMEDS)
+        if transform is not None:
+            moved = cv2.transform(points[None], np.asarray(transform))[0] - points
+            return float(np.linalg.norm(moved, axis=1).max())
+    return float(np.linalg.norm(np.median(shifts, axis=0)))

@@ -1,13 +1,20 @@
-"""`corrupt`: frames with decoding errors, seen as flat or streaky parts or wrong macroblocks."""
+"""`corrupt`: frames with decoding errors: flat or streaky parts, wrong macroblocks, trails.
+
+After lost or damaged packets a decoder goes on with what it has: vehicles leave trails on the road
+until the next key frame, and no error is told. A trail is a change of the road that is at rest
+where no vehicle is.
+"""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 import numpy as np
 
 from edge_daemon.frame import Image
+from edge_daemon.watch.background import Background
 from edge_daemon.watch.sample import Grey, Sample, grid_step, to_grey
 from slipstream.messages import CameraFault
 
@@ -17,6 +24,11 @@ _BLACK: Final = 16
 _WHITE: Final = 240
 _RECENT_FRAMES: Final = 10
 _MIN_DAMAGED: Final = 2
+_MIN_TRAILS: Final = 0.02
+_ROAD_TO_REST: Final = 1.5
+_TRAIL_SAMPLES: Final = 10
+_MAX_TRAILS_S: Final = 60.0
+"""A change of the road that stays longer is no trail, but the road as it is now."""
 
 
 def repeated_share(colours: Image, grey: Grey) -> float:
@@ -52,30 +64,59 @@ def blockiness(image: Image) -> float:
 
 
 class CorruptJudge:
-    """Looks for damaged frames; a single one does no harm."""
+    """Looks for damaged frames, of which a single one does no harm, and for trails."""
 
     fault: ClassVar[CameraFault] = "corrupt"
     every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = True
 
-    def __init__(self, max_repeated_share: float) -> None:
+    def __init__(
+        self, max_repeated_share: float, background: Background, is_blind: Callable[[], bool]
+    ) -> None:
         """Set it up.
 
         Args:
             max_repeated_share: a frame with a larger `repeated_share` is damaged.
+            background: of the road; this judge takes the samples in.
+            is_blind: whether vehicles are not detected, which then look like trails.
         """
         self.after_s = 0.0
         self._max_repeated_share = max_repeated_share
         self._recent: deque[bool] = deque(maxlen=_RECENT_FRAMES)
+        self._background = background
+        self._is_blind = is_blind
+        self._trails: deque[bool] = deque(maxlen=_TRAIL_SAMPLES)
+        self._trails_since_s: float | None = None
 
     def look(self, sample: Sample) -> bool:
-        """True if this frame and another of the last ten are damaged."""
+        """True if this frame and another of the last ten are damaged, or trails last for 2 s."""
         damaged = (
             repeated_share(sample.colours, sample.grey) > self._max_repeated_share
             or blockiness(sample.frame.image) > _MAX_BLOCK_LEVELS
         )
         self._recent.append(damaged)
-        return damaged and sum(self._recent) >= _MIN_DAMAGED
+        if damaged:
+            return sum(self._recent) >= _MIN_DAMAGED
+        return self._has_trails(sample)
 
     def interrupt(self, by: CameraFault | None) -> None:
-        """Damage counts across gaps."""
+        """Damage counts across gaps; the road may look different after one."""
+        self._background.restart()
+        self._trails.clear()
+        self._trails_since_s = None
+
+    def _has_trails(self, sample: Sample) -> bool:
+        if sample.boxes is not None:
+            self._background.update(sample.small, learn=self._trails_since_s is None)
+            shares = self._background.unexplained(sample.boxes)
+            if shares is not None:
+                road, rest = (0.0, 0.0) if self._is_blind() else shares
+                # A camera that has moved changes all of the picture.
+                self._trails.append(road > max(_MIN_TRAILS, _ROAD_TO_REST * rest))
+        if 2 * sum(self._trails) <= _TRAIL_SAMPLES:
+            self._trails_since_s = None
+        elif self._trails_since_s is None:
+            self._trails_since_s = sample.time_s
+        elif sample.time_s - self._trails_since_s > _MAX_TRAILS_S:
+            self.interrupt(None)
+        return self._trails_since_s is not None

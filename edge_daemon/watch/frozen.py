@@ -1,17 +1,20 @@
 """`frozen`: the same frame again and again.
 
 A sensor's noise changes every pixel a little from frame to frame, on an empty road too. A repeated
-frame changes nothing, or, encoded again, some pixels by a level or two.
+frame changes nothing, or, encoded again, some pixels by a level or two. Where noise was added to
+the repeated frame, its vehicles tell: all have stopped at once.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from edge_daemon.camera import Array, Camera
 from edge_daemon.watch.sample import Mask, Sample
 from slipstream.messages import CameraFault
 
@@ -21,31 +24,51 @@ _MOVED_SHARE: Final = 0.002
 _MIN_STILL_SHARE: Final = 0.75
 _MIN_ROAD_SHARE: Final = 0.03
 _MIN_FRAMES: Final = 4
+_FAST_MPS: Final = 8.0
+_MAX_BRAKING_S: Final = 0.65
+"""Nothing brakes from `_FAST_MPS` to a stand within this time, let alone everything."""
+_MIN_FAST: Final = 2
+_BOX_ERROR_PX: Final = 1.5
+_MAX_MPS: Final = 60.0
+_AT_REST_M: Final = 0.3
+_MIN_AT_REST: Final = 0.8
 
 
 class FrozenJudge:
-    """Compares sampled pixels of the road with those of the sample before."""
+    """Compares the road's pixels and its vehicles' places with those of the sample before."""
 
     fault: ClassVar[CameraFault] = "frozen"
     every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = False
 
-    def __init__(self, still_s: float, road: Mask) -> None:
+    def __init__(self, still_s: float, road: Mask, camera: Camera) -> None:
         """Set it up.
 
         Args:
             still_s: without any change for so long the frame is frozen, s.
             road: which of the sampled pixels show the road. The rest is left out, as a clock drawn
                 into the frame may go on; all count where little of the frame is road.
+            camera: what the frames show.
         """
         self.after_s = 0.0
         self._still_s = still_s
         self._road = road if road.mean() >= _MIN_ROAD_SHARE else np.ones_like(road)
         self._last: npt.NDArray[np.int16] | None = None
         self._still: deque[tuple[float, bool]] = deque()
+        self._halt = _Halt(camera)
 
     def look(self, sample: Sample) -> bool:
-        """True if the road has not changed for `still_s`."""
+        """True if the road has not changed, or all vehicles have stood at once, for `still_s`."""
+        halted_s = self._halt.update(sample)
+        return self._is_unchanged(sample) or halted_s >= self._still_s
+
+    def interrupt(self, by: CameraFault | None) -> None:
+        """The next frame has no predecessor."""
+        self._last = None
+        self._still.clear()
+        self._halt.restart()
+
+    def _is_unchanged(self, sample: Sample) -> bool:
         time_s = sample.time_s
         pixels = sample.grey[self._road].astype(np.int16)
         last, self._last = self._last, pixels
@@ -64,7 +87,87 @@ class FrozenJudge:
         long_enough = time_s - began >= self._still_s and len(self._still) >= _MIN_FRAMES
         return long_enough and still >= _MIN_STILL_SHARE * len(self._still)
 
-    def interrupt(self, by: CameraFault | None) -> None:
+
+class _Halt:
+    """For how long all vehicles have stood that were moving fast the moment before."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        self.restart()
+
+    def restart(self) -> None:
         """The next frame has no predecessor."""
-        self._last = None
-        self._still.clear()
+        self._last: _Places | None = None
+        self._fast: tuple[float, _Places] | None = None
+        self._began: _Places | None = None
+
+    def update(self, sample: Sample) -> float:
+        """Take in a sample and tell how long the halt has lasted, s; 0: there is none."""
+        if sample.boxes is not None:
+            last, self._last = self._last, _places(self._camera, sample)
+            if last is not None:
+                self._compare(self._last, last)
+        return 0.0 if self._began is None else sample.time_s - self._began.time_s
+
+    def _compare(self, now: _Places, last: _Places) -> None:
+        if self._began is not None:
+            if not now.stands_on(self._began):
+                self._began = None
+            return
+        if np.count_nonzero(now.least_speeds(last) > _FAST_MPS) >= _MIN_FAST:
+            self._fast = now.time_s, last
+        elif self._fast is not None:
+            fast_s, before = self._fast
+            # Of those that stand now some were moving: others may have stood all the time.
+            if now.time_s - fast_s > _MAX_BRAKING_S:
+                self._fast = None
+            elif now.stands_on(last) and now.arrived_since(before) >= _MIN_FAST:
+                self._began = last
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where the vehicles of a sample are.
+
+    Attributes:
+        time_s: media time.
+        road_m: places on the road, shape (n, 2).
+        error_m: how far a box that is off by `_BOX_ERROR_PX` displaces each, shape (n,).
+    """
+
+    time_s: float
+    road_m: Array
+    error_m: Array
+
+    def _moved_m(self, before: _Places) -> Array:
+        """Distance of each vehicle from the nearest place of an earlier sample, shape (n,)."""
+        if not len(before.road_m):
+            return np.full(len(self.road_m), np.inf)
+        apart = np.linalg.norm(self.road_m[:, None] - before.road_m[None], axis=2)
+        return np.asarray(apart.min(axis=1))
+
+    def least_speeds(self, before: _Places) -> Array:
+        """What each vehicle's speed is at least, m/s, shape (n,); 0 for those that came in."""
+        moved_m = self._moved_m(before)
+        passed_s = self.time_s - before.time_s
+        speeds = (moved_m - 2 * self.error_m) / passed_s if passed_s > 0 else np.zeros(len(moved_m))
+        return np.where(speeds < _MAX_MPS, speeds, 0.0)
+
+    def arrived_since(self, before: _Places) -> int:
+        """How many vehicles are surely where none was in an earlier sample."""
+        return int(np.count_nonzero(self._moved_m(before) > _AT_REST_M + 2 * self.error_m))
+
+    def stands_on(self, before: _Places) -> bool:
+        """Whether nearly all vehicles are where some were in an earlier sample."""
+        at_rest = self._moved_m(before) <= _AT_REST_M + 2 * self.error_m
+        return len(at_rest) >= _MIN_FAST and float(at_rest.mean()) >= _MIN_AT_REST
+
+
+def _places(camera: Camera, sample: Sample) -> _Places:
+    assert sample.boxes is not None
+    boxes = sample.boxes.astype(np.float64)
+    feet = np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]])
+    road_m, jacobian = camera.to_road_with_jacobian(feet)
+    known = np.isfinite(road_m).all(axis=1)
+    error_m = _BOX_ERROR_PX * np.linalg.norm(jacobian, axis=(1, 2))
+    return _Places(sample.time_s, road_m[known], error_m[known])

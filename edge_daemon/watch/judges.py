@@ -14,6 +14,7 @@ import numpy as np
 from edge_daemon.camera import Camera
 from edge_daemon.frame import Image
 from edge_daemon.settings import WatchSettings
+from edge_daemon.watch.background import Background
 from edge_daemon.watch.blind import BlindJudge
 from edge_daemon.watch.camera_moved import CameraMovedJudge, ViewShift
 from edge_daemon.watch.clock_jump import ClockJumpJudge
@@ -71,6 +72,8 @@ def make_judges(
     step = grid_step(width)
     grid = (len(range(step // 2, height, step)), len(range(step // 2, width, step)))
     rows, columns = small_grey(np.zeros((height, width, 3), np.uint8)).shape
+    lanes = road_mask(camera, (rows, columns), 0.0)
+    background = Background(lanes, columns / width)
     moved = CameraMovedJudge(
         ViewShift(
             settings.max_shift_share,
@@ -79,13 +82,14 @@ def make_judges(
             None if reference is None else small_grey(reference),
         )
     )
+    blind = BlindJudge(camera, lanes, background)
     return (
         ClockJumpJudge(settings.clock_step_s),
         DarkJudge(settings.exposure_after_s),
         BrightJudge(settings.exposure_after_s),
-        CorruptJudge(settings.max_repeated_share),
+        CorruptJudge(settings.max_repeated_share, background, lambda: blind.is_blind),
         ObscuredJudge(settings.exposure_after_s, lambda: moved.sharpness),
-        FrozenJudge(settings.frozen_after_s, road_mask(camera, grid, 0.0)),
+        FrozenJudge(settings.frozen_after_s, road_mask(camera, grid, 0.0), camera),
         moved,
-        BlindJudge(camera, road_mask(camera, (rows, columns), 0.0)),
+        blind,
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from statistics import median
 from typing import ClassVar, Final
 
 import cv2
@@ -14,10 +16,15 @@ from slipstream.messages import CameraFault
 _EDGE_LEVELS: Final = 12
 _MIN_EDGE_SHARE: Final = 0.01
 _MIN_SHARPNESS: Final = 0.5
+_MIN_OF_RECENT: Final = 0.7
+"""Light and weather take longer to change as much. At 0.65 a third of the vehicles is not found."""
+_RECENT_S: Final = 300.0
+_MIN_RECENT: Final = 8
+_MAX_HELD_S: Final = 1800.0
 
 
 class ObscuredJudge:
-    """Looks for frames without detail, or much less sharp than the calibrated view."""
+    """Looks for frames without detail, or less sharp than the calibrated or the recent view."""
 
     fault: ClassVar[CameraFault] = "obscured"
     every_frame: ClassVar[bool] = False
@@ -33,6 +40,7 @@ class ObscuredJudge:
         self.after_s = after_s
         self._usual_sharpness = usual_sharpness
         self._obscured = False
+        self._recent: deque[tuple[float, float]] = deque()
 
     def look(self, sample: Sample) -> bool:
         """True if the view was obscured when it was last examined."""
@@ -47,9 +55,21 @@ class ObscuredJudge:
         if edge_share(sample.small) < _MIN_EDGE_SHARE:
             return True
         usual = self._usual_sharpness()
-        return usual is not None and (
-            sharpness(sample.small, sample.texture) < _MIN_SHARPNESS * usual
-        )
+        sharp = sharpness(sample.small, sample.texture)
+        if usual is not None and sharp < _MIN_SHARPNESS * usual:
+            return True
+        return self._is_sudden(sample.time_s, sharp)
+
+    def _is_sudden(self, time_s: float, sharp: float) -> bool:
+        recent = self._recent
+        if recent and not 0 <= time_s - recent[-1][0] <= _MAX_HELD_S:
+            recent.clear()  # this is how the view is now
+        elif len(recent) >= _MIN_RECENT and sharp < _MIN_OF_RECENT * median(s for _, s in recent):
+            return True
+        recent.append((time_s, sharp))
+        while time_s - recent[0][0] > _RECENT_S:
+            recent.popleft()
+        return False
 
 
 def edge_share(small: Grey) -> float:

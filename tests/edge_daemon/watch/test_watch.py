@@ -5,15 +5,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from edge_daemon.camera import Camera, load_camera
+from edge_daemon.camera import load_camera
 from edge_daemon.frame import Frame
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch import Watch, read_reference
@@ -25,48 +23,9 @@ from edge_daemon.watch.tiles import choose_tiles
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault
 
-Picture = npt.NDArray[np.uint8]
-Change = Callable[[Picture, float], Picture]
+from .roads import EVERY_S, Change, Picture, Road, at, shifted
 
-EVERY_S = 0.2
 FAULT_AT_S = 8.0
-
-
-@dataclass(frozen=True)
-class Road:
-    """An empty road: the median of a clip, without its noise and vehicles."""
-
-    picture: Picture
-    camera: Camera
-    noise: tuple[npt.NDArray[np.int16], ...]
-
-    def seen(self, number: int, change: Change | None = None) -> Picture:
-        """The picture as a sensor delivers it, with fresh noise of two grey levels."""
-        time_s = number * EVERY_S
-        scene = self.picture if change is None else change(self.picture, time_s)
-        noise = self.noise[(7 * number) % len(self.noise)]
-        noise = np.roll(noise, 31 * number, axis=1)
-        return np.clip(scene + noise, 0, 255).astype(np.uint8)
-
-
-@pytest.fixture(scope="module")
-def road(street_clips: dict[str, Path]) -> Road:
-    """The road of the calm clip."""
-    folder = street_clips["stable"]
-    capture = cv2.VideoCapture(str(folder / "video.mp4"))
-    pictures = [capture.read()[1] for _ in range(200)][::18]
-    chance = np.random.default_rng(3)
-    noise = tuple(chance.normal(0, 2, (720, 1280, 3)).round().astype(np.int16) for _ in range(3))
-    return Road(
-        np.median(np.stack(pictures), axis=0).astype(np.uint8),
-        load_camera(folder / "camera.toml"),
-        noise,
-    )
-
-
-def at(time_s: float, picture: Picture) -> Frame:
-    """A frame whose clocks all agree."""
-    return Frame(picture, time_s, round(1e18 + 1e9 * time_s), time_s)
 
 
 def changes(watch: Watch, pictures: Iterator[Picture]) -> list[tuple[float, CameraFault | None]]:
@@ -79,17 +38,6 @@ def changes(watch: Watch, pictures: Iterator[Picture]) -> list[tuple[float, Came
             heard.append((number * EVERY_S, fault))
             last = fault
     return heard
-
-
-def shifted(right_px: float, down_px: float = 0.0) -> Change:
-    """What a camera sees that was turned a little."""
-    move = np.array([[1, 0, right_px], [0, 1, down_px]], np.float32)
-
-    def change(picture: Picture, _: float) -> Picture:
-        moved = cv2.warpAffine(picture, move, (1280, 720), borderMode=cv2.BORDER_REFLECT)
-        return np.asarray(moved, dtype=np.uint8)
-
-    return change
 
 
 def blurred(picture: Picture, _: float) -> Picture:
