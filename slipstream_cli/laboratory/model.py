@@ -226,16 +226,19 @@ def coverage_text(coverage: Coverage) -> str:
     """The figures as people read them, the verdict last."""
     from edge_daemon.coverage import MIN_COVERED, MIN_THINGS
 
-    lines = ["        range        moving  covered  at any score"]
+    lines = ["        range             moving  covered  at any score"]
     for band in coverage.bands:
-        end = "up" if band.end is None else f"to {band.end:g}"
         shares = (
             f"{count / band.things:.0%}" if band.things else "–"
             for count in (band.covered, band.covered_at_all)
         )
-        reach = f"{band.begin:g} {end} {coverage.unit}"
+        reach = (
+            f"from {band.begin:g} {coverage.unit}"
+            if band.end is None
+            else f"{band.begin:g} to {band.end:g} {coverage.unit}"
+        )
         lines.append(
-            "{:7} {:13} {:5}  {:>7}  {:>12}".format(band.name, reach, band.things, *shares)
+            "{:7} {:16} {:7}  {:>7}  {:>12}".format(band.name, reach, band.things, *shares)
         )
     classes = ", ".join(f"{name} {count}" for name, count in coverage.classes.items() if count)
     lines.append(f"found as: {classes or 'nothing'}")
