@@ -21,6 +21,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--memory-minutes", type=float, default=30.0, help="a daemon at full speed (default 30)"
     )
+    parser.add_argument(
+        "--overload-seconds",
+        type=float,
+        default=_DEFAULTS.overload_s,
+        help="two cameras beside a busy process (default 60)",
+    )
     parser.add_argument("--rounds", type=int, default=_DEFAULTS.rounds)
     parser.add_argument("--frames", type=int, default=_DEFAULTS.frames, help="of ours in a round")
     parser.add_argument(
@@ -42,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             frames=options.frames,
             peer_python=options.peer,
             cameras_s=60 * options.minutes,
+            overload_s=options.overload_seconds,
             memory_s=60 * options.memory_minutes,
         )
         # Peers that are not installed are no fault.

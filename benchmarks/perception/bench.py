@@ -7,7 +7,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -31,6 +32,11 @@ from slipstream.errors import InputError
 CAMERA_FPS: Final = 45.6
 """What one frame in the 21.9 ms of the paper amounts to."""
 
+OVERLOAD_FPS: Final = 60.0
+_OVERLOAD_CLIP_S = 10.0
+_OVERLOAD_WARM_UP_S = 15.0
+"""Published latencies are of the last ten seconds: those of the beginning are not judged."""
+
 SETTLING_S: Final = 300.0
 """Not judged: allocators and windows fill up. Set before, not after looking at a run."""
 
@@ -49,6 +55,7 @@ class BenchSettings:
         frames: a turn of ours; peers take a quarter, at least 30.
         peer_python: Python that has Ultralytics; None or absent: its runs are left out.
         cameras_s: how long two daemons run in real time; 0: not at all.
+        overload_s: how long two of 60 frames a second run beside a busy process; 0: not at all.
         memory_s: how long a daemon runs at full speed; 0: not at all.
     """
 
@@ -59,6 +66,7 @@ class BenchSettings:
     frames: int = 600
     peer_python: Path | None = Path(".venv-train/bin/python")
     cameras_s: float = 600.0
+    overload_s: float = 60.0
     memory_s: float = 1800.0
 
 
@@ -75,7 +83,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
         raise InputError(settings.out, f"{error.strerror}", "choose another --out") from None
     log = settings.out / "runs.log"
     log.unlink(missing_ok=True)
-    _render(settings, say)
+    _render(settings.clip, settings.clip_seconds, CAMERA_FPS, say)
     load = Load()
     missing: list[str] = []
     peer = _peer(settings, missing)
@@ -96,6 +104,22 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
                 warm_up_s=min(10.0, settings.cameras_s / 3),
             )
         )
+    overload: tuple[DaemonRun, ...] = ()
+    if settings.overload_s > 0:
+        clip = settings.clip.with_name(f"{settings.clip.name}-overload")
+        _render(clip, _OVERLOAD_CLIP_S, OVERLOAD_FPS, say)
+        say(f"two cameras beside a busy process, {settings.overload_s:.0f} s")
+        with _busy_process():
+            overload = tuple(
+                run_daemons(
+                    clip,
+                    settings.out,
+                    ("overload-1", "overload-2"),
+                    "real_time",
+                    settings.overload_s,
+                    warm_up_s=_OVERLOAD_WARM_UP_S,
+                )
+            )
     fast = None
     if settings.memory_s > 0:
         say(f"a daemon at full speed, {settings.memory_s:.0f} s")
@@ -107,23 +131,33 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
             settings.memory_s,
             warm_up_s=min(SETTLING_S, settings.memory_s / 3),
         )
-    results = Results(tuple(rounds), cameras, fast, tuple(dict.fromkeys(missing)))
+    results = Results(tuple(rounds), cameras, overload, fast, tuple(dict.fromkeys(missing)))
     report.write(settings.out, results, _about(settings, load))
     return results
 
 
-def _render(settings: BenchSettings, say: Callable[[str], None]) -> None:
-    """The clip: 720p at the cameras' rate; a part of one is never taken for it."""
-    if (settings.clip / "camera.toml").is_file():
+def _render(clip: Path, seconds: float, fps: float, say: Callable[[str], None]) -> None:
+    """A clip of 720p; a part of one is never taken for it."""
+    if (clip / "camera.toml").is_file():
         return
     from simulation.streetdrive import ClipSettings, render_clip
 
-    say(f"rendering {settings.clip_seconds:.0f} s of video")
-    part = settings.clip.with_name(f"{settings.clip.name}.part")
+    say(f"rendering {seconds:.0f} s of video")
+    part = clip.with_name(f"{clip.name}.part")
     shutil.rmtree(part, ignore_errors=True)
-    clip = ClipSettings(seconds=settings.clip_seconds, fps=CAMERA_FPS, scenario="mixed", seed=4)
-    render_clip(clip, part)
-    part.rename(settings.clip)
+    render_clip(ClipSettings(seconds=seconds, fps=fps, scenario="mixed", seed=4), part)
+    part.rename(clip)
+
+
+@contextmanager
+def _busy_process() -> Iterator[None]:
+    """One that takes what the scheduler gives it of a processor."""
+    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
 
 
 def _peer(settings: BenchSettings, missing: list[str]) -> Path | None:

@@ -23,6 +23,7 @@ MAX_LATENCY_MS: Final = 21.9
 MIN_OVER_TORCH: Final = 8.0
 MIN_OVER_EXPORT: Final = 1.5
 MAX_RSS_MB: Final = 450.0
+MAX_OVERLOAD_MS: Final = 250.0
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,14 @@ class Results:
     Attributes:
         rounds: a mapping from the runner's name to its figures, for each round.
         cameras: the daemons in real time, together on this machine.
+        overload: such daemons with more frames than the machine can take.
         fast: the daemon at full speed.
         missing: why something was not measured.
     """
 
     rounds: tuple[Mapping[str, Speed], ...]
     cameras: tuple[DaemonRun, ...] = ()
+    overload: tuple[DaemonRun, ...] = ()
     fast: DaemonRun | None = None
     missing: tuple[str, ...] = ()
 
@@ -79,6 +82,17 @@ def checks(results: Results) -> list[Check]:
                 f"{skipped} of {frames + skipped}",
                 "0",
                 skipped == 0,
+            )
+        )
+    ages = [c.latency_ms_p95 for c in results.overload if c.latency_ms_p95 is not None]
+    if ages:
+        rates = ", ".join(f"{c.fps:.1f}" for c in results.overload)
+        found.append(
+            Check(
+                f"overloaded cameras at {rates} frames/s: age p95, ms, worst",
+                f"{max(ages):.0f}",
+                f"≤ {MAX_OVERLOAD_MS:g}",
+                max(ages) <= MAX_OVERLOAD_MS,
             )
         )
     if results.fast is not None:
@@ -146,7 +160,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
             f"| {_median([s.vehicles_per_frame for s in speeds]):.1f} "
             f"| {max(s.rss_mb for s in speeds):.0f} |"
         )
-    runs = [*results.cameras, *([results.fast] if results.fast else [])]
+    runs = [*results.cameras, *results.overload, *([results.fast] if results.fast else [])]
     if runs:
         lines += [
             "",
@@ -170,6 +184,7 @@ def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
         "checks": [asdict(check) for check in checks(results)],
         "rounds": [{name: asdict(s) for name, s in speeds.items()} for speeds in results.rounds],
         "cameras": [asdict(run) for run in results.cameras],
+        "overload": [asdict(run) for run in results.overload],
         "fast": asdict(results.fast) if results.fast else None,
         "missing": list(results.missing),
     }

@@ -15,12 +15,13 @@ import openvino as ov
 from openvino.preprocess import ColorFormat, PrePostProcessor
 
 from edge_daemon.camera import Camera
-from edge_daemon.detection.placement import Placement, place_dynamic, place_static
+from edge_daemon.detection.fixed_input import resized
+from edge_daemon.detection.placement import Placement, place_aligned, place_dynamic, place_static
 from edge_daemon.detection.processor import float_precision
 from edge_daemon.detection.protocol import Detections, vehicle_class_of
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
-from edge_daemon.settings import DetectorSettings
+from edge_daemon.settings import BUILTIN_MODEL, DetectorSettings
 from slipstream.errors import InputError
 from slipstream.files import check_file, silent_libraries
 
@@ -32,8 +33,8 @@ _MAX_XML_BYTES = 64_000_000
 class OpenVinoDetector:
     """A YOLO11 export; cutting out, colour order and scaling run without copies.
 
-    A model with a dynamic input is compiled for the part of the frame that holds the road, at the
-    scale that it was trained at; into a static input that part is letterboxed.
+    The model is compiled for the part of the frame that holds the road, at the scale that it was
+    trained at. Where its input is fixed in a way that is not known, that part is letterboxed.
     """
 
     def __init__(
@@ -104,13 +105,18 @@ class OpenVinoDetector:
         if self._settings.region and self._camera is not None and self._camera.size == picture:
             region = road_region(self._camera, self._settings.region_margin_m)
         wanted = region or Region(0, 0, *picture)
-        model = self._model.clone()
+        height, width = self._trained
+        scale = self._settings.scale or min(width / picture[0], height / picture[1])
+        # The shipped weights find as much at any place; others were trained on whole pictures.
+        place = place_dynamic if self._settings.model == BUILTIN_MODEL else place_aligned
+        placement = place(picture, wanted, scale)
         if self._static:
-            placement = place_static(picture, wanted, self._trained)
+            resized_model = resized(self._model, placement.shape)
+            if resized_model is None:
+                placement = place_static(picture, wanted, self._trained)
+            model = resized_model or self._model.clone()
         else:
-            height, width = self._trained
-            scale = self._settings.scale or min(width / picture[0], height / picture[1])
-            placement = place_dynamic(picture, wanted, scale)
+            model = self._model.clone()
             try:
                 model.reshape([1, 3, *placement.shape])
             except RuntimeError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, floor
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,8 @@ import numpy.typing as npt
 from edge_daemon.detection.region import Region
 
 _BORDER_PX = 2.0  # px of the network's input: nearer to the border of what was searched is cut off
+
+_ROUNDING = 1e-6
 
 Boxes = npt.NDArray[np.float32]
 
@@ -77,6 +79,23 @@ def place_dynamic(
     return Placement(picture, crop, (rows, columns), _middle((rows, columns), size))
 
 
+def place_aligned(
+    picture: tuple[int, int], wanted: Region, scale: float, stride: int = 32
+) -> Placement:
+    """Those cells of the whole picture's layout that hold the wanted part.
+
+    A network's answer to a vehicle depends on where it lies between the multiples of the stride:
+    here that is where it would lie if the whole picture were searched. A row and a column of cells
+    more than `place_dynamic` takes may be needed. Arguments as there.
+    """
+    columns, left, right, u = _cells(wanted.left, wanted.right, picture[0], scale, stride)
+    rows, top, bottom, v = _cells(wanted.top, wanted.bottom, picture[1], scale, stride)
+    width = min(columns - u, round((right - left) * scale))
+    height = min(rows - v, round((bottom - top) * scale))
+    crop = Region(left, top, right, bottom)
+    return Placement(picture, crop, (rows, columns), Region(u, v, u + width, v + height))
+
+
 def place_static(picture: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:
     """The wanted part in the middle of an input of fixed (height, width), its aspect kept."""
     scale = min(shape[1] / wanted.width, shape[0] / wanted.height)
@@ -93,8 +112,22 @@ def _stretch(
     low: int, high: int, limit: int, scale: float, stride: int, before: float
 ) -> tuple[int, int, int]:
     """(low, high) stretched to fill a multiple of the stride, and that multiple."""
-    cells = max(1, ceil((high - low) * scale / stride - 1e-6)) * stride
+    cells = _whole_cells((high - low) * scale, stride)
     length = min(limit, round(cells / scale))
     start = low - int(before * max(0, length - (high - low)))
     start = min(max(0, start), limit - length)
     return start, start + length, cells
+
+
+def _cells(low: int, high: int, limit: int, scale: float, stride: int) -> tuple[int, int, int, int]:
+    """For the cells that hold a part: px of the input, the crop, where in the input it begins."""
+    before = (_whole_cells(limit * scale, stride) - round(limit * scale)) // 2
+    begin = floor((before + low * scale) / stride + _ROUNDING) * stride
+    end = _whole_cells(before + high * scale, stride)
+    low = max(0, round((begin - before) / scale))
+    high = min(limit, round((end - before) / scale))
+    return end - begin, low, high, max(0, before - begin)
+
+
+def _whole_cells(length: float, stride: int) -> int:
+    return max(1, ceil(length / stride - _ROUNDING)) * stride

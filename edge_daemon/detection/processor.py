@@ -7,7 +7,7 @@ from pathlib import Path
 
 import openvino as ov
 
-_INT8_FLAGS = frozenset({"avx512_vnni", "avx_vnni", "amx_int8", "asimddp", "i8mm"})
+_INT8_FLAGS = frozenset({"avx2", "amx_int8", "asimddp", "i8mm"})
 
 
 @cache
@@ -22,7 +22,7 @@ def _flags() -> frozenset[str]:
 
 
 def fast_int8() -> bool:
-    """Whether it multiplies bytes faster than floats (VNNI, AMX, Arm's dot products)."""
+    """Whether it multiplies bytes faster than floats (AVX2, AMX, Arm's dot products)."""
     return bool(_INT8_FLAGS & _flags())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -15,6 +16,12 @@ from edge_daemon.sources.protocol import SourceCounters
 log = logging.getLogger(__name__)
 
 MAX_WAIT_S: Final = 1.0
+MAX_STANDING_S: Final = 0.15
+"""A backlog above it that lasts is no burst: the reader is slower than the camera."""
+_LASTS_S: Final = 2.0
+"""A reader twice as fast as the camera is through with a whole second by then."""
+_OVERLOADED_WAIT_S: Final = 0.05
+_RECOVERED_S: Final = 1.0
 
 MAX_WAITING_BYTES: Final = 128_000_000
 """46 frames of 720p, 20 of 1080p."""
@@ -27,7 +34,7 @@ class LiveSource:
     """Runs a capture function in a thread and queues its frames.
 
     Frames may wait up to a second for a reader that was busy for a moment, then the oldest is
-    skipped. So a reader who is slower than the camera lags behind it by that second at most.
+    skipped. For a reader that stays slower than the camera they wait a twentieth of a second.
     """
 
     def __init__(self, capture: Capture, name: str) -> None:
@@ -41,6 +48,7 @@ class LiveSource:
         self.counters = SourceCounters()
         self._changed = threading.Condition()
         self._waiting: deque[Frame] = deque()
+        self._limit = _WaitLimit()
         self._ended = False
         self._fault: Exception | None = None
         self._stopping = threading.Event()
@@ -63,6 +71,7 @@ class LiveSource:
     def _offer(self, frame: Frame) -> None:
         with self._changed:
             self._waiting.append(frame)
+            self._limit.update(frame.captured_s, self._waits_s(frame))
             # One at a time, so that a tracker has gaps of one frame rather than of many.
             while len(self._waiting) > 1 and self._is_too_much(frame):
                 lost = self._waiting.popleft()
@@ -73,12 +82,15 @@ class LiveSource:
                     clock_jump=following.clock_jump or lost.clock_jump,
                 )
                 self.counters.skipped += 1
+                self._limit.skipped_s = frame.captured_s
             self._changed.notify()
 
+    def _waits_s(self, newest: Frame) -> float:
+        return newest.captured_s - self._waiting[0].captured_s
+
     def _is_too_much(self, newest: Frame) -> bool:
-        waits_s = newest.captured_s - self._waiting[0].captured_s
         held = len(self._waiting) * newest.image.nbytes
-        return waits_s > MAX_WAIT_S or held > MAX_WAITING_BYTES
+        return self._waits_s(newest) > self._limit.seconds or held > MAX_WAITING_BYTES
 
     def frames(self) -> Iterator[Frame | None]:
         """Frames as they come; None once a second while there is none.
@@ -100,3 +112,37 @@ class LiveSource:
         """Stop the capture thread; `frames` ends."""
         self._stopping.set()
         self._thread.join(timeout=5.0)
+
+
+class _WaitLimit:
+    """How long frames may wait, by whether the reader keeps up with the camera.
+
+    A backlog that stands is told from a burst by its duration, as in CoDel (RFC 8289). The limit
+    then falls by a second a second, so that the frames left out while the backlog goes are spread
+    over it, and returns to `MAX_WAIT_S` after a second in which none was left out.
+
+    Attributes:
+        seconds: the limit.
+        skipped_s: time of the last frame at which one was left out.
+    """
+
+    def __init__(self) -> None:
+        self.seconds = MAX_WAIT_S
+        self.skipped_s = -math.inf
+        self._standing_since_s = math.inf
+        self._last_s = math.inf
+        self._overloaded = False
+
+    def update(self, now_s: float, waits_s: float) -> None:
+        """Note a new frame's time, and how long the oldest has waited by then."""
+        passed_s, self._last_s = max(0.0, now_s - self._last_s), now_s
+        if waits_s <= MAX_STANDING_S:
+            self._standing_since_s = math.inf
+        else:
+            self._standing_since_s = min(self._standing_since_s, now_s)
+        if self._overloaded:
+            self.seconds = max(_OVERLOADED_WAIT_S, self.seconds - passed_s)
+            if now_s - self.skipped_s > _RECOVERED_S:
+                self._overloaded, self.seconds = False, MAX_WAIT_S
+        elif now_s - self._standing_since_s > _LASTS_S:
+            self._overloaded, self.seconds, self.skipped_s = True, waits_s, now_s

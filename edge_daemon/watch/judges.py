@@ -21,6 +21,7 @@ from edge_daemon.watch.clock_jump import ClockJumpJudge
 from edge_daemon.watch.corrupt import CorruptJudge
 from edge_daemon.watch.exposure import BrightJudge, DarkJudge
 from edge_daemon.watch.frozen import FrozenJudge
+from edge_daemon.watch.motion import MotionFinder
 from edge_daemon.watch.obscured import ObscuredJudge
 from edge_daemon.watch.sample import Sample, grid_step, road_mask, small_grey
 from slipstream.messages import CameraFault
@@ -82,7 +83,7 @@ def make_judges(
             None if reference is None else small_grey(reference),
         )
     )
-    blind = BlindJudge(camera, lanes, background)
+    blind = BlindJudge(MotionFinder(background, lanes, columns / width, camera))
     return (
         ClockJumpJudge(settings.clock_step_s),
         DarkJudge(settings.exposure_after_s),

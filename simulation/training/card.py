@@ -103,7 +103,7 @@ export, measuring and this card.
 
 | file | what |
 |---|---|
-| `{WEIGHTS_NAME}-int8.xml`, `.bin` | OpenVINO in INT8 (NNCF, after training), dynamic input; run where the processor has VNNI or AMX |
+| `{WEIGHTS_NAME}-int8.xml`, `.bin` | OpenVINO in INT8 (NNCF, after training), dynamic input; run where the processor has AVX2, AMX or Arm's dot products |
 | `{WEIGHTS_NAME}.xml`, `.bin` | OpenVINO, dynamic input, weights stored as FP16; run elsewhere |
 | `{WEIGHTS_NAME}.metadata.yaml` | class names, stride, input size |
 | `{WEIGHTS_NAME}.pt` | the same weights for Ultralytics, half precision, optimizer stripped |

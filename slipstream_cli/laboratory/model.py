@@ -1,18 +1,21 @@
-"""`slipstream model`: from YOLO11 weights to what an RSU runs, and fine-tuning of weights."""
+"""`slipstream model`: YOLO11 weights to what an RSU runs, fine-tuning, and a trial on a clip."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
+import sys
 from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipstream.errors import InputError
+from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
+    from edge_daemon.coverage import Coverage
     from simulation.training.export import ExportReport
 
 _BUILTIN = "yolo11n-streetdrive.pt"
@@ -39,12 +42,29 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "model",
-        help="export YOLO11 weights for an RSU, or fine-tune them",
-        description="Needs the `train` extra, best in an environment of its own: it brings torch.",
+        help="export YOLO11 weights for an RSU, fine-tune them, or try a model on a clip",
+        description="`export` and `train` need the `train` extra, best in an environment of its "
+        "own: it brings torch.",
     )
     actions = command.add_subparsers(dest="action", required=True, metavar="ACTION")
     _add_export(actions)
     _add_train(actions)
+    _add_check(actions)
+
+
+def _add_check(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    check = actions.add_parser(
+        "check",
+        help="which share of what moves in a clip a model finds",
+        description="What moves is told by the picture alone, five times a second, as the fault "
+        "`blind` tells it. Without --camera all that moves counts, trees and people too. Exit "
+        "status 1 if the model is not found usable.",
+    )
+    check.add_argument("model", metavar="MODEL", help="'builtin', an .xml, its folder, or a .pt")
+    check.add_argument("clip", type=Path, metavar="CLIP", help="of what the camera shows, 15 s up")
+    check.add_argument("--camera", type=Path, help="its calibration: only the road counts")
+    check.add_argument("--json", action="store_true", help="print the figures as JSON")
+    check.set_defaults(run=run_check)
 
 
 def _add_export(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -182,6 +202,57 @@ def run_train(options: argparse.Namespace) -> int:
     print(f"{last}\nmAP50 {before[0]:.3f} -> {after[0]:.3f}", end="")
     print(f", mAP50-95 {before[1]:.3f} -> {after[1]:.3f} (Ultralytics' validator)")
     return 0
+
+
+def run_check(options: argparse.Namespace) -> int:
+    """Measure, and print what is covered."""
+    from edge_daemon.camera import load_camera
+    from edge_daemon.coverage import measure_coverage
+    from edge_daemon.settings import DetectorSettings
+
+    camera = None if options.camera is None else load_camera(options.camera)
+    with Progress("looking", sys.stderr) as progress:
+        coverage = measure_coverage(
+            options.clip, DetectorSettings(model=options.model), camera, progress.update
+        )
+    if options.json:
+        print(json.dumps(asdict(coverage) | {"things": coverage.things, "share": coverage.share}))
+    else:
+        print(coverage_text(coverage))
+    return 0 if coverage.verdict == "usable" else 1
+
+
+def coverage_text(coverage: Coverage) -> str:
+    """The figures as people read them, the verdict last."""
+    from edge_daemon.coverage import MIN_COVERED, MIN_THINGS
+
+    lines = ["        range             moving  covered  at any score"]
+    for band in coverage.bands:
+        shares = (
+            f"{count / band.things:.0%}" if band.things else "–"
+            for count in (band.covered, band.covered_at_all)
+        )
+        reach = (
+            f"from {band.begin:g} {coverage.unit}"
+            if band.end is None
+            else f"{band.begin:g} to {band.end:g} {coverage.unit}"
+        )
+        lines.append(
+            "{:7} {:16} {:7}  {:>7}  {:>12}".format(band.name, reach, band.things, *shares)
+        )
+    classes = ", ".join(f"{name} {count}" for name, count in coverage.classes.items() if count)
+    lines.append(f"found as: {classes or 'nothing'}")
+    measured = f"{coverage.share:.0%} of {coverage.things} moving things covered"
+    lines.append(
+        {
+            "usable": f"usable: {measured} (limit {MIN_COVERED:.0%})",
+            "doubtful": f"doubtful: {measured} (limit {MIN_COVERED:.0%})",
+            "blind": f"blind: {measured} (a daemon reports the fault below 25%)",
+            "unsure": f"unsure: {coverage.things} moving things in {coverage.pictures} pictures "
+            f"are too few (limit {MIN_THINGS}); give a longer clip, or one with traffic",
+        }[coverage.verdict]
+    )
+    return "\n".join(lines)
 
 
 def text(report: ExportReport) -> str:

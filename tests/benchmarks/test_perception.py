@@ -31,11 +31,15 @@ def memory(largest: float, slope: float, half_width: float) -> MemoryUse:
 
 
 def daemon(
-    skipped: int, largest: float = 300.0, slope: float = 0.5, width: float = 2.0
+    skipped: int,
+    largest: float = 300.0,
+    slope: float = 0.5,
+    width: float = 2.0,
+    p95: float = 15.0,
 ) -> DaemonRun:
     """A daemon that ran for ten minutes."""
     return DaemonRun(
-        "r", 600.0, 27_360 - skipped, skipped, 45.6, 15.0, 0.8, memory(largest, slope, width)
+        "r", 600.0, 27_360 - skipped, skipped, 45.6, p95, 0.8, memory(largest, slope, width)
     )
 
 
@@ -50,6 +54,7 @@ GOOD = Results(
         {ROAD: speed(6.0), LIVE: speed(21.9, 16.0), TORCH: speed(66.0), SAME_EXPORT: speed(20.0)},
     ),
     cameras=(daemon(0), daemon(0)),
+    overload=(daemon(9000, p95=180.0), daemon(9000, p95=249.0)),
     fast=daemon(0),
 )
 
@@ -69,6 +74,10 @@ def test_aims_that_are_reached() -> None:
         (Results(({LIVE: speed(21.9, 22.0)},)), "latency p95 of a live ca"),
         (Results(({ROAD: speed(5.0), TORCH: speed(39.9)},)), "times faster than Ultral"),
         (Results((), cameras=(daemon(0), daemon(1))), "2 cameras at 45.6"),
+        (
+            Results((), overload=(daemon(9, p95=180.0), daemon(9, p95=251.0))),
+            "overloaded cameras at 45",
+        ),
         (Results((), fast=daemon(0, largest=451.0)), "resident memory at full "),
         (Results((), fast=daemon(0, slope=3.0)), "its slope over 10 min"),
     ],

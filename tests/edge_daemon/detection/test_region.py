@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.detection.placement import Placement, place_dynamic, place_static
+from edge_daemon.detection.placement import Placement, place_aligned, place_dynamic, place_static
 from edge_daemon.detection.region import Region, road_region
 
 PICTURE = (1280, 720)
@@ -96,7 +96,12 @@ def test_a_free_input_holds_what_is_wanted(
 ) -> None:
     """The crop holds the wanted part, within the picture; the input is of whole strides."""
     wanted = Region(left, top, min(1280, left + width), min(720, top + height))
-    got = place_dynamic(PICTURE, wanted, scale)
+    for place in (place_dynamic, place_aligned):
+        holds(place(PICTURE, wanted, scale), wanted, scale)
+
+
+def holds(got: Placement, wanted: Region, scale: float) -> None:
+    """What a placement promises."""
     assert 0 <= got.crop.left <= wanted.left
     assert 0 <= got.crop.top <= wanted.top
     assert wanted.right <= got.crop.right <= 1280
@@ -114,6 +119,22 @@ def test_a_whole_picture_is_laid_out_as_in_training() -> None:
     got = place_dynamic(PICTURE, Region(0, 0, *PICTURE), 0.5)
     assert got.shape == (384, 640)
     assert got.inner == Region(0, 12, 640, 372)
+
+
+@pytest.mark.parametrize("scale", [0.5, 0.25, 1.0])
+def test_an_aligned_part_lies_as_in_the_whole_picture(scale: float) -> None:
+    """Between the multiples of 32 px a point is where it is if all of the picture is searched."""
+    whole = place_aligned(PICTURE, Region(0, 0, *PICTURE), scale)
+    assert whole == place_dynamic(PICTURE, Region(0, 0, *PICTURE), scale)
+    part = place_aligned(PICTURE, Region(410, 130, 1275, 600), scale)
+    assert part.shape[0] * part.shape[1] < 0.9 * whole.shape[0] * whole.shape[1]
+    place = np.array([[500.0, 300.0]])
+    in_whole, in_part = (
+        np.array([got.inner.left, got.inner.top])
+        + scale * (place - np.array([got.crop.left, got.crop.top]))
+        for got in (whole, part)
+    )
+    assert ((in_whole - in_part) % 32 == 0).all()
 
 
 def test_a_fixed_input_keeps_the_aspect() -> None:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from queue import Queue
 from types import SimpleNamespace
 
 import cv2
@@ -95,18 +96,18 @@ def test_real_time_plays_at_the_clips_own_speed(clip: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("shape", "fps", "room"),
-    [((4, 4, 3), 40.0, 41), ((4, 4, 3), 8.0, 9), ((1080, 1920, 3), 40.0, 20)],
+    ("shape", "fps", "count", "room"),
+    [((4, 4, 3), 40.0, 60, 41), ((4, 4, 3), 8.0, 15, 9), ((1080, 1920, 3), 40.0, 60, 20)],
 )
 def test_a_slow_reader_lags_by_a_few_frames_and_the_skipped_are_counted(
-    shape: tuple[int, int, int], fps: float, room: int
+    shape: tuple[int, int, int], fps: float, count: int, room: int
 ) -> None:
     """Realtime over completeness: a second may wait, less of large ones; the oldest is skipped."""
     image = np.zeros(shape, np.uint8)
     offered = threading.Event()
 
     def capture(offer: Callable[[Frame], None], *_: object) -> None:
-        for number in range(60):
+        for number in range(count):
             offer(Frame(image, float(number), 0, number / fps))
         offered.set()
 
@@ -114,8 +115,65 @@ def test_a_slow_reader_lags_by_a_few_frames_and_the_skipped_are_counted(
     assert offered.wait(10)
     frames = [frame.media_time_s for frame in source.frames() if frame is not None]
     source.close()
-    assert frames == [float(number) for number in range(60 - room, 60)]
-    assert source.counters.skipped == 60 - room
+    assert frames == [float(number) for number in range(count - room, count)]
+    assert source.counters.skipped == count - room
+
+
+CAMERA_FPS = 60
+
+
+def read_at(
+    rates_fps: Callable[[float], float], seconds: float
+) -> tuple[np.ndarray, np.ndarray, int]:  # type: ignore[type-arg]
+    """Frames of a 60 fps camera through a queue whose reader takes so many a second at a time.
+
+    Returns:
+        When each was taken and how old it was then, s, and how many were skipped.
+    """
+    image = np.zeros((4, 4, 3), np.uint8)
+    offers: Queue[Callable[[Frame], None]] = Queue()
+
+    def capture(offer: Callable[[Frame], None], stopping: threading.Event, _: object) -> None:
+        offers.put(offer)
+        stopping.wait(30)
+
+    source = LiveSource(capture, "test")
+    offer, frames = offers.get(timeout=10), source.frames()
+    taken, free_s = [], 0.0
+    for number in range(round(seconds * CAMERA_FPS)):
+        now_s = number / CAMERA_FPS
+        offer(Frame(image, now_s, 0, now_s))
+        # What has been offered and neither taken nor skipped is waiting: none is waited for.
+        while free_s < now_s + 1 / CAMERA_FPS and len(taken) + source.counters.skipped <= number:
+            frame = next(frames)
+            assert frame is not None
+            at_s = max(free_s, now_s)
+            taken.append((at_s, at_s - frame.captured_s))
+            free_s = at_s + 1 / rates_fps(at_s)
+    source.close()
+    times_s, ages_s = np.array(taken).T
+    return times_s, ages_s, source.counters.skipped
+
+
+def test_a_reader_that_stays_too_slow_sees_what_is_new() -> None:
+    """At two thirds of the camera's rate: all it can take, no old ones, none far apart."""
+    times_s, ages_s, skipped = read_at(lambda _: 40.0, 20.0)
+    assert ages_s.max() < 1.0
+    assert ages_s[times_s > 5].max() < 0.1
+    assert len(times_s) == pytest.approx(20 * 40, abs=2)
+    assert skipped == pytest.approx(20 * 20, abs=5)
+    assert np.diff(times_s - ages_s).max() < 0.07
+
+
+def test_a_burst_is_kept_and_so_is_the_next_after_an_overload() -> None:
+    """A reader that stood for 0.9 s and is twice as fast as the camera misses nothing."""
+
+    def rates_fps(at_s: float) -> float:
+        stands = int(at_s) in {3, 13} and at_s % 1 < 0.02
+        return 1 / 0.9 if stands else 30.0 if 6 < at_s < 10 else 120.0
+
+    assert read_at(rates_fps, 6.0)[2] == 0
+    assert read_at(rates_fps, 12.0)[2] == read_at(rates_fps, 18.0)[2] > 0
 
 
 def test_unreadable_clips_are_bad_input(tmp_path: Path, clip: Path) -> None:
