@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     before = read_points(options.out) if options.out.exists() else None
     # A camera that is calibrated anew keeps what it watches.
     segments = given.segments or (before.segments if before else ())
-    calibration = calibrate(given.points, segments, size, options.points)
+    calibration = calibrate(given.points, segments, size, options.points, given.lines, given.terms)
     name = options.name or given.name or (before.name if before else None) or options.out.stem
     reference = options.image
     if is_video:

@@ -147,7 +147,7 @@ def test_the_written_file_loads_as_it_was_fitted(tmp_path: Path) -> None:
     assert camera.reference is not None
     assert camera.reference.samefile(view)
     assert camera.to_road([[600.0, 500.0]]) == pytest.approx(
-        result.homography.to_road([[600.0, 500.0]]), abs=1e-9
+        result.projection.to_road([[600.0, 500.0]]), abs=1e-9
     )
 
 
