@@ -18,15 +18,17 @@ from edge_daemon.detection import Detections
 from edge_daemon.settings import CalibrationPoint
 
 _CAR_M: Final = (4.4, 1.8, 1.5)
-_SIZE_ERROR: Final = 0.05
-"""Standard error of the mean size of a place's cars, relative."""
+_SIZE_ERROR: Final = 0.1
+"""Relative standard error of lengths from sizes that are not the usual ones and from loose boxes."""
 _MIN_SCORE: Final = 0.5
 _MIN_OVERLAP: Final = 0.3
 _MIN_LINKS: Final = 6
 _MIN_PATH_PX: Final = 30.0
 _MIN_TRACKS: Final = 4
 _EDGE_PX: Final = 4.0
-_RESAMPLED: Final = 12
+_VANISHING_PX: Final = 10.0
+_BOX_ERROR: Final = 0.05
+_RESAMPLED: Final = 8
 _DISTANCES: Final = (0.0, 0.33, 0.67, 1.0)
 
 
@@ -160,34 +162,39 @@ def _camera(paths: list[Array], feet: list[Array], size: tuple[int, int]) -> _Ca
     vanishing = _vanishing_point(feet)
     boxes = np.concatenate([path[:: max(1, len(path) // 12)] for path in paths])
     foot = np.column_stack([boxes[:, [0, 2]].mean(axis=1), boxes[:, 3]])
-    below = foot[:, 1] > vanishing[1] + 8
+    below = foot[:, 1] > vanishing[1] + 2.5 * _VANISHING_PX + 8
     boxes, foot = boxes[below], foot[below]
     if len(boxes) < _MIN_LINKS:
         raise ValueError
     sizes = np.log(boxes[:, 2:] - boxes[:, :2])
     ends = np.array([(x, y, z) for x in (0, 1) for y in (-0.5, 0.5) for z in (0.15, 1)]) * _CAR_M
 
+    def camera_of(parameters: Array) -> _Camera:
+        focal, height = np.exp(parameters[:2]).tolist()
+        return _level_camera(vanishing + _VANISHING_PX * parameters[2:], focal, height, size)
+
     def misses(parameters: Array) -> Array:
-        focal, height = np.exp(parameters).tolist()
-        camera = _level_camera(vanishing, focal, height, size)
+        camera = camera_of(parameters)
         places = camera.to_road(foot)
         corners = np.zeros((len(places), 8, 3))
         corners[..., :2] = places[:, None]
         seen = camera.project(corners + ends)
-        return np.asarray(np.log(np.ptp(seen, axis=1)) - sizes).ravel()
+        off = np.log(np.maximum(np.ptp(seen, axis=1), 1e-3)) - sizes
+        # Lower edges' middles do not run quite towards the vanishing point: sizes correct it.
+        return np.append(off.ravel(), _BOX_ERROR * parameters[2:])
 
     best = None
     for of_width in (0.6, 1.2, 2.5, 5.0):
-        start = np.log([of_width * size[0], 8.0])
+        start = np.array([np.log(of_width * size[0]), np.log(8.0), 0.0, 0.0])
+        low = [np.log(0.3 * size[0]), np.log(2.0), -2.5, -2.5]
+        high = [np.log(15.0 * size[0]), np.log(60.0), 2.5, 2.5]
         fit = least_squares(
-            misses, start, loss="soft_l1", f_scale=0.1,
-            bounds=(np.log([0.3 * size[0], 2.0]), np.log([15.0 * size[0], 60.0])),
-        )  # fmt: skip
+            misses, start, bounds=(low, high), loss="soft_l1", f_scale=0.1, max_nfev=60
+        )
         if best is None or fit.cost < best.cost:
             best = fit
     assert best is not None
-    focal, height = np.exp(best.x).tolist()
-    return _level_camera(vanishing, focal, height, size)
+    return camera_of(np.asarray(best.x))
 
 
 def _length_scale(camera: _Camera) -> float:

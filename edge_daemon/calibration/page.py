@@ -53,6 +53,10 @@ class PageServer(ThreadingHTTPServer):
             f"/{name}": (files / name).read_bytes() for name in ("page.html", "page.js", "page.css")
         }
 
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A browser that went away before it was answered is no fault."""
+        log.debug("a question was not answered", exc_info=True)
+
 
 class _Handler(BaseHTTPRequestHandler):
     server: PageServer
@@ -126,6 +130,9 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Security-Policy", _POLICY)
         self.end_headers()
         self.wfile.write(content)
+
+    def log_error(self, format: str, *args: object) -> None:
+        """As all else."""
 
     def log_message(self, format: str, *args: object) -> None:
         """To the log, not to the terminal; no key."""

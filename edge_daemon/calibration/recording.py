@@ -15,6 +15,7 @@ from edge_daemon.settings import SourceSettings
 from edge_daemon.sources import mark_repeats
 from edge_daemon.sources.camera import open_camera
 from edge_daemon.sources.clip import FastClip, open_clip
+from slipstream.config import check
 from slipstream.errors import InputError
 
 SECONDS: Final = 10.0
@@ -55,7 +56,7 @@ def record(image: str) -> Recording:
         InputError: it is none of them, or no frame came.
     """
     if "://" in image:
-        url = SourceSettings(url=image).url
+        url = check({"url": image}, SourceSettings, "--image").url
         assert url is not None
         source = open_camera(url, _STALL_S)
         try:

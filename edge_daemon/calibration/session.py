@@ -149,7 +149,9 @@ class Session:
             "page", self.size, last.road_m[last.used], last.image_px[last.used], (),
             projection=last.projection,
         )  # fmt: skip
-        vehicles = follow(self._recording, found, camera)
+        stations = last.road_m[last.used, 0]
+        reach = float(stations.min()), float(stations.max())
+        vehicles = follow(self._recording, found, camera, reach)
         return {
             "vehicles": [
                 {

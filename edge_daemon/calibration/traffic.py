@@ -54,8 +54,20 @@ def detect(recording: Recording, model: str, progress: Callable[[float], None]) 
     return found
 
 
-def follow(recording: Recording, detections: list[Detections], camera: Camera) -> list[Vehicle]:
-    """Track the boxes on the road: each vehicle's mean speed along x, weighted by certainty."""
+def follow(
+    recording: Recording,
+    detections: list[Detections],
+    camera: Camera,
+    stations_m: tuple[float, float],
+) -> list[Vehicle]:
+    """Track the boxes on the road: each vehicle's mean speed, weighted by certainty.
+
+    Args:
+        recording: the frames' times.
+        detections: by frame.
+        camera: the calibration.
+        stations_m: lowest and highest x where it holds.
+    """
     tracker = Tracker(TrackerSettings())
     parts = [
         tracker.update(time_s, to_road_points(boxes, camera))
@@ -65,6 +77,8 @@ def follow(recording: Recording, detections: list[Detections], camera: Camera) -
     if not parts:
         return []
     seen = Sightings.join(parts)
+    station = seen.point_m[:, 0]
+    seen = seen.take((station >= stations_m[0]) & (station <= stations_m[1]))
     vehicles = []
     for track in np.unique(seen.track):
         of_one = seen.take(seen.track == track)

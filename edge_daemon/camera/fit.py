@@ -29,10 +29,10 @@ _BOUNDS: Final[dict[Term, float]] = {"lens": 0.14, "arc": 1.2, "crest": 0.2}
 _MIN_POINTS: Final = 8
 _FOCAL_OF_WIDTH: Final = (0.5, 0.8, 1.2, 2.0, 3.5, 6.0, 10.0)
 _TURNS: Final = (0.0, -0.12, 0.12, -0.35, 0.35, -0.8, 0.8)
-_STARTS: Final = 3
+_STARTS: Final = 2
 _GOOD_COST: Final = 0.5  # of a point, in a robust fit
 _ROUNDS: Final = 3
-_MAX_CALLS: Final = 400
+_MAX_CALLS: Final = 200
 _MOST: Final = 0.8
 _CLICK_PX: Final = 0.5
 _OUTLIER_COST: Final = 16.0
@@ -304,7 +304,7 @@ class _Frame:
         bounds[_CAMERA:] = [_BOUNDS[term] for term in self.terms]
         fit = least_squares(
             self._misses, start, bounds=(-bounds, bounds), loss="cauchy", f_scale=1.0,
-            x_scale="jac", max_nfev=30, ftol=1e-4, xtol=1e-5,
+            x_scale="jac", max_nfev=15, ftol=1e-4, xtol=1e-5,
         )  # fmt: skip
         return np.asarray(fit.x), float(fit.cost)
 

@@ -16,7 +16,7 @@ const picture = new Image();
 let begin = { presets: [], size: [1, 1] };
 let sheet = { points: [], lines: [], segments: [] }; // what is undone and saved
 let past = [], future = [];
-let mode = "point", chosen = -1, view = { zoom: 1, u: 0, v: 0 };
+let mode = "point", chosen = -1, view = { zoom: 1, u: 0, v: 0 }, fitted = true;
 let result = null, check = [], checkKnown = null, checkMetres = null, corners = [];
 let vehicles = [], row = { preset: 0, x: 0, y: 0 }, lineY = 0, pointer = null, guessError = null;
 
@@ -76,6 +76,7 @@ async function sendFit(live) {
 const toScreen = ([u, v]) => [(u - view.u) * view.zoom, (v - view.v) * view.zoom];
 const toPicture = (x, y) => [x / view.zoom + view.u, y / view.zoom + view.v];
 function whole() {
+  fitted = true;
   const [width, height] = begin.size;
   view.zoom = Math.min(canvas.clientWidth / width, canvas.clientHeight / height);
   view.u = (width - canvas.clientWidth / view.zoom) / 2;
@@ -83,6 +84,7 @@ function whole() {
   draw();
 }
 function zoomAt(x, y, factor) {
+  fitted = false;
   const [u, v] = toPicture(x, y);
   view.zoom = Math.min(40, Math.max(0.1, view.zoom * factor));
   view.u = u - x / view.zoom;
@@ -394,6 +396,7 @@ canvas.addEventListener("pointermove", (event) => {
       sheet.points[drag.point].image = toPicture(event.offsetX, event.offsetY);
       fit(true);
     } else if (drag.moved) {
+      fitted = false;
       view.u = drag.view.u - dx / view.zoom;
       view.v = drag.view.v - dy / view.zoom;
     }
@@ -468,7 +471,7 @@ byId("redo").addEventListener("click", () => travel(future, past));
 byId("whole").addEventListener("click", whole);
 byId("terms").addEventListener("change", () => fit(false));
 document.querySelectorAll("[data-mode]").forEach((button) => button.addEventListener("click", () => setMode(button.dataset.mode)));
-new ResizeObserver(draw).observe(canvas);
+new ResizeObserver(() => (fitted ? whole() : draw())).observe(canvas);
 
 (async () => {
   const answer = await fetch(`/begin?key=${encodeURIComponent(KEY)}`);

@@ -32,6 +32,7 @@ SIZE = (1280, 720)
 MIDDLE, HALF_M = np.array([54.0, 0.0]), 36.0
 STATIONS = (18.0, 23.0, 29.0, 35.0, 42.0, 50.0, 58.0, 67.0, 78.0, 90.0)
 ROAD = np.array([(x, y) for x in STATIONS for y in (-3.5, 3.5)])
+WIDE = ROAD * (1.0, 2.6)
 GRID = np.array([(x, y) for x in np.linspace(20, 85, 14) for y in (-2.0, 0.0, 2.0)])
 SOURCE = Path("points.toml")
 SEGMENT = SegmentSettings(
@@ -123,18 +124,20 @@ def test_a_crest_hides_what_is_behind_it_and_the_sky_is_no_road() -> None:
 @pytest.mark.parametrize("true", SCENES.values(), ids=SCENES.keys())
 def test_careful_points_give_true_speeds_where_a_plane_is_far_off(true: CurvedRoad) -> None:
     """Twenty points to 0.3 px: speeds to 1 % on average, 2.5 % anywhere."""
+    # What a lens does shows at the sides of the picture only.
+    places = WIDE if true.distortion and not true.curvature_per_m else ROAD
     worst = []
     for seed in range(2):
         noise = np.random.default_rng(seed).normal(0, 0.3, ROAD.shape)
-        known = Observations(ROAD, true.to_image(ROAD) + noise, Lines.none())
+        known = Observations(places, true.to_image(places) + noise, Lines.none())
         found, _, used = choose_road(known, SIZE)
         assert used.all()
         errors = np.abs(speed_errors(true, found))
         worst.append(errors.max())
         assert errors.mean() < 0.01
     assert max(worst) < 0.025
-    plane = Homography(ROAD, true.to_image(ROAD))
-    assert np.abs(speed_errors(true, plane)).max() > 1.2 * max(worst)
+    plane = Homography(places, true.to_image(places))
+    assert np.abs(speed_errors(true, plane)).max() > 1.5 * max(worst)
 
 
 def test_a_plane_stays_a_plane() -> None:
