@@ -44,6 +44,7 @@ _WIDTH_FACTOR: Final = 1.5
 _PLAUSIBLE_HEIGHT_M: Final = (2.5, 80.0)
 _MAX_CONTRADICTING: Final = 0.2
 _END: Final = 1 / 3
+_MIN_WIDTH_M: Final = 0.5
 _MAX_ARC_ERROR: Final = 0.01
 
 
@@ -133,7 +134,9 @@ def calibrate(
     road, image = check_points(points, size, source)
     known = Observations(road, image, check_lines(lines, size, source))
     try:
-        alone = replace(known, lines=Lines.none())
+        # One row of dashes fixes no width: lines have to help then.
+        narrow = float(np.ptp(road[:, 1])) < _MIN_WIDTH_M
+        alone = known if narrow else replace(known, lines=Lines.none())
         projection, chosen, used = choose_road(alone, size, terms)
         check_line_misses(projection, known.lines, size, source)
         # As a file with the points left out will be read.

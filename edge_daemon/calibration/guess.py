@@ -19,7 +19,7 @@ from edge_daemon.settings import CalibrationPoint
 
 _CAR_M: Final = (4.4, 1.8, 1.5)
 _SIZE_ERROR: Final = 0.1
-"""Relative standard error of lengths from sizes that are not the usual ones and from loose boxes."""
+"""Relative standard error of lengths: sizes are not the usual ones, boxes are loose."""
 _MIN_SCORE: Final = 0.5
 _MIN_OVERLAP: Final = 0.3
 _MIN_LINKS: Final = 6

@@ -27,12 +27,12 @@ TERMS: Final[tuple[Term, ...]] = ("lens", "arc", "crest")
 _BOUNDS: Final[dict[Term, float]] = {"lens": 0.14, "arc": 1.2, "crest": 0.2}
 """Of the distortion; of the turn and of the change of gradient over half the stretch."""
 _MIN_POINTS: Final = 8
-_FOCAL_OF_WIDTH: Final = (0.5, 0.8, 1.2, 2.0, 3.5, 6.0, 10.0)
+_FOCAL_OF_WIDTH: Final = (0.5, 0.8, 1.2, 2.0, 3.5, 6.0, 10.0, 18.0)
 _TURNS: Final = (0.0, -0.12, 0.12, -0.35, 0.35, -0.8, 0.8)
 _STARTS: Final = 2
 _GOOD_COST: Final = 0.5  # of a point, in a robust fit
 _ROUNDS: Final = 3
-_MAX_CALLS: Final = 200
+_MAX_CALLS: Final = 600
 _MOST: Final = 0.8
 _CLICK_PX: Final = 0.5
 _OUTLIER_COST: Final = 16.0
@@ -226,10 +226,10 @@ class _Frame:
         low, high = known.road_m.min(axis=0), known.road_m.max(axis=0)
         self.origin_m = (low + high) / 2
         self.half_m = float(high[0] - low[0]) / 2
-        if not self.half_m > 0 or not high[1] > low[1]:
+        if not self.half_m > 0 or not np.ptp(np.append(known.lines.offset_m, known.road_m[:, 1])):
             raise CalibrationError("all points lie on one line on the road", "spread the points")
         self.known, self.size, self.terms = known, size, terms
-        self._stations: Array | None = None
+        self._stations = self._first_stations()
 
     def road(self, parameters: Array) -> CurvedRoad:
         """The road of some parameters."""
@@ -273,21 +273,35 @@ class _Frame:
         focal = [np.log(pose.focal_px / self.size[0])]
         return np.concatenate([focal, rotation, shift / self.half_m, np.zeros(len(self.terms))])
 
+    def _first_stations(self) -> Array:
+        """Where the lines are met, for a start: across the road lies about in a row of pixels."""
+        rows = self.known.image_px[:, 1]
+        order = np.argsort(rows)
+        at = self.known.lines.image_px[:, 1]
+        inside = (at >= rows.min()) & (at <= rows.max())
+        stations = np.interp(at, rows[order], self.known.road_m[order, 0])
+        return np.where(inside, stations, np.nan)
+
     def starts(self) -> list[Array]:
         """Some cameras over flat roads that see the points roughly so, best first."""
         found = []
         middle = np.array(self.size) / 2
+        met = np.isfinite(self._stations)
+        lines = self.known.lines
+        extra = np.column_stack([self._stations[met], lines.offset_m[met]])
+        road = np.concatenate([self.known.road_m, extra])
+        image = np.concatenate([self.known.image_px, lines.image_px[met]])
         for turn in _TURNS if "arc" in self.terms else (0.0,):
             for focal in _FOCAL_OF_WIDTH:
                 start = np.zeros(_CAMERA + len(self.terms))
                 start[0] = np.log(focal)
                 if "arc" in self.terms:
                     start[_CAMERA + self.terms.index("arc")] = turn
-                flat = self.road(start).surface(self.known.road_m)
+                flat = self.road(start).surface(road)
                 k = np.diag([focal * self.size[0], focal * self.size[0], 1.0])
                 k[:2, 2] = middle
                 ok, rotation, shift = cv2.solvePnP(
-                    flat, self.known.image_px, k, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP
+                    flat, image, k, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP
                 )
                 if not ok:
                     continue
@@ -328,7 +342,7 @@ class _Frame:
     def _misses(self, parameters: Array) -> Array:
         road = self.road(parameters)
         off = np.nan_to_num(road.to_image(self.known.road_m) - self.known.image_px, nan=1e4)
-        if self._stations is None:
+        if not len(self._stations):
             return np.asarray(off.ravel())
         lines = self.known.lines
         met = np.isfinite(self._stations)

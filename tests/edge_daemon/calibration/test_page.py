@@ -278,10 +278,10 @@ def test_a_rendered_clip_is_calibrated_from_its_dashes_by_clicks_alone(
             _click(page, place)
             page.wait_for_timeout(300)
         _settled(page)
-        for _ in range(600):
-            page.click("#traffic") if page.is_enabled("#traffic") else None
-            page.wait_for_timeout(500)
-            if "vehicles" in page.inner_text("#speeds"):
+        page.click("#traffic")
+        for _ in range(1200):
+            page.wait_for_timeout(250)
+            if page.is_enabled("#traffic"):
                 break
         speeds = page.evaluate("vehicles.map((v) => v.kmh)")
         page.click("#save")
