@@ -123,7 +123,7 @@ def test_a_crest_hides_what_is_behind_it_and_the_sky_is_no_road() -> None:
 
 @pytest.mark.parametrize("true", SCENES.values(), ids=SCENES.keys())
 def test_careful_points_give_true_speeds_where_a_plane_is_far_off(true: CurvedRoad) -> None:
-    """Twenty points to 0.3 px: speeds to 1 % on average, 2.5 % anywhere."""
+    """Twenty points to 0.3 px: speeds to 1 % on average, 2 % anywhere."""
     # What a lens does shows at the sides of the picture only.
     places = WIDE if true.distortion and not true.curvature_per_m else ROAD
     worst = []
@@ -135,7 +135,7 @@ def test_careful_points_give_true_speeds_where_a_plane_is_far_off(true: CurvedRo
         errors = np.abs(speed_errors(true, found))
         worst.append(errors.max())
         assert errors.mean() < 0.01
-    assert max(worst) < 0.025
+    assert max(worst) < 0.02
     plane = Homography(places, true.to_image(places))
     assert np.abs(speed_errors(true, plane)).max() > 1.5 * max(worst)
 
