@@ -18,8 +18,14 @@ from edge_daemon.detection import Detections
 from edge_daemon.settings import CalibrationPoint
 
 _CAR_M: Final = (4.4, 1.8, 1.5)
-_SIZE_ERROR: Final = 0.1
-"""Relative standard error of lengths: sizes are not the usual ones, boxes are loose."""
+_SHAPE: Final = np.array(
+    [(x, y, 0.0) for x in (0.17, 0.83) for y in (-0.5, 0.5)]  # wheels
+    + [(x, y, z) for x in (0.0, 1.0) for y in (-0.5, 0.5) for z in (0.2, 0.55)]  # body
+    + [(x, y, 1.0) for x in (0.2, 0.78) for y in (-0.35, 0.35)]  # roof
+)
+"""Corners of a car as shares of its size, from the middle of its near end on the road."""
+_SIZE_ERRORS: Final = (0.08, 0.04, 0.06)
+"""Standard errors of the mean size of a place's cars, and of their shape, relative."""
 _MIN_SCORE: Final = 0.5
 _MIN_OVERLAP: Final = 0.3
 _MIN_LINKS: Final = 6
@@ -68,9 +74,14 @@ def guess(detections: list[Detections], size: tuple[int, int]) -> Guess | None:
             drawn = rng.integers(0, len(paths), len(paths))
             other = _camera([paths[i] for i in drawn], [feet[i] for i in drawn], size)
             scales.append(np.log(_length_scale(other) / _length_scale(whole)))
+        by_size = []
+        for axis, off in enumerate(_SIZE_ERRORS):
+            car = [length * (1 + off * (i == axis)) for i, length in enumerate(_CAR_M)]
+            other = _camera(paths, feet, size, tuple(car))
+            by_size.append(np.log(_length_scale(other) / _length_scale(whole)))
     except (np.linalg.LinAlgError, ValueError):
         return None
-    error = float(np.hypot(np.std(scales), _SIZE_ERROR))
+    error = float(np.hypot(np.std(scales), np.linalg.norm(by_size)))
     rows = np.concatenate(feet)[:, 1]
     near, far = np.percentile(rows, 98), np.percentile(rows, 10)
     return Guess(_points(whole, near, far, size), error, len(paths))
@@ -158,7 +169,12 @@ def _level_camera(vanishing: Array, focal: float, height: float, size: tuple[int
     return _Camera(np.stack([along, left, up]), focal, height, middle)
 
 
-def _camera(paths: list[Array], feet: list[Array], size: tuple[int, int]) -> _Camera:
+def _camera(
+    paths: list[Array],
+    feet: list[Array],
+    size: tuple[int, int],
+    car_m: tuple[float, ...] = _CAR_M,
+) -> _Camera:
     vanishing = _vanishing_point(feet)
     boxes = np.concatenate([path[:: max(1, len(path) // 12)] for path in paths])
     foot = np.column_stack([boxes[:, [0, 2]].mean(axis=1), boxes[:, 3]])
@@ -167,7 +183,7 @@ def _camera(paths: list[Array], feet: list[Array], size: tuple[int, int]) -> _Ca
     if len(boxes) < _MIN_LINKS:
         raise ValueError
     sizes = np.log(boxes[:, 2:] - boxes[:, :2])
-    ends = np.array([(x, y, z) for x in (0, 1) for y in (-0.5, 0.5) for z in (0.15, 1)]) * _CAR_M
+    ends = _SHAPE * car_m
 
     def camera_of(parameters: Array) -> _Camera:
         focal, height = np.exp(parameters[:2]).tolist()
@@ -176,8 +192,8 @@ def _camera(paths: list[Array], feet: list[Array], size: tuple[int, int]) -> _Ca
     def misses(parameters: Array) -> Array:
         camera = camera_of(parameters)
         places = camera.to_road(foot)
-        corners = np.zeros((len(places), 8, 3))
-        corners[..., :2] = places[:, None]
+        corners = np.zeros((len(places), 1, 3))
+        corners[:, 0, :2] = places
         seen = camera.project(corners + ends)
         off = np.log(np.maximum(np.ptp(seen, axis=1), 1e-3)) - sizes
         # Lower edges' middles do not run quite towards the vanishing point: sizes correct it.
