@@ -7,26 +7,23 @@ moving each point by itself and fitting again; the squared deviations add up.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from edge_daemon.calibration.advice import EndAccuracy, warnings_of
 from edge_daemon.camera.checks import (
     check_line_misses,
     check_lines,
     check_misses,
     check_points,
-    visible_share,
     watched_segment,
 )
-from edge_daemon.camera.curved import CurvedRoad
 from edge_daemon.camera.fit import (
     Observations,
     Projection,
-    choose_road,
     fit_road,
     line_misses_px,
     parameter_count,
@@ -34,39 +31,14 @@ from edge_daemon.camera.fit import (
 from edge_daemon.camera.homography import Array, CalibrationError, Lines
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
+from edge_daemon.camera.selection import choose_road
 from edge_daemon.settings import CalibrationLine, CalibrationPoint, SegmentSettings, Term
 from slipstream.errors import InputError
 
 CLICK_PX: Final = 1.0
-MAX_SPEED_ERROR: Final = 0.03
-_MIN_VISIBLE_SHARE: Final = 0.95
-_WIDTH_FACTOR: Final = 1.5
-_PLAUSIBLE_HEIGHT_M: Final = (2.5, 80.0)
 _MAX_CONTRADICTING: Final = 0.2
 _END: Final = 1 / 3
 _MIN_WIDTH_M: Final = 0.5
-_MAX_ARC_ERROR: Final = 0.01
-
-
-@dataclass(frozen=True)
-class EndAccuracy:
-    """How well one end of a segment is measured.
-
-    Attributes:
-        segment: its id.
-        end: the end nearer to or farther from the camera.
-        point_m: the middle of that end.
-        metres_per_px: along the direction of travel, for a pixel in the worst direction.
-        position_error_m: standard error of a position along the direction, from the clicks.
-        speed_error: relative standard error of a speed along the direction, from the clicks.
-    """
-
-    segment: str
-    end: str
-    point_m: tuple[float, float]
-    metres_per_px: float
-    position_error_m: float
-    speed_error: float
 
 
 @dataclass(frozen=True)
@@ -154,13 +126,7 @@ def calibrate(
     click_px = max(CLICK_PX, click_error_px(misses[used], chosen))
     pose = pose_of(projection, size)
     accuracy = tuple(accuracy_of(projection, known.only(used), size, chosen, outlines, click_px))
-    warnings = (
-        *_about_points(misses, used),
-        *_about_pose(pose),
-        *_about_outlines(outlines, projection, size),
-        *_about_arc(outlines, projection),
-        *_about_accuracy(accuracy, click_px),
-    )
+    warnings = warnings_of(misses, used, pose, outlines, projection, size, accuracy, click_px)
     return Calibration(
         size,
         road,
@@ -267,93 +233,3 @@ def _ends(segment: WatchedSegment, projection: Projection) -> list[tuple[str, Ar
     depths = projection.depth(np.stack([begin, finish]))
     near, far = (begin, finish) if depths[0] <= depths[1] else (finish, begin)
     return [("near", near), ("far", far)]
-
-
-def _about_points(misses: Array, used: npt.NDArray[np.bool_]) -> list[str]:
-    said = []
-    for i in np.flatnonzero(~used):
-        by = (
-            f"misses by {misses[i]:.0f} px" if np.isfinite(misses[i]) else "lies beyond the horizon"
-        )
-        said.append(f"point {i + 1} {by} and is left out: check its pixel and its road coordinates")
-    if used.sum() == 4:
-        said.append("four points fit any calibration: a fifth and sixth would show mistakes")
-    return said
-
-
-def _about_pose(pose: CameraPose | None) -> list[str]:
-    if pose is None:
-        return [
-            "no plain camera has this view: wrong distances, a cropped or distorted picture, or a "
-            "road that is not flat"
-        ]
-    low, high = _PLAUSIBLE_HEIGHT_M
-    if not low <= pose.height_m <= high:
-        return [
-            f"the points put the camera {pose.height_m:.1f} m above the road: check the distances"
-        ]
-    return []
-
-
-def _about_outlines(
-    segments: tuple[WatchedSegment, ...], projection: Projection, size: tuple[int, int]
-) -> list[str]:
-    said = []
-    for segment in segments:
-        seen = visible_share(segment.polygon_m, projection, size)
-        if seen < _MIN_VISIBLE_SHARE:
-            said.append(
-                f"segment {segment.id}: only {seen:.0%} of it is in the picture, so its density "
-                "comes out low"
-            )
-        across = segment.polygon_m @ segment.left
-        lanes_m = segment.lanes * segment.lane_width_m
-        if not 1 / _WIDTH_FACTOR <= np.ptp(across) / lanes_m <= _WIDTH_FACTOR:
-            said.append(
-                f"segment {segment.id}: its outline is {np.ptp(across):.1f} m wide, its lanes "
-                f"{lanes_m:.1f} m"
-            )
-    for one, other in combinations(segments, 2):
-        shared = overlap_m2(one, other)
-        if shared > 1.0:
-            said.append(
-                f"segments {one.id} and {other.id} overlap by {shared:.0f} m²: vehicles there "
-                "count in both"
-            )
-    return said
-
-
-def _about_arc(segments: tuple[WatchedSegment, ...], projection: Projection) -> list[str]:
-    if not isinstance(projection, CurvedRoad):
-        return []
-    said = []
-    for segment in segments:
-        off = float(np.abs(projection.curvature_per_m * segment.polygon_m[:, 1]).max())
-        if off > _MAX_ARC_ERROR:
-            said.append(
-                f"segment {segment.id}: stations are measured at y = 0, and at its edges the arc "
-                f"is {off:.1%} shorter or longer, as are speeds there: put y = 0 in its middle"
-            )
-    return said
-
-
-def _about_accuracy(accuracy: tuple[EndAccuracy, ...], click_px: float) -> list[str]:
-    return [
-        f"segment {end.segment}: speeds at its {end.end} end are unsure by {end.speed_error:.1%} "
-        f"with clicks {click_px:.1f} px off: add points there"
-        for end in accuracy
-        if end.speed_error > MAX_SPEED_ERROR
-    ]
-
-
-def overlap_m2(one: WatchedSegment, other: WatchedSegment) -> float:
-    """Area that two outlines share, by counting points of a grid."""
-    low = np.maximum(one.polygon_m.min(axis=0), other.polygon_m.min(axis=0))
-    high = np.minimum(one.polygon_m.max(axis=0), other.polygon_m.max(axis=0))
-    if not (high > low).all():
-        return 0.0
-    steps = 100
-    x, y = (low + (np.arange(steps)[:, None] + 0.5) / steps * (high - low)).T
-    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    both = one.contains(grid) & other.contains(grid)
-    return float(both.mean() * np.prod(high - low))

@@ -12,12 +12,13 @@ import numpy as np
 
 from edge_daemon.calibration.calibration import Calibration, calibrate
 from edge_daemon.calibration.guess import guess
+from edge_daemon.calibration.lines import clean, grid, horizon
 from edge_daemon.calibration.presets import LANE_MARKS
 from edge_daemon.calibration.recording import Recording
 from edge_daemon.calibration.saving import save
 from edge_daemon.calibration.snapping import snap
 from edge_daemon.calibration.traffic import detect, follow
-from edge_daemon.camera import Array, Camera
+from edge_daemon.camera import Camera
 from edge_daemon.camera.checks import outline_px
 from edge_daemon.camera.consensus import Inliers
 from edge_daemon.camera.fit import Observations, Projection, fit_road
@@ -29,10 +30,6 @@ from slipstream.config import check
 from slipstream.errors import InputError
 
 _MIN_POINTS: Final = 4
-_STEPS_M: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-_MAX_LINES: Final = 30
-_LINE_POINTS: Final = 60
-_HORIZON_ROWS: Final = 400
 
 Answer = dict[str, Any]
 
@@ -226,17 +223,17 @@ class Session:
         image = np.array([point.image for point in given.points])
         misses = projection.residuals_px(road, image)
         outlines = [
-            _clean(outline_px(np.array(segment.polygon), projection)) for segment in given.segments
+            clean(outline_px(np.array(segment.polygon), projection)) for segment in given.segments
         ]
         return {
             "points": [
                 {"miss": float(miss) if np.isfinite(miss) else None, "used": bool(one), "at": at}
                 for miss, one, at in zip(
-                    misses, used, _clean(projection.to_image(road)), strict=True
+                    misses, used, clean(projection.to_image(road)), strict=True
                 )
             ],
-            "grid": _grid(projection, road, self.size),
-            "horizon": _horizon(projection, self.size),
+            "grid": grid(projection, road, self.size),
+            "horizon": horizon(projection, self.size),
             "outlines": outlines,
         }
 
@@ -264,43 +261,3 @@ class Session:
             self._detections = detect(self._recording, self._model, progress)
         except InputError as error:
             self._failed = str(error)
-
-
-def _clean(points: Array) -> list[list[float] | None]:
-    return [
-        [round(float(u), 1), round(float(v), 1)] if abs(u) < 1e5 and abs(v) < 1e5 else None
-        for u, v in points
-    ]
-
-
-def _grid(projection: Projection, road_m: Array, size: tuple[int, int]) -> list[Answer]:
-    """Lines of constant x and of constant y over the known part of the road."""
-    low, high = road_m.min(axis=0), road_m.max(axis=0)
-    margin = 0.15 * (high - low)
-    low, high = low - margin, high + margin
-    lines: list[Answer] = []
-    for axis in (0, 1):
-        extent = high[axis] - low[axis]
-        step = next((s for s in _STEPS_M if extent / s <= _MAX_LINES), 1e3)
-        for tick in np.arange(np.ceil(low[axis] / step), np.floor(high[axis] / step) + 1) * step:
-            line = np.empty((_LINE_POINTS, 2))
-            line[:, axis] = tick
-            line[:, 1 - axis] = np.linspace(low[1 - axis], high[1 - axis], _LINE_POINTS)
-            strong = bool(round(tick / step) % 5 == 0)
-            label = f"{'xy'[axis]} {tick:g} m" if strong else ""
-            seen = _clean(projection.to_image(line))
-            lines.append({"label": label, "strong": strong, "line": seen})
-    return lines
-
-
-def _horizon(projection: Projection, size: tuple[int, int]) -> list[list[float] | None]:
-    """The highest places of the picture, column by column, that lie on the road as calibrated."""
-    columns = np.linspace(0, size[0], 9)
-    rows = np.linspace(0, size[1], _HORIZON_ROWS)
-    places = np.array([(u, v) for u in columns for v in rows])
-    known = np.isfinite(projection.to_road(places)[:, 0]).reshape(len(columns), -1)
-    first = np.argmax(known, axis=1)
-    return [
-        [float(u), float(rows[i])] if known[k].any() and i > 0 else None
-        for k, (u, i) in enumerate(zip(columns, first, strict=True))
-    ]

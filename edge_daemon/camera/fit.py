@@ -1,21 +1,20 @@
-"""Fits the view of a road to points and lines, a plane or a `CurvedRoad`, and chooses between them.
+"""Fits the view of a road to points and lines: a plane or a `CurvedRoad`.
 
 What a curved road has beyond a pinhole camera over a plane are its terms: the lens, an arc in plan,
-a vertical curve. Each is fitted only if the points ask for it.
+a vertical curve.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Final
 
 import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from edge_daemon.camera.consensus import Inliers, find_inliers, tolerance_px
+from edge_daemon.camera.consensus import Inliers
 from edge_daemon.camera.curved import CurvedRoad
 from edge_daemon.camera.homography import Array, CalibrationError, Homography, Lines
 from edge_daemon.camera.pose import CameraPose, pose_of
@@ -23,20 +22,14 @@ from edge_daemon.settings import Term
 
 Projection = Homography | CurvedRoad
 
-TERMS: Final[tuple[Term, ...]] = ("lens", "arc", "crest")
 _BOUNDS: Final[dict[Term, float]] = {"lens": 0.14, "arc": 1.2, "crest": 0.2}
 """Of the distortion; of the turn and of the change of gradient over half the stretch."""
-_MIN_POINTS: Final = 8
 _FOCAL_OF_WIDTH: Final = (0.5, 0.8, 1.2, 2.0, 3.5, 6.0, 10.0, 18.0)
 _TURNS: Final = (0.0, -0.12, 0.12, -0.35, 0.35, -0.8, 0.8)
 _STARTS: Final = 2
 _GOOD_COST: Final = 0.5  # of a point, in a robust fit
 _ROUNDS: Final = 3
 _MAX_CALLS: Final = 600
-_MOST: Final = 0.8
-_CLICK_PX: Final = 0.5
-_OUTLIER_COST: Final = 16.0
-_TERM_COST: Final = 8.0  # of one of several that are tried
 _CAMERA: Final = 7  # focal length, rotation, shift
 
 
@@ -95,78 +88,6 @@ def fit_road(
     return frame.refined(best[0])
 
 
-def choose_road(
-    known: Observations, size: tuple[int, int], only: tuple[Term, ...] | None = None
-) -> tuple[Projection, tuple[Term, ...], Inliers]:
-    """The model that the points ask for: its fit, its terms, and the points that it rests on.
-
-    With ``only`` it has these terms, and it is the points that are chosen.
-
-    Models are compared by a Bayesian information criterion: squared residuals in units of a
-    click's variance, ln(residuals) for every parameter, and fixed costs for every term, and for
-    every point beyond the first that contradicts.
-
-    Raises:
-        CalibrationError: no model fits most of the points.
-    """
-    tolerance = tolerance_px(size[0])
-    found: list[tuple[Projection, Inliers, tuple[Term, ...]]] = []
-    problem: CalibrationError | None = None
-    plane: Projection | None = None
-    n = len(known.road_m)
-    choices = [terms for count in range(4) for terms in combinations(TERMS, count)]
-    for terms in choices if only is None else [only]:
-        if terms and n < _MIN_POINTS + 2 * (len(terms) - 1):
-            continue
-        try:
-            if terms:
-                simpler = [fit for fit, _, fewer in found if fewer and set(fewer) < set(terms)]
-                near = simpler[-1] if simpler else plane
-                found.append((*_consensus(known, size, terms, tolerance, near), terms))
-            else:
-                used = find_inliers(known.road_m, known.image_px, tolerance)
-                found.append((fit_road(known.only(used), size, ()), used, ()))
-                if used.mean() >= _MOST:
-                    plane = found[0][0]  # near enough to start from
-                if only is None and _is_plane(known, size, found[0][0], used):
-                    break
-        except CalibrationError as error:
-            problem = problem or error
-    if not found:
-        raise problem or CalibrationError(
-            "no model of a road fits most of the points", "check the points for mistakes"
-        )
-    sums = [_squares(projection, known, used) for projection, used, _ in found]
-    spare = [2 * int(used.sum()) - parameter_count(terms) for _, used, terms in found]
-    variance = max(
-        _CLICK_PX**2, min(total / max(left, 1) for total, left in zip(sums, spare, strict=True))
-    )
-    costs = [
-        total / variance
-        + parameter_count(terms) * np.log(2 * n)
-        + _TERM_COST * len(terms)
-        + _OUTLIER_COST * max(0, n - int(used.sum()) - 1)
-        for total, (_, used, terms) in zip(sums, found, strict=True)
-    ]
-    projection, used, terms = found[int(np.argmin(costs))]
-    return projection, terms, used
-
-
-def _is_plane(known: Observations, size: tuple[int, int], plane: Projection, used: Inliers) -> bool:
-    """Whether all terms together do not make up for the cost of one."""
-    n = len(used)
-    if n < _MIN_POINTS or n - used.sum() > 1:
-        return n < _MIN_POINTS
-    try:
-        full = fit_road(known.only(used), size, TERMS, plane)
-    except CalibrationError:
-        return False
-    left = _squares(full, known, used)
-    spare = 2 * int(used.sum()) - parameter_count(TERMS)
-    variance = max(_CLICK_PX**2, left / max(spare, 1))
-    return bool(_squares(plane, known, used) - left < (_TERM_COST + np.log(2 * n)) * variance)
-
-
 def line_misses_px(projection: Projection, lines: Lines) -> Array:
     """How far each point of the lines lies from its line as projected, px, shape (m,)."""
     if not len(lines.image_px):
@@ -185,35 +106,6 @@ def line_misses_px(projection: Projection, lines: Lines) -> Array:
 def parameter_count(terms: Sequence[Term]) -> int:
     """Free parameters of the model."""
     return _CAMERA + len(terms) if terms else 8
-
-
-def _squares(projection: Projection, known: Observations, used: Inliers) -> float:
-    misses = projection.residuals_px(known.road_m[used], known.image_px[used])
-    lines = line_misses_px(projection, known.lines)
-    return float(np.sum(misses**2) + np.sum(np.minimum(lines, 1e3) ** 2))
-
-
-def _consensus(
-    known: Observations,
-    size: tuple[int, int],
-    terms: tuple[Term, ...],
-    tolerance: float,
-    near: Projection | None,
-) -> tuple[Projection, Inliers]:
-    """The fit to the points that agree on it, and which those are."""
-    used = np.ones(len(known.road_m), dtype=np.bool_)
-    for _ in range(6):
-        fit = near = fit_road(known.only(used), size, terms, near)
-        misses = np.nan_to_num(fit.residuals_px(known.road_m, known.image_px), nan=np.inf)
-        if (misses[used] <= tolerance).all():
-            return fit, np.asarray(misses <= tolerance)
-        # The first fits are bent by wrong points: what they miss most goes first.
-        used = np.asarray(misses <= max(tolerance, 3 * float(np.median(misses))))
-        if used.sum() < max(_MIN_POINTS - 1, len(used) // 2 + 1):
-            break
-    raise CalibrationError(
-        "no model of a road fits most of the points", "check the points for mistakes"
-    )
 
 
 class _Frame:

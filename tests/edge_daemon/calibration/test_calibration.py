@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edge_daemon.calibration.calibration import Calibration, calibrate, overlap_m2
+from edge_daemon.calibration.advice import overlap_m2
+from edge_daemon.calibration.calibration import Calibration, calibrate
 from edge_daemon.calibration.files import (
     camera_toml,
     read_picture,

@@ -15,13 +15,13 @@ from edge_daemon.camera.curved import CurvedRoad
 from edge_daemon.camera.fit import (
     Observations,
     Projection,
-    choose_road,
     fit_road,
     line_misses_px,
     parameter_count,
 )
 from edge_daemon.camera.homography import Homography, Lines
 from edge_daemon.camera.pose import pose_of
+from edge_daemon.camera.selection import choose_road
 from edge_daemon.detection.region import road_region
 from edge_daemon.settings import CalibrationLine, CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
