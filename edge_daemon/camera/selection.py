@@ -117,7 +117,7 @@ def _consensus(
 ) -> tuple[Projection, Inliers]:
     """The fit to the points that agree on it, and which those are."""
     used = np.ones(len(known.road_m), dtype=np.bool_)
-    for _ in range(6):
+    for _ in range(4):
         fit = near = fit_road(known.only(used), size, terms, near)
         misses = np.nan_to_num(fit.residuals_px(known.road_m, known.image_px), nan=np.inf)
         if (misses[used] <= tolerance).all():

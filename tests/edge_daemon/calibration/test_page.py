@@ -121,9 +121,10 @@ def test_what_is_wrong_is_one_line(server: PageServer) -> None:
     few["points"] = few["points"][:3]
     assert "1 more point needed" in asked(server, "fit", few)[1]["problem"]
     wrong = question()
-    for i in (1, 4, 7):
+    del wrong["points"][7:]
+    for i in (1, 4):
         wrong["points"][i]["road"][1] += 30 + 9 * i
-    assert "points" in asked(server, "fit", wrong)[1]["problem"]
+    assert asked(server, "fit", wrong)[1]["problem"].startswith("points: points: ")
     assert "problem" in asked(server, "save", wrong)[1]
     odd = question()
     odd["points"][0]["colour"] = "red"

@@ -121,6 +121,7 @@ def test_a_crest_hides_what_is_behind_it_and_the_sky_is_no_road() -> None:
     assert not behind > 140
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("true", SCENES.values(), ids=SCENES.keys())
 def test_careful_points_give_true_speeds_where_a_plane_is_far_off(true: CurvedRoad) -> None:
     """Twenty points to 0.3 px: speeds to 1 % on average, 2 % anywhere."""
@@ -140,6 +141,7 @@ def test_careful_points_give_true_speeds_where_a_plane_is_far_off(true: CurvedRo
     assert np.abs(speed_errors(true, plane)).max() > 1.5 * max(worst)
 
 
+@pytest.mark.slow
 def test_a_plane_stays_a_plane() -> None:
     """Clicks a pixel off are no reason for a curve, nor is one mistake among them."""
     flat = road()
@@ -152,6 +154,7 @@ def test_a_plane_stays_a_plane() -> None:
         assert used.sum() == len(ROAD) - seed % 2
 
 
+@pytest.mark.slow
 def test_what_is_written_loads_as_the_same_camera(tmp_path: Path) -> None:
     """The file carries terms and lines; pose, region and outline follow the curve."""
     true = SCENES["bend of 150 m to the left"]
@@ -181,6 +184,7 @@ def test_what_is_written_loads_as_the_same_camera(tmp_path: Path) -> None:
     assert region.width < SIZE[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("true", [road(), SCENES["sag"]], ids=["plane", "sag"])
 def test_lines_of_known_offset_steady_the_width(true: CurvedRoad) -> None:
     """With rough points and twelve sharp places on two lines, offsets are truer than without."""
@@ -197,6 +201,7 @@ def test_lines_of_known_offset_steady_the_width(true: CurvedRoad) -> None:
     assert np.median(with_lines) < 0.7 * np.median(without)
 
 
+@pytest.mark.slow
 def test_no_file_where_an_end_or_a_fifth_contradicts() -> None:
     """Points that are wrong together are named, and nothing is fitted round them."""
     flat = road().to_image(ROAD)
@@ -234,6 +239,7 @@ def test_old_files_and_constructors_give_a_plane(camera: Camera) -> None:
     assert len(camera.outline_px(camera.segments[0])) == 4
 
 
+@pytest.mark.slow
 def test_a_real_sag_is_fitted_from_one_row_of_dashes_and_two_edges() -> None:
     """A motorway that no plane fits better than 5 %: dashes left out of the fit are met to 1 %."""
     given = read_points(Path(__file__).parents[1] / "data" / "motorway-sag-points.toml")
