@@ -55,7 +55,7 @@ def annotate(
     for row, segment in enumerate(camera.segments):
         state = states.get(segment.id)
         colour = _BGR[state.y_e if state else None]
-        outline = zoom * camera.to_image(segment.polygon_m)
+        outline = zoom * camera.outline_px(segment)
         tint(picture, outline, colour, _TINT)
         corners = outline.round().astype(np.int32)
         cv2.polylines(picture, [corners], True, colour, stroke + 1, cv2.LINE_AA)

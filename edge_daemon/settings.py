@@ -262,6 +262,15 @@ class CalibrationPoint(Settings):
     road: Pair = Field(description="(x, y) in m, y to the left of x as on a map.")
 
 
+class CalibrationLine(Settings):
+    """A line along the road, of known offset: its points' x is not known."""
+
+    offset: Coordinate = Field(description="y of the line, m.")
+    image: Annotated[tuple[Pair, ...], Field(min_length=1, max_length=100)] = Field(
+        description="Points seen on it, (u, v) in px."
+    )
+
+
 class ImageSize(Settings):
     """Size of the picture that the calibration was made on."""
 
@@ -289,6 +298,13 @@ Points = Annotated[
 ]
 
 
+Term = Literal["lens", "arc", "crest"]
+CalibrationLines = Annotated[
+    tuple[CalibrationLine, ...],
+    Field(max_length=50, description="Lines of known offset along the road."),
+]
+
+
 class PointsSettings(Settings):
     """A points file: points, and what else of a camera.toml is known. A camera.toml is one too."""
 
@@ -296,7 +312,13 @@ class PointsSettings(Settings):
     name: str | None = Field(default=None, description="Name of the camera.")
     reference: Path | None = Field(default=None, description="Picture that the points are in.")
     image: ImageSize | None = Field(default=None, description="Size of that picture.")
+    terms: tuple[Term, ...] | None = Field(
+        default=None,
+        description="What the view has beyond a plane and a pinhole. Default: what the points ask "
+        "for.",
+    )
     points: Points
+    lines: CalibrationLines = ()
     segments: Annotated[tuple[SegmentSettings, ...], Field(max_length=16)] = Field(
         default=(), description="Watched segments."
     )
@@ -312,7 +334,14 @@ class CameraSettings(Settings):
         description="The picture that the calibration was made on, relative to the file.",
     )
     image: ImageSize = Field(description="Size of that picture.")
+    terms: tuple[Term, ...] = Field(
+        default=(),
+        description="What the view has beyond a plane and a pinhole: `lens` (radial distortion), "
+        "`arc` (the road bends in plan), `crest` (a vertical curve, crest or sag). With any, x is "
+        "the way along the road and y the offset to its left.",
+    )
     points: Points
+    lines: CalibrationLines = ()
     segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1, max_length=16)] = Field(
         description="Watched segments."
     )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from edge_daemon.settings import BUILTIN_MODEL
 from slipstream.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,16 +26,26 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument(
         "--image",
-        type=Path,
         required=True,
-        help="the camera's picture, or a video of it: its first readable frame is taken",
+        help="the camera's picture, or a video of it: its first readable frame is taken; with "
+        "--serve the median of some seconds, and a camera's URL is right too",
+    )
+    command.add_argument(
+        "--serve",
+        action="store_true",
+        help="open a page on this machine to find the points in; its address is printed",
+    )
+    command.add_argument(
+        "--model",
+        default=BUILTIN_MODEL,
+        help="detector for the page's traffic and first guess, as detector.model of edge.toml",
     )
     command.add_argument(
         "--points",
         type=Path,
-        required=True,
-        help="TOML with [[points]] image = [u, v] (px), road = [x, y] (m), and [[segments]] as in "
-        "a camera.toml; or CSV with columns u,v,x,y",
+        help="TOML with [[points]] image = [u, v] (px), road = [x, y] (m), [[lines]] and "
+        "[[segments]] as in a camera.toml; or CSV with columns u,v,x,y; "
+        "with --serve those to begin with",
     )
     command.add_argument("--out", type=Path, required=True, help="the camera.toml to write")
     command.add_argument("--overlay", type=Path, help="a picture to write: grid, segments, points")
@@ -46,47 +58,50 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate and report."""
-    from edge_daemon.calibration.calibration import calibrate
-    from edge_daemon.calibration.files import (
-        camera_toml,
-        read_picture,
-        read_points,
-        reference_of,
-        write_picture,
-        write_whole,
-    )
-    from edge_daemon.calibration.overlay import draw_grid
+    from edge_daemon.calibration.files import read_picture, read_points
+    from edge_daemon.calibration.saving import save
 
+    if options.serve:
+        return _serve(options)
+    if options.points is None:
+        raise InputError("--points", "is missing", "give a points file, or --serve to find points")
+    image = Path(options.image)
     for target in (options.out, options.overlay):
-        if target is not None and _same(target, options.image):
+        if target is not None and _same(target, image):
             raise InputError(target, "is the picture itself", "write to another file")
     if options.overlay is not None and options.overlay.absolute() == options.out.absolute():
         raise InputError(options.overlay, "is --out too", "write the overlay to another file")
-    picture, is_video = read_picture(options.image)
-    given = read_points(options.points)
-    size = (picture.shape[1], picture.shape[0])
-    if given.image is not None and size != (given.image.width, given.image.height):
-        raise InputError(
-            options.points,
-            f"is for {given.image.width}×{given.image.height} px, "
-            f"{options.image} has {size[0]}×{size[1]}",
-            "take the points in the picture that is given",
-            key="image",
-        )
-    before = read_points(options.out) if options.out.exists() else None
-    # A camera that is calibrated anew keeps what it watches.
-    segments = given.segments or (before.segments if before else ())
-    calibration = calibrate(given.points, segments, size, options.points)
-    name = options.name or given.name or (before.name if before else None) or options.out.stem
-    reference = options.image
-    if is_video:
-        reference = options.out.with_name(f"{options.out.stem}-reference.png")
-        write_picture(reference, picture)
-    if options.overlay is not None:
-        write_picture(options.overlay, draw_grid(picture, calibration))
-    text = camera_toml(name, calibration, segments, reference_of(reference, options.out))
-    write_whole(options.out, text.encode())
+    picture, is_video = read_picture(image)
+    calibration = save(
+        read_points(options.points),
+        options.points,
+        picture,
+        None if is_video else image,
+        options.out,
+        name=options.name,
+        overlay=options.overlay,
+    )
     print(json.dumps(_summary(calibration)) if options.json else _report(calibration, options.out))
+    return 0
+
+
+def _serve(options: argparse.Namespace) -> int:
+    from edge_daemon.calibration.files import read_points
+    from edge_daemon.calibration.page import PageServer
+    from edge_daemon.calibration.recording import record
+    from edge_daemon.calibration.session import Session
+
+    if _same(options.out, Path(options.image)):
+        raise InputError(options.out, "is the picture itself", "write to another file")
+    start = options.points or (options.out if options.out.exists() else None)
+    points = None if start is None else read_points(start)
+    recording = record(options.image)
+    still = None if recording.times_s else Path(options.image)
+    session = Session(recording, still, options.out, options.model, points, options.name)
+    with PageServer(session) as server:
+        print(f"open {server.url}\nCtrl-C ends it", flush=True)
+        with suppress(KeyboardInterrupt):
+            server.serve_forever()
     return 0
 
 
@@ -104,6 +119,7 @@ def _summary(calibration: Calibration) -> dict[str, object]:
             {"miss_px": float(miss) if miss == miss else None, "used": bool(used)}
             for miss, used in zip(calibration.residuals_px, calibration.used, strict=True)
         ],
+        "terms": calibration.terms,
         "pose": pose
         and {
             "foot_m": [float(c) for c in pose.foot_m],
@@ -129,6 +145,8 @@ def _summary(calibration: Calibration) -> dict[str, object]:
 def _report(calibration: Calibration, out: Path) -> str:
     rms = calibration.reprojection_error_px
     lines = [f"{out}: {calibration.used.sum()} points, reprojection error {rms:.2f} px"]
+    if calibration.terms:
+        lines.append(f"  the points ask for more than a plane: {_told(calibration)}")
     if calibration.pose is not None:
         pose = calibration.pose
         x, y = (round(float(c), 1) + 0.0 for c in pose.foot_m)  # no "-0.0"
@@ -146,3 +164,17 @@ def _report(calibration: Calibration, out: Path) -> str:
     if not calibration.segments:
         lines.append("  no segments yet: add [[segments]] before an edge daemon can use it")
     return "\n".join(lines)
+
+
+def _told(calibration: Calibration) -> str:
+    from edge_daemon.camera.curved import CurvedRoad
+
+    road = calibration.projection
+    assert isinstance(road, CurvedRoad)
+    told = {
+        "lens": f"distortion of {road.distortion:+.1%} at the corners",
+        "arc": f"an arc of {1 / (abs(road.curvature_per_m) or 1e-9):.0f} m radius",
+        "crest": f"{'a sag' if road.bend_per_m > 0 else 'a crest'} of "
+        f"{1 / (abs(road.bend_per_m) or 1e-9):.0f} m radius",
+    }
+    return ", ".join(told[term] for term in calibration.terms)

@@ -6,48 +6,39 @@ moving each point by itself and fitting again; the squared deviations add up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import combinations
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera.checks import check_points, fit_points, visible_share, watched_segment
-from edge_daemon.camera.consensus import find_inliers, tolerance_px
-from edge_daemon.camera.homography import Array, CalibrationError, Homography
+from edge_daemon.calibration.advice import EndAccuracy, warnings_of
+from edge_daemon.camera.checks import (
+    check_line_misses,
+    check_lines,
+    check_misses,
+    check_points,
+    watched_segment,
+)
+from edge_daemon.camera.fit import (
+    Observations,
+    Projection,
+    fit_road,
+    line_misses_px,
+    parameter_count,
+)
+from edge_daemon.camera.homography import Array, CalibrationError, Lines
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.settings import CalibrationPoint, SegmentSettings
+from edge_daemon.camera.selection import choose_road
+from edge_daemon.settings import CalibrationLine, CalibrationPoint, SegmentSettings, Term
 from slipstream.errors import InputError
 
 CLICK_PX: Final = 1.0
-MAX_SPEED_ERROR: Final = 0.03
-_MIN_VISIBLE_SHARE: Final = 0.95
-_WIDTH_FACTOR: Final = 1.5
-_PLAUSIBLE_HEIGHT_M: Final = (2.5, 80.0)
-
-
-@dataclass(frozen=True)
-class EndAccuracy:
-    """How well one end of a segment is measured.
-
-    Attributes:
-        segment: its id.
-        end: the end nearer to or farther from the camera.
-        point_m: the middle of that end.
-        metres_per_px: along the direction of travel, for a pixel in the worst direction.
-        position_error_m: standard error of a position along the direction, from the clicks.
-        speed_error: relative standard error of a speed along the direction, from the clicks.
-    """
-
-    segment: str
-    end: str
-    point_m: tuple[float, float]
-    metres_per_px: float
-    position_error_m: float
-    speed_error: float
+_MAX_CONTRADICTING: Final = 0.2
+_END: Final = 1 / 3
+_MIN_WIDTH_M: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -63,7 +54,10 @@ class Calibration:
         reprojection_error_px: root mean square of those used.
         click_px: standard error of a clicked point that the accuracy is stated for: 1 px, or the
             estimate from the residuals where that is larger.
-        homography: the fit.
+        projection: the fit.
+        terms: what it has beyond a plane and a pinhole.
+        lines: of known offset.
+        line_misses_px: of their points, one after the other, shape (m,).
         pose: where the camera hangs, if it is a plain one.
         segments: the watched segments.
         accuracy: at both ends of each segment.
@@ -77,7 +71,10 @@ class Calibration:
     residuals_px: Array
     reprojection_error_px: float
     click_px: float
-    homography: Homography
+    projection: Projection
+    terms: tuple[Term, ...]
+    lines: tuple[CalibrationLine, ...]
+    line_misses_px: Array
     pose: CameraPose | None
     segments: tuple[WatchedSegment, ...]
     accuracy: tuple[EndAccuracy, ...]
@@ -89,6 +86,8 @@ def calibrate(
     segments: tuple[SegmentSettings, ...],
     size: tuple[int, int],
     source: Path,
+    lines: tuple[CalibrationLine, ...] = (),
+    terms: tuple[Term, ...] | None = None,
 ) -> Calibration:
     """Fit a camera to points; points that contradict most others are left out and named.
 
@@ -97,31 +96,37 @@ def calibrate(
         segments: outlines to check and to state the accuracy for; may be none.
         size: (width, height) of the image, px.
         source: the points' file, for error lines.
+        lines: of known offset.
+        terms: of the model beyond a plane and a pinhole; None: those that the points ask for.
 
     Raises:
-        InputError: what `edge_daemon.camera.load_camera` would refuse.
+        InputError: what `edge_daemon.camera.load_camera` would refuse; more than a fifth of the
+            points contradict the others, or several at one end and none elsewhere.
     """
     road, image = check_points(points, size, source)
+    known = Observations(road, image, check_lines(lines, size, source))
     try:
-        used = find_inliers(road, image, tolerance_px(size[0]))
+        # One row of dashes fixes no width: lines have to help then.
+        narrow = float(np.ptp(road[:, 1])) < _MIN_WIDTH_M
+        alone = known if narrow else replace(known, lines=Lines.none())
+        projection, chosen, used = choose_road(alone, size, terms)
+        check_line_misses(projection, known.lines, size, source)
+        # As a file with the points left out will be read.
+        projection = fit_road(known.only(used), size, chosen)
     except CalibrationError as error:
         raise InputError(source, error.problem, error.mend, key="points") from None
-    homography = fit_points(road[used], image[used], size, source)
-    misses = homography.residuals_px(road, image)
+    _check_contradictions(road, used, source)
+    check_misses(projection, known.only(used), size, source)
+    misses = projection.residuals_px(road, image)
     ids = [segment.id for segment in segments]
     if len(set(ids)) < len(ids):
         raise InputError(source, "two segments with one id", "rename one", key="segments.id")
-    outlines = tuple(watched_segment(segment, homography, size, source) for segment in segments)
+    outlines = tuple(watched_segment(segment, projection, size, source) for segment in segments)
     rms = float(np.sqrt(np.mean(misses[used] ** 2)))
-    click_px = max(CLICK_PX, click_error_px(misses[used]))
-    pose = pose_of(homography, size)
-    accuracy = tuple(accuracy_of(homography, road[used], image[used], outlines, click_px))
-    warnings = (
-        *_about_points(misses, used),
-        *_about_pose(pose),
-        *_about_outlines(outlines, homography, size),
-        *_about_accuracy(accuracy, click_px),
-    )
+    click_px = max(CLICK_PX, click_error_px(misses[used], chosen))
+    pose = pose_of(projection, size)
+    accuracy = tuple(accuracy_of(projection, known.only(used), size, chosen, outlines, click_px))
+    warnings = warnings_of(misses, used, pose, outlines, projection, size, accuracy, click_px)
     return Calibration(
         size,
         road,
@@ -130,7 +135,10 @@ def calibrate(
         misses,
         rms,
         click_px,
-        homography,
+        projection,
+        chosen,
+        lines,
+        line_misses_px(projection, known.lines),
         pose,
         outlines,
         accuracy,
@@ -138,16 +146,40 @@ def calibrate(
     )
 
 
-def click_error_px(residuals_px: Array) -> float:
+def _check_contradictions(road_m: Array, used: npt.NDArray[np.bool_], source: Path) -> None:
+    wrong = np.flatnonzero(~used)
+    names = ", ".join(str(i + 1) for i in wrong)
+    if len(wrong) > _MAX_CONTRADICTING * len(used):
+        raise InputError(
+            source,
+            f"{len(wrong)} of {len(used)} points contradict the others: {names}",
+            "check their coordinates, or leave them out",
+            key="points",
+        )
+    if len(wrong) < 2:
+        return
+    spread = np.linalg.svd(road_m - road_m.mean(axis=0), full_matrices=False)[2][0]
+    rank = np.argsort(np.argsort(road_m @ spread)) / (len(road_m) - 1)
+    if (rank[wrong] <= _END).all() or (rank[wrong] >= 1 - _END).all():
+        raise InputError(
+            source,
+            f"all points that contradict the others lie at one end of the road: {names}",
+            "check their coordinates and whether the road is as assumed there, or leave them out",
+            key="points",
+        )
+
+
+def click_error_px(residuals_px: Array, terms: tuple[Term, ...] = ()) -> float:
     """Standard error of a clicked coordinate, estimated from n residuals; 0 for n = 4."""
-    freedom = 2 * len(residuals_px) - 8
+    freedom = 2 * len(residuals_px) - parameter_count(terms)
     return float(np.sqrt(np.sum(residuals_px**2) / freedom)) if freedom > 0 else 0.0
 
 
 def accuracy_of(
-    homography: Homography,
-    road_m: Array,
-    image_px: Array,
+    projection: Projection,
+    known: Observations,
+    size: tuple[int, int],
+    terms: tuple[Term, ...],
     segments: tuple[WatchedSegment, ...],
     click_px: float,
 ) -> list[EndAccuracy]:
@@ -157,22 +189,22 @@ def accuracy_of(
     the true derivative of the image by the road; another fit, with J' from image to road, takes
     its speed for v·dᵀJ'J·d.
     """
-    ends = [(s, end, point) for s in segments for end, point in _ends(s, homography)]
+    ends = [(s, end, point) for s in segments for end, point in _ends(s, projection)]
     if not ends:
         return []
     places = np.stack([point for _, _, point in ends])
     directions = np.stack([segment.direction for segment, _, _ in ends])
-    pixels = homography.to_image(places)
-    _, to_road = homography.to_road_with_jacobian(pixels)
+    pixels = projection.to_image(places)
+    _, to_road = projection.to_road_with_jacobian(pixels)
     flow = np.einsum("nij,nj->ni", np.linalg.inv(to_road), directions)
     shift = np.zeros(len(ends))
     stretch = np.zeros(len(ends))
-    for point in range(len(image_px)):
+    for point in range(len(known.image_px)):
         for axis in (0, 1):
-            moved = image_px.copy()
+            moved = known.image_px.copy()
             moved[point, axis] += click_px
             try:
-                other = Homography(road_m, moved)
+                other = fit_road(replace(known, image_px=moved), size, terms, projection)
             except CalibrationError:
                 return [_end(*end, to_road[i], np.inf, np.inf) for i, end in enumerate(ends)]
             seen, derivative = other.to_road_with_jacobian(pixels)
@@ -193,87 +225,11 @@ def _end(
     return EndAccuracy(segment.id, end, place, per_px, shift, stretch)
 
 
-def _ends(segment: WatchedSegment, homography: Homography) -> list[tuple[str, Array]]:
+def _ends(segment: WatchedSegment, projection: Projection) -> list[tuple[str, Array]]:
     """The middles of the outline's ends, nearer first."""
     along = segment.along(segment.polygon_m) - segment.begin_m
     begin = segment.polygon_m[along <= 0.1 * segment.length_m].mean(axis=0)
     finish = segment.polygon_m[along >= 0.9 * segment.length_m].mean(axis=0)
-    depths = homography.depth(np.stack([begin, finish]))
+    depths = projection.depth(np.stack([begin, finish]))
     near, far = (begin, finish) if depths[0] <= depths[1] else (finish, begin)
     return [("near", near), ("far", far)]
-
-
-def _about_points(misses: Array, used: npt.NDArray[np.bool_]) -> list[str]:
-    said = []
-    for i in np.flatnonzero(~used):
-        by = (
-            f"misses by {misses[i]:.0f} px" if np.isfinite(misses[i]) else "lies beyond the horizon"
-        )
-        said.append(f"point {i + 1} {by} and is left out: check its pixel and its road coordinates")
-    if used.sum() == 4:
-        said.append("four points fit any calibration: a fifth and sixth would show mistakes")
-    return said
-
-
-def _about_pose(pose: CameraPose | None) -> list[str]:
-    if pose is None:
-        return [
-            "no plain camera has this view: wrong distances, a cropped or distorted picture, or a "
-            "road that is not flat"
-        ]
-    low, high = _PLAUSIBLE_HEIGHT_M
-    if not low <= pose.height_m <= high:
-        return [
-            f"the points put the camera {pose.height_m:.1f} m above the road: check the distances"
-        ]
-    return []
-
-
-def _about_outlines(
-    segments: tuple[WatchedSegment, ...], homography: Homography, size: tuple[int, int]
-) -> list[str]:
-    said = []
-    for segment in segments:
-        seen = visible_share(segment.polygon_m, homography, size)
-        if seen < _MIN_VISIBLE_SHARE:
-            said.append(
-                f"segment {segment.id}: only {seen:.0%} of it is in the picture, so its density "
-                "comes out low"
-            )
-        across = segment.polygon_m @ segment.left
-        lanes_m = segment.lanes * segment.lane_width_m
-        if not 1 / _WIDTH_FACTOR <= np.ptp(across) / lanes_m <= _WIDTH_FACTOR:
-            said.append(
-                f"segment {segment.id}: its outline is {np.ptp(across):.1f} m wide, its lanes "
-                f"{lanes_m:.1f} m"
-            )
-    for one, other in combinations(segments, 2):
-        shared = overlap_m2(one, other)
-        if shared > 1.0:
-            said.append(
-                f"segments {one.id} and {other.id} overlap by {shared:.0f} m²: vehicles there "
-                "count in both"
-            )
-    return said
-
-
-def _about_accuracy(accuracy: tuple[EndAccuracy, ...], click_px: float) -> list[str]:
-    return [
-        f"segment {end.segment}: speeds at its {end.end} end are unsure by {end.speed_error:.1%} "
-        f"with clicks {click_px:.1f} px off: add points there"
-        for end in accuracy
-        if end.speed_error > MAX_SPEED_ERROR
-    ]
-
-
-def overlap_m2(one: WatchedSegment, other: WatchedSegment) -> float:
-    """Area that two outlines share, by counting points of a grid."""
-    low = np.maximum(one.polygon_m.min(axis=0), other.polygon_m.min(axis=0))
-    high = np.minimum(one.polygon_m.max(axis=0), other.polygon_m.max(axis=0))
-    if not (high > low).all():
-        return 0.0
-    steps = 100
-    x, y = (low + (np.arange(steps)[:, None] + 0.5) / steps * (high - low)).T
-    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    both = one.contains(grid) & other.contains(grid)
-    return float(both.mean() * np.prod(high - low))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import os
 from pathlib import Path
 from typing import Final
@@ -78,9 +79,11 @@ def camera_toml(
 ) -> str:
     """Text of the camera.toml: the points that the fit rests on, and the segments as they were."""
     width, height = calibration.size
+    terms = {"terms": list(calibration.terms)} if calibration.terms else {}
     lines = [
         "schema = 1",
         *tomli_w.dumps({"name": name, "reference": reference}).splitlines(),
+        *(f"{key} = {json.dumps(value)}" for key, value in terms.items()),
         "",
         "[image]",
         f"width = {width}",
@@ -93,6 +96,9 @@ def camera_toml(
             f"image = {_pair(calibration.image_px[i])}",
             f"road = {_pair(calibration.road_m[i])}",
         ]
+    for line in calibration.lines:
+        places = ", ".join(_pair(place) for place in line.image)
+        lines += ["", "[[lines]]", f"offset = {line.offset!r}", f"image = [{places}]"]
     for segment in segments:
         corners = ", ".join(_pair(corner) for corner in segment.polygon)
         lines += [

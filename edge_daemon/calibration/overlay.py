@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 
 from edge_daemon.calibration.calibration import Calibration
+from edge_daemon.camera import WatchedSegment
+from edge_daemon.camera.checks import outline_px
 from edge_daemon.camera.homography import Array
 from edge_daemon.drawing import DARK, Colour, Labels, tint
 from edge_daemon.frame import Image
@@ -62,7 +64,11 @@ class _Canvas:
 
     def at(self, road_m: Array) -> Array:
         """Where road points (n, 2) are drawn."""
-        return np.asarray(self.zoom * self.calibration.homography.to_image(road_m))
+        return np.asarray(self.zoom * self.calibration.projection.to_image(road_m))
+
+    def outline(self, segment: WatchedSegment) -> Array:
+        """Where a segment's outline is drawn."""
+        return np.asarray(self.zoom * outline_px(segment.polygon_m, self.calibration.projection))
 
 
 def _extent(calibration: Calibration) -> tuple[Array, Array]:
@@ -126,7 +132,7 @@ def _tint_segments(canvas: _Canvas) -> None:
     scale = 1.2 * canvas.font
     for i, segment in enumerate(canvas.calibration.segments):
         colour = _SEGMENTS[i % len(_SEGMENTS)]
-        outline = canvas.at(segment.polygon_m)
+        outline = canvas.outline(segment)
         tint(canvas.drawn, outline, colour, 0.2)
         u, v = outline.mean(axis=0)
         canvas.labels.put(
@@ -140,7 +146,7 @@ def _tint_segments(canvas: _Canvas) -> None:
 def _draw_segments(canvas: _Canvas) -> None:
     for i, segment in enumerate(canvas.calibration.segments):
         colour = _SEGMENTS[i % len(_SEGMENTS)]
-        outline = canvas.at(segment.polygon_m).round().astype(np.int32)
+        outline = canvas.outline(segment).round().astype(np.int32)
         cv2.polylines(canvas.drawn, [outline], True, colour, 3, cv2.LINE_AA)
         middle = segment.polygon_m.mean(axis=0)
         arrow = canvas.at(middle + np.outer((-0.08, 0.08), segment.direction * segment.length_m))

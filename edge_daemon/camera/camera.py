@@ -1,6 +1,7 @@
-"""The calibrated camera: image ↔ road plane, and the road segments that it watches.
+"""The calibrated camera: image ↔ road, and the road segments that it watches.
 
-The road is a plane with coordinates in metres; a 3×3 homography maps it to the image.
+The road is a plane with coordinates in metres, which a 3×3 homography maps to the image, or a
+`CurvedRoad`, whose coordinates are station and offset.
 """
 
 from __future__ import annotations
@@ -11,7 +12,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera.checks import check_points, fit_points, watched_segment
+from edge_daemon.camera.checks import (
+    check_lines,
+    check_points,
+    fit_points,
+    outline_px,
+    watched_segment,
+)
+from edge_daemon.camera.fit import Observations, Projection
 from edge_daemon.camera.homography import Array, Homography
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
@@ -21,15 +29,15 @@ from slipstream.errors import InputError
 
 
 class Camera:
-    """A fixed camera over a road plane.
+    """A fixed camera over a road.
 
     Attributes:
         name: its name.
         size: (width, height) of its images, px.
         segments: the watched segments.
-        homography: between image and road.
-        reprojection_error_px: root mean square over the calibration points.
+        projection: between image and road.
         reference: the image that it was calibrated on, if the calibration names one.
+        reprojection_error_px: root mean square over the calibration points.
     """
 
     def __init__(
@@ -40,8 +48,18 @@ class Camera:
         image_points_px: Array,
         segments: tuple[WatchedSegment, ...],
         reference: Path | None = None,
+        projection: Projection | None = None,
     ) -> None:
         """Calibrate it from points known on the road and in the image, both (n, 2), n ≥ 4.
+
+        Args:
+            name: its name.
+            size: (width, height) of its images, px.
+            road_points_m: points on the road.
+            image_points_px: where they are seen.
+            segments: the watched segments.
+            reference: the image that it was calibrated on.
+            projection: fitted to the points already; default: a plane.
 
         Raises:
             CalibrationError: the points fix no usable homography.
@@ -50,30 +68,34 @@ class Camera:
         self.size = size
         self.segments = segments
         self.reference = reference
-        self.homography = Homography(road_points_m, image_points_px)
-        misses = self.homography.residuals_px(road_points_m, image_points_px)
+        self.projection = projection or Homography(road_points_m, image_points_px)
+        misses = self.projection.residuals_px(road_points_m, image_points_px)
         self.reprojection_error_px = float(np.sqrt(np.mean(misses**2)))
 
     def to_image(self, points_m: npt.ArrayLike) -> Array:
         """Road points (n, 2), m, to pixels (n, 2); NaN behind the camera."""
-        return self.homography.to_image(points_m)
+        return self.projection.to_image(points_m)
 
     def to_road(self, points_px: npt.ArrayLike) -> Array:
         """Pixels (n, 2) to road points (n, 2), m; NaN at and above the horizon."""
-        return self.homography.to_road(points_px)
+        return self.projection.to_road(points_px)
 
     def jacobian(self, points_px: npt.ArrayLike) -> Array:
         """∂(x, y)/∂(u, v) of `to_road`, m/px, shape (n, 2, 2)."""
-        return self.homography.to_road_with_jacobian(points_px)[1]
+        return self.projection.to_road_with_jacobian(points_px)[1]
 
     def to_road_with_jacobian(self, points_px: npt.ArrayLike) -> tuple[Array, Array]:
         """`to_road` and `jacobian` at the cost of one."""
-        return self.homography.to_road_with_jacobian(points_px)
+        return self.projection.to_road_with_jacobian(points_px)
+
+    def outline_px(self, segment: WatchedSegment) -> Array:
+        """A segment's outline in the image, px, shape (n, 2): curved where the road is."""
+        return outline_px(segment.polygon_m, self.projection)
 
     @cached_property
     def pose(self) -> CameraPose | None:
-        """Where the camera hangs; None where the homography is that of no plain camera."""
-        return pose_of(self.homography, self.size)
+        """Where the camera hangs; None where a homography is that of no plain camera."""
+        return pose_of(self.projection, self.size)
 
 
 def load_camera(path: Path) -> Camera:
@@ -95,8 +117,9 @@ def load_camera(path: Path) -> Camera:
         )
     size = (settings.image.width, settings.image.height)
     road, image = check_points(settings.points, size, path)
-    homography = fit_points(road, image, size, path)
+    known = Observations(road, image, check_lines(settings.lines, size, path))
+    projection = fit_points(known, size, settings.terms, path)
     segments = tuple(
-        watched_segment(segment, homography, size, path) for segment in settings.segments
+        watched_segment(segment, projection, size, path) for segment in settings.segments
     )
-    return Camera(settings.name, size, road, image, segments, reference)
+    return Camera(settings.name, size, road, image, segments, reference, projection)

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NoReturn
 
 import numpy as np
 
 from edge_daemon.camera.consensus import find_inliers, tolerance_px
-from edge_daemon.camera.homography import Array, CalibrationError, Homography
+from edge_daemon.camera.fit import Observations, Projection, fit_road, line_misses_px
+from edge_daemon.camera.homography import Array, CalibrationError, Homography, Lines
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.settings import CalibrationPoint, SegmentSettings
+from edge_daemon.settings import CalibrationLine, CalibrationPoint, SegmentSettings, Term
 from slipstream.errors import InputError
 
 _MAX_RMS_SHARE: Final = 0.01  # of the image's width
 _SAME_PX, _SAME_M = 0.5, 0.01
 _MIN_AREA_M2: Final = 1.0
 _MIN_VISIBLE_SHARE: Final = 0.5
+_PIECES: Final = 24  # of an outline's edge on a curved road
+_LINE_TOLERANCE: Final = 4.0  # of a point's: points alone say little of places between them
+_MAX_HIDDEN_M: Final = 2.0
 
 
 def check_points(
@@ -54,31 +59,90 @@ def check_points(
     return road, image
 
 
-def fit_points(road_m: Array, image_px: Array, size: tuple[int, int], source: Path) -> Homography:
-    """The homography that the points fix.
+def check_lines(lines: tuple[CalibrationLine, ...], size: tuple[int, int], source: Path) -> Lines:
+    """All points of the lines, each with its line's offset.
+
+    Raises:
+        InputError: one lies outside the image.
+    """
+    for i, line in enumerate(lines):
+        for u, v in line.image:
+            if not (0 <= u <= size[0] and 0 <= v <= size[1]):
+                raise InputError(
+                    source,
+                    f"({u:g}, {v:g}) lies outside the {size[0]}×{size[1]} picture",
+                    "mend its pixel or the picture's size",
+                    key=f"lines.{i}",
+                )
+    if not lines:
+        return Lines.none()
+    return Lines(
+        np.array([place for line in lines for place in line.image]),
+        np.array([line.offset for line in lines for _ in line.image]),
+    )
+
+
+def fit_points(
+    known: Observations, size: tuple[int, int], terms: Sequence[Term], source: Path
+) -> Projection:
+    """The view of the road that the points and lines fix.
 
     Raises:
         InputError: they fix none, or do not fit it.
     """
     try:
-        homography = Homography(road_m, image_px)
+        projection = fit_road(known, size, terms)
     except CalibrationError as error:
-        worst_point = _worst_point(road_m, image_px, size)
+        worst_point = None if terms else _worst_point(known.road_m, known.image_px, size)
         told = worst_point is not None and worst_point != error.problem
         problem = f"{error.problem} ({worst_point})" if told else error.problem
         raise InputError(source, problem, error.mend, key="points") from None
-    misses = homography.residuals_px(road_m, image_px)
+    check_misses(projection, known, size, source)
+    return projection
+
+
+def check_misses(
+    projection: Projection, known: Observations, size: tuple[int, int], source: Path
+) -> None:
+    """Refuse a fit that misses the points that it was fitted to.
+
+    Raises:
+        InputError: it names the worst of them.
+    """
+    misses = projection.residuals_px(known.road_m, known.image_px)
     rms = float(np.sqrt(np.mean(misses**2)))
     if not rms <= _MAX_RMS_SHARE * size[0]:
         worst = int(np.argmax(misses))
-        worst_point = _worst_point(road_m, image_px, size) or _miss(worst, misses)
+        worst_point = (
+            isinstance(projection, Homography) and _worst_point(known.road_m, known.image_px, size)
+        ) or _miss(worst, misses)
         raise InputError(
             source,
             f"the calibration misses its own points by {rms:.1f} px ({worst_point})",
             "check for swapped or mistyped points",
             key="points",
         )
-    return homography
+
+
+def check_line_misses(
+    projection: Projection, lines: Lines, size: tuple[int, int], source: Path
+) -> None:
+    """Refuse a line that a fit to the points alone contradicts.
+
+    Raises:
+        InputError: it names the line.
+    """
+    off = line_misses_px(projection, lines)
+    bound = _LINE_TOLERANCE * tolerance_px(size[0])
+    if len(off) and not off.max() <= bound:
+        offset = lines.offset_m[int(np.argmax(off))]
+        by = f"{off.max():.0f} px" if np.isfinite(off.max()) else "more than the picture"
+        raise InputError(
+            source,
+            f"a point of the line at offset {offset:g} m misses it by {by}",
+            "check the line's offset and its points",
+            key="lines",
+        )
 
 
 def _worst_point(road_m: Array, image_px: Array, size: tuple[int, int]) -> str | None:
@@ -99,7 +163,7 @@ def _miss(point: int, misses: Array) -> str:
 
 
 def watched_segment(
-    segment: SegmentSettings, homography: Homography, size: tuple[int, int], source: Path
+    segment: SegmentSettings, projection: Projection, size: tuple[int, int], source: Path
 ) -> WatchedSegment:
     """A segment in its own coordinates.
 
@@ -123,9 +187,13 @@ def watched_segment(
         refuse("polygon crosses itself", "give the corners in order round the outline")
     if area_m2(polygon) < _MIN_AREA_M2:
         refuse("polygon has no area", "give at least three corners that are not on a line")
-    if (homography.depth(polygon) <= 1e-6).any():
+    if (projection.depth(polygon) <= 1e-6).any():
         refuse("polygon reaches behind the horizon as calibrated", "shorten it or mend the points")
-    seen = visible_share(polygon, homography, size)
+    if not isinstance(projection, Homography):
+        back = projection.to_road(projection.to_image(polygon)) - polygon
+        if not (np.hypot(back[:, 0], back[:, 1]) <= _MAX_HIDDEN_M).all():
+            refuse("polygon reaches behind a crest or the horizon", "shorten it to what is seen")
+    seen = visible_share(polygon, projection, size)
     if seen <= 0:
         refuse("polygon lies outside the picture", "give it in road metres, where the camera looks")
     if seen < _MIN_VISIBLE_SHARE:
@@ -168,13 +236,25 @@ def is_self_intersecting(polygon: Array) -> bool:
     return bool((~separate & overlap.all(axis=1)).any())
 
 
-def visible_share(polygon_m: Array, homography: Homography, size: tuple[int, int]) -> float:
+def outline_px(polygon_m: Array, projection: Projection) -> Array:
+    """A polygon (n, 2) on the road as it lies in the image, px, shape (m, 2).
+
+    A homography keeps its edges straight; those of a curved road are followed.
+    """
+    if isinstance(projection, Homography):
+        return projection.to_image(polygon_m)
+    share = np.arange(_PIECES)[:, None] / _PIECES
+    ends = np.roll(polygon_m, -1, axis=0)
+    pieces = [begin + share * (end - begin) for begin, end in zip(polygon_m, ends, strict=True)]
+    return projection.to_image(np.concatenate(pieces))
+
+
+def visible_share(polygon_m: Array, projection: Projection, size: tuple[int, int]) -> float:
     """Share of a polygon's area on the road that lies in the image; all of it before the camera.
 
-    Its image is clipped edge by edge (Sutherland and Hodgman), which is exact as a homography
-    keeps lines straight.
+    Its image is clipped edge by edge (Sutherland and Hodgman).
     """
-    outline = homography.to_image(polygon_m)
+    outline = outline_px(polygon_m, projection)
     for axis, sign, limit in ((0, 1, 0), (1, 1, 0), (0, -1, -size[0]), (1, -1, -size[1])):
         inside = sign * outline[:, axis] - limit
         clipped = []
@@ -187,4 +267,4 @@ def visible_share(polygon_m: Array, homography: Homography, size: tuple[int, int
         if not clipped:
             return 0.0
         outline = np.array(clipped)
-    return area_m2(homography.to_road(outline)) / area_m2(polygon_m)
+    return area_m2(projection.to_road(outline)) / area_m2(polygon_m)

@@ -6,6 +6,7 @@ then least squares of the misses in the image.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -33,6 +34,24 @@ class CalibrationError(ValueError):
         super().__init__(problem)
 
 
+@dataclass(frozen=True)
+class Lines:
+    """Points seen on lines along the road (y = offset), at an unknown x.
+
+    Attributes:
+        image_px: where, shape (m, 2).
+        offset_m: y of each point's line, shape (m,).
+    """
+
+    image_px: Array
+    offset_m: Array
+
+    @classmethod
+    def none(cls) -> Lines:
+        """No lines."""
+        return cls(np.zeros((0, 2)), np.zeros(0))
+
+
 class Homography:
     """Road plane ↔ image.
 
@@ -42,15 +61,17 @@ class Homography:
             coordinate is the depth, positive before the camera, 1 on average over the points.
     """
 
-    def __init__(self, road_m: Array, image_px: Array) -> None:
-        """Fit it to points on the road and in the image, both (n, 2), n ≥ 4.
+    def __init__(self, road_m: Array, image_px: Array, lines: Lines | None = None) -> None:
+        """Fit it to points on the road and in the image, both (n, 2), n ≥ 4, and to lines.
 
         Raises:
             CalibrationError: the points lie on a line, or show the road mirrored or inside out.
         """
         # Relative to the points' middle: with map coordinates of 10⁶ m a homography is ill-posed.
         self.origin_m = road_m.mean(axis=0)
-        matrix = _fit(road_m - self.origin_m, image_px)
+        lines = Lines.none() if lines is None else lines
+        shifted = Lines(lines.image_px, lines.offset_m - self.origin_m[1])
+        matrix = _fit(road_m - self.origin_m, image_px, shifted)
         self.matrix: Array = matrix / matrix[2, 2]
         inverse = np.linalg.inv(self.matrix)
         self._inverse_linear = inverse[:, :2].T.copy()
@@ -78,6 +99,18 @@ class Homography:
         jacobian = (linear[:2] - road[:, :, None] * linear[2]) / scale[:, :, None]
         return road + self.origin_m, jacobian
 
+    def to_image_above(self, points_m: npt.ArrayLike, up: Array) -> Array:
+        """`to_image` of points (n, 3), m, z up from the road.
+
+        Args:
+            points_m: the points.
+            up: what one metre upwards adds to ``matrix``'s image, shape (3,).
+        """
+        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
+        image = (points[:, :2] - self.origin_m) @ self.matrix[:, :2].T + self.matrix[:, 2]
+        image += points[:, 2:] * up
+        return np.asarray(image[:, :2] / np.where(image[:, 2:] > 1e-6, image[:, 2:], np.nan))
+
     def depth(self, points_m: Array) -> Array:
         """Depth of road points (n, 2), as of ``matrix``: not positive behind the camera."""
         return np.asarray((points_m - self.origin_m) @ self.matrix[2, :2] + self.matrix[2, 2])
@@ -92,7 +125,7 @@ def _positive(scale: Array) -> Array:
     return np.where(scale > 1 / _MAX_DEPTH_RATIO, scale, np.nan)
 
 
-def _fit(road: Array, image: Array) -> Array:
+def _fit(road: Array, image: Array, lines: Lines) -> Array:
     for points, plane in ((road, "on the road"), (image, "in the picture")):
         spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
         if spread[1] <= _MIN_SPREAD_RATIO * spread[0]:
@@ -116,8 +149,10 @@ def _fit(road: Array, image: Array) -> Array:
     matrix = basis[-1].reshape(3, 3)
     _check_depths(point @ matrix[2])
     matrix = matrix / matrix[2, 2]  # the mean depth, as the points' middle is (0, 0)
-    if len(x) > 4:
-        matrix = _refine(matrix, point, image_n)
+    if len(x) > 4 or len(lines.image_px):
+        seen = np.column_stack([lines.image_px, np.ones(len(lines.image_px))]) @ to_image.T
+        offset = to_road[1, 1] * lines.offset_m + to_road[1, 2]
+        matrix = _refine(matrix, point, image_n, seen, offset)
         _check_depths(point @ matrix[2])
     if np.linalg.det(matrix) >= 0:
         raise CalibrationError(
@@ -143,10 +178,18 @@ def _normalised(points: Array) -> tuple[Array, Array]:
     return transform, (points - middle) * scale
 
 
-def _refine(matrix: Array, point: Array, image: Array) -> Array:
+def _refine(matrix: Array, point: Array, image: Array, line_point: Array, offset: Array) -> Array:
     def misses(h: Array) -> Array:
-        homogeneous = point @ np.append(h, 1.0).reshape(3, 3).T
-        return np.asarray((homogeneous[:, :2] / homogeneous[:, 2:] - image).ravel())
+        matrix = np.append(h, 1.0).reshape(3, 3)
+        homogeneous = point @ matrix.T
+        off = np.asarray((homogeneous[:, :2] / homogeneous[:, 2:] - image).ravel())
+        if not len(offset):
+            return off
+        # A line l of the road is H⁻ᵀ l in the image.
+        inverse = np.linalg.inv(matrix)
+        lines = inverse[1] - offset[:, None] * inverse[2]
+        across = np.sum(lines * line_point, axis=1) / np.hypot(lines[:, 0], lines[:, 1])
+        return np.concatenate([off, across])
 
     def derivative(h: Array) -> Array:
         homogeneous = point @ np.append(h, 1.0).reshape(3, 3).T
@@ -156,5 +199,6 @@ def _refine(matrix: Array, point: Array, image: Array) -> Array:
         rows[:, :, 6:] = -seen[:, :, None] * scaled[:, None, :2]
         return rows.reshape(-1, 8)
 
-    found = least_squares(misses, matrix.ravel()[:8], jac=derivative, method="lm")
+    exact = derivative if not len(offset) else "2-point"
+    found = least_squares(misses, matrix.ravel()[:8], jac=exact, method="lm")
     return np.append(found.x, 1.0).reshape(3, 3)

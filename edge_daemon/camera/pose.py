@@ -1,7 +1,7 @@
-"""The pose of a calibrated camera, from its homography alone.
+"""The pose of a calibrated camera, from its view of the road alone.
 
-Assumes square pixels, no distortion and the optical axis in the image's middle (no cropped
-image); with these the homography fixes the focal length too.
+Assumes square pixels and the optical axis in the image's middle (no cropped image); with these a
+homography fixes the focal length too. A curved road has its camera already.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from edge_daemon.camera.curved import CurvedRoad
 from edge_daemon.camera.homography import Array, Homography
 
 
@@ -22,26 +23,26 @@ class CameraPose:
         foot_m: the road point under the optical centre, shape (2,).
         height_m: of the optical centre over the road.
         focal_px: focal length.
-        up: what one metre upwards adds to ``homography.matrix``'s image, shape (3,).
-        homography: the road plane's.
+        rotation: road frame (x, y, up) to camera frame (right, down, forward), shape (3, 3).
+        projection: of the road.
+        up: of a homography: what one metre upwards adds to its image, shape (3,).
     """
 
     foot_m: Array
     height_m: float
     focal_px: float
+    rotation: Array
+    projection: Homography | CurvedRoad
     up: Array
-    homography: Homography
 
     def project(self, points_m: npt.ArrayLike) -> Array:
         """Pixels (n, 2) of points (n, 3), m, z up from the road; NaN behind the camera.
 
-        On the road itself it agrees with the homography.
+        On the road itself it agrees with the projection.
         """
-        points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
-        h = self.homography
-        image = (points[:, :2] - h.origin_m) @ h.matrix[:, :2].T + h.matrix[:, 2]
-        image += points[:, 2:] * self.up
-        return np.asarray(image[:, :2] / np.where(image[:, 2:] > 1e-6, image[:, 2:], np.nan))
+        if isinstance(self.projection, Homography):
+            return self.projection.to_image_above(points_m, self.up)
+        return self.projection.to_image_above(points_m)
 
     def centre_offset(self, points_m: Array, headings: Array, sizes_m: Array) -> Array:
         """From the middle of a box's lower edge, on the road, to the middle of its vehicle.
@@ -75,7 +76,7 @@ class CameraPose:
             seen = self.project(there).reshape(-1, 12, 2)
             lower = (seen.min(axis=1) + seen.max(axis=1)) / 2
             lower[:, 1] = seen[:, :, 1].max(axis=1)
-            offset += points_m - self.homography.to_road(lower)
+            offset += points_m - self.projection.to_road(lower)
         return offset
 
 
@@ -85,16 +86,19 @@ _OVERHANG, _MAX_OVERHANG_M = 0.17, 1.1  # beyond the axles, of the length
 _CLEARANCE = 0.15  # under the bumpers, of the height
 
 
-def pose_of(homography: Homography, size: tuple[int, int]) -> CameraPose | None:
-    """The pose behind a homography; None where no such camera can have made it.
+def pose_of(view: Homography | CurvedRoad, size: tuple[int, int]) -> CameraPose | None:
+    """The pose behind a view of the road; None where no such camera can have made it.
 
-    The images of the road's axes are those of two orthogonal vectors of one length, which gives
+    The images of a plane's axes are those of two orthogonal vectors of one length, which gives
     two equations for 1/f², solved by least squares (Zhang's method for one view of a plane).
 
     Args:
-        homography: of the road plane.
+        view: of the road.
         size: (width, height) of the image, px.
     """
+    if isinstance(view, CurvedRoad):
+        return CameraPose(view.foot_m, view.height_m, view.focal_px, view.matrix, view, np.zeros(3))
+    homography = view
     centred = homography.matrix.copy()
     centred[:2] -= np.outer([size[0] / 2, size[1] / 2], homography.matrix[2])
     a, b = centred[:, 0], centred[:, 1]
@@ -115,4 +119,5 @@ def pose_of(homography: Homography, size: tuple[int, int]) -> CameraPose | None:
     up = scale * z * np.array([focal, focal, 1.0])
     up[:2] += np.array([size[0] / 2, size[1] / 2]) * up[2]
     foot = homography.origin_m + np.array([foot_x, foot_y])
-    return CameraPose(foot, float(height), focal, up, homography)
+    rotation = np.column_stack([x, y, z])
+    return CameraPose(foot, float(height), focal, rotation, homography, up)

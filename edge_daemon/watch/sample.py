@@ -124,7 +124,7 @@ def road_mask(camera: Camera, shape: tuple[int, int], margin: float) -> Mask:
     scale = np.array([width / camera.size[0], height / camera.size[1]])
     mask = np.zeros(shape, dtype=np.uint8)
     for segment in camera.segments:
-        outline = camera.to_image(segment.polygon_m) * scale
+        outline = camera.outline_px(segment) * scale
         if np.isfinite(outline).all():
             # OpenCV draws with 16-bit coordinates.
             cv2.fillPoly(mask, [np.clip(outline, -4096, 4096).round().astype(np.int32)], (1,))

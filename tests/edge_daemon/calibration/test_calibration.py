@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edge_daemon.calibration.calibration import Calibration, calibrate, overlap_m2
+from edge_daemon.calibration.advice import overlap_m2
+from edge_daemon.calibration.calibration import Calibration, calibrate
 from edge_daemon.calibration.files import (
     camera_toml,
     read_picture,
@@ -147,7 +148,7 @@ def test_the_written_file_loads_as_it_was_fitted(tmp_path: Path) -> None:
     assert camera.reference is not None
     assert camera.reference.samefile(view)
     assert camera.to_road([[600.0, 500.0]]) == pytest.approx(
-        result.homography.to_road([[600.0, 500.0]]), abs=1e-9
+        result.projection.to_road([[600.0, 500.0]]), abs=1e-9
     )
 
 

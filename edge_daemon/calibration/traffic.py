@@ -1,0 +1,95 @@
+"""Vehicles in a recording: the detector's boxes, and the speeds that a calibration gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from edge_daemon.calibration.recording import Recording
+from edge_daemon.camera import Array, Camera
+from edge_daemon.detection import VEHICLE_CLASSES, Detections, open_detector
+from edge_daemon.settings import DetectorSettings, TrackerSettings
+from edge_daemon.tracking import Sightings, Tracker, to_road_points
+
+_MIN_SIGHTINGS: Final = 10
+_MIN_MOVED_M: Final = 8.0
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One vehicle of a recording.
+
+    Attributes:
+        kind: its class.
+        speed_kmh: mean along the road.
+        metres: over which it was followed.
+        path_px: where its foot was seen, shape (n, 2).
+    """
+
+    kind: str
+    speed_kmh: float
+    metres: float
+    path_px: Array
+
+
+def detect(recording: Recording, model: str, progress: Callable[[float], None]) -> list[Detections]:
+    """Boxes in all frames of a recording.
+
+    Args:
+        recording: the frames.
+        model: as `detector.model`.
+        progress: called with the share that is done.
+
+    Raises:
+        InputError: the model cannot be used.
+    """
+    detector = open_detector(DetectorSettings(model=model, region=False))
+    found = []
+    for i, (_, image) in enumerate(recording.frames()):
+        found.append(detector.detect(image))
+        progress((i + 1) / len(recording.times_s))
+    return found
+
+
+def follow(
+    recording: Recording,
+    detections: list[Detections],
+    camera: Camera,
+    stations_m: tuple[float, float],
+) -> list[Vehicle]:
+    """Track the boxes on the road: each vehicle's mean speed, weighted by certainty.
+
+    Args:
+        recording: the frames' times.
+        detections: by frame.
+        camera: the calibration.
+        stations_m: lowest and highest x where it holds.
+    """
+    tracker = Tracker(TrackerSettings())
+    parts = [
+        tracker.update(time_s, to_road_points(boxes, camera))
+        for time_s, boxes in zip(recording.times_s, detections, strict=True)
+    ]
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        return []
+    seen = Sightings.join(parts)
+    station = seen.point_m[:, 0]
+    seen = seen.take((station >= stations_m[0]) & (station <= stations_m[1]))
+    vehicles = []
+    for track in np.unique(seen.track):
+        of_one = seen.take(seen.track == track)
+        moved = float(np.hypot(*np.ptp(of_one.point_m, axis=0)))
+        if len(of_one) < _MIN_SIGHTINGS or moved < _MIN_MOVED_M:
+            continue
+        certainty = 1 / np.sqrt(np.trace(of_one.covariance_m2, axis1=1, axis2=2))
+        velocity = np.polyfit(of_one.time_s - of_one.time_s[0], of_one.point_m, 1, w=certainty)[0]
+        feet = np.column_stack([of_one.box[:, [0, 2]].mean(axis=1), of_one.box[:, 3]])
+        kind = VEHICLE_CLASSES[int(of_one.vehicle_class[-1])]
+        vehicles.append(
+            Vehicle(kind, 3.6 * float(np.hypot(*velocity)), moved, feet.astype(np.float64))
+        )
+    return vehicles

@@ -1,0 +1,342 @@
+"""The calibration page: what it answers, to whom, and in a real browser on a clip with truth."""
+
+from __future__ import annotations
+
+import csv
+import json
+import threading
+import urllib.error
+import urllib.request
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from edge_daemon.calibration.guess import guess
+from edge_daemon.calibration.page import PageServer
+from edge_daemon.calibration.presets import LANE_MARKS
+from edge_daemon.calibration.recording import Recording, record
+from edge_daemon.calibration.session import Session
+from edge_daemon.calibration.snapping import snap
+from edge_daemon.camera import Camera, load_camera
+from edge_daemon.detection import Detections
+from edge_daemon.settings import BUILTIN_MODEL
+from slipstream.errors import InputError
+
+from ..conftest import project
+
+ROAD = [(x, y) for x in (18.0, 30.0, 45.0, 65.0, 90.0) for y in (-8.0, 8.0)]
+SEGMENT = {
+    "id": "approach",
+    "polygon": [[20.0, 0.0], [80.0, 0.0], [80.0, 7.0], [20.0, 7.0]],
+    "direction": [-1.0, 0.0],
+    "lanes": 2,
+    "lane_width_m": 3.5,
+}
+PERIOD_M, DASH_M = 9.0, 3.0
+DASHES = next(i for i, m in enumerate(LANE_MARKS) if (m.period_m, m.dash_m) == (PERIOD_M, DASH_M))
+
+
+def question(**more: Any) -> dict[str, Any]:
+    """The points of a camera on a pole, as the page sends them."""
+    points = [
+        {"image": [float(u), float(v)], "road": list(place)}
+        for (u, v), place in zip(project(ROAD), ROAD, strict=True)
+    ]
+    return {"points": points, "lines": [], "segments": [SEGMENT], "terms": None, **more}
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    """A session on a grey picture."""
+    view = tmp_path / "view.png"
+    cv2.imwrite(str(view), np.full((720, 1280, 3), 100, dtype=np.uint8))
+    out = tmp_path / "camera.toml"
+    return Session(record(str(view)), view, out, BUILTIN_MODEL, None, None)
+
+
+@pytest.fixture
+def server(session: Session) -> Iterator[PageServer]:
+    """Its page."""
+    with PageServer(session) as running:
+        thread = threading.Thread(target=running.serve_forever, daemon=True)
+        thread.start()
+        yield running
+        running.shutdown()
+        thread.join()
+
+
+def asked(server: PageServer, what: str, content: object, **headers: str) -> tuple[int, Any]:
+    """Status and answer of a question."""
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{server.server_port}/{what}",
+        json.dumps(content).encode(),
+        {"X-Key": server.key, **{name.replace("_", "-"): text for name, text in headers.items()}},
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            return answer.status, json.load(answer)
+    except urllib.error.HTTPError as error:
+        return error.code, json.load(error)
+
+
+def test_points_are_fitted_and_saved_as_by_the_command_line(
+    session: Session, server: PageServer
+) -> None:
+    """Misses, grid, horizon and errors come back; the file that is saved loads."""
+    status, answer = asked(server, "fit", question())
+    assert status == 200
+    assert answer["rms_px"] < 0.01
+    assert answer["terms"] == []
+    assert [end["end"] for end in answer["ends"]] == ["near", "far"]
+    assert 0 < answer["ends"][0]["speed_error"] < 0.03
+    # The camera looks 0.2 rad down: the horizon lies 1000 tan 0.2 px over the middle.
+    rows = [place[1] for place in answer["horizon"] if place]
+    assert rows == pytest.approx([360 - 1000 * np.tan(0.2)] * len(rows), abs=3)
+    along = next(line for line in answer["grid"] if line["label"] == "x 50 m")
+    low, high = (along["line"][i] for i in (0, -1))
+    edge = project([[50.0, -8 - 0.15 * 16], [50.0, 8 + 0.15 * 16]])
+    assert np.array([low, high]) == pytest.approx(edge, abs=0.1)
+    moved = question(live=True)
+    moved["points"][2]["image"][1] += 3
+    _, live = asked(server, "fit", moved)
+    assert live["live"]
+    assert live["points"][2]["miss"] > 0.5
+    ends = project([[40.0, 2.0], [65.0, 2.0]]).tolist()
+    assert asked(server, "measure", {"ends": ends})[1]["metres"] == pytest.approx(25, abs=0.01)
+    assert "written" in asked(server, "save", question())[1]["saved"]
+    camera = load_camera(Path(session.begin()["out"]))
+    assert camera.to_road(project([[50.0, 3.0]])) == pytest.approx(
+        np.array([[50.0, 3.0]]), abs=0.01
+    )
+
+
+def test_what_is_wrong_is_one_line(server: PageServer) -> None:
+    """Too few points, contradictions, keys that no points file has, a picture without traffic."""
+    few = question()
+    few["points"] = few["points"][:3]
+    assert "1 more point needed" in asked(server, "fit", few)[1]["problem"]
+    wrong = question()
+    del wrong["points"][7:]
+    for i in (1, 4):
+        wrong["points"][i]["road"][1] += 30 + 9 * i
+    assert asked(server, "fit", wrong)[1]["problem"].startswith("points: points: ")
+    assert "problem" in asked(server, "save", wrong)[1]
+    odd = question()
+    odd["points"][0]["colour"] = "red"
+    assert "unknown key" in asked(server, "fit", odd)[1]["problem"]
+    assert "calibrate first" in asked(server, "traffic", {})[1]["problem"]
+    asked(server, "fit", question())
+    assert "single picture" in asked(server, "traffic", {})[1]["problem"]
+    assert asked(server, "fit", [1])[0] == 400
+    assert asked(server, "reboot", {})[0] == 400
+
+
+def test_only_this_machine_and_who_has_the_key_are_answered(server: PageServer) -> None:
+    """Neither a wrong key nor another site's name for this address gets anything."""
+    assert server.server_address[0] == "127.0.0.1"
+    assert asked(server, "fit", question(), X_Key="guessed")[0] == 403
+    assert asked(server, "fit", question(), Host="evil.example")[0] == 403
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(f"http://127.0.0.1:{server.server_port}/picture.png")
+    with urllib.request.urlopen(server.url) as page:
+        assert "default-src 'none'" in page.headers["Content-Security-Policy"]
+
+
+def test_a_click_snaps_to_the_corner_to_a_quarter_of_a_pixel() -> None:
+    """A dash drawn eightfold and reduced; where nothing is, a click stays."""
+    large = np.full((8 * 80, 8 * 80, 3), 90, dtype=np.uint8)
+    corners = np.array([(30.4, 20.2), (45.1, 20.2), (45.1, 55.7), (30.4, 55.7)])
+    cv2.fillPoly(large, [(8 * corners).round().astype(np.int32)], (220, 220, 220))
+    picture = np.asarray(cv2.resize(large, (80, 80), interpolation=cv2.INTER_AREA), np.uint8)
+    for corner in corners:
+        found = snap(picture, corner[0] + 1.2, corner[1] - 0.9)
+        assert found == pytest.approx(corner, abs=0.25)
+    assert snap(picture, 15.0, 15.0) == (15.0, 15.0)
+    assert snap(picture, 1.0, 79.0) == (1.0, 79.0)
+
+
+def test_a_first_guess_comes_from_movement_and_sizes(camera: Camera) -> None:
+    """Cars of 4.1 to 4.7 m drive both ways: lengths are met within the error that is stated."""
+    rng = np.random.default_rng(3)
+    ends = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.1, 1)])
+    frames: list[list[list[float]]] = [[] for _ in range(60)]
+    assert camera.pose is not None
+    for car in range(16):
+        size = np.array([4.4, 1.8, 1.5]) * (1 + rng.normal(0, 0.05))
+        lane = (-5.2, -1.8, 1.8, 5.2)[car % 4]
+        begin, speed = rng.uniform(25, 90), rng.uniform(10, 14) * (1 if lane < 0 else -1)
+        for i, frame in enumerate(frames):
+            x = begin + speed * i / 15
+            if not 18 < x < 110:
+                continue
+            seen = camera.pose.project(ends * size + (x, lane, 0))
+            low, high = seen.min(axis=0), seen.max(axis=0)
+            frame.append([*(low + rng.normal(0, 0.7, 2)), *(high + rng.normal(0, 0.7, 2))])
+    detections = [
+        Detections(
+            np.array(frame, dtype=np.float32).reshape(-1, 4),
+            np.full(len(frame), 0.9, dtype=np.float32),
+            np.zeros(len(frame), dtype=np.int64),
+        )
+        for frame in frames
+    ]
+    found = guess(detections, camera.size)
+    assert found is not None
+    assert found.relative_error < 0.2
+    pixels = np.array([point.image for point in found.points])
+    guessed = np.array([point.road for point in found.points])
+    true = camera.to_road(pixels)
+    share = np.ptp(guessed[:, 0]) / np.ptp(true[:, 0])
+    assert abs(share - 1) < 2.5 * found.relative_error
+    assert guess(detections[:3], camera.size) is None
+
+
+def test_a_clip_gives_its_median_and_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    """What drives through is not in the median; times rise."""
+    clip = tmp_path / "clip.avi"
+    writer = cv2.VideoWriter(str(clip), cv2.VideoWriter.fourcc(*"MJPG"), 10, (160, 96))
+    rng = np.random.default_rng(0)
+    for i in range(30):
+        frame = rng.integers(60, 70, (96, 160, 3), dtype=np.uint8)
+        frame[40:60, 4 * i : 4 * i + 20] = 250
+        writer.write(frame)
+    writer.release()
+    recording = record(str(clip))
+    assert len(recording.times_s) > 20
+    assert (np.diff(recording.times_s) > 0).all()
+    assert recording.picture.max() < 110
+    with pytest.raises(InputError):
+        record(str(tmp_path / "none.mp4"))
+    with pytest.raises(InputError):
+        record("ftp://camera")
+
+
+def _click(page: Any, at_px: Any) -> None:
+    """Click a place of the picture, zoomed in so that a screen pixel is a third of its own."""
+    u, v = (float(c) for c in at_px)
+    x, y = page.evaluate(
+        "([u, v]) => { view.zoom = 3; view.u = u - canvas.clientWidth / 6;"
+        " view.v = v - canvas.clientHeight / 6; draw();"
+        " const box = canvas.getBoundingClientRect(), [x, y] = toScreen([u, v]);"
+        " return [x + box.left, y + box.top]; }",
+        [u, v],
+    )
+    page.mouse.click(round(x), round(y))
+
+
+def _settled(page: Any) -> None:
+    for _ in range(600):
+        if page.evaluate("!busy && again === null && result !== null && !result.live"):
+            page.wait_for_timeout(150)
+            if page.evaluate("!busy && again === null && !result.live"):
+                return
+        page.wait_for_timeout(100)
+    raise AssertionError(page.inner_text("#result"))
+
+
+@pytest.mark.slow(long=True)
+def test_a_rendered_clip_is_calibrated_from_its_dashes_by_clicks_alone(
+    browser: Any,
+    street_clips: dict[str, Path],
+    tmp_path: Path,
+    figure: Callable[[str], None],
+) -> None:
+    """Dashes clicked; a second length to 2 %, the speeds of its traffic to 3 % of truth."""
+    folder = street_clips["stable"]
+    true = load_camera(folder / "camera.toml")
+    clip = next(folder.glob("*.mp4"))
+    out = tmp_path / "camera.toml"
+    recording = record(str(clip))
+    session = Session(recording, None, out, BUILTIN_MODEL, None, "north")
+    with PageServer(session) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(server.url)
+        page.wait_for_selector("#problem:not(:empty)")
+        clicks = _rows_of_dashes(page, true)
+        _settled(page)
+        rms = page.evaluate("result.rms_px")
+        page.click("[data-mode=check]")
+        first, last, y = 30.0, 57.0, _dash_rows(true)[0]
+        ends = true.to_image([[first, y], [last, y]])
+        for place in ends:
+            _click(page, place)
+            page.wait_for_timeout(300)
+        page.wait_for_selector("#checked")
+        metres = page.evaluate("checkMetres")
+        page.click("[data-mode=segment]")
+        segment = true.segments[0]
+        low, high = segment.polygon_m.min(axis=0), segment.polygon_m.max(axis=0)
+        for place in true.to_image([low, high]):
+            _click(page, place)
+            page.wait_for_timeout(300)
+        _settled(page)
+        page.click("#traffic")
+        for _ in range(1200):
+            page.wait_for_timeout(250)
+            if page.is_enabled("#traffic"):
+                break
+        speeds = page.evaluate("vehicles.map((v) => v.kmh)")
+        page.click("#save")
+        page.wait_for_selector("#saved.good")
+        assert errors == []
+        server.shutdown()
+        thread.join()
+    camera = load_camera(out)
+    assert camera.name == "north"
+    assert abs(metres / (last - first) - 1) < 0.02
+    shown, driven = float(np.mean(speeds)), _mean_kmh(folder / "truth.csv", recording)
+    assert abs(shown / driven - 1) < 0.03
+    figure(
+        f"{clicks} clicks, reprojection {rms:.2f} px, 27 m measured as {metres:.2f} m, "
+        f"mean speed {shown:.1f} km/h, truth {driven:.1f} km/h"
+    )
+
+
+def _dash_rows(true: Camera) -> list[float]:
+    """y of the lines of dashes: the middles of the carriageways."""
+    return [float(s.polygon_m[:, 1].mean()) for s in true.segments]
+
+
+def _rows_of_dashes(page: Any, true: Camera) -> int:
+    """Click every dash's beginning between 18 and 90 m of each row, with the page's own preset."""
+    clicks = 0
+    page.click("[data-mode=dashes]")
+    page.select_option("#preset", str(DASHES))
+    rows = _dash_rows(true)
+    if len(rows) == 1:  # the other carriageway's dashes lie as far on the other side
+        rows.append(-rows[0])
+    for y in rows:
+        page.fill("[aria-label='x of the next click']", "18")
+        page.press("[aria-label='x of the next click']", "Tab")
+        page.fill("[aria-label='y of this row']", str(y))
+        page.press("[aria-label='y of this row']", "Tab")
+        for x in np.arange(18.0, 91.0, PERIOD_M):
+            (place,) = true.to_image([[x, y]])
+            before = page.evaluate("sheet.points.length")
+            _click(page, place)
+            for _ in range(100):
+                if page.evaluate("sheet.points.length") > before:
+                    break
+                page.wait_for_timeout(50)
+            clicks += 1
+    return clicks
+
+
+def _mean_kmh(truth: Path, recording: Recording) -> float:
+    """Mean over the vehicles of their true mean speeds while recorded."""
+    speeds = defaultdict(list)
+    with truth.open() as file:
+        for line in csv.DictReader(file):
+            seen = 18 <= float(line["x_m"]) <= 90 and float(line["visible_fraction"]) > 0.4
+            if seen and float(line["time_s"]) <= recording.times_s[-1]:
+                speeds[line["vehicle_id"]].append(3.6 * float(line["speed_mps"]))
+    return float(np.mean([np.mean(of_one) for of_one in speeds.values() if len(of_one) > 15]))
