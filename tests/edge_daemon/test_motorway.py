@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from copy import copy
 from itertools import permutations
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from edge_daemon.camera import load_camera
+from edge_daemon.camera import Camera, load_camera
+from edge_daemon.detection import open_detector
 from edge_daemon.offline import TrackResult, track
 from edge_daemon.settings import DetectorSettings, TrackSettings
 from slipstream_cli.main import main
@@ -20,15 +23,52 @@ NEAR_M = (5.0, 55.0)
 
 
 @pytest.fixture(scope="module")
-def run(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrackResult:
-    """The clip, calibrated from its lane dashes, followed with COCO's weights."""
+def camera(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Camera:
+    """The clip's, calibrated from its lane dashes."""
     folder = tmp_path_factory.mktemp("motorway")
-    clip, camera = shared_data / "real_highway_640x360.mp4", folder / "camera.toml"
-    places = ["--out", str(camera), "--overlay", str(folder / "grid.png")]
+    clip, file = shared_data / "real_highway_640x360.mp4", folder / "camera.toml"
+    places = ["--out", str(file), "--overlay", str(folder / "grid.png")]
     assert main(["calibrate", "--image", str(clip), "--points", str(POINTS), *places]) == 0
+    return load_camera(file)
+
+
+@pytest.fixture(scope="module")
+def run(shared_data: Path, camera: Camera) -> TrackResult:
+    """The clip, followed with COCO's weights."""
+    clip = shared_data / "real_highway_640x360.mp4"
     detector = DetectorSettings(model=str(shared_data / "coco_yolo11n_int8_openvino"))
     # Eleven seconds are one window of ten.
-    return track(clip, load_camera(camera), TrackSettings(window_s=4.0, detector=detector))
+    return track(clip, camera, TrackSettings(window_s=4.0, detector=detector))
+
+
+@pytest.mark.parametrize("noise", [0.0, 8.0])
+def test_the_road_s_part_keeps_what_the_whole_picture_finds(
+    shared_data: Path, camera: Camera, noise: float
+) -> None:
+    """One carriageway takes half of the input; scores may differ by some hundredths."""
+    model = str(shared_data / "coco_yolo11n_int8_openvino")
+    whole = open_detector(DetectorSettings(model=model, min_score=0.5, region=False))
+    road = copy(camera)
+    road.segments = camera.segments[1:]
+    part = open_detector(DetectorSettings(model=model, min_score=0.45), road)
+    capture = cv2.VideoCapture(str(shared_data / "real_highway_640x360.mp4"))
+    chance = np.random.default_rng(1)
+    there = kept = 0
+    for _ in range(12):
+        for _ in range(20):
+            ok, picture = capture.read()
+        assert ok
+        noisy = picture + chance.normal(0, noise, picture.shape)
+        image = np.clip(noisy, 0, 255).astype(np.uint8)
+        boxes, found = whole.detect(image).boxes, part.detect(image).boxes
+        feet = camera.to_road(np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]]))
+        on_road = np.any([segment.contains(feet) for segment in road.segments], axis=0)
+        for box in boxes[on_road]:
+            there += 1
+            kept += bool((np.abs(found - box).max(axis=1, initial=0.0) < 4).any())
+    capture.release()
+    assert there >= 8
+    assert kept >= 0.98 * there
 
 
 def test_speeds_are_those_of_a_motorway(run: TrackResult) -> None:

@@ -270,36 +270,6 @@ def test_an_export_of_another_make_keeps_its_size(tmp_path: Path) -> None:
     assert len(detector.detect(np.zeros((360, 640, 3), dtype=np.uint8))) == 0
 
 
-@pytest.mark.slow(long=True)
-@pytest.mark.parametrize("noise", [0.0, 8.0])
-def test_the_road_s_part_keeps_what_coco_weights_find(shared_data: Path, noise: float) -> None:
-    """On a real road, noise as of rain included, with scores that differ by some hundredths."""
-    chance = np.random.default_rng(1)
-    road = np.array([[0.0, 6.0], [0.0, -6.0], [40.0, 6.0], [40.0, -6.0]])
-    pixels = np.array([[100.0, 300.0], [540.0, 300.0], [270.0, 190.0], [370.0, 190.0]])
-    segment = WatchedSegment("s", road[[0, 1, 3, 2]], np.array([1.0, 0.0]), 40.0, 3, 3.5)
-    camera = Camera("motorway", (640, 360), road, pixels, (segment,))
-    model = str(shared_data / "coco_yolo11n_int8_openvino")
-    whole = open_detector(DetectorSettings(model=model, min_score=0.5, region=False))
-    part = open_detector(DetectorSettings(model=model, min_score=0.4), camera)
-    capture = cv2.VideoCapture(str(shared_data / "real_highway_640x360.mp4"))
-    there = kept = 0
-    for _ in range(8):
-        for _ in range(20):
-            ok, image = capture.read()
-        assert ok
-        image = np.clip(image + chance.normal(0, noise, image.shape), 0, 255).astype(np.uint8)
-        boxes = whole.detect(image).boxes
-        feet = np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]]).astype(np.float64)
-        found = part.detect(image).boxes
-        for box in boxes[segment.contains(camera.to_road(feet))]:
-            there += 1
-            kept += any(overlap(box, other) > 0.5 for other in found)
-    capture.release()
-    assert there >= 8
-    assert kept >= 0.98 * there
-
-
 @pytest.mark.parametrize("case", ["missing", "folder", "suffix", "broken"])
 def test_unusable_models_are_one_line(tmp_path: Path, case: str) -> None:
     """The line names the file."""
