@@ -13,7 +13,7 @@ from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
 from edge_daemon.features.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
 from edge_daemon.features.stability import StabilityJudge
-from edge_daemon.features.stopped import Standing, StoppedVehicleJudge
+from edge_daemon.features.stopped import MEMORY_S, Standing, StoppedVehicleJudge
 from edge_daemon.frame import Frame
 from edge_daemon.settings import StabilitySettings, TrackerSettings
 from edge_daemon.tracking import Sightings, Track, Tracker
@@ -62,6 +62,7 @@ class Pipeline:
         self._tracker = Tracker(tracker)
         self._judge = StabilityJudge(stability)
         self._window_s = window_s
+        self._memory_s = max(window_s + _LEAD_S, MEMORY_S)
         self._sightings = SightingBuffer()
         self._frames: deque[_FrameTime] = deque()
         self._sequence = 0
@@ -153,7 +154,7 @@ class Pipeline:
         self._frames.clear()
 
     def _forget(self, before_s: float) -> None:
-        self._sightings.drop(before_s - _LEAD_S)
+        self._sightings.drop(before_s + self._window_s - self._memory_s)
         while self._frames and self._frames[0].time_s < before_s:
             self._frames.popleft()
 

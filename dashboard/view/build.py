@@ -34,6 +34,7 @@ from slipstream.messages import (
 )
 
 KMH_PER_MPS: Final = 3.6
+_MAX_STOPPED_LINES: Final = 5
 
 
 def build_view(
@@ -205,7 +206,11 @@ def _stopped(snapshot: Snapshot, now_ns: int, limits: _Limits) -> list[str]:
                 + f"; traffic is {labels.traffic(stopped.y_e)}",
             )
         )
-    return [line for _, line in sorted(lines)]
+    told = [line for _, line in sorted(lines)]
+    more = len(told) - _MAX_STOPPED_LINES
+    return told[:_MAX_STOPPED_LINES] + (
+        [f"Vehicles stand on {more} more roads"] if more > 0 else []
+    )
 
 
 _STATUS: Final[dict[str, tuple[str, Level]]] = {

@@ -22,7 +22,11 @@ MAX_SPEED_MPS: Final = 0.5
 GONE_S: Final = 15.0
 _END_S: Final = 1.0
 """Places are medians over so long: a box of a vehicle that stands jumps too."""
+MEMORY_S: Final = STANDS_S + 1.5 * _END_S
+"""Sightings are needed for so long."""
 _PRESENT_S: Final = 1.5
+_ARRIVED_M: Final = 1.0
+"""From where it came to stand it has not been farther away since."""
 _SAME_ALONG_M: Final = 4.0
 _SAME_ACROSS_M: Final = 1.5
 _LEFT_M: Final = 5.0
@@ -124,7 +128,7 @@ class StoppedVehicleJudge:
         moved_m = float(np.hypot(*(last - first)[1:3]))
         if moved_m > MAX_SPEED_MPS * float(last[0] - first[0]):
             return None
-        away = np.hypot(*(path[:, 1:3] - last[1:3]).T) > MAX_SPEED_MPS * STANDS_S
+        away = np.hypot(*(path[:, 1:3] - last[1:3]).T) > _ARRIVED_M
         since_s = float(path[away.nonzero()[0][-1] + 1, 0]) if away.any() else float(path[0, 0])
         lane = int(np.clip(last[2] // self._segment.lane_width_m, 0, self._segment.lanes - 1))
         return Standing(

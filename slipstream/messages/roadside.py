@@ -117,7 +117,7 @@ class StoppedVehicles(Message):
     rsu: Identifier
     segment: Identifier
     time_ns: TimeNs
-    vehicles: tuple[StoppedVehicle, ...]
+    vehicles: Annotated[tuple[StoppedVehicle, ...], Field(max_length=500)]
     y_e: Literal[0, 1] | None
     mean_speed_mps: NonNegative | None = Field(
         description="Of all vehicles in the state's window; None where none was measured."
