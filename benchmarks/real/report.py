@@ -22,6 +22,7 @@ _HEAD: Final = (
     "camera",
     "matched",
     "bias %",
+    "without it, km/h",
     "median km/h",
     "mean",
     "p95",
@@ -38,7 +39,7 @@ def speed_lines(tables: Mapping[str, Mapping[str, Figures]]) -> list[str]:
     """A table for each way of measuring, a line a camera."""
     lines = []
     for name, rows in tables.items():
-        lines += [f"## Speeds: {name}", "", _row(_HEAD), _row(["---", *["--:"] * 11])]
+        lines += [f"## Speeds: {name}", "", _row(_HEAD), _row(["---", *["--:"] * 12])]
         lines += [_row([camera, *_cells(figures)]) for camera, figures in rows.items()]
         lines.append("")
     lines += ["Published:", ""]
@@ -100,6 +101,7 @@ def _cells(figures: Figures) -> list[str]:
     return [
         str(figures.matched),
         f"{figures.bias_percent:+.2f}",
+        f"{figures.scatter_kmh:.2f}",
         *(f"{speed:.2f}" for speed in speeds),
         f"{figures.median_percent:.2f}",
         f"{figures.mean_percent:.2f}",

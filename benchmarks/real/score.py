@@ -65,6 +65,7 @@ class Figures:
     Attributes:
         matched: passages that the errors are of.
         bias_percent: median of measured over true speed less one.
+        scatter_kmh: median of the absolute errors that are left without the bias.
         median_kmh, mean_kmh, p95_kmh, worst_kmh: of the absolute errors.
         median_percent, mean_percent: of the absolute relative errors.
         in_interval: share of true speeds inside the 95 % interval.
@@ -74,6 +75,7 @@ class Figures:
 
     matched: int
     bias_percent: float
+    scatter_kmh: float
     median_kmh: float
     mean_kmh: float
     p95_kmh: float
@@ -115,10 +117,11 @@ def figures(matched: Matched) -> Figures | None:
         return None
     off = matched.speed_kmh - matched.true_kmh
     error, share = np.abs(off), np.abs(off) / matched.true_kmh
-    count = len(off)
+    count, bias = len(off), float(np.median(off / matched.true_kmh))
     return Figures(
         count,
-        100 * float(np.median(off / matched.true_kmh)),
+        100 * bias,
+        float(np.median(np.abs(off - bias * matched.true_kmh))),
         float(np.median(error)),
         float(error.mean()),
         float(np.percentile(error, 95)),

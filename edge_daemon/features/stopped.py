@@ -129,6 +129,8 @@ class StoppedVehicleJudge:
         if moved_m > MAX_SPEED_MPS * float(last[0] - first[0]):
             return None
         away = np.hypot(*(path[:, 1:3] - last[1:3]).T) > _ARRIVED_M
+        # For the last seconds it stands, whatever single boxes say.
+        away &= path[:, 0] <= end_s - STANDS_S
         since_s = float(path[away.nonzero()[0][-1] + 1, 0]) if away.any() else float(path[0, 0])
         lane = int(np.clip(last[2] // self._segment.lane_width_m, 0, self._segment.lanes - 1))
         return Standing(

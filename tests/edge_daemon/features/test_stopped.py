@@ -21,14 +21,20 @@ SEGMENT = WatchedSegment(
 
 
 def drive(
-    track: int, begin_s: float, end_s: float, from_m: float, speed_mps: float, y_m: float = 5.2
+    track: int,
+    begin_s: float,
+    end_s: float,
+    from_m: float,
+    speed_mps: float,
+    y_m: float = 5.2,
+    off_m: float = 0.2,
 ) -> Sightings:
-    """A car's sightings, each 0.2 m off."""
+    """A car's sightings, each so far off."""
     time_s = np.arange(begin_s, end_s, 1 / FPS)
     rng = np.random.default_rng(track)
     # A sighting is of the near end; the middle of a car is 2.25 m on.
     x = from_m - 2.25 + speed_mps * (time_s - begin_s)
-    points = np.column_stack([x, np.full(len(x), y_m)]) + rng.normal(0, 0.2, (len(x), 2))
+    points = np.column_stack([x, np.full(len(x), y_m)]) + rng.normal(0, off_m, (len(x), 2))
     n = len(x)
     return Sightings(
         np.full(n, track),
@@ -63,6 +69,14 @@ def test_a_vehicle_that_stops_is_told_with_lane_place_and_time() -> None:
     assert vehicle.lane == 1
     assert vehicle.along_m == pytest.approx(40.0, abs=0.3)
     assert vehicle.since_s == pytest.approx(4.0, abs=0.4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_boxes_that_jump_do_not_hide_it(seed: int) -> None:
+    """Far away a single sighting is off by more than what counts as having come to stand."""
+    history = judged([drive(seed, 0, 20, 40, 0, off_m=0.8)], 20)
+    assert all(len(judge.standing) == 1 for judge in history[8:])
+    assert history[-1].standing[0].along_m == pytest.approx(40.0, abs=1.5)
 
 
 @pytest.mark.parametrize("speed_mps", [0.9, 3.0])
