@@ -1,12 +1,12 @@
 """The motion of vehicles along a segment from noisy positions: a Gaussian-process smoother.
 
-Position is s(t) = s₀ + v₀ t + ∬ a, with the acceleration a Gaussian process of mean ā, common to
-all vehicles, of variance σ²_a and with a Matérn-3/2 correlation (Rasmussen & Williams, Gaussian
-Processes, 2006, eq. 4.17), s₀ and v₀ unknown (ibid., eq. 2.41). It is the smoother of a Singer-like
-manoeuvre model (Singer, IEEE Trans. AES 6, 1970) over the whole window. How strong accelerations
-and noise are is taken from the data: mean and variance components are estimated by restricted
-maximum likelihood over all vehicles of the segment, so that calm traffic is smoothed hard and rough
-traffic is not flattened.
+Position is s(t) = s₀ + v₀ t + ∬ a, with the acceleration a Gaussian process of variance σ²_a and a
+Matérn-3/2 correlation (Rasmussen & Williams, Gaussian Processes, 2006, eq. 4.17), around 0 or
+around a mean that all vehicles share, s₀ and v₀ unknown (ibid., eq. 2.41). It is the smoother of a
+Singer-like manoeuvre model (Singer, IEEE Trans. AES 6, 1970) over the whole window. How strong
+accelerations and noise are is taken from the data: the two variance components are estimated by
+restricted maximum likelihood over all vehicles of the segment, so that calm traffic is smoothed
+hard and rough traffic is not flattened.
 """
 
 from __future__ import annotations
@@ -252,13 +252,19 @@ class Smoother:
         )
 
 
-def estimate_variance_components(smoother: Smoother) -> VarianceComponents:
+def estimate_variance_components(
+    smoother: Smoother, *, around_mean: bool = False
+) -> VarianceComponents:
     """Variance components by restricted maximum likelihood (Fisher scoring).
 
     A contrast of gain g is normal with variance noise + σ²_a g, so the squares regress on
     (1, g) with weights that the estimate itself gives. A weak prior stands in where vehicles are
-    few. The mean acceleration follows by weighted least squares, with the process's own variance as
+    few. A mean acceleration follows by weighted least squares, with the process's own variance as
     prior: a lone vehicle's acceleration is as likely its own.
+
+    Args:
+        smoother: with the contrasts.
+        around_mean: whether the accelerations have a common mean, else 0.
     """
     gains, common = smoother.gains, 0.0
     design = np.stack([np.ones_like(gains), gains])
@@ -267,8 +273,10 @@ def estimate_variance_components(smoother: Smoother) -> VarianceComponents:
     for _ in range(20):
         variance = estimate[0] + estimate[1] * gains
         pull = smoother.accelerated / variance
-        common = float(pull @ smoother.contrasts) / (
-            float(pull @ smoother.accelerated) + 1 / estimate[1]
+        common = (
+            around_mean
+            * float(pull @ smoother.contrasts)
+            / (float(pull @ smoother.accelerated) + 1 / estimate[1])
         )
         squares = (smoother.contrasts - common * smoother.accelerated) ** 2
         # A box that jumped is no acceleration: residuals are clipped at 3 σ.
