@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-coordination
+.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
@@ -99,6 +99,11 @@ bench-accuracy: setup
 # table goes into edge_daemon/features/occlusion.py.
 allowances: setup
 	$(BIN)/python -m benchmarks.accuracy.allowances
+
+# Real roads: DATA is a folder with BrnoCompSpeed's truth and positions in brno/, and clips that labels
+# of benchmarks/real were drawn on; MODEL is scored on them beside the shipped one.
+bench-real: setup
+	$(BIN)/python -m benchmarks.real --data "$(DATA)" $(if $(MODEL),--model "$(MODEL)")
 
 # The routing core: named instances, cities, fleet sizes, rivals; an hour and a half on an idle
 # machine. `SHORT=1` takes small cities and minutes, and leaves the plots in docs as they are.

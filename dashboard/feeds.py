@@ -19,6 +19,7 @@ from slipstream.messages import (
     ALL_PREVIEWS,
     ALL_RSU_HEALTH,
     ALL_STATES,
+    ALL_STOPPED,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     CycleReport,
@@ -34,6 +35,7 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
     """Subscribe the live data to all messages but camera pictures."""
     for kind, key_expression, handler in (
         ("state", ALL_STATES, live.on_state),
+        ("stopped", ALL_STOPPED, live.on_stopped),
         ("rsu_health", ALL_RSU_HEALTH, live.on_rsu_health),
         ("plan", ALL_PLANS, live.on_plan),
         ("position", ALL_POSITIONS, live.on_position),

@@ -19,6 +19,7 @@ from slipstream.messages import (
     DispatcherHealth,
     RsuHealth,
     SegmentState,
+    StoppedVehicles,
     VehiclePlan,
     VehiclePosition,
     decode,
@@ -27,6 +28,7 @@ from slipstream.messages import (
     preview_key,
     rsu_health_key,
     state_key,
+    stopped_key,
 )
 
 MAX_ENTRIES: Final = 5000
@@ -44,6 +46,7 @@ class Snapshot:
 
     Attributes:
         states: latest SegmentState by segment and RSU.
+        stopped: latest StoppedVehicles by segment and RSU.
         rsus: latest RsuHealth by RSU.
         plans: latest VehiclePlan by vehicle.
         positions: latest VehiclePosition by vehicle.
@@ -58,6 +61,7 @@ class Snapshot:
     """
 
     states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
+    stopped: Mapping[tuple[str, str], StoppedVehicles] = field(default_factory=dict)
     rsus: Mapping[str, RsuHealth] = field(default_factory=dict)
     plans: Mapping[str, VehiclePlan] = field(default_factory=dict)
     positions: Mapping[str, VehiclePosition] = field(default_factory=dict)
@@ -90,6 +94,7 @@ class LiveData:
         self._history_cycles = history_cycles
         self._lock = threading.Lock()
         self._states: OrderedDict[tuple[str, str], SegmentState] = OrderedDict()
+        self._stopped: OrderedDict[tuple[str, str], StoppedVehicles] = OrderedDict()
         self._rsus: OrderedDict[str, RsuHealth] = OrderedDict()
         self._plans: OrderedDict[str, VehiclePlan] = OrderedDict()
         self._positions: OrderedDict[str, VehiclePosition] = OrderedDict()
@@ -116,6 +121,13 @@ class LiveData:
             tolerance_s = published_tolerance_s(self._dispatcher)
         time_ns = state.time_ns
         self._put(self._states, name, state, time_ns, lambda old: old.time_ns, tolerance_s)
+
+    def on_stopped(self, key: str, payload: bytes) -> None:
+        """Store a StoppedVehicles."""
+        stopped = decode(StoppedVehicles, payload, key)
+        _check_key(key, stopped_key(stopped.rsu, stopped.segment))
+        name = (stopped.segment, stopped.rsu)
+        self._put(self._stopped, name, stopped, stopped.time_ns, lambda old: old.time_ns)
 
     def on_rsu_health(self, key: str, payload: bytes) -> None:
         """Store an RsuHealth."""
@@ -198,6 +210,7 @@ class LiveData:
         with self._lock:
             return Snapshot(
                 states=dict(self._states),
+                stopped=dict(self._stopped),
                 rsus=dict(self._rsus),
                 plans=dict(self._plans),
                 positions=dict(self._positions),

@@ -33,6 +33,7 @@ from slipstream.messages import (
     preview_key,
     rsu_health_key,
     state_key,
+    stopped_key,
 )
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 
@@ -99,6 +100,11 @@ class EdgeDaemon:
             segment.id: bus.publisher(state_key(settings.rsu, segment.id), history=0)
             for segment in camera.segments
         }
+        self._stopped_publishers = {
+            segment.id: bus.publisher(stopped_key(settings.rsu, segment.id), history=0)
+            for segment in camera.segments
+        }
+        self._standing: set[str] = set()
         self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
         self._preview_publisher: Publisher | None = (
             bus.publisher(preview_key(settings.rsu), best_effort=True)
@@ -233,6 +239,7 @@ class EdgeDaemon:
         time_ns = last.captured_ns if last and status == "ok" else time.time_ns()
         for state in self._pipeline.iter_states(time_ns, idle_s, fault):
             self._state_publishers[state.segment].put(state)
+            self._publish_stopped(state)
             self._latest[state.segment] = state
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()
@@ -264,6 +271,25 @@ class EdgeDaemon:
             or now - self._source.counters.tried_s < 2 * stall_timeout_s + _RECONNECT_S
         ):
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
+
+    def _publish_stopped(self, state: SegmentState) -> None:
+        """Publish a segment's stopped vehicles, and once that there are none any more."""
+        stopped = self._pipeline.stopped(state)
+        if not stopped.vehicles and state.segment not in self._standing:
+            return
+        self._stopped_publishers[state.segment].put(stopped)
+        before = state.segment in self._standing
+        if stopped.vehicles:
+            self._standing.add(state.segment)
+        else:
+            self._standing.discard(state.segment)
+        if before != bool(stopped.vehicles):
+            places = ", ".join(f"lane {v.lane} at {v.along_m:.0f} m" for v in stopped.vehicles)
+            log.warning(
+                "%s: %s",
+                state.segment,
+                f"a vehicle stands, {places}" if places else "no vehicle stands any more",
+            )
 
     def _log_skipped(self, skipped: int) -> None:
         """Log which stages took longest, if frames were skipped since the last states."""

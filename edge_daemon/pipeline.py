@@ -13,13 +13,14 @@ from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
 from edge_daemon.features.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
 from edge_daemon.features.stability import StabilityJudge
+from edge_daemon.features.stopped import MEMORY_S, Standing, StoppedVehicleJudge
 from edge_daemon.frame import Frame
 from edge_daemon.settings import StabilitySettings, TrackerSettings
 from edge_daemon.tracking import Sightings, Track, Tracker
 from edge_daemon.tracking.measurement import to_road_points
 from edge_daemon.tracking.sightings import SightingBuffer
 from slipstream.errors import InputError
-from slipstream.messages import SegmentState, UnknownReason
+from slipstream.messages import SegmentState, StoppedVehicle, StoppedVehicles, UnknownReason
 
 _MAX_GAP_S = 0.5
 _LEAD_S = 3.0  # what was seen before the window helps to smooth its beginning
@@ -61,13 +62,16 @@ class Pipeline:
         self._tracker = Tracker(tracker)
         self._judge = StabilityJudge(stability)
         self._window_s = window_s
+        self._memory_s = max(window_s + _LEAD_S, MEMORY_S)
         self._sightings = SightingBuffer()
         self._frames: deque[_FrameTime] = deque()
         self._sequence = 0
+        self._states_s = 0.0
         self._kinematics = {
             segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
         }
         self._windows: dict[str, WindowFeatures | None] = {}
+        self._stopped = {segment.id: StoppedVehicleJudge(segment) for segment in camera.segments}
 
     @property
     def tracks(self) -> tuple[Track, ...]:
@@ -83,6 +87,28 @@ class Pipeline:
     def windows(self) -> dict[str, WindowFeatures | None]:
         """By segment, what the latest states rest on; None where nothing could be measured."""
         return self._windows
+
+    def stopped(self, state: SegmentState) -> StoppedVehicles:
+        """The vehicles that stood on the segment at the latest state."""
+
+        def told(vehicle: Standing) -> StoppedVehicle:
+            since_ns, seen_ns = (
+                max(0, state.time_ns - round((self._states_s - then_s) * 1e9))
+                for then_s in (vehicle.since_s, vehicle.seen_s)
+            )
+            return StoppedVehicle(
+                lane=vehicle.lane, along_m=vehicle.along_m, since_ns=since_ns, seen_ns=seen_ns
+            )
+
+        features = state.features
+        return StoppedVehicles(
+            rsu=state.rsu,
+            segment=state.segment,
+            time_ns=state.time_ns,
+            vehicles=tuple(told(vehicle) for vehicle in self._stopped[state.segment].standing),
+            y_e=state.y_e,
+            mean_speed_mps=None if features is None else max(0.0, features.mean_speed_mps.value),
+        )
 
     def process(self, frame: Frame) -> Sightings:
         """Detect vehicles in a frame and `update` with them.
@@ -122,11 +148,13 @@ class Pipeline:
         """Empty the window and drop all tracks: data so far is not to be trusted."""
         self._tracker.reset()
         self._judge.reset()
+        for judge in self._stopped.values():
+            judge.reset()
         self._sightings = SightingBuffer()
         self._frames.clear()
 
     def _forget(self, before_s: float) -> None:
-        self._sightings.drop(before_s - _LEAD_S)
+        self._sightings.drop(before_s + self._window_s - self._memory_s)
         while self._frames and self._frames[0].time_s < before_s:
             self._frames.popleft()
 
@@ -177,6 +205,8 @@ class Pipeline:
             if fault is None and window.sightings is not None and window.observed_s > 0
             else None
         )
+        self._states_s = window.begin_s + self._window_s
+        self._stopped[segment.id].update(self._states_s, window.sightings)
         features = measured.features if measured else None
         self._windows[segment.id] = measured
         vehicles = len(measured.vehicles) if measured else 0

@@ -34,6 +34,7 @@ from slipstream.messages import (
 )
 
 KMH_PER_MPS: Final = 3.6
+_MAX_STOPPED_LINES: Final = 5
 
 
 def build_view(
@@ -67,7 +68,10 @@ def build_view(
         vehicles=vehicle_views(snapshot, now_ns),
         cycle=_cycle(last, now_ns) if last else None,
         history=_history(snapshot.cycles),
-        problems=(snapshot.history_problem,) if snapshot.history_problem else (),
+        problems=(
+            *_stopped(snapshot, now_ns, limits),
+            *((snapshot.history_problem,) if snapshot.history_problem else ()),
+        ),
         device=_device(snapshot, now_ns, silent_after_s),
     )
 
@@ -176,6 +180,36 @@ def _road(
         gate_cycle=cycle if gate else None,
         gate_open=gate is not None and gate.open,
         gate_reason="" if gate is None or gate.open else labels.gate_reason(gate.y_e, gate.reason),
+    )
+
+
+def _stopped(snapshot: Snapshot, now_ns: int, limits: _Limits) -> list[str]:
+    """A line for each segment on which vehicles stand, those that stand longest first."""
+    lines = []
+    for _, stopped in sorted(snapshot.stopped.items()):
+        fault = freshness.fault(
+            stopped.time_ns,
+            now_ns,
+            stale_after_s=limits.stale_after_s,
+            future_tolerance_s=limits.future_tolerance_s,
+        )
+        if fault is not None or not stopped.vehicles:
+            continue
+        first = min(stopped.vehicles, key=lambda vehicle: vehicle.since_ns)
+        more = len(stopped.vehicles) - 1
+        lines.append(
+            (
+                first.since_ns,
+                f"A vehicle stands on {stopped.segment}, lane {first.lane + 1} from the right, "
+                f"{first.along_m:.0f} m along, for {_age_s(first.since_ns, now_ns):.0f} s"
+                + (f", and {more} more" if more else "")
+                + f"; traffic is {labels.traffic(stopped.y_e)}",
+            )
+        )
+    told = [line for _, line in sorted(lines)]
+    more = len(told) - _MAX_STOPPED_LINES
+    return told[:_MAX_STOPPED_LINES] + (
+        [f"Vehicles stand on {more} more roads"] if more > 0 else []
     )
 
 

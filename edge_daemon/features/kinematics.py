@@ -124,6 +124,7 @@ class SegmentKinematics:
             return None
         smoother = Smoother([trajectory.positions for trajectory in trajectories])
         motion = smoother.smooth(estimate_variance_components(smoother))
+        around_mean = smoother.smooth(estimate_variance_components(smoother, around_mean=True))
         ends = centreline.arc_length(np.array([segment.begin_m, segment.end_m]))
         weights = _weights(motion, trajectories, ends, begin_s)
         vehicles = tuple(
@@ -141,7 +142,7 @@ class SegmentKinematics:
         )
         if not vehicles:
             return None
-        seen = _features(motion, weights, vehicles, observed_s * segment.length_m)
+        seen = _features(motion, around_mean, weights, vehicles, observed_s * segment.length_m)
         if self._virtual_cars is None:
             return WindowFeatures(seen, seen, None, vehicles)
         share = self._virtual_cars.occluded_share(sightings, begin_s)
@@ -203,12 +204,18 @@ def _weights(
 
 
 def _features(
-    motion: Motion, weights_s: Array, vehicles: Sequence[VehicleMotion], area: float
+    motion: Motion,
+    around_mean: Motion,
+    weights_s: Array,
+    vehicles: Sequence[VehicleMotion],
+    area: float,
 ) -> KinematicFeatures:
     """The six features.
 
     Args:
         motion: of all vehicles, a stack of (v, n).
+        around_mean: the same with accelerations around a common mean. Where all vehicles speed up
+            alike it is no variance: around 0 the posterior's own would be added for it.
         weights_s: time that each position stands for, shape (v, n).
         vehicles: those of them that were in segment and window.
         area: the segment's length times the observed time, m s.
@@ -218,11 +225,14 @@ def _features(
     speed, spread = posterior_moments(weights, motion.speed_mps, motion.speed_covariance)
     own, common = OWN_SPEED_STD * speed.value, COMMON_SPEED_STD * speed.value
     speed, spread = with_persistent_errors(weights, speed, spread, own, common)
-    acceleration, variance = with_persistent_errors(
-        weights,
-        *posterior_moments(weights, motion.acceleration_mps2, motion.acceleration_covariance),
-        OWN_ACCELERATION_STD_MPS2,
-        COMMON_ACCELERATION_STD_MPS2,
+    (acceleration, _), (_, variance) = (
+        with_persistent_errors(
+            weights,
+            *posterior_moments(weights, each.acceleration_mps2, each.acceleration_covariance),
+            OWN_ACCELERATION_STD_MPS2,
+            COMMON_ACCELERATION_STD_MPS2,
+        )
+        for each in (motion, around_mean)
     )
     std = float(np.sqrt(spread.value))
     error = spread.standard_error or 0.0

@@ -1,11 +1,12 @@
 """The motion of vehicles along a segment from noisy positions: a Gaussian-process smoother.
 
-Position is s(t) = s₀ + v₀ t + ∬ a, with the acceleration a zero-mean Gaussian process of variance
-σ²_a and a Matérn-3/2 correlation (Rasmussen & Williams, Gaussian Processes, 2006, eq. 4.17), s₀ and
-v₀ unknown (ibid., eq. 2.41). It is the smoother of a Singer-like manoeuvre model (Singer, IEEE
-Trans. AES 6, 1970) over the whole window. How strong accelerations and noise are is taken from the
-data: the two variance components are estimated by restricted maximum likelihood over all vehicles
-of the segment, so that calm traffic is smoothed hard and rough traffic is not flattened.
+Position is s(t) = s₀ + v₀ t + ∬ a, with the acceleration a Gaussian process of variance σ²_a and a
+Matérn-3/2 correlation (Rasmussen & Williams, Gaussian Processes, 2006, eq. 4.17), around 0 or
+around a mean that all vehicles share, s₀ and v₀ unknown (ibid., eq. 2.41). It is the smoother of a
+Singer-like manoeuvre model (Singer, IEEE Trans. AES 6, 1970) over the whole window. How strong
+accelerations and noise are is taken from the data: the two variance components are estimated by
+restricted maximum likelihood over all vehicles of the segment, so that calm traffic is smoothed
+hard and rough traffic is not flattened.
 """
 
 from __future__ import annotations
@@ -103,10 +104,12 @@ class VarianceComponents:
     Attributes:
         acceleration_variance: of the process, (m/s²)².
         noise_scale: the positions' true variance over the stated one.
+        mean_acceleration_mps2: of the process, that of all vehicles.
     """
 
     acceleration_variance: float
     noise_scale: float
+    mean_acceleration_mps2: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,7 @@ class Smoother:
     Attributes:
         gains: of all vehicles' contrasts, shape (k,): each has variance noise + σ²_a · gain.
         contrasts: shape (k,).
+        accelerated: what a contrast is where all vehicles accelerate at 1 m/s², shape (k,).
     """
 
     def __init__(self, positions: Sequence[Positions]) -> None:
@@ -197,10 +201,12 @@ class Smoother:
         along = np.where(self._real, stack("along_m"), 0.0)
         self._middle = along.sum(axis=1, keepdims=True) / counts[:, None]
         self._target = np.where(self._real, along - self._middle, 0.0)
-        self.gains, self.contrasts = self._contrasts()
+        self._way = np.where(self._real, time**2 / 2, 0.0)
+        self._since_s = np.where(self._real, time, 0.0)
+        self.gains, self.contrasts, self.accelerated = self._contrasts()
 
-    def _contrasts(self) -> tuple[Array, Array]:
-        """Gains and values of independent contrasts free of s₀ and v₀, of all vehicles."""
+    def _contrasts(self) -> tuple[Array, Array, Array]:
+        """Gains, values and accelerated values of independent contrasts free of s₀ and v₀."""
         n = self._real.shape[1]
         whiten = np.linalg.inv(np.linalg.cholesky(self._noise))
         design = self._start[:, :n]
@@ -210,19 +216,21 @@ class Smoother:
         # Padding stays on separate axes, marked by a gain that no contrast can have.
         covariance -= np.eye(n - 2) * ~self._real[:, 2:, None]
         gain, vectors = np.linalg.eigh(covariance)
-        contrasts = (vectors.mT @ (projected @ self._target[:, :, None]))[:, :, 0]
+        both = vectors.mT @ (projected @ np.stack([self._target, self._way], axis=2))
         real = gain > -0.5
-        return np.maximum(gain[real], 0.0), contrasts[real]
+        return np.maximum(gain[real], 0.0), both[:, :, 0][real], both[:, :, 1][real]
 
     def smooth(self, components: VarianceComponents) -> Motion:
         """Posterior of the motions as a stack, given how strong acceleration and noise are."""
         n = self._real.shape[1]
         variance = components.acceleration_variance
+        common = components.mean_acceleration_mps2
+        target = self._target - common * self._way
         total = variance * self._of_along + components.noise_scale * self._noise
         cross = variance * self._with_along
         design = self._start[:, :n]
         solved = np.linalg.solve(
-            total, np.concatenate([self._target[:, :, None], design, cross[:, n:].mT], axis=2)
+            total, np.concatenate([target[:, :, None], design, cross[:, n:].mT], axis=2)
         )
         weighted, started = solved[:, :, :1], solved[:, :, 1:3]
         spread = np.linalg.inv(design.mT @ started)
@@ -232,9 +240,9 @@ class Smoother:
         speed, acceleration = np.s_[:, n : 2 * n], np.s_[:, 2 * n :]
         return Motion(
             self._time_s,
-            mean[:, :n] + self._middle,
-            mean[speed],
-            mean[acceleration],
+            mean[:, :n] + self._middle + common * self._way,
+            mean[speed] + common * self._since_s,
+            mean[acceleration] + common,
             variance * self._of_speed
             - cross[speed] @ solved[:, :, 3 : 3 + n]
             + left[speed] @ spread @ left[speed].mT,
@@ -244,19 +252,33 @@ class Smoother:
         )
 
 
-def estimate_variance_components(smoother: Smoother) -> VarianceComponents:
+def estimate_variance_components(
+    smoother: Smoother, *, around_mean: bool = False
+) -> VarianceComponents:
     """Variance components by restricted maximum likelihood (Fisher scoring).
 
     A contrast of gain g is normal with variance noise + σ²_a g, so the squares regress on
     (1, g) with weights that the estimate itself gives. A weak prior stands in where vehicles are
-    few.
+    few. A mean acceleration follows by weighted least squares, with the process's own variance as
+    prior: a lone vehicle's acceleration is as likely its own.
+
+    Args:
+        smoother: with the contrasts.
+        around_mean: whether the accelerations have a common mean, else 0.
     """
-    gains, squares = smoother.gains, smoother.contrasts**2
+    gains, common = smoother.gains, 0.0
     design = np.stack([np.ones_like(gains), gains])
     estimate = np.array([1.0, _PRIOR_ACCELERATION_VARIANCE])
     prior = _PRIOR_OBSERVATIONS / 2 * np.diag([1.0, 0.0])
     for _ in range(20):
         variance = estimate[0] + estimate[1] * gains
+        pull = smoother.accelerated / variance
+        common = (
+            around_mean
+            * float(pull @ smoother.contrasts)
+            / (float(pull @ smoother.accelerated) + 1 / estimate[1])
+        )
+        squares = (smoother.contrasts - common * smoother.accelerated) ** 2
         # A box that jumped is no acceleration: residuals are clipped at 3 σ.
         seen = np.minimum(squares, 9.0 * variance)
         weighted = design * (0.5 / variance**2)
@@ -266,7 +288,7 @@ def estimate_variance_components(smoother: Smoother) -> VarianceComponents:
         if (np.abs(new - estimate) <= 1e-3 * estimate).all():
             break
         estimate = new
-    return VarianceComponents(float(estimate[1]), float(estimate[0]))
+    return VarianceComponents(float(estimate[1]), float(estimate[0]), common)
 
 
 def _integrals(time_s: Array) -> tuple[Array, Array]:

@@ -51,6 +51,11 @@ def to_road_points(detections: Detections, camera: Camera) -> RoadPoints:
     cover it and where the detector is unsure, and far pixels are worth more metres:
     R = J diag(σ²) Jᵀ with the homography's Jacobian J.
     """
+    return place_on_road(detections, _covered(detections.boxes), camera)
+
+
+def place_on_road(detections: Detections, covered: Array, camera: Camera) -> RoadPoints:
+    """`to_road_points`, given the share of each box that others cover, shape (n,)."""
     boxes = detections.boxes
     width, height = camera.size
     whole = (
@@ -64,7 +69,7 @@ def to_road_points(detections: Detections, camera: Camera) -> RoadPoints:
     sizes = (boxes[keep, 2:] - boxes[keep, :2]).astype(np.float64)
     share = (
         _NOISE_OF_SIZE
-        + np.minimum(_NOISE_OF_COVER * _covered(boxes)[keep], _MAX_NOISE_OF_COVER)
+        + np.minimum(_NOISE_OF_COVER * covered[keep], _MAX_NOISE_OF_COVER)
         + _NOISE_OF_DOUBT * np.maximum(0.0, _SURE_SCORE - detections.scores[keep])
     )
     sigma = np.hypot(_NOISE_PX, share[:, None] * sizes)

@@ -96,6 +96,34 @@ class SegmentState(Message):
         return self
 
 
+class StoppedVehicle(Message):
+    """A vehicle that stands on a road segment."""
+
+    lane: Count = Field(description="From the right edge of what the camera watches, from 0.")
+    along_m: NonNegative = Field(
+        description="Distance of its middle from the upstream end of what the camera watches."
+    )
+    since_ns: TimeNs = Field(description="UTC at which it came to stand, or was first seen.")
+    seen_ns: TimeNs = Field(description="UTC at which it was last seen; earlier while hidden.")
+
+
+class StoppedVehicles(Message):
+    """All vehicles that stand on one road segment.
+
+    Sent with each SegmentState while there is one, and once more, empty, when there is none. In a
+    queue many stand: ``y_e`` and the mean speed, those of the state, tell it from a breakdown.
+    """
+
+    rsu: Identifier
+    segment: Identifier
+    time_ns: TimeNs
+    vehicles: Annotated[tuple[StoppedVehicle, ...], Field(max_length=500)]
+    y_e: Literal[0, 1] | None
+    mean_speed_mps: NonNegative | None = Field(
+        description="Of all vehicles in the state's window; None where none was measured."
+    )
+
+
 class RsuHealth(Message):
     """How an edge daemon is doing; counters run from its start."""
 
@@ -135,6 +163,11 @@ def segment_states_key(segment: str) -> str:
     return f"{ROOT}/rsu/*/segment/{chunk(segment)}/state"
 
 
+def stopped_key(rsu: str, segment: str) -> str:
+    """Key of a StoppedVehicles."""
+    return f"{ROOT}/rsu/{chunk(rsu)}/segment/{chunk(segment)}/stopped"
+
+
 def rsu_health_key(rsu: str) -> str:
     """Key of an RsuHealth."""
     return f"{ROOT}/rsu/{chunk(rsu)}/health"
@@ -146,5 +179,6 @@ def preview_key(rsu: str) -> str:
 
 
 ALL_STATES: Final = f"{ROOT}/rsu/*/segment/*/state"
+ALL_STOPPED: Final = f"{ROOT}/rsu/*/segment/*/stopped"
 ALL_RSU_HEALTH: Final = f"{ROOT}/rsu/*/health"
 ALL_PREVIEWS: Final = f"{ROOT}/rsu/*/preview"

@@ -11,11 +11,13 @@ from slipstream.errors import InputError
 from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    StoppedVehicles,
     Unserved,
     plan_key,
     preview_key,
     rsu_health_key,
     state_key,
+    stopped_key,
 )
 from slipstream.sumo_net import load_network
 
@@ -45,6 +47,21 @@ def test_each_kind_arrives(live, world, now_ns):
     assert snapshot.cycles == (cycle,)
     assert snapshot.dispatcher == dispatcher
     assert snapshot.previews == {"rsu/1 ü": (world.jpeg(), now_ns)}
+
+
+def test_stopped_vehicles_arrive_in_order(live, now_ns):
+    """A late message does not bring back what has ended; one under another key is refused."""
+
+    def told(time_ns: int) -> StoppedVehicles:
+        return StoppedVehicles(
+            rsu="r", segment="s", time_ns=time_ns, vehicles=(), y_e=None, mean_speed_mps=None
+        )
+
+    for time_ns in (now_ns, now_ns - S):
+        live.on_stopped(stopped_key("r", "s"), told(time_ns).to_bytes())
+    assert live.snapshot().stopped == {("s", "r"): told(now_ns)}
+    with pytest.raises(InputError, match="belongs under"):
+        live.on_stopped(stopped_key("r", "other"), told(now_ns).to_bytes())
 
 
 @pytest.mark.attack

@@ -41,6 +41,7 @@ KEYS = {
     messages.signal_status_key("{intersection}"),
     messages.spat_key("{intersection}"),
     messages.state_key("{rsu}", "{segment}"),
+    messages.stopped_key("{rsu}", "{segment}"),
     messages.CYCLE_KEY,
     messages.DISPATCHER_HEALTH_KEY,
 }

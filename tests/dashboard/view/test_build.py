@@ -15,6 +15,8 @@ from slipstream.messages import (
     CAMERA_FAULTS,
     DISPATCHER_HEALTH_KEY,
     DispatcherHealth,
+    StoppedVehicle,
+    StoppedVehicles,
     Unserved,
     decode,
 )
@@ -415,3 +417,36 @@ def test_states_differ_by_more_than_colour():
     for rgb in labels.VEHICLE_RGB:
         for state in labels.TRAFFIC_RGB.values():
             assert sum((a - b) ** 2 for a, b in zip(rgb, state, strict=True)) > 60**2
+
+
+def _stopped(now_ns, *since_s, y_e=1):
+    vehicles = tuple(
+        StoppedVehicle(lane=1, along_m=40.2, since_ns=now_ns - round(s * S), seen_ns=now_ns)
+        for s in since_s
+    )
+    message = StoppedVehicles(
+        rsu="rsu-1",
+        segment="avenue_east",
+        time_ns=now_ns,
+        vehicles=vehicles,
+        y_e=y_e,
+        mean_speed_mps=15.0,
+    )
+    return Snapshot(stopped={("avenue_east", "rsu-1"): message})
+
+
+def test_a_stopped_vehicle_is_told_with_its_place(now_ns):
+    """Lane, place and since when, with the flag beside; the longest, and how many more."""
+    (line,) = _view(_stopped(now_ns, 32.0), now_ns).problems
+    assert line == (
+        "A vehicle stands on avenue_east, lane 2 from the right, 40 m along, for 32 s; "
+        "traffic is stable"
+    )
+    (line,) = _view(_stopped(now_ns, 8.0, 32.0, y_e=0), now_ns).problems
+    assert "for 32 s, and 1 more; traffic is turbulent" in line
+
+
+def test_stopped_vehicles_end_with_their_message(now_ns):
+    """An empty message ends them, and so does one that is old."""
+    assert _view(_stopped(now_ns), now_ns).problems == ()
+    assert _view(_stopped(now_ns, 32.0), now_ns + 6 * S).problems == ()

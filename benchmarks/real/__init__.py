@@ -1,0 +1,1 @@
+"""Real roads: published ground truth of speeds, and frames labelled by hand."""

@@ -1,0 +1,145 @@
+"""Vehicles that stand on a segment: each an event of its own, whatever the flag says.
+
+A vehicle stands if it has moved less than 2.5 m in 5 s (0.5 m/s). It is known by its place, not
+by its track: what hides it for some seconds ends the track, and the vehicle is there again under
+another number. It has moved on when its track has left the place by more than its length, and is
+gone when nothing has been seen there for 15 s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from edge_daemon.camera import Array, WatchedSegment
+from edge_daemon.features.trajectories import NOMINAL_LENGTH_M
+from edge_daemon.tracking import Sightings
+
+STANDS_S: Final = 5.0
+MAX_SPEED_MPS: Final = 0.5
+GONE_S: Final = 15.0
+_END_S: Final = 1.0
+"""Places are medians over so long: a box of a vehicle that stands jumps too."""
+MEMORY_S: Final = STANDS_S + 1.5 * _END_S
+"""Sightings are needed for so long."""
+_PRESENT_S: Final = 1.5
+_ARRIVED_M: Final = 1.0
+"""From where it came to stand it has not been farther away since."""
+_SAME_ALONG_M: Final = 4.0
+_SAME_ACROSS_M: Final = 1.5
+_LEFT_M: Final = 5.0
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A vehicle that stands.
+
+    Attributes:
+        lane: lane index.
+        along_m: place of its middle from the segment's upstream end.
+        across_m: and from its right edge.
+        since_s: media time at which it came to stand, or was first seen.
+        seen_s: media time at which it was last seen.
+        track: its latest track.
+    """
+
+    lane: int
+    along_m: float
+    across_m: float
+    since_s: float
+    seen_s: float
+    track: int
+
+
+class StoppedVehicleJudge:
+    """The vehicles that stand on one segment, from one state to the next.
+
+    Attributes:
+        standing: the longest first.
+    """
+
+    def __init__(self, segment: WatchedSegment) -> None:
+        self._segment = segment
+        self.standing: tuple[Standing, ...] = ()
+
+    def reset(self) -> None:
+        """Forget all: the scene has changed."""
+        self.standing = ()
+
+    def update(self, now_s: float, sightings: Sightings | None) -> None:
+        """Take in the sightings so far.
+
+        Args:
+            now_s: media time, later than the last one.
+            sightings: of the last ten seconds or so, in order of time.
+        """
+        latest: dict[int, Array] = {}
+        found: list[Standing] = []
+        for track, path in self._paths(sightings):
+            latest[track] = path[-1]
+            place = self._stands(path, track) if now_s - path[-1, 0] <= _PRESENT_S else None
+            if place is not None:
+                found.append(place)
+        kept = []
+        for known in self.standing:
+            here = next((place for place in found if _same(place, known)), None)
+            if here is not None:
+                found.remove(here)
+                kept.append(replace(here, since_s=min(known.since_s, here.since_s)))
+                continue
+            now = latest.get(known.track)
+            if now is not None and now[0] > known.seen_s:
+                if abs(now[1] - known.along_m) > _LEFT_M:
+                    continue  # it has moved on
+                known = replace(known, seen_s=float(now[0]))
+            if now_s - known.seen_s <= GONE_S:
+                kept.append(known)
+        self.standing = tuple(sorted([*kept, *found], key=lambda place: place.since_s))
+
+    def _paths(self, sightings: Sightings | None) -> list[tuple[int, Array]]:
+        """Of each track: time, place along and across, and whether inside, shape (n, 4)."""
+        if sightings is None or not len(sightings):
+            return []
+        segment = self._segment
+        half = np.array(NOMINAL_LENGTH_M)[sightings.vehicle_class] / 2
+        middle = sightings.point_m + sightings.away * half[:, None]
+        table = np.column_stack(
+            [
+                sightings.time_s,
+                segment.along(middle) - segment.begin_m,
+                middle @ segment.left - segment.right_edge_m,
+                segment.contains(middle),
+            ]
+        )
+        order = np.lexsort((sightings.time_s, sightings.track))
+        tracks, begins = np.unique(sightings.track[order], return_index=True)
+        return list(zip(tracks.tolist(), np.split(table[order], begins[1:]), strict=True))
+
+    def _stands(self, path: Array, track: int) -> Standing | None:
+        """Where a track stands; None if it moves, or has been followed for too short a time."""
+        end_s = float(path[-1, 0])
+        last = np.median(path[path[:, 0] > end_s - _END_S], axis=0)
+        before = path[(path[:, 0] > end_s - STANDS_S - _END_S) & (path[:, 0] <= end_s - STANDS_S)]
+        if not len(before) or not last[3]:
+            return None
+        first = np.median(before, axis=0)
+        moved_m = float(np.hypot(*(last - first)[1:3]))
+        if moved_m > MAX_SPEED_MPS * float(last[0] - first[0]):
+            return None
+        away = np.hypot(*(path[:, 1:3] - last[1:3]).T) > _ARRIVED_M
+        # For the last seconds it stands, whatever single boxes say.
+        away &= path[:, 0] <= end_s - STANDS_S
+        since_s = float(path[away.nonzero()[0][-1] + 1, 0]) if away.any() else float(path[0, 0])
+        lane = int(np.clip(last[2] // self._segment.lane_width_m, 0, self._segment.lanes - 1))
+        return Standing(
+            lane, max(0.0, float(last[1])), float(last[2]), min(since_s, end_s), end_s, track
+        )
+
+
+def _same(place: Standing, known: Standing) -> bool:
+    return (
+        abs(place.along_m - known.along_m) <= _SAME_ALONG_M
+        and abs(place.across_m - known.across_m) <= _SAME_ACROSS_M
+    )
