@@ -32,14 +32,14 @@ class Codec:
         packed = cv2.imencode(".jpg", image, self._quality)[1]
         result = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), dtype=np.uint8)
         if self._last is not None:
-            change = cv2.absdiff(image, self._seen).max(axis=2)
-            blocks = (image.shape[1] // _BLOCK, image.shape[0] // _BLOCK)
-            mean = cv2.resize(change, blocks, interpolation=cv2.INTER_AREA)
-            same = (mean < self._skip_below).astype(np.uint8)
+            change = cv2.cvtColor(cv2.absdiff(image, self._seen), cv2.COLOR_BGR2GRAY)
             size = image.shape[1], image.shape[0]
-            keep = cv2.resize(same, size, interpolation=cv2.INTER_NEAREST).astype(bool)
-            result[keep] = self._last[keep]
-            self._seen[~keep] = image[~keep]
+            blocks = (-(-size[0] // _BLOCK), -(-size[1] // _BLOCK))
+            mean = cv2.resize(change, blocks, interpolation=cv2.INTER_AREA)
+            same = (mean < self._skip_below).astype(np.uint8) * 255
+            keep = cv2.resize(same, size, interpolation=cv2.INTER_NEAREST)
+            cv2.copyTo(self._last, keep, result)
+            cv2.copyTo(image, cv2.bitwise_not(keep), self._seen)
         else:
             self._seen = image.copy()
         self._last = result

@@ -37,9 +37,13 @@ class Lens:
         """The picture (h, w, 3) behind the glass; the one given is not changed."""
         result = image
         height, width = self._size
+        falling: Image | None = None
         for layer in self._layers:
             top, left = (int(v) for v in self._rng.integers(0, _SPARE, 2))
-            result = _over(result, layer[top : top + height, left : left + width])
+            part = layer[top : top + height, left : left + width]
+            falling = part if falling is None else _as_image(cv2.add(falling, part))
+        if falling is not None:
+            result = _over(result, falling)
         if self._glare is not None:
             result = _as_image(cv2.add(result, self._glare))
         if self._drops:
