@@ -6,6 +6,7 @@ writes video, truth and calibration.
 
 from simulation.streetdrive.calibration import Point, SegmentText, calibration_text
 from simulation.streetdrive.clip import PALETTE, ClipSummary, render_clip
+from simulation.streetdrive.rendering import Conditions
 from simulation.streetdrive.settings import ClipSettings
 from simulation.streetdrive.traffic.scenarios import SCENARIOS
 from simulation.streetdrive.writer import Progress, make_folder, write_clip
@@ -15,6 +16,7 @@ __all__ = [
     "SCENARIOS",
     "ClipSettings",
     "ClipSummary",
+    "Conditions",
     "Point",
     "Progress",
     "SegmentText",

@@ -11,8 +11,10 @@ import numpy as np
 from simulation.streetdrive.calibration import camera_toml
 from simulation.streetdrive.rendering import (
     Camera,
+    Codec,
     Density,
     Image,
+    Lens,
     Mesh,
     Palette,
     Placed,
@@ -144,11 +146,26 @@ class ClipRenderer:
         self.camera = draw_clip_camera(rng, self.road)
         self._fleet = Fleet(settings.seed)
         light = draw_light(rng).exposed(float(rng.uniform(1.12, 1.25)))
+        given = settings.conditions
+        # A generator of its own: camera and traffic stay the same in any weather.
+        weather = np.random.default_rng([settings.seed, 4])
         self._stage = Stage(
-            self.camera, self.road, light, PALETTE, rng, density=Density(7.0, 14.0, 5.0)
+            self.camera,
+            self.road,
+            light,
+            PALETTE,
+            rng,
+            density=Density(7.0, 14.0, 5.0),
+            conditions=given,
+            weather=weather,
         )
+        blur, vignette, noise = (float(v) for v in rng.uniform((0.4, 0.1, 1.5), (0.7, 0.25, 3.0)))
+        if given.night:
+            noise += float(weather.uniform(3.0, 6.0))
+        self._lens = Lens(given, self.camera, self._stage.light, weather)
+        self._codec = Codec(given.jpeg_quality)
         self._sensor = Sensor(
-            SensorSettings(rng.uniform(0.4, 0.7), rng.uniform(0.1, 0.25), rng.uniform(1.5, 3.0)),
+            SensorSettings(blur, vignette, noise),
             self.camera.width_px,
             self.camera.height_px,
             rng,
@@ -172,6 +189,7 @@ class ClipRenderer:
                     float(track.x_m[sample]),
                     track.lane.y_m + self._fleet.sway_m(track.vehicle_id),
                     track.lane.direction,
+                    speed_mps=float(track.speed_mps[sample]),
                 )
                 for track, sample in present
             ]
@@ -181,7 +199,7 @@ class ClipRenderer:
                 for (track, sample), vehicle, what in zip(present, placed, seen, strict=True)
                 if what is not None
             ]
-            yield self._sensor.expose(image), rows
+            yield self._codec.code(self._sensor.expose(self._lens.gather(image))), rows
 
 
 def render_clip(

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 
 from simulation.streetdrive.calibration import MonitoredSegment
+from simulation.streetdrive.rendering import CLEAR, Conditions
 from simulation.streetdrive.traffic import SCENARIOS
 from slipstream.errors import InputError
 
@@ -27,6 +28,7 @@ class ClipSettings:
         segment_id: identity of the monitored incoming lanes.
         reverse_segment_id: identity of the outgoing lanes; monitored when it is given, and in the
             `mixed` scenario always (there it is "departure" unless given).
+        conditions: weather, hour and the camera's state; the truth does not depend on them.
 
     Raises:
         InputError: a value is out of range.
@@ -38,6 +40,7 @@ class ClipSettings:
     seed: int = 1
     segment_id: str = "approach"
     reverse_segment_id: str | None = None
+    conditions: Conditions = CLEAR
 
     def __post_init__(self) -> None:
         def refuse(key: str, problem: str, mend: str) -> None:

@@ -11,10 +11,10 @@ from pathlib import Path
 from simulation.training.card import REACH_HEIGHT_PX, Record, StageRecord, card_text
 from simulation.training.dataset import write_data_yaml, write_dataset
 from simulation.training.labelled import read_labelled_set
-from simulation.training.ranges import QUEUES, RIDERS, ROADSIDE, WIDE
-from simulation.training.scenes import TRAIN
+from simulation.training.ranges import BY_CONDITION, QUEUES, RIDERS, ROADSIDE, VARIED, WIDE
+from simulation.training.scenes import HELD_OUT, TRAIN
 from simulation.training.ship import ship
-from simulation.training.train import INPUT_SHAPE, TrainSettings, train, ultralytics_map
+from simulation.training.train import INPUT_SHAPE, TrainSettings, average, train, ultralytics_map
 from simulation.training.validation import evaluate_model
 
 _TOOLS = ("torch", "ultralytics-opencv-headless", "openvino", "opencv-python-headless", "numpy")
@@ -34,7 +34,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--first-epochs", type=_positive, default=5, help="epochs on wide scenes")
     parser.add_argument("--epochs", type=_positive, default=15, help="epochs on roadside scenes")
     parser.add_argument(
-        "--last-epochs", type=_positive, default=8, help="epochs with more motorcycles and jams"
+        "--last-epochs",
+        type=_positive,
+        default=8,
+        help="epochs with more motorcycles and jams, then as many on all ranges",
     )
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--threads", type=_positive, default=2, help="CPU threads and processes")
@@ -74,7 +77,10 @@ def main(argv: list[str] | None = None) -> int:
             (ROADSIDE, chosen.images, chosen.held_out),
             (RIDERS, chosen.images // 3 + 1, 0),
             (QUEUES, chosen.images, 0),
+            (VARIED, chosen.images // 2, 0),
+            *((limits, chosen.images // 10, chosen.held_out // 6) for limits in BY_CONDITION),
         )
+        if pictures + held_out > 0
     }
     # Another seed a set: equal ones would repeat the cameras of the set before.
     for offset, (limits, folder, pictures, held_out) in enumerate(sets.values()):
@@ -86,20 +92,24 @@ def main(argv: list[str] | None = None) -> int:
             limits=limits,
             workers=chosen.threads,
         )
-    wide, roadside, riders, queues = (folder for _, folder, _, _ in sets.values())
+    folders = {name: folder for name, (_, folder, pictures, _) in sets.items() if pictures > 0}
+    wide, roadside = folders[WIDE.name], folders[ROADSIDE.name]
+    riders, queues = folders[RIDERS.name], folders[QUEUES.name]
+    conditions = [folders[kind.name] for kind in BY_CONDITION if kind.name in folders]
     if chosen.only_render:
-        everything = [wide, roadside, riders, queues]
-        print(write_data_yaml(chosen.out / "data.yaml", everything, roadside))
+        print(write_data_yaml(chosen.out / "data.yaml", list(folders.values()), roadside))
         return 0
     plans: tuple[tuple[list[Path], int, float, float], ...] = (
         # The first stage hands over before its rate has fallen, as the first part of a longer run.
         ([wide], chosen.first_epochs, 1e-3, 0.85),
         ([roadside], chosen.epochs, 1e-3, 0.01),
         ([roadside, riders, queues], chosen.last_epochs, 5e-4, 0.01),
+        (list(folders.values()), chosen.last_epochs, 5e-4, 0.01),
     )
     last: Path | None = None
+    former: Path | None = None
     stages = []
-    for number, (folders, epochs, rate, final_rate) in enumerate(plans, start=1):
+    for number, (used, epochs, rate, final_rate) in enumerate(plans, start=1):
         settings = TrainSettings(
             epochs=epochs,
             seed=chosen.seed,
@@ -108,11 +118,14 @@ def main(argv: list[str] | None = None) -> int:
             final_rate=final_rate,
             hard_swish=True,
         )
-        data = write_data_yaml(chosen.out / f"stage{number}.yaml", folders, folders[0])
-        last = train(data, chosen.out, settings, f"stage{number}", last)
-        stages.append(StageRecord.of(folders, settings))
+        data = write_data_yaml(chosen.out / f"stage{number}.yaml", used, roadside)
+        former, last = last, train(data, chosen.out, settings, f"stage{number}", last)
+        stages.append(StageRecord.of(used, settings))
     minutes = (time.monotonic() - begin) / 60
     assert last is not None
+    assert former is not None
+    # The last stage's conditions cost clear pictures a little; the mean with its start does not.
+    last = average(last, former, chosen.out / "averaged.pt")
     shipped = ship(last, chosen.weights, chosen.out / "export", roadside / "images" / TRAIN)
     heights = (0.0, REACH_HEIGHT_PX)
     figures = {
@@ -122,6 +135,13 @@ def main(argv: list[str] | None = None) -> int:
         for folder in (roadside, wide)
         for xml in (shipped.float_xml, shipped.int8_xml)
     }
+    by_condition = {
+        folder.name: evaluate_model(
+            shipped.float_xml, read_labelled_set(folder / "data.yaml"), INPUT_SHAPE
+        )[0]
+        for folder in conditions
+        if (folder / "images" / HELD_OUT).is_dir()
+    }
     record = Record(
         date=datetime.now(UTC).date().isoformat(),
         stages=tuple(stages),
@@ -130,6 +150,7 @@ def main(argv: list[str] | None = None) -> int:
         in_reach=figures[roadside, shipped.float_xml][1],
         int8={f.name: figures[f, shipped.int8_xml][0] for f in (roadside, wide)},
         int8_in_reach=figures[roadside, shipped.int8_xml][1],
+        by_condition=by_condition,
         validator=ultralytics_map(shipped.pt, roadside / "data.yaml"),
         minutes=minutes,
         versions=_installed(),

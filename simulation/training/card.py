@@ -10,7 +10,7 @@ from pathlib import Path
 from simulation.streetdrive.vehicles import CLASSES
 from simulation.training.export import CALIBRATION_PICTURES
 from simulation.training.metrics import Figures
-from simulation.training.ranges import ROADSIDE, WIDE
+from simulation.training.ranges import CONDITIONS, ROADSIDE, VARIED, WIDE
 from simulation.training.scenes import MIN_HEIGHT_PX, MIN_VISIBLE_FRACTION, TRAIN
 from simulation.training.train import WEIGHTS_NAME, TrainSettings
 from slipstream.tables import markdown_table
@@ -53,6 +53,7 @@ class Record:
     in_reach: Figures
     int8: dict[str, Figures]
     int8_in_reach: Figures
+    by_condition: dict[str, Figures]
     validator: tuple[float, float]
     minutes: float
     versions: dict[str, str]
@@ -83,6 +84,16 @@ def _class_table(record: Record) -> str:
             *(reach.boxes, reach.ap50, reach8.ap50),
             strict=True,
         )
+    )
+    return markdown_table(columns, rows)
+
+
+def _condition_table(record: Record) -> str:
+    """Held-out roadside pictures under each kind of conditions, by the float model."""
+    columns = ("roadside in", "held-out boxes", "mAP50", *CLASSES)
+    rows = (
+        (kind, sum(of.boxes), f"{of.map50:.3f}", *(f"{ap:.3f}" for ap in of.ap50))
+        for kind, of in record.by_condition.items()
     )
     return markdown_table(columns, rows)
 
@@ -120,6 +131,8 @@ Own COCO-style evaluation of the shipped OpenVINO models at 384×640; float, the
 
 {_class_table(record)}
 
+{_condition_table(record)}
+
 INT8 was fitted to {CALIBRATION_PICTURES} roadside training pictures; what turns the heads' answers into boxes stays float.
 
 Cars at the far end (77 to 80 m) of a StreetDrive clip's monitored segment measured 11 to 18 px, 13 in the
@@ -130,13 +143,15 @@ Scores from 0.001 up, NMS per class at IoU 0.7, at most 300 boxes a picture, AP 
 (`simulation/training/metrics.py`, `validation.py`).
 
 ## Data
-Rendered at 1280×720 and reduced to 640×360. SampledBits at random: camera height, focal length, pitch, yaw, roll
+Rendered at 1280×720 and reduced to 640×360. Drawn at random: camera height, focal length, pitch, yaw, roll
 and place; one to three lanes a side; density from free to dense; vehicle shapes, sizes and paints; sun,
 overcast and haze; scenery, tree shadows, pedestrians, signs, cabinets, and posts close to the camera; blur,
 vignette, noise, contrast, gamma, colour cast and JPEG quality. Ranges (`simulation/training/ranges.py`):
 *wide* has cameras from {WIDE.height_m[0]:g} to {WIDE.height_m[1]:g} m in any state and vehicles up to {WIDE.far_m[1]:g} m away; *roadside* has poles of
 {ROADSIDE.height_m[0]:g} to {ROADSIDE.height_m[1]:g} m with a camera in working order and most vehicles within the label rule's reach; *riders*,
-only for training, is the roadside with many motorcycles, *queues* the roadside in a jam.
+only for training, is the roadside with many motorcycles, *queues* the roadside in a jam; *varied*,
+only for training, has vehicles, paints and surfaces far beyond StreetDrive's own and lenses up to
+{VARIED.focal_px[1]:g} px. The roadside comes also in {", ".join(CONDITIONS)}.
 
 A vehicle is labelled when at least {MIN_VISIBLE_FRACTION:.0%} of its silhouette is visible inside the picture and its box
 is at least {MIN_HEIGHT_PX:.0f} px high at 640 px picture width. Others stay in the picture unlabelled.
@@ -148,7 +163,7 @@ by them: the weights are the moving average after the last one.
 ## Training
 {_stage_table(record)}
 
-Each stage starts from the weights of the one before. Rectangular batches of 384×640, no mosaic; flips,
+Each stage starts from the weights of the one before; the shipped ones are the mean of the last two stages. Rectangular batches of 384×640, no mosaic; flips,
 hue/saturation/value, shift and scale as augmentation. {record.minutes:.0f} minutes on {last.settings.threads} CPU threads that other work shared.
 {versions}.
 
@@ -162,7 +177,7 @@ for 384×640; rows 0 to 3 are centre x, centre y, width and height in pixels of 
 ## Limits
 For StreetDrive pictures only. These weights have never seen a real camera: there, use weights trained on
 COCO or on pictures of the camera in question. Vehicles smaller or less visible than the label rule are
-found unreliably, and classes are mixed up in the distance. No night, rain or snow, no curves, no junctions.
+found unreliably, and classes are mixed up in the distance. No curves, no junctions.
 
 ## Licence
 AGPL-3.0, as is Ultralytics, the tool that trained them.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulation.streetdrive.rendering import Colour, Corner, Material, Mesh, MeshBuilder
+from simulation.streetdrive.rendering import Colour, Corner, Material, Mesh, MeshBuilder, Placed
+from simulation.streetdrive.traffic import Road
 
 
 def _tone(rng: np.random.Generator, low: float, high: float) -> Colour:
@@ -44,9 +45,46 @@ def _cabinet(rng: np.random.Generator) -> Mesh:
     return b.build("cabinet", 2 * half_l, 2 * half_w)
 
 
-def build_distractor(rng: np.random.Generator) -> Mesh:
+_RAIL_M = 8.0
+
+
+def _rail(rng: np.random.Generator) -> Mesh:
+    """A piece of guard rail, 8 m long, on its posts."""
+    b = MeshBuilder()
+    tone = _tone(rng, 90, 200)
+    for x in (-2.0, 2.0):
+        b.box((x - 0.06, x + 0.06), (-0.06, 0.06), (0.0, 0.7), tone)
+    b.box((-_RAIL_M / 2, _RAIL_M / 2), (-0.05, 0.05), (0.45, 0.75), tone, layer=1)
+    return b.build("rail", _RAIL_M, 0.2)
+
+
+def _distractor(rng: np.random.Generator) -> Mesh:
     """A pedestrian, a traffic sign or a switch cabinet."""
     kind = rng.random()
     if kind < 0.5:
         return _pedestrian(rng)
     return _sign(rng) if kind < 0.8 else _cabinet(rng)
+
+
+def draw_distractors(rng: np.random.Generator, road: Road, mean: float) -> list[Placed]:
+    """Upright things beside the carriageway that are no vehicles."""
+    placed = []
+    for _ in range(int(rng.poisson(mean))):
+        side = 1.0 if rng.random() < 0.5 else -1.0
+        edge = road.left_edge_m if side > 0 else -road.right_edge_m
+        y = side * (edge + rng.uniform(0.5, 4.0))
+        placed.append(Placed(_distractor(rng), float(rng.uniform(10, 90)), float(y), 1))
+    return placed
+
+
+def draw_rails(rng: np.random.Generator, road: Road) -> list[Placed]:
+    """Now and then guard rails along the edges or in the middle of the road."""
+    placed = []
+    for y in (road.left_edge_m + 0.7, 0.0, road.right_edge_m - 0.7):
+        if rng.random() < 0.35:
+            mesh = _rail(rng)
+            start = float(rng.uniform(8, 30))
+            placed += [
+                Placed(mesh, start + _RAIL_M * i, y, 1) for i in range(int(rng.integers(4, 16)))
+            ]
+    return placed

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
+
+from simulation.streetdrive.rendering import CLEAR, Conditions
 
 Span = tuple[float, float]
 
@@ -15,6 +20,8 @@ class SceneRange:
     falls under the label's least height; with `far_share` it lies within `far_m` instead.
     `gaps_m` are mean gaps of a lane, drawn by `gap_shares`; `shape_weights` are Dirichlet weights
     of the shapes in the order of CLASS_OF_SHAPE; `shots` pictures share one stage and camera.
+    `conditions` are the kinds of weather, hour and camera state that a stage is drawn from (see
+    `draw_conditions`); `variety` draws vehicles and surroundings from `variety.py` (training only).
     """
 
     name: str
@@ -41,6 +48,8 @@ class SceneRange:
     cast: Span
     grey_share: float
     jpeg_quality: tuple[int, int]
+    conditions: tuple[str, ...] = ()
+    variety: bool = False
 
 
 WIDE = SceneRange(
@@ -109,3 +118,55 @@ QUEUES = replace(
     gap_shares=(0.35, 0.3, 0.2, 0.15),
 )
 """The roadside in a jam, where each vehicle hides part of the next; training only."""
+
+CONDITIONS = ("night", "rain", "fog", "low sun", "snow", "dirt", "motion")
+"""Kinds of conditions; "motion" is a long exposure of fast vehicles, and a strong compression."""
+
+BY_CONDITION = tuple(
+    replace(ROADSIDE, name=kind.replace(" ", "-"), conditions=(kind,), jpeg_quality=(25, 95))
+    for kind in CONDITIONS
+)
+"""The roadside under each kind of conditions."""
+
+VARIED = replace(
+    ROADSIDE,
+    name="varied",
+    height_m=(5.0, 14.0),
+    focal_px=(780.0, 2400.0),
+    horizon_px=(-320.0, 170.0),
+    target_m=(25.0, 90.0),
+    roll_deg=2.0,
+    shape_weights=(6.0, 6.0, 6.0, 4.0, 2.6, 2.0, 1.6, 3.0),
+    blur_px=(0.3, 1.8),
+    noise_levels=(0.0, 7.0),
+    contrast=(0.7, 1.25),
+    brightness=0.1,
+    gamma=(0.7, 1.35),
+    cast=(0.9, 1.1),
+    grey_share=0.1,
+    jpeg_quality=(25, 98),
+    conditions=("clear", "clear", "clear", "low sun", "rain", "fog", "night", "dirt", "motion"),
+    variety=True,
+)
+"""Vehicles and surroundings of any colour, by any camera up to a long lens; training only."""
+
+
+def draw_conditions(rng: np.random.Generator, kinds: Sequence[str]) -> Conditions:
+    """Conditions of one of the kinds, and at night or in bad weather often of two."""
+    kind = kinds[int(rng.integers(len(kinds)))]
+    given = CLEAR
+    if kind in ("night", "low sun"):
+        given = replace(given, night=kind == "night", low_sun=kind == "low sun")
+    if kind == "rain" or (kind == "night" and rng.random() < 0.35):
+        given = replace(given, rain_mm_h=float(np.exp(rng.uniform(np.log(1), np.log(70)))))
+    if kind == "snow":
+        given = replace(given, snow_mm_h=float(np.exp(rng.uniform(np.log(0.3), np.log(5)))))
+    if kind == "fog":
+        given = replace(given, visibility_m=float(np.exp(rng.uniform(np.log(60), np.log(500)))))
+    if kind == "dirt" or rng.random() < 0.1:
+        given = replace(given, dirt=float(rng.uniform(0.1, 1.0)))
+    if kind == "motion":
+        given = replace(given, exposure_s=float(rng.uniform(0.01, 0.04)))
+    elif kind == "night":
+        given = replace(given, exposure_s=float(rng.uniform(0.004, 0.03)))
+    return given

@@ -14,10 +14,12 @@ import cv2
 import numpy as np
 
 from simulation.streetdrive.rendering import (
+    CLEAR,
     Camera,
     Colour,
     Density,
     Image,
+    Lens,
     Occluder,
     Palette,
     Placed,
@@ -29,8 +31,9 @@ from simulation.streetdrive.rendering import (
 )
 from simulation.streetdrive.traffic import Road
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE, CLASSES, PAINTS, build_vehicle
-from simulation.training.distractors import build_distractor
-from simulation.training.ranges import WIDE, SceneRange, Span
+from simulation.training.distractors import draw_distractors, draw_rails
+from simulation.training.ranges import WIDE, SceneRange, Span, draw_conditions
+from simulation.training.variety import any_paint, any_palette, uneven_light, varied_mesh
 
 TRAIN, HELD_OUT = "train", "val"
 SPLITS = (TRAIN, HELD_OUT)
@@ -179,24 +182,15 @@ def draw_vehicles(
         x = float(rng.uniform(0.0, 10.0 + gap))
         while x < end:
             shape = shapes[int(rng.choice(len(shapes), p=shares))]
-            mesh = build_vehicle(shape, rng, paints)
+            mesh = build_vehicle(shape, rng, [any_paint(rng)] * 2 if limits.variety else paints)
+            if limits.variety:
+                mesh = varied_mesh(mesh, rng)
             x += mesh.length_m / 2
             sway = rng.normal(0.0, 0.6 if shape == "motorcycle" else 0.2)
-            placed.append(
-                Placed(mesh, x, lane.y_m + float(np.clip(sway, -0.9, 0.9)), lane.direction)
-            )
+            y = lane.y_m + float(np.clip(sway, -0.9, 0.9))
+            speed = float(rng.uniform(0.0, 35.0)) if limits.conditions else 0.0
+            placed.append(Placed(mesh, x, y, lane.direction, speed_mps=speed))
             x += mesh.length_m / 2 + 1.5 + float(rng.exponential(gap))
-    return placed
-
-
-def draw_distractors(rng: np.random.Generator, road: Road, mean: float) -> list[Placed]:
-    """Upright things beside the carriageway that are no vehicles."""
-    placed = []
-    for _ in range(int(rng.poisson(mean))):
-        side = 1.0 if rng.random() < 0.5 else -1.0
-        edge = road.left_edge_m if side > 0 else -road.right_edge_m
-        y = side * (edge + rng.uniform(0.5, 4.0))
-        placed.append(Placed(build_distractor(rng), float(rng.uniform(10, 90)), float(y), 1))
     return placed
 
 
@@ -236,31 +230,46 @@ def render_shots(split: str, index: int, seed: int, limits: SceneRange) -> list[
     surfaces = _HELD_OUT_SURFACES if split == HELD_OUT else _TRAIN_SURFACES
     road = draw_road(rng)
     camera = draw_camera(rng, road, split, limits)
+    # A generator of its own: a range without conditions draws the same scenes as ever.
+    weather = np.random.default_rng([seed, SPLITS.index(split), index, 1])
+    conditions = draw_conditions(weather, limits.conditions) if limits.conditions else CLEAR
     stage = Stage(
         camera,
         road,
         draw_light(rng),
-        surfaces[int(rng.integers(len(surfaces)))],
+        any_palette(rng) if limits.variety else surfaces[int(rng.integers(len(surfaces)))],
         rng,
         density=Density(rng.uniform(0, 9), rng.uniform(0, 16), rng.uniform(0, 8)),
         tree_shadows=int(rng.integers(0, 7)),
         occluders=draw_occluders(rng, limits.cover_share),
+        conditions=conditions,
+        weather=weather,
     )
-    return [_shoot(stage, split, rng, limits) for _ in range(limits.shots)]
+    lens = Lens(conditions, camera, stage.light, weather)
+    return [_shoot(stage, lens, split, rng, limits) for _ in range(limits.shots)]
 
 
-def _shoot(stage: Stage, split: str, rng: np.random.Generator, limits: SceneRange) -> Scene:
+def _shoot(
+    stage: Stage, lens: Lens, split: str, rng: np.random.Generator, limits: SceneRange
+) -> Scene:
     """Fill a stage with vehicles, take its picture and label it."""
     camera, road = stage.camera, stage.road
     paints = _HELD_OUT_PAINTS if split == HELD_OUT else PAINTS
     vehicles = draw_vehicles(rng, road, camera, paints, limits)
-    picture, seen = stage.render([*vehicles, *draw_distractors(rng, road, limits.distractors)])
-    lens = SensorSettings(
+    others = draw_distractors(rng, road, limits.distractors)
+    if limits.variety:
+        others += draw_rails(rng, road)
+    picture, seen = stage.render([*vehicles, *others])
+    picture = lens.gather(picture)
+    if limits.variety and rng.random() < 0.5:
+        picture = uneven_light(picture, rng)
+    dark = rng.uniform(1.0, 8.0) if stage.conditions.night else 0.0
+    state = SensorSettings(
         rng.uniform(*limits.blur_px),
         rng.uniform(*limits.vignette),
-        rng.uniform(*limits.noise_levels),
+        rng.uniform(*limits.noise_levels) + dark,
     )
-    picture = Sensor(lens, camera.width_px, camera.height_px, rng).expose(picture)
+    picture = Sensor(state, camera.width_px, camera.height_px, rng).expose(picture)
     method = cv2.INTER_AREA if rng.random() < 0.5 else cv2.INTER_LINEAR
     small = np.asarray(
         cv2.resize(picture, (IMAGE_WIDTH, IMAGE_HEIGHT), interpolation=method), dtype=np.uint8

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -28,6 +29,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         help="calm traffic; stop-and-go; calm in, stop-and-go out; the paper's law of motion",
     )
     street.add_argument("--segment", default="approach", help="id of the watched road segment")
+    _add_conditions(street)
     street.set_defaults(run=run_streetdrive)
 
     sumo = worlds.add_parser(
@@ -54,6 +56,25 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     sumo.set_defaults(run=run_sumo)
 
 
+def _add_conditions(street: argparse.ArgumentParser) -> None:
+    group = street.add_argument_group("weather, hour and camera; the truth does not depend on them")
+    hour = group.add_mutually_exclusive_group()
+    hour.add_argument("--night", action="store_true", help="street lamps and vehicle lamps")
+    hour.add_argument("--low-sun", action="store_true", help="long shadows, glare")
+    group.add_argument("--rain", type=float, default=0.0, metavar="MM_PER_HOUR", help="0 to 150")
+    group.add_argument("--snow", type=float, default=0.0, metavar="MM_PER_HOUR", help="0 to 20")
+    group.add_argument(
+        "--visibility", type=float, default=math.inf, metavar="METRES", help="fog; 20 or more"
+    )
+    group.add_argument("--dirt", type=float, default=0.0, help="share of the lens, 0 to 1")
+    group.add_argument(
+        "--jpeg-quality", type=int, default=100, help="compression in the camera, 1 to 100"
+    )
+    group.add_argument(
+        "--exposure-ms", type=float, default=0.0, help="motion blur, 0 to 100 milliseconds"
+    )
+
+
 def _add_common(world: argparse.ArgumentParser) -> None:
     world.add_argument("--out", type=Path, required=True, help="folder to write into")
     world.add_argument("--seconds", type=float, default=30.0)
@@ -64,7 +85,7 @@ def _add_common(world: argparse.ArgumentParser) -> None:
 
 def run_streetdrive(options: argparse.Namespace) -> int:
     """Render a StreetDrive clip."""
-    from simulation.streetdrive import ClipSettings, render_clip
+    from simulation.streetdrive import ClipSettings, Conditions, render_clip
 
     settings = ClipSettings(
         seconds=options.seconds,
@@ -72,6 +93,16 @@ def run_streetdrive(options: argparse.Namespace) -> int:
         scenario=options.scenario,
         seed=options.seed,
         segment_id=options.segment,
+        conditions=Conditions(
+            night=options.night,
+            low_sun=options.low_sun,
+            rain_mm_h=options.rain,
+            snow_mm_h=options.snow,
+            visibility_m=options.visibility,
+            dirt=options.dirt,
+            jpeg_quality=options.jpeg_quality,
+            exposure_s=options.exposure_ms / 1000,
+        ),
     )
     with Progress("rendering", sys.stderr) as progress:
         summary = render_clip(settings, options.out, progress.update)

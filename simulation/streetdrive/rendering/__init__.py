@@ -1,6 +1,8 @@
 """From meshes, light and a camera to the pixels of a frame."""
 
 from simulation.streetdrive.rendering.camera import Camera
+from simulation.streetdrive.rendering.codec import Codec
+from simulation.streetdrive.rendering.conditions import CLEAR, Conditions
 from simulation.streetdrive.rendering.ground import (
     Grid,
     GroundView,
@@ -15,6 +17,7 @@ from simulation.streetdrive.rendering.ground import (
     worn_asphalt,
     worn_paint,
 )
+from simulation.streetdrive.rendering.lens import Lens
 from simulation.streetdrive.rendering.light import Light, draw_light
 from simulation.streetdrive.rendering.mesh import Colour, Corner, Material, Mesh, MeshBuilder
 from simulation.streetdrive.rendering.painter import Image, Placed, Seen
@@ -29,14 +32,18 @@ from simulation.streetdrive.rendering.sensor import Sensor, SensorSettings
 from simulation.streetdrive.rendering.stage import Backdrop, Occluder, Stage
 
 __all__ = [
+    "CLEAR",
     "Backdrop",
     "Camera",
+    "Codec",
     "Colour",
+    "Conditions",
     "Corner",
     "Density",
     "Grid",
     "GroundView",
     "Image",
+    "Lens",
     "Light",
     "Material",
     "Mesh",

@@ -144,16 +144,13 @@ def lit(image: Grid, view: GroundView, light: Light) -> Grid:
     """A picture of the road plane in the light and behind the haze; changes it in place."""
     up = light.lambert(np.array([[0.0, 0.0, 1.0]]))[0].astype(np.float32)
     image *= up
-    clear = np.exp(-view.reach / light.haze_m)[..., None]
+    clear = light.clearness(view.reach).astype(np.float32)[..., None]
     image = image * clear + np.asarray(light.sky_horizon, dtype=np.float32) * (1 - clear)
     return np.asarray(image, dtype=np.float32)
 
 
-def shade_ground(
-    camera: Camera, road: Road, palette: Palette, light: Light, rng: np.random.Generator
-) -> tuple[Grid, NDArray[np.bool_]]:
-    """Lit road plane, float BGR (h, w, 3), and the mask (h, w) of pixels that show it."""
-    view = view_ground(camera, rng)
+def paint_ground(view: GroundView, road: Road, palette: Palette) -> Grid:
+    """The straight road's plane, not lit yet, float BGR (h, w, 3)."""
     x, y, across, along = view.x, view.y, view.across, view.along
     image = verge(view, palette)
 
@@ -181,7 +178,7 @@ def shade_ground(
     worn = worn_paint(view)
     for cover in _markings(road, x, y, across, along):
         image = blend(image, palette.marking, np.asarray(cover * worn, dtype=np.float32))
-    return lit(image, view, light), view.hits
+    return image
 
 
 def ground_grid(camera: Camera) -> tuple[Grid, Grid, NDArray[np.bool_]]:

@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+FloatArray = NDArray[np.floating]
 Colour = tuple[float, float, float]
 """Blue, green, red, each 0..255."""
+
+LAMP_HEIGHT_M = 9.3
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,12 @@ class Light:
     sky_horizon: Colour
     haze_m: float
     clouds: float
+    fog_m: float = math.inf
+    """Distance over which fog, rain or snow leave 1/e of the light, besides the haze."""
+    lamps: tuple[tuple[float, float], ...] = ()
+    """Street lamps' places on the road plane, metres."""
+    lamp_colour: Colour = (0.0, 0.0, 0.0)
+    """Illumination factor (BGR) under a lamp."""
 
     @property
     def shadow_strength(self) -> float:
@@ -47,10 +56,37 @@ class Light:
         warm = np.asarray(self.tint)
         return np.asarray(direct[:, None] * warm + diffuse[:, None] * np.sqrt(2.0 - warm))
 
+    def lamp_level(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        """Illuminance by street lamps on level ground at (x, y), 1 under a single lamp.
+
+        A Lambertian lamp that looks down gives (h² / (h² + r²))² at a distance r from its foot.
+        """
+        level = np.zeros(np.shape(x_m))
+        h2 = LAMP_HEIGHT_M**2
+        for x, y in self.lamps:
+            level += (h2 / (h2 + (x_m - x) ** 2 + (y_m - y) ** 2)) ** 2
+        return np.asarray(level)
+
+    def lamplight(self, normals: Floats, x_m: float, y_m: float) -> Floats:
+        """Illumination factor (n, 3) by street lamps of faces near a road point."""
+        if not self.lamps:
+            return np.zeros((1, 3))
+        level = float(self.lamp_level(np.array(x_m), np.array(y_m)))
+        # Lamps before and behind a face light its sides at a third of what comes from above.
+        share = 0.35 + 0.65 * np.clip(normals[:, 2], 0.0, 1.0)
+        return np.asarray(level * share[:, None] * np.asarray(self.lamp_colour))
+
+    def clearness(self, distance_m: FloatArray) -> FloatArray:
+        """Share of the light that comes through haze and fog over distances (...)."""
+        clear = np.exp(-distance_m / self.haze_m)
+        if not math.isinf(self.fog_m):
+            clear = clear * np.exp(-distance_m / self.fog_m)
+        return np.asarray(clear)
+
     def through_haze(self, colours: Floats, distance_m: Floats) -> Floats:
         """Colours (n, 3) seen through the haze over distances (n,)."""
-        clear = np.exp(-distance_m / self.haze_m)[:, None]
-        return colours * clear + np.asarray(self.sky_horizon) * (1.0 - clear)
+        clear = self.clearness(distance_m)[:, None]
+        return np.asarray(colours * clear + np.asarray(self.sky_horizon) * (1.0 - clear))
 
 
 def draw_light(rng: np.random.Generator) -> Light:

@@ -49,11 +49,18 @@ class Mesh:
     layers: NDArray[np.int64]
     minor: NDArray[np.bool_]
     outline: Floats
+    shading: Floats | None = None
+    """Normals that light falls on where they differ from the faces' own, as on curved panels."""
 
     @cached_property
     def middle(self) -> Floats:
         """Mean of all faces' corners, (3,)."""
         return np.asarray(self.corners.reshape(-1, 3).mean(axis=0))
+
+    @cached_property
+    def has_lamps(self) -> bool:
+        """Whether it is a vehicle with lamps."""
+        return bool((self.materials == Material.LAMP).any())
 
     def resized(self, length_m: float, width_m: float) -> Mesh:
         """The same vehicle stretched to a length and a width; its height stays."""

@@ -15,8 +15,8 @@ from simulation.streetdrive.rendering.light import Light
 from simulation.streetdrive.rendering.mesh import Floats, Material, Mesh
 
 Image = NDArray[np.uint8]
-_SHIFT = 4
-_FIXED = 1 << _SHIFT
+FIXED_BITS = 4
+_FIXED = 1 << FIXED_BITS
 _NEAREST_M = 1.0
 _FINE_DETAIL_PX = 26.0
 
@@ -25,7 +25,8 @@ _FINE_DETAIL_PX = 26.0
 class Placed:
     """A mesh on the road: ground centre in metres and heading along x (+1 away, -1 towards).
 
-    `turn_rad` turns it from there to the left, on roads that are not straight.
+    `turn_rad` turns it from there to the left, on roads that are not straight. The speed blurs it
+    where the exposure takes time.
     """
 
     mesh: Mesh
@@ -33,6 +34,7 @@ class Placed:
     y_m: float
     heading: int
     turn_rad: float = 0.0
+    speed_mps: float = 0.0
 
     def turned(self, vectors: Floats) -> Floats:
         """Vectors (..., 2 or 3) turned about the vertical by `turn_rad`."""
@@ -75,7 +77,7 @@ def fixed(pixels: Floats) -> NDArray[np.int32]:
 def fill(image: Image, pixels: Floats, colour: Sequence[float], smooth: bool = True) -> None:
     """Fill a convex polygon given in (sub)pixels (n, 2)."""
     line = cv2.LINE_AA if smooth else cv2.LINE_8
-    cv2.fillConvexPoly(image, fixed(pixels), tuple(colour), line, _SHIFT)
+    cv2.fillConvexPoly(image, fixed(pixels), tuple(colour), line, FIXED_BITS)
 
 
 def outline_px(camera: Camera, vehicle: Placed) -> tuple[Floats, float]:
@@ -94,10 +96,11 @@ def full_box(pixels: Floats) -> tuple[float, float, float, float]:
 def shade(camera: Camera, light: Light, vehicle: Placed, faces: NDArray[np.int64]) -> Floats:
     """Colours (n, 3) of chosen faces as the camera sees them."""
     mesh = vehicle.mesh
-    normals = vehicle.directed(mesh.normals[faces])
+    shading = mesh.normals if mesh.shading is None else mesh.shading
+    normals = vehicle.directed(shading[faces])
     base = mesh.colours[faces]
     material = mesh.materials[faces]
-    lit = base * light.lambert(normals)
+    lit = base * (light.lambert(normals) + light.lamplight(normals, vehicle.x_m, vehicle.y_m))
 
     centre = vehicle.to_world(mesh.corners[faces, 0])
     view = camera.position_m - centre
@@ -149,7 +152,7 @@ def paint_vehicle(image: Image, camera: Camera, light: Light, vehicle: Placed) -
     sizes = mesh.sizes[faces].tolist()
     tones = colours.tolist()
     for i in order.tolist():
-        cv2.fillConvexPoly(image, points[i, : sizes[i]], tones[i], cv2.LINE_AA, _SHIFT)
+        cv2.fillConvexPoly(image, points[i, : sizes[i]], tones[i], cv2.LINE_AA, FIXED_BITS)
 
 
 def _turned_to(camera: Camera, vehicle: Placed) -> NDArray[np.bool_]:
@@ -180,7 +183,8 @@ def paint_shadow(image: Image, camera: Camera, light: Light, vehicle: Placed) ->
         pixels, depth = camera.project(world)
         if float(depth.min()) < _NEAREST_M:
             continue
-        _darken(image, pixels, strength)
+        clear = float(np.exp(-depth.mean() / light.fog_m))
+        _darken(image, pixels, strength * clear)
 
 
 def _darken(image: Image, pixels: Floats, strength: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from simulation.streetdrive.rendering.painter import Image, fill
 from simulation.streetdrive.traffic import Road
 
 _NEAREST_M = 2.0
+_TREE_LINE_M = 900.0
 
 RoadsideObject = tuple[float, str, float]
 """What stands beside the road: x in metres, "building", "tree" or "lamp", y in metres."""
@@ -107,7 +109,8 @@ def _tree(
             [foot[1, 0] - trunk / 3, foot[1, 1]],
         ]
     )
-    fill(image, stem, (48.0, 58.0, 70.0))
+    bark = light.through_haze(np.array([[48.0, 58.0, 70.0]]), depth[:1])[0]
+    fill(image, stem, bark if light.fog_m < math.inf else (48.0, 58.0, 70.0))
     offsets = rng.normal(size=(90, 3))
     offsets /= np.linalg.norm(offsets, axis=1)[:, None]
     normals = offsets.copy()
@@ -148,6 +151,7 @@ def paint_tree_line(image: Image, camera: Camera, light: Light, rng: np.random.G
         top = horizon - rise * (0.4 + bumps + 0.15 * rng.random(len(u)))
         edge = np.column_stack([u, top])
         base = np.array([[camera.width_px + 8, horizon + 4], [0, horizon + 4]])
+        haze *= math.exp(-_TREE_LINE_M / light.fog_m)
         tone = np.array([70.0, 85.0, 72.0]) * haze + np.asarray(light.sky_horizon) * (1 - haze)
         points = np.rint(np.concatenate([edge, base])).astype(np.int32)
         cv2.fillPoly(image, [points], tuple(float(c) for c in np.clip(tone, 0, 255)))
@@ -202,10 +206,10 @@ def paint_scenery(
     palette: Palette,
     rng: np.random.Generator,
     density: Density,
-) -> None:
+) -> list[RoadsideObject]:
     """Everything upright beside the road, from far to near; changes the picture in place.
 
-    Nothing stands between the camera and the carriageway.
+    Nothing stands between the camera and the carriageway. Returns what was painted.
     """
     paint_tree_line(image, camera, light, rng)
     left = max(road.left_edge_m + road.pavement_m, camera.lateral_m) + 1.0
@@ -225,6 +229,7 @@ def paint_scenery(
             posts = np.arange(rng.uniform(20, 45), 280, spacing)
             things += [(float(x), "lamp", edge - sign * 0.4) for x in posts]
     paint_objects(image, camera, light, palette, rng, things)
+    return things
 
 
 def paint_objects(
