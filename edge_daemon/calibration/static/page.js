@@ -123,6 +123,9 @@ function ring(place, colour, text, strong) {
   pen.fillRect(x - 1, y - 1, 2, 2);
   if (text) label(text, [x + 12, y - 4], colour);
 }
+function isFree([x, y], taken) {
+  return !taken.some((other) => Math.abs(other[0] - x) < 75 && Math.abs(other[1] - y) < 22);
+}
 function draw() {
   const scale = devicePixelRatio || 1, wide = canvas.clientWidth, high = canvas.clientHeight;
   if (canvas.width !== wide * scale || canvas.height !== high * scale) {
@@ -132,19 +135,18 @@ function draw() {
   pen.clearRect(0, 0, wide, high);
   pen.imageSmoothingEnabled = view.zoom < 4;
   if (picture.complete) pen.drawImage(picture, ...toScreen([0, 0]), begin.size[0] * view.zoom, begin.size[1] * view.zoom);
-  const known = result && result.grid;
+  const known = result && result.grid, taken = [];
   if (known) {
     for (const line of result.grid) {
       pen.strokeStyle = line.strong ? "#00e5ffcc" : "#00e5ff55";
       pen.lineWidth = line.strong ? 1.6 : 1;
       path(line.line); pen.stroke();
     }
-    const taken = [];
     for (const line of result.grid.filter((l) => l.label)) {
       const shown = line.line.filter(Boolean).map(toScreen)
         .filter(([x, y]) => x > 4 && y > 50 && x < wide - 200 && y < high - 40);
       const spot = [Math.floor(shown.length / 2), 0, shown.length - 1].map((i) => shown[i])
-        .find((s) => s && !taken.some((t) => Math.abs(t[0] - s[0]) < 75 && Math.abs(t[1] - s[1]) < 22));
+        .find((s) => s && isFree(s, taken));
       if (spot) { taken.push(spot); label(line.label, spot, "#7ff1ff"); }
     }
     pen.setLineDash([10, 7]); pen.lineWidth = 2; pen.strokeStyle = "#ffe14d";
@@ -161,7 +163,12 @@ function draw() {
   for (const vehicle of vehicles) {
     pen.strokeStyle = "#fff"; pen.lineWidth = 2; path(vehicle.path); pen.stroke();
   }
-  for (const vehicle of vehicles) label(`${vehicle.kmh.toFixed(0)} km/h`, toScreen(vehicle.path[vehicle.path.length >> 1]));
+  // Far ones are named once there is room: when zoomed.
+  vehicles.map((vehicle) => [vehicle.kmh, toScreen(vehicle.path[vehicle.path.length >> 1])])
+    .sort((a, b) => b[1][1] - a[1][1])
+    .forEach(([kmh, spot]) => {
+      if (isFree(spot, taken)) { taken.push(spot); label(`${kmh.toFixed(0)} km/h`, spot); }
+    });
   sheet.lines.forEach((line) => {
     pen.strokeStyle = COLOURS.line; pen.lineWidth = 1.5; path(line.image); pen.stroke();
     line.image.forEach((place, i) => ring(place, COLOURS.line, i ? "" : `y ${line.offset} m`));
