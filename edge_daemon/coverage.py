@@ -120,9 +120,9 @@ def measure_coverage(
                 if camera is not None:
                     road = road_mask(camera, (small.shape[0], small.shape[1]), 0.0)
                 zoom = small.shape[1] / frame.image.shape[1]
-                background = Background(road, zoom)
+                background = Background()
                 motion = MotionFinder(background, road, zoom, camera)
-            background.update(small, learn=True)
+            background.update(small)
             moving = motion.find()
             if moving is None:
                 continue

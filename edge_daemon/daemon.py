@@ -115,6 +115,7 @@ class EdgeDaemon:
         self._frames = 0
         self._repeated = 0
         self._boxes: npt.NDArray[np.float32] | None = None
+        self._all_boxes: npt.NDArray[np.float32] | None = None
         self._states = 0
         self._recent: deque[tuple[float, float]] = deque()
         self._latest: dict[str, SegmentState] = {}
@@ -186,8 +187,9 @@ class EdgeDaemon:
         if found is not None:
             # What starts no track has not been found; a repeated frame shows what the last one did.
             self._boxes = found.boxes_above(self._settings.tracker.high_score)
+            self._all_boxes = found.boxes
         fault = (
-            self._watch.look(frame, self._boxes)
+            self._watch.look(frame, self._boxes, self._all_boxes)
             if frame is not None
             else self._fault_without_frame(now)
         )

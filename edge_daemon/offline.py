@@ -130,6 +130,7 @@ def track(
     due_s = last_s = 0.0
     fault: CameraFault | None = None
     boxes: npt.NDArray[np.float32] | None = None
+    all_boxes: npt.NDArray[np.float32] | None = None
     latest: dict[str, SegmentState] = {}
     source = FastClip(reader)
     frames = detect_stream(mark_repeats(prefetch(source.frames(), _PREFETCHED_FRAMES)), detector)
@@ -143,7 +144,8 @@ def track(
             seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
             if detections is not None:
                 boxes = detections.boxes_above(settings.tracker.high_score)
-            before, fault = fault, watch.look(seen, boxes)
+                all_boxes = detections.boxes
+            before, fault = fault, watch.look(seen, boxes, all_boxes)
             if fault is None and detections is not None:
                 result.recorder.frame(len(result.done_s), now, pipeline.update(frame, detections))
             elif fault is not None:

@@ -28,8 +28,10 @@ _MIN_TILES: Final = 6
 _MOVED_SHARE: Final = 0.5
 _LOST_SHARE: Final = 0.7
 _RECENT_S: Final = 300.0
-_MIN_FITTED: Final = 4
-_MIN_SPREAD: Final = 0.1
+_FOUND_AGAIN_SHARE: Final = 0.3
+_MIN_FITTED: Final = 6
+_MIN_SPREAD: Final = 0.2
+"""Tiles closer together than this, as a share of the road's size, do not tell a turn from noise."""
 _SHAKE_TO_SHIFT: Final = 1.5
 """Shaking is averaged out by the tracker, a shift is not: it may be larger."""
 
@@ -100,6 +102,7 @@ class ViewShift:
         self._recent_s = 0.0
         self._recent_shift = np.zeros(2)
         self._shifts: deque[tuple[float, Tiles, Array]] = deque()
+        self._moved = False
         self._corners = _hull(road)
 
     @property
@@ -125,8 +128,8 @@ class ViewShift:
         while time_s - self._shifts[0][0] > self._median_s:
             self._shifts.popleft()
         if time_s - self._shifts[0][0] < 0.7 * self._median_s:
-            return False
-        moved = self._judge()
+            return self._moved
+        self._moved = moved = self._judge()
         if not moved and time_s - self._recent_s > _RECENT_S:
             self._renew(time_s, view, shifts)
         return moved
@@ -134,6 +137,7 @@ class ViewShift:
     def restart(self) -> None:
         """Drop the shifts measured so far, but not the calibrated view."""
         self._shifts.clear()
+        self._moved = False
         self._learning.clear()
 
     def _choose(self, view: Floats) -> Tiles:
@@ -160,10 +164,14 @@ class ViewShift:
         """The tiles that are found best, and their shifts, px, shape (n, 2)."""
         assert self._calibrated is not None
         shifts = self._calibrated.shifts(view)
-        if self._recent is None or _lost(shifts) <= _MOVED_SHARE:
+        # Two limits, so that the sets do not take turns.
+        uses_recent = bool(self._shifts) and self._shifts[-1][1] is self._recent
+        if self._recent is None or _lost(shifts) <= (
+            _FOUND_AGAIN_SHARE if uses_recent else _MOVED_SHARE
+        ):
             return self._calibrated, shifts
         later = self._recent.shifts(view) + self._recent_shift
-        if _lost(later) < _lost(shifts):
+        if uses_recent or _lost(later) < _lost(shifts):
             return self._recent, later
         return self._calibrated, shifts
 

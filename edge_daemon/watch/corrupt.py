@@ -1,8 +1,7 @@
 """`corrupt`: frames with decoding errors: flat or streaky parts, wrong macroblocks, trails.
 
 After lost or damaged packets a decoder goes on with what it has: vehicles leave trails on the road
-until the next key frame, and no error is told. A trail is a change of the road that is at rest
-where no vehicle is.
+until the next key frame, and no error is told (`trails`).
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import numpy as np
 from edge_daemon.frame import Image
 from edge_daemon.watch.background import Background
 from edge_daemon.watch.sample import Grey, Sample, grid_step, to_grey
+from edge_daemon.watch.trails import BareRoad
 from slipstream.messages import CameraFault
 
 _BLOCK_PX: Final = 16
@@ -24,11 +24,7 @@ _BLACK: Final = 16
 _WHITE: Final = 240
 _RECENT_FRAMES: Final = 10
 _MIN_DAMAGED: Final = 2
-_MIN_TRAILS: Final = 0.02
-_ROAD_TO_REST: Final = 1.5
 _TRAIL_SAMPLES: Final = 10
-_MAX_TRAILS_S: Final = 60.0
-"""A change of the road that stays longer is no trail, but the road as it is now."""
 
 
 def repeated_share(colours: Image, grey: Grey) -> float:
@@ -71,22 +67,27 @@ class CorruptJudge:
     hides_scene: ClassVar[bool] = True
 
     def __init__(
-        self, max_repeated_share: float, background: Background, is_blind: Callable[[], bool]
+        self,
+        max_repeated_share: float,
+        background: Background,
+        bare_road: BareRoad,
+        is_blind: Callable[[], bool],
     ) -> None:
         """Set it up.
 
         Args:
             max_repeated_share: a frame with a larger `repeated_share` is damaged.
-            background: of the road; this judge takes the samples in.
+            background: of the view; this judge takes the samples in.
+            bare_road: what trails are told from.
             is_blind: whether vehicles are not detected, which then look like trails.
         """
         self.after_s = 0.0
         self._max_repeated_share = max_repeated_share
         self._recent: deque[bool] = deque(maxlen=_RECENT_FRAMES)
         self._background = background
+        self._bare_road = bare_road
         self._is_blind = is_blind
         self._trails: deque[bool] = deque(maxlen=_TRAIL_SAMPLES)
-        self._trails_since_s: float | None = None
 
     def look(self, sample: Sample) -> bool:
         """True if this frame and another of the last ten are damaged, or trails last for 2 s."""
@@ -102,21 +103,15 @@ class CorruptJudge:
     def interrupt(self, by: CameraFault | None) -> None:
         """Damage counts across gaps; the road may look different after one."""
         self._background.restart()
+        self._bare_road.restart()
         self._trails.clear()
-        self._trails_since_s = None
 
     def _has_trails(self, sample: Sample) -> bool:
-        if sample.boxes is not None:
-            self._background.update(sample.small, learn=self._trails_since_s is None)
-            shares = self._background.unexplained(sample.boxes)
-            if shares is not None:
-                road, rest = (0.0, 0.0) if self._is_blind() else shares
-                # A camera that has moved changes all of the picture.
-                self._trails.append(road > max(_MIN_TRAILS, _ROAD_TO_REST * rest))
-        if 2 * sum(self._trails) <= _TRAIL_SAMPLES:
-            self._trails_since_s = None
-        elif self._trails_since_s is None:
-            self._trails_since_s = sample.time_s
-        elif sample.time_s - self._trails_since_s > _MAX_TRAILS_S:
-            self.interrupt(None)
-        return self._trails_since_s is not None
+        boxes = sample.boxes if sample.all_boxes is None else sample.all_boxes
+        if boxes is not None:
+            self._background.update(sample.small)
+            changed = self._background.changed
+            if changed is not None:
+                found = self._bare_road.has_trails(sample.small, changed, boxes)
+                self._trails.append(found and not self._is_blind())
+        return 2 * sum(self._trails) > _TRAIL_SAMPLES

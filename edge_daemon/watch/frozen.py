@@ -31,6 +31,8 @@ _MIN_FAST: Final = 2
 _BOX_ERROR_PX: Final = 1.5
 _MAX_MPS: Final = 60.0
 _AT_REST_M: Final = 0.3
+_STEADY_M: Final = 0.5
+"""More than a change of speed displaces a vehicle in the time between two samples."""
 _MIN_AT_REST: Final = 0.8
 
 
@@ -97,24 +99,24 @@ class _Halt:
 
     def restart(self) -> None:
         """The next frame has no predecessor."""
-        self._last: _Places | None = None
+        self._recent: deque[_Places] = deque(maxlen=2)
         self._fast: tuple[float, _Places] | None = None
         self._began: _Places | None = None
 
     def update(self, sample: Sample) -> float:
         """Take in a sample and tell how long the halt has lasted, s; 0: there is none."""
         if sample.boxes is not None:
-            last, self._last = self._last, _places(self._camera, sample)
-            if last is not None:
-                self._compare(self._last, last)
+            now = _places(self._camera, sample)
+            if len(self._recent) == 2:
+                self._compare(now, *self._recent)
+            self._recent.append(now)
         return 0.0 if self._began is None else sample.time_s - self._began.time_s
 
-    def _compare(self, now: _Places, last: _Places) -> None:
+    def _compare(self, now: _Places, earlier: _Places, last: _Places) -> None:
         if self._began is not None:
             if not now.stands_on(self._began):
                 self._began = None
-            return
-        if np.count_nonzero(now.least_speeds(last) > _FAST_MPS) >= _MIN_FAST:
+        elif now.fast_ones(last, earlier) >= _MIN_FAST:
             self._fast = now.time_s, last
         elif self._fast is not None:
             fast_s, before = self._fast
@@ -146,12 +148,25 @@ class _Places:
         apart = np.linalg.norm(self.road_m[:, None] - before.road_m[None], axis=2)
         return np.asarray(apart.min(axis=1))
 
-    def least_speeds(self, before: _Places) -> Array:
-        """What each vehicle's speed is at least, m/s, shape (n,); 0 for those that came in."""
-        moved_m = self._moved_m(before)
-        passed_s = self.time_s - before.time_s
-        speeds = (moved_m - 2 * self.error_m) / passed_s if passed_s > 0 else np.zeros(len(moved_m))
-        return np.where(speeds < _MAX_MPS, speeds, 0.0)
+    def fast_ones(self, last: _Places, earlier: _Places) -> int:
+        """How many vehicles surely went faster than `_FAST_MPS` through three samples.
+
+        One that was not detected for a moment has others beside it, not behind it: a place that
+        was left counts only if nobody stands there now.
+        """
+        step_s, step_before_s = self.time_s - last.time_s, last.time_s - earlier.time_s
+        if not (len(self.road_m) and len(last.road_m) and len(earlier.road_m)) or step_s <= 0:
+            return 0
+        left = last.road_m[last._moved_m(self) > _AT_REST_M + 2 * last.error_m]
+        count = 0
+        for place, error_m in zip(self.road_m, self.error_m, strict=True):
+            steps = place - left
+            before = left - steps * step_before_s / step_s
+            speeds = (np.linalg.norm(steps, axis=1) - 2 * error_m) / step_s
+            apart = np.linalg.norm(before[:, None] - earlier.road_m[None], axis=2).min(axis=1)
+            goes_on = apart <= _STEADY_M + 3 * error_m
+            count += bool(((speeds > _FAST_MPS) & (speeds < _MAX_MPS) & goes_on).any())
+        return count
 
     def arrived_since(self, before: _Places) -> int:
         """How many vehicles are surely where none was in an earlier sample."""

@@ -24,6 +24,7 @@ from edge_daemon.watch.frozen import FrozenJudge
 from edge_daemon.watch.motion import MotionFinder
 from edge_daemon.watch.obscured import ObscuredJudge
 from edge_daemon.watch.sample import Sample, grid_step, road_mask, small_grey
+from edge_daemon.watch.trails import BareRoad
 from slipstream.messages import CameraFault
 
 _VEHICLE_MARGIN = 0.06
@@ -74,7 +75,7 @@ def make_judges(
     grid = (len(range(step // 2, height, step)), len(range(step // 2, width, step)))
     rows, columns = small_grey(np.zeros((height, width, 3), np.uint8)).shape
     lanes = road_mask(camera, (rows, columns), 0.0)
-    background = Background(lanes, columns / width)
+    background = Background()
     moved = CameraMovedJudge(
         ViewShift(
             settings.max_shift_share,
@@ -88,7 +89,12 @@ def make_judges(
         ClockJumpJudge(settings.clock_step_s),
         DarkJudge(settings.exposure_after_s),
         BrightJudge(settings.exposure_after_s),
-        CorruptJudge(settings.max_repeated_share, background, lambda: blind.is_blind),
+        CorruptJudge(
+            settings.max_repeated_share,
+            background,
+            BareRoad(lanes, columns / width),
+            lambda: blind.is_blind,
+        ),
         ObscuredJudge(settings.exposure_after_s, lambda: moved.sharpness),
         FrozenJudge(settings.frozen_after_s, road_mask(camera, grid, 0.0), camera),
         moved,

@@ -48,16 +48,18 @@ class MotionFinder:
 
     def find(self) -> Array | None:
         """Boxes around moving things, px of the frame, shape (n, 4); None while it is learned."""
-        moving = self._background.foreground
-        return None if moving is None else self._boxes(moving & self._road)
+        moving, changed = self._background.foreground, self._background.changed
+        if moving is None or changed is None:
+            return None
+        return self._boxes(moving & self._road, changed)
 
-    def _boxes(self, moving: Mask) -> Array:
+    def _boxes(self, moving: Mask, differs: Mask) -> Array:
         if np.count_nonzero(moving) > _MAX_MOVING_SHARE * np.count_nonzero(self._road):
             return np.empty((0, 4))
         count, labels, stats, _ = cv2.connectedComponentsWithStats(
             moving.astype(np.uint8), connectivity=8
         )
-        changed = np.bincount(labels[self._background.changed], minlength=count)[1:]
+        changed = np.bincount(labels[differs], minlength=count)[1:]
         left, top, width, height, area = np.asarray(stats[1:], dtype=np.float64).T
         rows, columns = self._road.shape
         whole = (left > 0) & (top > 0) & (left + width < columns) & (top + height < rows)

@@ -20,7 +20,6 @@ _MIN_OF_RECENT: Final = 0.7
 """Light and weather take longer to change as much. At 0.65 a third of the vehicles is not found."""
 _RECENT_S: Final = 300.0
 _MIN_RECENT: Final = 8
-_MAX_HELD_S: Final = 1800.0
 
 
 class ObscuredJudge:
@@ -49,7 +48,10 @@ class ObscuredJudge:
         return self._obscured
 
     def interrupt(self, by: CameraFault | None) -> None:
-        """Each examined frame is judged by itself."""
+        """After a cut the view may be another one."""
+        if by is None:
+            self._recent.clear()
+            self._obscured = False
 
     def _is_obscured(self, sample: Sample) -> bool:
         if edge_share(sample.small) < _MIN_EDGE_SHARE:
@@ -62,8 +64,8 @@ class ObscuredJudge:
 
     def _is_sudden(self, time_s: float, sharp: float) -> bool:
         recent = self._recent
-        if recent and not 0 <= time_s - recent[-1][0] <= _MAX_HELD_S:
-            recent.clear()  # this is how the view is now
+        if recent and not 0 <= time_s - recent[-1][0] <= _RECENT_S:
+            recent.clear()  # a night mode, or other settings: this is how the view is now
         elif len(recent) >= _MIN_RECENT and sharp < _MIN_OF_RECENT * median(s for _, s in recent):
             return True
         recent.append((time_s, sharp))

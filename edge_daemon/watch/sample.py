@@ -31,11 +31,13 @@ class Sample:
         frame: the frame.
         number: of the sampled frames so far, this one included.
         boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
+        all_boxes: those and what may be a vehicle, px, shape (m, 4); None: `boxes`.
     """
 
     frame: Frame
     number: int
     boxes: npt.NDArray[np.float32] | None = None
+    all_boxes: npt.NDArray[np.float32] | None = None
 
     @property
     def time_s(self) -> float:
@@ -94,7 +96,7 @@ def small_grey(image: Image) -> Grey:
     return np.asarray(cv2.resize(to_grey(image), size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def texture(small: Grey) -> Floats:
+def texture(small: Grey | Floats) -> Floats:
     """A small grey image minus its blurred copy, float32."""
     image = small.astype(np.float32)
     return np.asarray(image - cv2.GaussianBlur(image, (0, 0), _BLUR_PX))

@@ -34,13 +34,17 @@ class Watch:
         self.fault: CameraFault | None = None
 
     def look(
-        self, frame: Frame, boxes: npt.NDArray[np.float32] | None = None
+        self,
+        frame: Frame,
+        boxes: npt.NDArray[np.float32] | None = None,
+        all_boxes: npt.NDArray[np.float32] | None = None,
     ) -> CameraFault | None:
         """Judge one frame of the calibrated size.
 
         Args:
             frame: the frame.
             boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
+            all_boxes: those and what may be a vehicle, px, shape (m, 4); None: `boxes`.
 
         Returns:
             Why the camera cannot be trusted now; None while it can.
@@ -49,7 +53,7 @@ class Watch:
         is_sampled = self._sampled_s is None or not (
             0 <= now_s - self._sampled_s < self._settings.sample_interval_s
         )
-        sample = Sample(frame, self._samples + is_sampled, boxes)
+        sample = Sample(frame, self._samples + is_sampled, boxes, all_boxes)
         seen = {judge.fault for judge in self._judges if judge.every_frame and judge.look(sample)}
         if seen or frame.cut:
             self._interrupt()
