@@ -115,6 +115,7 @@ def test_what_spoils_tracks_is_told(
     assert set(said) == {None, expected}
 
 
+@pytest.mark.slow(long=True)
 @pytest.mark.parametrize(
     "change",
     [jpeg(20), rain, blurred(1.5), rolled(0.15), shaking(1.0)],
