@@ -121,7 +121,7 @@ class Session:
             "terms": calibration.terms,
             "rms_px": calibration.reprojection_error_px,
             "pose": pose and {"height_m": pose.height_m, "focal_px": pose.focal_px},
-            "ends": [asdict(end) for end in calibration.accuracy],
+            "ends": [end.as_json() for end in calibration.accuracy],
             "warnings": calibration.warnings,
         }
 

@@ -41,11 +41,11 @@ PERIOD_M, DASH_M = 9.0, 3.0
 DASHES = next(i for i, m in enumerate(LANE_MARKS) if (m.period_m, m.dash_m) == (PERIOD_M, DASH_M))
 
 
-def question(**more: Any) -> dict[str, Any]:
+def question(road: list[tuple[float, float]] = ROAD, **more: Any) -> dict[str, Any]:
     """The points of a camera on a pole, as the page sends them."""
     points = [
         {"image": [float(u), float(v)], "road": list(place)}
-        for (u, v), place in zip(project(ROAD), ROAD, strict=True)
+        for (u, v), place in zip(project(road), road, strict=True)
     ]
     return {"points": points, "lines": [], "segments": [SEGMENT], "terms": None, **more}
 
@@ -134,6 +134,28 @@ def test_what_is_wrong_is_one_line(server: PageServer) -> None:
     assert "single picture" in asked(server, "traffic", {})[1]["problem"]
     assert asked(server, "fit", [1])[0] == 400
     assert asked(server, "reboot", {})[0] == 400
+
+
+def test_what_cannot_be_measured_is_answered(server: PageServer) -> None:
+    """A far end that a click puts beyond the horizon has no error: null, with a warning."""
+    near = [(20.0, -2.0), (20.0, 2.0), (26.0, -2.0), (26.0, 2.0)]
+    long = {**SEGMENT, "polygon": [[20, 0], [3000, 0], [3000, 7], [20, 7]]}
+    status, answer = asked(server, "fit", question(near, segments=[long]))
+    assert status == 200
+    assert answer["ends"][1]["speed_error"] is None
+    assert any("cannot be measured" in said for said in answer["warnings"])
+
+
+def test_a_fault_is_answered_too(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What nobody thought of is one line, not a connection that ends."""
+
+    def fault(_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(server.session, "snap", fault)
+    status, answer = asked(server, "snap", {})
+    assert status == 500
+    assert "log" in answer["problem"]
 
 
 def test_only_this_machine_and_who_has_the_key_are_answered(server: PageServer) -> None:
