@@ -11,11 +11,12 @@ from typing import Any, Final
 import numpy as np
 
 from edge_daemon.calibration.calibration import Calibration, calibrate
+from edge_daemon.calibration.files import read_points
 from edge_daemon.calibration.guess import guess
 from edge_daemon.calibration.lines import clean, grid, horizon
 from edge_daemon.calibration.presets import LANE_MARKS
 from edge_daemon.calibration.recording import Recording
-from edge_daemon.calibration.saving import save
+from edge_daemon.calibration.saving import check_size, save
 from edge_daemon.calibration.snapping import snap
 from edge_daemon.calibration.traffic import detect, follow
 from edge_daemon.camera import Camera
@@ -55,12 +56,19 @@ class Session:
             model: detector for traffic and guess, as `detector.model`.
             start: points to begin with.
             name: the camera's name.
+
+        Raises:
+            InputError: the points are for another picture; the file at ``out`` is no camera.toml.
         """
         self._recording = recording
         self._picture_file = picture_file
         self._out = out
         self._model = model
-        self._start = start
+        self._start = start.model_dump(mode="json") if start else {}
+        if start is not None:
+            check_size(start, self.size, Path("points"), picture_file)
+        if not self._start.get("segments") and out.exists():
+            self._start["segments"] = read_points(out).model_dump(mode="json")["segments"]
         self._name = name
         self._last: Calibration | None = None
         self._detections: list[Detections] | None = None
@@ -80,13 +88,14 @@ class Session:
 
     def begin(self) -> Answer:
         """What the page has to know first."""
-        start = self._start.model_dump(mode="json") if self._start else {}
+        start = self._start
         return {
             "size": self.size,
             "presets": [asdict(marks) for marks in LANE_MARKS],
             "points": start.get("points", []),
             "lines": start.get("lines", []),
             "segments": start.get("segments", []),
+            "terms": start.get("terms"),
             "moving": len(self._recording.times_s) > 1,
             "out": str(self._out),
         }
@@ -179,7 +188,13 @@ class Session:
         """Write the camera.toml, by the way of the command line."""
         given = self._given(question)
         calibration = save(
-            given, Path("points"), self.picture, self._picture_file, self._out, name=self._name
+            given,
+            Path("points"),
+            self.picture,
+            self._picture_file,
+            self._out,
+            name=self._name,
+            keeps_segments=False,
         )
         without = "" if calibration.segments else "; it has no segments yet"
         return {"saved": f"{self._out} written{without}", "warnings": calibration.warnings}
@@ -200,6 +215,8 @@ class Session:
         data: Answer = {key: question.get(key, []) for key in keys}
         if question.get("terms") is not None:
             data["terms"] = question["terms"]
+        if self._start.get("name") is not None:
+            data["name"] = self._start["name"]
         return check(data, PointsSettings, "points")
 
     def _quick(self, given: PointsSettings, last: Calibration) -> Answer | None:

@@ -485,6 +485,11 @@ new ResizeObserver(() => (fitted ? whole() : draw())).observe(canvas);
   begin = await answer.json();
   if (!answer.ok) { byId("problem").textContent = begin.problem; return; }
   sheet = { points: begin.points, lines: begin.lines, segments: begin.segments };
+  if (begin.terms) {
+    const text = JSON.stringify(begin.terms), known = [...byId("terms").options].some((one) => one.value === text);
+    if (!known) byId("terms").append(tag("option", { value: text }, begin.terms.map((t) => NAMES[t]).join(", ")));
+    byId("terms").value = text;
+  }
   for (const id of ["traffic", "guess"]) byId(id).disabled = !begin.moving;
   if (!begin.moving) byId("speeds").textContent = "A single picture has no traffic: start with a clip or a camera.";
   byId("save").textContent = `Save as ${begin.out.split("/").pop()}`;

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
+from edge_daemon.calibration.files import read_points
 from edge_daemon.calibration.guess import guess
 from edge_daemon.calibration.page import PageServer
 from edge_daemon.calibration.presets import LANE_MARKS
@@ -24,7 +25,7 @@ from edge_daemon.calibration.session import Session
 from edge_daemon.calibration.snapping import snap
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections
-from edge_daemon.settings import BUILTIN_MODEL
+from edge_daemon.settings import BUILTIN_MODEL, PointsSettings
 from slipstream.errors import InputError
 
 from ..conftest import project
@@ -113,6 +114,31 @@ def test_points_are_fitted_and_saved_as_by_the_command_line(
     assert camera.to_road(project([[50.0, 3.0]])) == pytest.approx(
         np.array([[50.0, 3.0]]), abs=0.01
     )
+
+
+def test_a_points_file_keeps_its_name_and_terms_and_is_for_its_picture(tmp_path: Path) -> None:
+    """The page begins with all of it; another picture's points are refused at once."""
+    view, out = tmp_path / "view.png", tmp_path / "camera.toml"
+    cv2.imwrite(str(view), np.full((720, 1280, 3), 100, dtype=np.uint8))
+    content = {**question(), "name": "mast 7", "terms": [], "image": {"width": 1280, "height": 720}}
+    start = PointsSettings.model_validate(content)
+    session = Session(record(str(view)), view, out, BUILTIN_MODEL, start, None)
+    assert session.begin()["terms"] == []
+    session.save(question())
+    assert load_camera(out).name == "mast 7"
+    other = PointsSettings.model_validate({**content, "image": {"width": 640, "height": 360}})
+    with pytest.raises(InputError, match="is for 640×360 px"):
+        Session(record(str(view)), view, out, BUILTIN_MODEL, other, None)
+
+
+def test_segments_of_the_file_before_are_shown_and_can_be_deleted(session: Session) -> None:
+    """What the page begins with is what the file has; what it saves is what it shows."""
+    session.save(question())
+    out = Path(session.begin()["out"])
+    again = Session(record(str(out.with_name("view.png"))), None, out, BUILTIN_MODEL, None, None)
+    assert [segment["id"] for segment in again.begin()["segments"]] == ["approach"]
+    assert "no segments" in again.save(question(segments=[]))["saved"]
+    assert read_points(out).segments == ()
 
 
 def test_what_is_wrong_is_one_line(server: PageServer) -> None:
