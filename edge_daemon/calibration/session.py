@@ -22,6 +22,7 @@ from edge_daemon.calibration.traffic import detect, follow
 from edge_daemon.camera import Camera
 from edge_daemon.camera.checks import outline_px
 from edge_daemon.camera.consensus import Inliers
+from edge_daemon.camera.curved import CurvedRoad
 from edge_daemon.camera.fit import Observations, Projection, fit_road
 from edge_daemon.camera.homography import CalibrationError, Lines
 from edge_daemon.detection import Detections
@@ -138,10 +139,14 @@ class Session:
         """The distance on the road between two places of the picture."""
         if self._last is None:
             return {"problem": "calibrate first"}
-        ends = self._last.projection.to_road(question["ends"])
+        projection = self._last.projection
+        ends = projection.to_road(question["ends"])
         if not np.isfinite(ends).all():
             return {"problem": "an end lies above the horizon"}
-        return {"metres": float(np.hypot(*(ends[1] - ends[0]))), "road": ends.round(2).tolist()}
+        # Stations along a bend are no lengths across it.
+        places = projection.surface(ends) if isinstance(projection, CurvedRoad) else ends
+        metres = float(np.linalg.norm(places[1] - places[0]))
+        return {"metres": metres, "road": ends.round(2).tolist()}
 
     def traffic(self, question: Answer) -> Answer:
         """Speeds of the vehicles of the recording; the boxes are found once."""

@@ -28,6 +28,7 @@ from edge_daemon.detection import Detections
 from edge_daemon.settings import BUILTIN_MODEL, PointsSettings
 from slipstream.errors import InputError
 
+from ..camera.test_curved import SCENES
 from ..conftest import project
 
 ROAD = [(x, y) for x in (18.0, 30.0, 45.0, 65.0, 90.0) for y in (-8.0, 8.0)]
@@ -129,6 +130,18 @@ def test_a_points_file_keeps_its_name_and_terms_and_is_for_its_picture(tmp_path:
     other = PointsSettings.model_validate({**content, "image": {"width": 640, "height": 360}})
     with pytest.raises(InputError, match="is for 640×360 px"):
         Session(record(str(view)), view, out, BUILTIN_MODEL, other, None)
+
+
+def test_a_length_on_a_bend_is_that_between_the_places(session: Session) -> None:
+    """Two places 40 m of stations apart, 10 m inside a bend of 150 m: the chord between them."""
+    bend = SCENES["bend of 150 m to the left"]
+    places = np.array([(x, y) for x in (18.0, 29.0, 42.0, 58.0, 78.0, 90.0) for y in (-3.5, 3.5)])
+    seen = zip(bend.to_image(places).tolist(), places.tolist(), strict=True)
+    given = {"points": [{"image": image, "road": road} for image, road in seen], "terms": ["arc"]}
+    session.fit(given)
+    ends = bend.to_image([[30.0, 10.0], [70.0, 10.0]]).tolist()
+    chord = 2 * (150 - 10) * np.sin(40 / 150 / 2)
+    assert session.measure({"ends": ends})["metres"] == pytest.approx(chord, rel=1e-3)
 
 
 def test_segments_of_the_file_before_are_shown_and_can_be_deleted(session: Session) -> None:
