@@ -9,7 +9,7 @@ import numpy as np
 from edge_daemon.camera import Array
 from edge_daemon.camera.fit import Projection
 
-_STEPS_M: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+_STEPS_M: Final = tuple(part * 10.0**power for power in range(8) for part in (1, 2, 5))
 _MAX_LINES: Final = 30
 _LINE_POINTS: Final = 60
 _HORIZON_ROWS: Final = 400
@@ -31,7 +31,7 @@ def grid(projection: Projection, road_m: Array, size: tuple[int, int]) -> list[d
     lines: list[dict[str, Any]] = []
     for axis in (0, 1):
         extent = high[axis] - low[axis]
-        step = next((s for s in _STEPS_M if extent / s <= _MAX_LINES), 1e3)
+        step = next(s for s in _STEPS_M if extent / s <= _MAX_LINES)
         for tick in np.arange(np.ceil(low[axis] / step), np.floor(high[axis] / step) + 1) * step:
             line = np.empty((_LINE_POINTS, 2))
             line[:, axis] = tick

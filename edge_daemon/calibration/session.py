@@ -20,11 +20,11 @@ from edge_daemon.calibration.saving import check_size, save
 from edge_daemon.calibration.snapping import snap
 from edge_daemon.calibration.traffic import detect, follow
 from edge_daemon.camera import Camera
-from edge_daemon.camera.checks import outline_px
+from edge_daemon.camera.checks import check_lines, outline_px
 from edge_daemon.camera.consensus import Inliers
 from edge_daemon.camera.curved import CurvedRoad
 from edge_daemon.camera.fit import Observations, Projection, fit_road
-from edge_daemon.camera.homography import CalibrationError, Lines
+from edge_daemon.camera.homography import CalibrationError
 from edge_daemon.detection import Detections
 from edge_daemon.frame import Image
 from edge_daemon.settings import PointsSettings
@@ -227,7 +227,8 @@ class Session:
     def _quick(self, given: PointsSettings, last: Calibration) -> Answer | None:
         road = np.array([point.road for point in given.points])
         image = np.array([point.image for point in given.points])
-        known = Observations(road, image, Lines.none()).only(last.used)
+        lines = check_lines(given.lines, self.size, Path("points"))
+        known = Observations(road, image, lines).only(last.used)
         try:
             projection = fit_road(known, self.size, last.terms, last.projection)
         except CalibrationError as error:
@@ -254,7 +255,7 @@ class Session:
                     misses, used, clean(projection.to_image(road)), strict=True
                 )
             ],
-            "grid": grid(projection, road, self.size),
+            "grid": grid(projection, road[used], self.size),
             "horizon": horizon(projection, self.size),
             "outlines": outlines,
         }

@@ -144,6 +144,36 @@ def test_a_length_on_a_bend_is_that_between_the_places(session: Session) -> None
     assert session.measure({"ends": ends})["metres"] == pytest.approx(chord, rel=1e-3)
 
 
+def test_a_point_far_off_draws_no_more_grid(session: Session) -> None:
+    """Among map coordinates one at the origin is left out: the grid is that of the others."""
+    given = question()
+    for point in given["points"]:
+        point["road"] = [point["road"][0] + 5e5, point["road"][1] + 5.5e6]
+    spare = {"image": [640.0, 500.0], "road": [0.0, 0.0]}
+    given = {**given, "segments": [], "points": [*given["points"], spare]}
+    answer = session.fit(given)
+    assert not answer["points"][-1]["used"]
+    assert len(answer["grid"]) < 80
+
+
+def test_one_row_of_dashes_and_two_edges_can_be_dragged(session: Session) -> None:
+    """The lines hold the width while a point moves, as they do when it has moved."""
+    sag = SCENES["sag"]
+    row = [(x, 0.0) for x in (18.0, 27.0, 36.0, 45.0, 54.0, 63.0, 72.0, 81.0, 90.0)]
+    seen = sag.to_image(row).tolist()
+    points = [{"image": at, "road": list(xy)} for at, xy in zip(seen, row, strict=True)]
+    lines = [
+        {"offset": y, "image": sag.to_image([(x, y) for x in (20.0, 35.0, 50.0, 85.0)]).tolist()}
+        for y in (-3.5, 3.5)
+    ]
+    given = {"points": points, "lines": lines, "terms": ["crest"]}
+    assert session.fit(given)["rms_px"] < 0.1
+    points[4]["image"][1] += 1.0
+    live = session.fit({**given, "live": True})
+    assert live["live"]
+    assert 0.2 < live["points"][4]["miss"] < 2.0
+
+
 def test_segments_of_the_file_before_are_shown_and_can_be_deleted(session: Session) -> None:
     """What the page begins with is what the file has; what it saves is what it shows."""
     session.save(question())
