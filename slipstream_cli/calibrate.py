@@ -91,6 +91,9 @@ def _serve(options: argparse.Namespace) -> int:
     from edge_daemon.calibration.recording import record
     from edge_daemon.calibration.session import Session
 
+    for name, given in (("--overlay", options.overlay), ("--json", options.json)):
+        if given:
+            raise InputError(name, "is not for --serve", "leave it out: the page shows the result")
     if _same(options.out, Path(options.image)):
         raise InputError(options.out, "is the picture itself", "write to another file")
     start = options.points or (options.out if options.out.exists() else None)
