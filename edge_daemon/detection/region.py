@@ -105,9 +105,8 @@ def _boxes(camera: Camera, segment: WatchedSegment, places_m: Array) -> Array | 
         some = shown.any(axis=1)
         if not some.any() or np.isnan(camera.to_road(feet[shown])).any():
             return None
-        places_m, wanted, centres, feet, shown = (
-            part[some] for part in (places_m, wanted, centres, feet, shown)
-        )
+        places_m, wanted, centres = places_m[some], wanted[some], centres[some]
+        feet, shown = feet[some], shown[some]
         low = np.where(shown[:, :, None], feet, np.inf).min(axis=1)
         high = np.where(shown[:, :, None], feet, -np.inf).max(axis=1)
         foot = np.column_stack([(low[:, 0] + high[:, 0]) / 2, high[:, 1]])
