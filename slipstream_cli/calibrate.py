@@ -91,6 +91,9 @@ def _serve(options: argparse.Namespace) -> int:
     from edge_daemon.calibration.recording import record
     from edge_daemon.calibration.session import Session
 
+    for name, given in (("--overlay", options.overlay), ("--json", options.json)):
+        if given:
+            raise InputError(name, "is not for --serve", "leave it out: the page shows the result")
     if _same(options.out, Path(options.image)):
         raise InputError(options.out, "is the picture itself", "write to another file")
     start = options.points or (options.out if options.out.exists() else None)
@@ -129,12 +132,8 @@ def _summary(calibration: Calibration) -> dict[str, object]:
         "segments": [
             {
                 "id": end.segment,
-                "end": end.end,
-                "point_m": end.point_m,
-                "metres_per_px": end.metres_per_px,
                 "reprojection_error_m": calibration.reprojection_error_px * end.metres_per_px,
-                "position_error_m": end.position_error_m,
-                "speed_error": end.speed_error,
+                **{name: value for name, value in end.as_json().items() if name != "segment"},
             }
             for end in calibration.accuracy
         ],
@@ -157,7 +156,11 @@ def _report(calibration: Calibration, out: Path) -> str:
     lines += [
         f"  {end.segment}, {end.end} end: 1 px is {end.metres_per_px:.2f} m, reprojection error "
         f"{rms * end.metres_per_px:.2f} m; clicks {calibration.click_px:.1f} px off: "
-        f"{end.position_error_m:.2f} m, speed {end.speed_error:.1%}"
+        + (
+            f"{end.position_error_m:.2f} m, speed {end.speed_error:.1%}"
+            if end.is_sure
+            else "not measured"
+        )
         for end in calibration.accuracy
     ]
     lines += [f"  look: {warning}" for warning in calibration.warnings]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import asdict, dataclass
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +33,10 @@ class EndAccuracy:
         end: the end nearer to or farther from the camera.
         point_m: the middle of that end.
         metres_per_px: along the direction of travel, for a pixel in the worst direction.
-        position_error_m: standard error of a position along the direction, from the clicks.
-        speed_error: relative standard error of a speed along the direction, from the clicks.
+        position_error_m: standard error of a position along the direction, from the clicks;
+            infinite where such clicks put the end beyond the horizon.
+        speed_error: relative standard error of a speed along the direction, from the clicks;
+            infinite likewise.
     """
 
     segment: str
@@ -42,6 +45,18 @@ class EndAccuracy:
     metres_per_px: float
     position_error_m: float
     speed_error: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether errors can be stated."""
+        return math.isfinite(self.position_error_m) and math.isfinite(self.speed_error)
+
+    def as_json(self) -> dict[str, Any]:
+        """Its attributes; JSON has no infinity: None."""
+        return {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in asdict(self).items()
+        }
 
 
 def warnings_of(
@@ -133,12 +148,16 @@ def _about_arc(segments: tuple[WatchedSegment, ...], projection: Projection) -> 
 
 
 def _about_accuracy(accuracy: tuple[EndAccuracy, ...], click_px: float) -> list[str]:
-    return [
-        f"segment {end.segment}: speeds at its {end.end} end are unsure by {end.speed_error:.1%} "
-        f"with clicks {click_px:.1f} px off: add points there"
-        for end in accuracy
-        if end.speed_error > MAX_SPEED_ERROR
-    ]
+    said = []
+    for end in accuracy:
+        if end.is_sure and end.speed_error <= MAX_SPEED_ERROR:
+            continue
+        sure = f"are unsure by {end.speed_error:.1%}" if end.is_sure else "cannot be measured"
+        said.append(
+            f"segment {end.segment}: speeds at its {end.end} end {sure} with clicks "
+            f"{click_px:.1f} px off: add points there"
+        )
+    return said
 
 
 def overlap_m2(one: WatchedSegment, other: WatchedSegment) -> float:

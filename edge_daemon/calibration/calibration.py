@@ -211,9 +211,10 @@ def accuracy_of(
             shift += np.einsum("ni,ni->n", directions, seen - places) ** 2
             speed = np.einsum("ni,nij,nj->n", directions, derivative, flow)
             stretch += (speed - 1) ** 2
+    # NaN: a click so far off puts the end beyond the horizon.
+    shift, stretch = (np.nan_to_num(np.sqrt(sum_), nan=np.inf) for sum_ in (shift, stretch))
     return [
-        _end(*end, to_road[i], float(np.sqrt(shift[i])), float(np.sqrt(stretch[i])))
-        for i, end in enumerate(ends)
+        _end(*end, to_road[i], float(shift[i]), float(stretch[i])) for i, end in enumerate(ends)
     ]
 
 

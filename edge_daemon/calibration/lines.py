@@ -7,9 +7,12 @@ from typing import Any, Final
 import numpy as np
 
 from edge_daemon.camera import Array
+from edge_daemon.camera.checks import outline_px
+from edge_daemon.camera.consensus import Inliers
 from edge_daemon.camera.fit import Projection
+from edge_daemon.settings import PointsSettings
 
-_STEPS_M: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+_STEPS_M: Final = tuple(part * 10.0**power for power in range(8) for part in (1, 2, 5))
 _MAX_LINES: Final = 30
 _LINE_POINTS: Final = 60
 _HORIZON_ROWS: Final = 400
@@ -31,7 +34,7 @@ def grid(projection: Projection, road_m: Array, size: tuple[int, int]) -> list[d
     lines: list[dict[str, Any]] = []
     for axis in (0, 1):
         extent = high[axis] - low[axis]
-        step = next((s for s in _STEPS_M if extent / s <= _MAX_LINES), 1e3)
+        step = next(s for s in _STEPS_M if extent / s <= _MAX_LINES)
         for tick in np.arange(np.ceil(low[axis] / step), np.floor(high[axis] / step) + 1) * step:
             line = np.empty((_LINE_POINTS, 2))
             line[:, axis] = tick
@@ -54,3 +57,24 @@ def horizon(projection: Projection, size: tuple[int, int]) -> list[list[float] |
         [float(u), float(rows[i])] if known[k].any() and i > 0 else None
         for k, (u, i) in enumerate(zip(columns, first, strict=True))
     ]
+
+
+def drawn(
+    projection: Projection, given: PointsSettings, used: Inliers, size: tuple[int, int]
+) -> dict[str, Any]:
+    """All that the page draws of a fit, and its points' misses."""
+    road = np.array([point.road for point in given.points])
+    image = np.array([point.image for point in given.points])
+    misses = projection.residuals_px(road, image)
+    outlines = [
+        clean(outline_px(np.array(segment.polygon), projection)) for segment in given.segments
+    ]
+    return {
+        "points": [
+            {"miss": float(miss) if np.isfinite(miss) else None, "used": bool(one), "at": at}
+            for miss, one, at in zip(misses, used, clean(projection.to_image(road)), strict=True)
+        ],
+        "grid": grid(projection, road[used], size),
+        "horizon": horizon(projection, size),
+        "outlines": outlines,
+    }

@@ -24,6 +24,7 @@ from slipstream.errors import InputError
 log = logging.getLogger(__name__)
 
 _TYPES: Final = {"html": "text/html", "js": "text/javascript", "css": "text/css"}
+_JSON: Final = "application/json"
 _MAX_QUESTION_BYTES: Final = 1_000_000
 _POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -56,6 +57,10 @@ class PageServer(ThreadingHTTPServer):
     def handle_error(self, request: object, client_address: object) -> None:
         """A browser that went away before it was answered is no fault."""
         log.debug("a question was not answered", exc_info=True)
+
+
+def _content(answer: dict[str, Any]) -> bytes:
+    return json.dumps(answer, allow_nan=False).encode()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -93,13 +98,18 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             question = json.loads(self.rfile.read(int(length)))
-            answer = ask(question)
+            content = _content(ask(question))
         except InputError as error:
-            answer = {"problem": str(error)}
+            content = _content({"problem": str(error)})
         except (ValueError, KeyError, TypeError, AttributeError):
             self._json(HTTPStatus.BAD_REQUEST, {"problem": "not a question of this page"})
             return
-        self._json(HTTPStatus.OK, answer)
+        except Exception:
+            log.exception("a question could not be answered")
+            told = {"problem": "this could not be worked out: the log of this command says why"}
+            self._json(HTTPStatus.INTERNAL_SERVER_ERROR, told)
+            return
+        self._answer(HTTPStatus.OK, _JSON, content)
 
     def _is_local(self) -> bool:
         """Refuses what another site's name leads here (DNS rebinding)."""
@@ -118,7 +128,7 @@ class _Handler(BaseHTTPRequestHandler):
         return False
 
     def _json(self, status: HTTPStatus, content: dict[str, Any]) -> None:
-        self._answer(status, "application/json", json.dumps(content, allow_nan=False).encode())
+        self._answer(status, _JSON, _content(content))
 
     def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
         self.send_response(status)

@@ -18,6 +18,24 @@ from edge_daemon.settings import PointsSettings
 from slipstream.errors import InputError
 
 
+def check_size(
+    given: PointsSettings, size: tuple[int, int], source: Path, picture_file: Path | None
+) -> None:
+    """Refuse points that are for a picture of another size than (width, height), px.
+
+    Raises:
+        InputError: they are.
+    """
+    if given.image is not None and size != (given.image.width, given.image.height):
+        raise InputError(
+            source,
+            f"is for {given.image.width}×{given.image.height} px, "
+            f"{picture_file or 'the picture'} has {size[0]}×{size[1]}",
+            "take the points in the picture that is given",
+            key="image",
+        )
+
+
 def save(
     given: PointsSettings,
     source: Path,
@@ -27,6 +45,7 @@ def save(
     *,
     name: str | None = None,
     overlay: Path | None = None,
+    keeps_segments: bool = True,
 ) -> Calibration:
     """Calibrate and write the camera.toml, its reference picture and the overlay.
 
@@ -38,22 +57,17 @@ def save(
         out: the camera.toml.
         name: the camera's name; default: the one given, that of the file before, or of ``out``.
         overlay: a picture to write the grid to.
+        keeps_segments: those of the file before stay where none are given.
 
     Raises:
         InputError: the points are for another picture, or fix no camera; a file cannot be written.
     """
     size = (picture.shape[1], picture.shape[0])
-    if given.image is not None and size != (given.image.width, given.image.height):
-        raise InputError(
-            source,
-            f"is for {given.image.width}×{given.image.height} px, "
-            f"{picture_file or 'the picture'} has {size[0]}×{size[1]}",
-            "take the points in the picture that is given",
-            key="image",
-        )
+    check_size(given, size, source, picture_file)
     before = read_points(out) if out.exists() else None
     # A camera that is calibrated anew keeps what it watches.
-    segments = given.segments or (before.segments if before else ())
+    kept = before.segments if before and keeps_segments else ()
+    segments = given.segments or kept
     calibration = calibrate(given.points, segments, size, source, given.lines, given.terms)
     shown = name or given.name or (before.name if before else None) or out.stem
     reference = picture_file or out.with_name(f"{out.stem}-reference.png")

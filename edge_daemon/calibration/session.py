@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 from dataclasses import asdict
@@ -11,25 +12,29 @@ from typing import Any, Final
 import numpy as np
 
 from edge_daemon.calibration.calibration import Calibration, calibrate
+from edge_daemon.calibration.files import read_points
 from edge_daemon.calibration.guess import guess
-from edge_daemon.calibration.lines import clean, grid, horizon
+from edge_daemon.calibration.lines import drawn
 from edge_daemon.calibration.presets import LANE_MARKS
 from edge_daemon.calibration.recording import Recording
-from edge_daemon.calibration.saving import save
+from edge_daemon.calibration.saving import check_size, save
 from edge_daemon.calibration.snapping import snap
 from edge_daemon.calibration.traffic import detect, follow
 from edge_daemon.camera import Camera
-from edge_daemon.camera.checks import outline_px
-from edge_daemon.camera.consensus import Inliers
-from edge_daemon.camera.fit import Observations, Projection, fit_road
-from edge_daemon.camera.homography import CalibrationError, Lines
+from edge_daemon.camera.checks import check_lines
+from edge_daemon.camera.curved import CurvedRoad
+from edge_daemon.camera.fit import Observations, fit_road
+from edge_daemon.camera.homography import CalibrationError
 from edge_daemon.detection import Detections
 from edge_daemon.frame import Image
 from edge_daemon.settings import PointsSettings
 from slipstream.config import check
 from slipstream.errors import InputError
 
+log = logging.getLogger(__name__)
+
 _MIN_POINTS: Final = 4
+_STALE: Final = "calibrate first: the points have changed"
 
 Answer = dict[str, Any]
 
@@ -55,14 +60,22 @@ class Session:
             model: detector for traffic and guess, as `detector.model`.
             start: points to begin with.
             name: the camera's name.
+
+        Raises:
+            InputError: the points are for another picture; the file at ``out`` is no camera.toml.
         """
         self._recording = recording
         self._picture_file = picture_file
         self._out = out
         self._model = model
-        self._start = start
+        self._start = start.model_dump(mode="json") if start else {}
+        if start is not None:
+            check_size(start, self.size, Path("points"), picture_file)
+        if not self._start.get("segments") and out.exists():
+            self._start["segments"] = read_points(out).model_dump(mode="json")["segments"]
         self._name = name
         self._last: Calibration | None = None
+        self._number = 0  # of the last fit: an answer is for what was asked with it
         self._detections: list[Detections] | None = None
         self._detecting: threading.Thread | None = None
         self._progress, self._failed = 0.0, ""
@@ -80,13 +93,14 @@ class Session:
 
     def begin(self) -> Answer:
         """What the page has to know first."""
-        start = self._start.model_dump(mode="json") if self._start else {}
+        start = self._start
         return {
             "size": self.size,
             "presets": [asdict(marks) for marks in LANE_MARKS],
             "points": start.get("points", []),
             "lines": start.get("lines", []),
             "segments": start.get("segments", []),
+            "terms": start.get("terms"),
             "moving": len(self._recording.times_s) > 1,
             "out": str(self._out),
         }
@@ -102,46 +116,56 @@ class Session:
         While something is dragged (`live`) terms and contradictions are those found last, and the
         accuracy is left out.
         """
+        last = self._known(question) if question.get("live") else None
+        if last is not None and len(last.used) == len(question.get("points", [])):
+            return self._quick(self._given(question), last)
+        with self._lock:
+            self._last = None
+            self._number += 1
+            number = self._number
         few = _MIN_POINTS - len(question.get("points", []))
         if few > 0:
             return {"problem": f"{few} more point{'s' if few > 1 else ''} needed: four at least"}
         given = self._given(question)
-        last = self._last
-        if question.get("live") and last is not None and len(last.used) == len(given.points):
-            quick = self._quick(given, last)
-            if quick is not None:
-                return quick
         calibration = calibrate(
             given.points, given.segments, self.size, Path("points"), given.lines, given.terms
         )
-        self._last = calibration
+        with self._lock:
+            if number == self._number:
+                self._last = calibration
         pose = calibration.pose
         return {
-            **self._drawn(calibration.projection, given, calibration.used),
+            **drawn(calibration.projection, given, calibration.used, self.size),
+            "fit": number,
             "terms": calibration.terms,
             "rms_px": calibration.reprojection_error_px,
             "pose": pose and {"height_m": pose.height_m, "focal_px": pose.focal_px},
-            "ends": [asdict(end) for end in calibration.accuracy],
+            "ends": [end.as_json() for end in calibration.accuracy],
             "warnings": calibration.warnings,
         }
 
     def measure(self, question: Answer) -> Answer:
         """The distance on the road between two places of the picture."""
-        if self._last is None:
-            return {"problem": "calibrate first"}
-        ends = self._last.projection.to_road(question["ends"])
+        last = self._known(question)
+        if last is None:
+            return {"problem": _STALE}
+        projection = last.projection
+        ends = projection.to_road(question["ends"])
         if not np.isfinite(ends).all():
             return {"problem": "an end lies above the horizon"}
-        return {"metres": float(np.hypot(*(ends[1] - ends[0]))), "road": ends.round(2).tolist()}
+        # Stations along a bend are no lengths across it.
+        places = projection.surface(ends) if isinstance(projection, CurvedRoad) else ends
+        metres = float(np.linalg.norm(places[1] - places[0]))
+        return {"metres": metres, "road": ends.round(2).tolist()}
 
     def traffic(self, question: Answer) -> Answer:
         """Speeds of the vehicles of the recording; the boxes are found once."""
-        if self._last is None:
-            return {"problem": "calibrate first"}
         found = self._found()
         if isinstance(found, dict):
             return found
-        last = self._last
+        last = self._known(question)
+        if last is None:
+            return {"problem": _STALE}
         camera = Camera(
             "page", self.size, last.road_m[last.used], last.image_px[last.used], (),
             projection=last.projection,
@@ -179,7 +203,13 @@ class Session:
         """Write the camera.toml, by the way of the command line."""
         given = self._given(question)
         calibration = save(
-            given, Path("points"), self.picture, self._picture_file, self._out, name=self._name
+            given,
+            Path("points"),
+            self.picture,
+            self._picture_file,
+            self._out,
+            name=self._name,
+            keeps_segments=False,
         )
         without = "" if calibration.segments else "; it has no segments yet"
         return {"saved": f"{self._out} written{without}", "warnings": calibration.warnings}
@@ -195,46 +225,35 @@ class Session:
             "save": self.save,
         }
 
+    def _known(self, question: Answer) -> Calibration | None:
+        """The last fit, if the question is about it."""
+        with self._lock:
+            return self._last if question.get("fit") == self._number else None
+
     def _given(self, question: Answer) -> PointsSettings:
         keys = ("points", "lines", "segments")
         data: Answer = {key: question.get(key, []) for key in keys}
         if question.get("terms") is not None:
             data["terms"] = question["terms"]
+        if self._start.get("name") is not None:
+            data["name"] = self._start["name"]
         return check(data, PointsSettings, "points")
 
-    def _quick(self, given: PointsSettings, last: Calibration) -> Answer | None:
+    def _quick(self, given: PointsSettings, last: Calibration) -> Answer:
         road = np.array([point.road for point in given.points])
         image = np.array([point.image for point in given.points])
-        known = Observations(road, image, Lines.none()).only(last.used)
+        lines = check_lines(given.lines, self.size, Path("points"))
+        known = Observations(road, image, lines).only(last.used)
         try:
             projection = fit_road(known, self.size, last.terms, last.projection)
         except CalibrationError as error:
             raise InputError("points", error.problem, error.mend) from None
         misses = projection.residuals_px(known.road_m, known.image_px)
         return {
-            **self._drawn(projection, given, last.used),
+            **drawn(projection, given, last.used, self.size),
             "terms": last.terms,
             "rms_px": float(np.sqrt(np.mean(misses**2))),
             "live": True,
-        }
-
-    def _drawn(self, projection: Projection, given: PointsSettings, used: Inliers) -> Answer:
-        road = np.array([point.road for point in given.points])
-        image = np.array([point.image for point in given.points])
-        misses = projection.residuals_px(road, image)
-        outlines = [
-            clean(outline_px(np.array(segment.polygon), projection)) for segment in given.segments
-        ]
-        return {
-            "points": [
-                {"miss": float(miss) if np.isfinite(miss) else None, "used": bool(one), "at": at}
-                for miss, one, at in zip(
-                    misses, used, clean(projection.to_image(road)), strict=True
-                )
-            ],
-            "grid": grid(projection, road, self.size),
-            "horizon": horizon(projection, self.size),
-            "outlines": outlines,
         }
 
     def _found(self) -> list[Detections] | Answer:
@@ -261,3 +280,6 @@ class Session:
             self._detections = detect(self._recording, self._model, progress)
         except InputError as error:
             self._failed = str(error)
+        except Exception as fault:
+            log.exception("the traffic could not be looked for")
+            self._failed = f"the detector failed: {str(fault) or type(fault).__name__}"

@@ -52,7 +52,7 @@ class CurvedRoad:
     bend_per_m: float = 0.0
 
     def to_image(self, points_m: npt.ArrayLike) -> Array:
-        """Road points (n, 2), m, to pixels (n, 2); NaN behind the camera."""
+        """Road points (n, 2), m, to pixels (n, 2); NaN behind the camera and beyond the lens."""
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
         return self._pixels(self._in_camera(self.surface(points)))
 
@@ -158,7 +158,10 @@ class CurvedRoad:
     def _pixels(self, places: Array) -> Array:
         depth = np.where(places[:, 2:] > 1e-6, places[:, 2:], np.nan)
         seen = self.focal_px * places[:, :2] / depth
-        shown = seen * (1 + self._k * np.sum(seen**2, axis=1, keepdims=True))
+        squared = np.sum(seen**2, axis=1, keepdims=True)
+        # Farther out the one coefficient would fold places back into the picture.
+        folded = 1 + 3 * self._k * squared <= 0
+        shown = np.where(folded, np.nan, seen * (1 + self._k * squared))
         return np.asarray(shown + np.array(self.size) / 2)
 
     def _rays(self, pixels: Array) -> Array:

@@ -47,7 +47,13 @@ def choose_road(
     n = len(known.road_m)
     choices = [terms for count in range(4) for terms in combinations(TERMS, count)]
     for terms in choices if only is None else [only]:
-        if terms and n < _MIN_POINTS + 2 * (len(terms) - 1):
+        need = _MIN_POINTS + 2 * (len(terms) - 1)
+        if terms and n < need:
+            if only is not None:
+                problem = CalibrationError(
+                    f"{n} points are given, the terms {', '.join(terms)} need {need}",
+                    "add points, or leave terms out",
+                )
             continue
         try:
             if terms:

@@ -15,6 +15,7 @@ VEHICLE_M: Final = (16.5, 2.6, 4.0)
 _STEP_M: Final = 2.0
 _MARGIN_PX: Final = 8.0
 _ROUNDS: Final = 4
+_MIN_DEPTH: Final = 1e-6  # before the camera
 
 
 @dataclass(frozen=True)
@@ -98,21 +99,22 @@ def _boxes(camera: Camera, segment: WatchedSegment, places_m: Array) -> Array | 
     for _ in range(_ROUNDS):
         feet_m = centres[:, None] + corners
         feet = camera.to_image(feet_m.reshape(-1, 2)).reshape(len(centres), len(corners), 2)
-        if np.isnan(camera.to_road(feet.reshape(-1, 2))).any():
+        # Corners that lie too far outside the view for the lens are left out.
+        depths = camera.projection.depth(feet_m.reshape(-1, 2)).reshape(feet.shape[:2])
+        shown = np.isfinite(feet).all(axis=2) | ~(depths > _MIN_DEPTH)
+        some = shown.any(axis=1)
+        if not some.any() or np.isnan(camera.to_road(feet[shown])).any():
             return None
-        foot = np.column_stack(
-            [(feet[..., 0].min(1) + feet[..., 0].max(1)) / 2, feet[..., 1].max(1)]
-        )
+        places_m, wanted, centres = places_m[some], wanted[some], centres[some]
+        feet, shown = feet[some], shown[some]
+        low = np.where(shown[:, :, None], feet, np.inf).min(axis=1)
+        high = np.where(shown[:, :, None], feet, -np.inf).max(axis=1)
+        foot = np.column_stack([(low[:, 0] + high[:, 0]) / 2, high[:, 1]])
         centres += places_m - camera.to_road(foot)
         if not np.isfinite(centres).all():
             return None
-    tallest = height / np.linalg.svd(camera.jacobian(feet.reshape(-1, 2)), compute_uv=False)[:, 1]
-    tops = feet[..., 1] - tallest.reshape(feet.shape[:2])
-    return np.column_stack(
-        [
-            feet[..., 0].min(1),
-            tops.min(1),
-            feet[..., 0].max(1),
-            np.maximum(wanted[:, 1], foot[:, 1]),
-        ]
-    )
+    tops = np.full(shown.shape, np.inf)
+    stretch = np.linalg.svd(camera.jacobian(feet[shown]), compute_uv=False)[:, 1]
+    tops[shown] = feet[shown][:, 1] - height / stretch
+    bottom = np.fmax(wanted[:, 1], foot[:, 1])
+    return np.column_stack([low[:, 0], tops.min(axis=1), high[:, 0], bottom])

@@ -130,6 +130,16 @@ def test_bad_points_are_one_line(
     assert not view.with_name("camera.toml").exists()
 
 
+@pytest.mark.parametrize("option", [["--json"], ["--overlay", "grid.png"]])
+def test_the_page_takes_no_option_of_the_report(
+    view: Path, option: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It would be ignored: one line says so."""
+    assert calibrate(view, "--serve", *option) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{option[0]}: is not for --serve" in line
+
+
 def test_bad_pictures_and_places_are_one_line(
     view: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

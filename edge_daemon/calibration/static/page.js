@@ -14,11 +14,12 @@ const byId = (id) => document.getElementById(id);
 const canvas = byId("view"), pen = canvas.getContext("2d");
 const picture = new Image();
 let begin = { presets: [], size: [1, 1] };
-let sheet = { points: [], lines: [], segments: [] }; // what is undone and saved
+// What is undone and saved. A point whose coordinates are not typed yet has null for them.
+let sheet = { points: [], lines: [], segments: [], row: { preset: 0, x: 0, y: 0 } };
 let past = [], future = [];
 let mode = "point", chosen = -1, view = { zoom: 1, u: 0, v: 0 }, fitted = true;
 let result = null, check = [], checkKnown = null, checkMetres = null, corners = [];
-let vehicles = [], row = { preset: 0, x: 0, y: 0 }, lineY = 0, pointer = null, guessError = null;
+let vehicles = [], lastFit = null, lineY = 0, pointer = null, guessError = null;
 
 async function ask(what, question) {
   const answer = await fetch("/" + what, {
@@ -27,8 +28,12 @@ async function ask(what, question) {
   });
   return answer.json();
 }
+const isTyped = (point) => point.road.every((n) => n !== null);
+// A point's number, and its place in what the server answers: only those typed are asked about.
+const numberOf = (i) => (isTyped(sheet.points[i]) ? sheet.points.slice(0, i + 1).filter(isTyped).length : null);
+const fittedAt = (i) => (result && result.points && numberOf(i) ? result.points[numberOf(i) - 1] : undefined);
 const asked = () => ({
-  points: sheet.points.map((p) => ({ image: p.image, road: p.road })),
+  points: sheet.points.filter(isTyped).map((p) => ({ image: p.image, road: p.road })),
   lines: sheet.lines, segments: sheet.segments,
   terms: byId("terms").value ? JSON.parse(byId("terms").value) : null,
 });
@@ -50,6 +55,7 @@ function travel(from, to) {
 function changed() {
   byId("saved").textContent = "";
   list();
+  options();
   draw();
   fit(false);
 }
@@ -57,15 +63,17 @@ function changed() {
 let waiting = null, busy = false, again = null;
 function fit(live) {
   clearTimeout(waiting);
+  if (vehicles.length) { vehicles = []; byId("speeds").textContent = ""; }
   if (live) sendFit(true);
   waiting = setTimeout(() => sendFit(false), live ? 350 : 60);
 }
 async function sendFit(live) {
   if (busy) { again = live; return; }
   busy = true;
-  try { result = await ask("fit", { ...asked(), live }); }
+  try { result = await ask("fit", { ...asked(), live, fit: lastFit }); }
   catch { result = { problem: "the server does not answer: is it still running?" }; }
   busy = false;
+  if (!result.live) lastFit = result.fit === undefined ? null : result.fit;
   show();
   draw();
   if (!result.live) remeasure();
@@ -174,7 +182,7 @@ function draw() {
     line.image.forEach((place, i) => ring(place, COLOURS.line, i ? "" : `y ${line.offset} m`));
   });
   sheet.points.forEach((point, i) => {
-    const fitted = known && result.points[i];
+    const fitted = known && fittedAt(i);
     const wrong = fitted && !fitted.used;
     const colour = wrong ? COLOURS.bad : point.guess ? COLOURS.guess : COLOURS.point;
     if (fitted && fitted.at) {
@@ -183,7 +191,7 @@ function draw() {
       pen.strokeStyle = colour; pen.lineWidth = 2;
       pen.beginPath(); pen.moveTo(u, v); pen.lineTo(u + 10 * (x - u), v + 10 * (y - v)); pen.stroke();
     }
-    ring(point.image, colour, `${i + 1}`, i === chosen);
+    ring(point.image, colour, `${numberOf(i) || "x, y?"}`, i === chosen);
   });
   if (check.length) {
     pen.strokeStyle = COLOURS.check; pen.lineWidth = 3; path(check); pen.stroke();
@@ -217,16 +225,32 @@ function tag(name, attributes, ...inside) {
   element.append(...inside);
   return element;
 }
+// Puts new content in, and keeps what is alike: a field that has or gets the focus must stay. Handlers go by index, and
+// what has one has a name (aria-label), so that those kept are the right ones.
+function renew(holder, fresh) {
+  fresh.forEach((next, i) => {
+    const old = holder.childNodes[i];
+    if (!old) { holder.append(next); return; }
+    if (next.nodeType === Node.TEXT_NODE && old.nodeType === Node.TEXT_NODE) { old.data = next.data; return; }
+    const name = (node) => node.nodeName + (node.getAttribute ? node.getAttribute("aria-label") : "");
+    if (name(old) !== name(next)) { old.replaceWith(next); return; }
+    for (const { name: key, value } of next.attributes) old.setAttribute(key, value);
+    renew(old, [...next.childNodes]);
+    const typing = old.nodeName === "INPUT" && old === document.activeElement;
+    if ("value" in next && !typing && old.value !== next.value) old.value = next.value;
+  });
+  while (holder.childNodes.length > fresh.length) holder.lastChild.remove();
+}
 const number = (value, what, set, extra) => tag("input", {
-  type: "number", step: "any", value, "aria-label": what, ...extra,
+  type: "number", step: "any", value: value === null ? "" : value, "aria-label": what, ...extra,
   onchange: (event) => { const n = Number(event.target.value); if (event.target.value !== "" && Number.isFinite(n)) set(n); },
 });
 const field = (text, input) => tag("label", { class: "row" }, text, input);
 function list() {
-  byId("points").replaceChildren(...sheet.points.map((point, i) => tag("tr", {
+  renew(byId("points"), sheet.points.map((point, i) => tag("tr", {
     class: i === chosen ? "chosen" : "", onclick: () => { if (chosen !== i) { chosen = i; mark(); } },
   },
-  tag("td", {}, `${i + 1}`),
+  tag("td", {}, `${numberOf(i) || "?"}`),
   ...[0, 1].map((axis) => tag("td", {}, number(point.road[axis], `${"xy"[axis]} of point ${i + 1}`,
     (n) => change(() => { sheet.points[i].road[axis] = n; delete sheet.points[i].guess; })))),
   tag("td", { class: "miss" }),
@@ -238,15 +262,15 @@ function list() {
   sheet.segments.forEach((segment, i) => {
     const edit = (key) => (event) => change(() => { sheet.segments[i][key] = event.target.value; });
     drawn.push(tag("h2", {}, `Segment ${i + 1}`),
-      field("Id", tag("input", { type: "text", value: segment.id, onchange: edit("id") })),
-      field("Travels", tag("select", { onchange: (event) => change(() => { sheet.segments[i].direction = [Number(event.target.value), 0]; }) },
+      field("Id", tag("input", { type: "text", "aria-label": `id of segment ${i + 1}`, value: segment.id, onchange: edit("id") })),
+      field("Travels", tag("select", { "aria-label": `direction of segment ${i + 1}`, onchange: (event) => change(() => { sheet.segments[i].direction = [Number(event.target.value), 0]; }) },
         ...[["1", "towards larger x"], ["-1", "towards smaller x"]].map(([value, text]) =>
           tag("option", { value, selected: Math.sign(segment.direction[0]) === Number(value) ? "" : undefined }, text)))),
-      field("Lanes", number(segment.lanes, "lanes", (n) => change(() => { sheet.segments[i].lanes = Math.max(1, Math.round(n)); }))),
-      field("Lane width, m", number(segment.lane_width_m, "lane width", (n) => change(() => { sheet.segments[i].lane_width_m = n; }))),
-      tag("button", { class: "small", onclick: () => change(() => sheet.segments.splice(i, 1)) }, "Delete segment"));
+      field("Lanes", number(segment.lanes, `lanes of segment ${i + 1}`, (n) => change(() => { sheet.segments[i].lanes = Math.max(1, Math.round(n)); }))),
+      field("Lane width, m", number(segment.lane_width_m, `lane width of segment ${i + 1}`, (n) => change(() => { sheet.segments[i].lane_width_m = n; }))),
+      tag("button", { class: "small", "aria-label": `Delete segment ${i + 1}`, onclick: () => change(() => sheet.segments.splice(i, 1)) }, "Delete segment"));
   });
-  byId("drawn").replaceChildren(...drawn);
+  renew(byId("drawn"), drawn);
   byId("undo").disabled = !past.length;
   byId("redo").disabled = !future.length;
   misses();
@@ -257,7 +281,7 @@ function mark() {
 }
 function misses() {
   [...byId("points").querySelectorAll(".miss")].forEach((cell, i) => {
-    const point = result && result.points && result.points[i];
+    const point = fittedAt(i);
     cell.textContent = point ? (point.miss === null ? "?" : point.miss.toFixed(2)) : "";
     cell.className = "miss" + (point && !point.used ? " bad" : "");
   });
@@ -275,26 +299,28 @@ function show() {
   const figures = [tag("dl", { class: "figures" }, ...pairs.flatMap(([name, value]) => [tag("dt", {}, name), tag("dd", {}, value)]))];
   if (sheet.points.some((p) => p.guess)) figures.push(tag("p", { class: "warn" },
     `A guess from the traffic, lengths ±${(100 * (guessError || 0.1)).toFixed(0)} %: replace its points by measured ones.`));
+  if (!sheet.points.every(isTyped)) figures.push(tag("p", { class: "warn" }, "A point without x and y takes no part."));
   if (result.live) figures.push(tag("p", {}, "…"));
   for (const warning of result.warnings || []) figures.push(tag("p", { class: "warn" }, warning));
   if (!sheet.segments.length) figures.push(tag("p", { class: "warn" }, "No segment yet: mark what is to be watched, then the speed error is shown too."));
   byId("figures").replaceChildren(...figures);
 }
 function options() {
+  const row = sheet.row;
   document.querySelectorAll("[data-mode]").forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.mode === mode)));
   byId("hint").textContent = HINTS[mode];
   const box = [];
   if (mode === "dashes") {
     const marks = begin.presets[row.preset];
     box.push(tag("h2", {}, "Row of dashes"),
-      field("Marks of", tag("select", { id: "preset", onchange: (event) => { row.preset = Number(event.target.value); options(); } },
+      field("Marks of", tag("select", { id: "preset", "aria-label": "marks", onchange: (event) => { sheet.row.preset = Number(event.target.value); options(); } },
         ...begin.presets.map((m, i) => tag("option", { value: i, selected: i === row.preset ? "" : undefined }, m.name)))),
       tag("p", {}, `Dashes of ${marks.dash_m} m every ${marks.period_m} m, lanes of ${marks.lane_width_m} m: by the rules, so check on site.`),
-      field("x of the next click, m", number(row.x, "x of the next click", (n) => { row.x = n; })),
-      field("y of this row, m", number(row.y, "y of this row", (n) => { row.y = n; })),
+      field("x of the next click, m", number(row.x, "x of the next click", (n) => { sheet.row.x = n; })),
+      field("y of this row, m", number(row.y, "y of this row", (n) => { sheet.row.y = n; })),
       tag("div", { class: "buttons" },
         tag("button", { onclick: () => newRow(1) }, "Next row, left"), tag("button", { onclick: () => newRow(-1) }, "Next row, right"),
-        tag("button", { title: "a dash that cannot be seen", onclick: () => { row.x += marks.period_m; options(); } }, "Leave one out")));
+        tag("button", { title: "a dash that cannot be seen", onclick: () => { step(); options(); } }, "Leave one out")));
   } else if (mode === "line") {
     box.push(tag("h2", {}, "Line of known y"), field("y, m", number(lineY, "y of the line", (n) => { lineY = n; chosen = -1; })));
   } else if (mode === "check") {
@@ -308,9 +334,14 @@ function options() {
         + (checkKnown && checkKnown.s ? `; ${(3.6 * checkMetres / checkKnown.s).toFixed(1)} km/h` : "")));
     }
   }
-  byId("options").replaceChildren(...box);
+  // Fields of another mode are other fields.
+  if (byId("options").dataset.mode !== mode) byId("options").replaceChildren();
+  byId("options").dataset.mode = mode;
+  renew(byId("options"), box);
 }
+function step() { sheet.row.x = Math.round(100 * (sheet.row.x + begin.presets[sheet.row.preset].period_m)) / 100; }
 function newRow(side) {
+  const row = sheet.row;
   row.y = Math.round(100 * (row.y + side * begin.presets[row.preset].lane_width_m)) / 100;
   row.x = 0;
   options();
@@ -318,16 +349,22 @@ function newRow(side) {
 function setMode(next) { mode = next; corners = []; options(); draw(); }
 
 // Adding, moving and dropping.
+let adding = Promise.resolve();
+function clicked(place) {
+  // One after the other: each dash's x follows from the one before.
+  adding = adding.then(() => add(place)).catch(() => { byId("problem").textContent = "the server does not answer: is it still running?"; });
+}
 async function add(place) {
-  if (mode === "segment") { corners.push(place); draw(); if (corners.length === 2) await outline(); return; }
+  const how = mode, x = sheet.row.x, y = sheet.row.y;
+  if (how === "segment") { corners.push(place); draw(); if (corners.length === 2) await outline(); return; }
   if (byId("snap").checked) place = (await ask("snap", { u: place[0], v: place[1] })).image;
-  if (mode === "check") {
+  if (how === "check") {
     check = check.length === 2 ? [place] : [...check, place];
     checkMetres = null;
     draw();
     return remeasure();
   }
-  if (mode === "line") {
+  if (how === "line") {
     return change(() => {
       const last = sheet.lines.find((line) => line.offset === lineY);
       last ? last.image.push(place) : sheet.lines.push({ offset: lineY, image: [place] });
@@ -336,21 +373,20 @@ async function add(place) {
   change(() => {
     // A guess gives way to what is measured.
     sheet.points = sheet.points.filter((p) => !p.guess);
-    const road = mode === "dashes" ? [Math.round(100 * row.x) / 100, row.y] : [0, 0];
+    const road = how === "dashes" ? [Math.round(100 * x) / 100, y] : [null, null];
     sheet.points.push({ image: place, road });
     chosen = sheet.points.length - 1;
-    if (mode === "dashes") row.x = Math.round(100 * (row.x + begin.presets[row.preset].period_m)) / 100;
+    if (how === "dashes" && sheet.row.x === x && sheet.row.y === y) step();
   });
-  options();
-  if (mode === "point") { const input = byId("points").lastElementChild.querySelector("input"); input.focus(); input.select(); }
+  if (how === "point") { const input = byId("points").lastElementChild.querySelector("input"); input.focus(); input.select(); }
 }
 async function outline() {
-  const answer = await ask("measure", { ends: corners });
+  const answer = await ask("measure", { ends: corners, fit: lastFit });
   corners = [];
   if (answer.problem) { byId("problem").textContent = answer.problem; draw(); return; }
   const round = (n) => Math.round(2 * n) / 2, [[x0, y0], [x1, y1]] = answer.road;
   const low = [Math.min(x0, x1), Math.min(y0, y1)].map(round), high = [Math.max(x0, x1), Math.max(y0, y1)].map(round);
-  const lane = begin.presets[row.preset].lane_width_m, lanes = Math.max(1, Math.round((high[1] - low[1]) / lane));
+  const lane = begin.presets[sheet.row.preset].lane_width_m, lanes = Math.max(1, Math.round((high[1] - low[1]) / lane));
   change(() => sheet.segments.push({
     id: `segment${sheet.segments.length + 1}`, polygon: [low, [high[0], low[1]], high, [low[0], high[1]]],
     direction: [1, 0], lanes, lane_width_m: lane,
@@ -358,13 +394,21 @@ async function outline() {
 }
 async function remeasure() {
   if (check.length !== 2) return;
-  const answer = await ask("measure", { ends: check });
+  const answer = await ask("measure", { ends: check, fit: lastFit });
   checkMetres = answer.problem ? null : answer.metres;
   if (answer.problem) byId("problem").textContent = answer.problem;
   if (mode === "check") options();
   draw();
 }
-function drop(i) { change(() => { sheet.points.splice(i, 1); chosen = -1; }); }
+function drop(i) {
+  change(() => {
+    const [dropped] = sheet.points.splice(i, 1), row = sheet.row, [x, y] = dropped.road;
+    chosen = -1;
+    // The last dash is clicked again.
+    const back = Math.abs(x + begin.presets[row.preset].period_m - row.x) < 0.01;
+    if (mode === "dashes" && i === sheet.points.length && y === row.y && back) row.x = x;
+  });
+}
 function nudge(du, dv) {
   const point = sheet.points[chosen];
   if (!point) return;
@@ -379,10 +423,16 @@ const nearest = (x, y) => {
   sheet.points.forEach((point, i) => { const [a, b] = toScreen(point.image), d = Math.hypot(a - x, b - y); if (d < least) { least = d; best = i; } });
   return best;
 };
+// A drag that ends in none leaves its point where it was.
+function abandon() {
+  if (drag && drag.moved && drag.point >= 0) { sheet = JSON.parse(drag.before); changed(); }
+  drag = null;
+}
 canvas.addEventListener("pointerdown", (event) => {
+  if (event.button !== 0) return;
   canvas.setPointerCapture(event.pointerId);
   fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
-  if (fingers.size > 1) { drag = null; return; }
+  if (fingers.size > 1) { abandon(); return; }
   const point = nearest(event.offsetX, event.offsetY);
   drag = { x: event.offsetX, y: event.offsetY, point, moved: false, before: JSON.stringify(sheet), view: { ...view } };
   if (point >= 0) { chosen = point; mark(); }
@@ -419,10 +469,10 @@ canvas.addEventListener("pointerup", (event) => {
   if (done.moved && done.point >= 0) { past.push(done.before); future = []; changed(); }
   else if (!done.moved && done.point < 0) {
     const place = toPicture(event.offsetX, event.offsetY);
-    if (place[0] >= 0 && place[1] >= 0 && place[0] <= begin.size[0] && place[1] <= begin.size[1]) add(place);
-  } else if (!done.moved && mode === "check") add([...sheet.points[done.point].image]);
+    if (place[0] >= 0 && place[1] >= 0 && place[0] <= begin.size[0] && place[1] <= begin.size[1]) clicked(place);
+  } else if (!done.moved && mode === "check") clicked([...sheet.points[done.point].image]);
 });
-canvas.addEventListener("pointercancel", (event) => { fingers.delete(event.pointerId); drag = null; });
+canvas.addEventListener("pointercancel", (event) => { fingers.delete(event.pointerId); abandon(); });
 canvas.addEventListener("pointerleave", () => { pointer = null; draw(); });
 canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoomAt(event.offsetX, event.offsetY, Math.exp(-event.deltaY / 400)); }, { passive: false });
 document.addEventListener("keydown", (event) => {
@@ -446,9 +496,10 @@ async function follow(what, done) {
   button.disabled = true;
   try {
     for (;;) {
-      const answer = await ask(what);
-      if (answer.progress === undefined) { answer.problem ? byId("speeds").textContent = answer.problem : done(answer); break; }
-      byId("speeds").textContent = `Looking for vehicles: ${(100 * answer.progress).toFixed(0)} %`;
+      const about = lastFit, answer = await ask(what, { fit: about });
+      const stale = what === "traffic" && (about !== lastFit || busy);
+      if (answer.progress === undefined && !stale) { answer.problem ? byId("speeds").textContent = answer.problem : done(answer); break; }
+      byId("speeds").textContent = `Looking for vehicles: ${(100 * (answer.progress === undefined ? 1 : answer.progress)).toFixed(0)} %`;
       await new Promise((wait) => setTimeout(wait, 500));
     }
   } catch { byId("speeds").textContent = "the server does not answer: is it still running?"; }
@@ -484,7 +535,12 @@ new ResizeObserver(() => (fitted ? whole() : draw())).observe(canvas);
   const answer = await fetch(`/begin?key=${encodeURIComponent(KEY)}`);
   begin = await answer.json();
   if (!answer.ok) { byId("problem").textContent = begin.problem; return; }
-  sheet = { points: begin.points, lines: begin.lines, segments: begin.segments };
+  sheet = { ...sheet, points: begin.points, lines: begin.lines, segments: begin.segments };
+  if (begin.terms) {
+    const text = JSON.stringify(begin.terms), known = [...byId("terms").options].some((one) => one.value === text);
+    if (!known) byId("terms").append(tag("option", { value: text }, begin.terms.map((t) => NAMES[t]).join(", ")));
+    byId("terms").value = text;
+  }
   for (const id of ["traffic", "guess"]) byId(id).disabled = !begin.moving;
   if (!begin.moving) byId("speeds").textContent = "A single picture has no traffic: start with a clip or a camera.";
   byId("save").textContent = `Save as ${begin.out.split("/").pop()}`;

@@ -29,6 +29,7 @@ from slipstream.errors import InputError
 from ..conftest import POLE_M, project
 
 SIZE = (1280, 720)
+FAR_M = 3000.0
 SOURCE = Path("points.toml")
 ROAD = np.array([(x, y) for x in (18, 30, 45, 65, 90) for y in (-8, 8)], dtype=np.float64)
 SEGMENT = SegmentSettings(
@@ -116,6 +117,16 @@ def test_what_a_person_should_look_at_is_said() -> None:
     assert any("180.0 m above the road" in warning for warning in tenfold.warnings)
     stretched = calibrate(points_of(project(ROAD), ROAD * (1, 30)), (), SIZE, SOURCE)
     assert any("no plain camera" in warning for warning in stretched.warnings)
+
+
+def test_an_end_that_a_click_puts_beyond_the_horizon_is_warned_of() -> None:
+    """Its errors are infinite, not missing, and JSON has null for them."""
+    four = np.array([(20, -2), (20, 2), (26, -2), (26, 2)], dtype=np.float64)
+    long = SEGMENT.model_copy(update={"polygon": ((20, 0), (FAR_M, 0), (FAR_M, 7), (20, 7))})
+    result = calibrate(points_of(project(four), four), (long,), SIZE, SOURCE)
+    assert result.accuracy[1].speed_error == np.inf
+    assert result.accuracy[1].as_json()["speed_error"] is None
+    assert any("far end cannot be measured with clicks" in said for said in result.warnings)
 
 
 @given(shift=st.floats(-12, 12))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import threading
+import time
 import urllib.error
 import urllib.request
 from collections import defaultdict
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 import pytest
 
+from edge_daemon.calibration.files import read_points
 from edge_daemon.calibration.guess import guess
 from edge_daemon.calibration.page import PageServer
 from edge_daemon.calibration.presets import LANE_MARKS
@@ -24,9 +26,10 @@ from edge_daemon.calibration.session import Session
 from edge_daemon.calibration.snapping import snap
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections
-from edge_daemon.settings import BUILTIN_MODEL
+from edge_daemon.settings import BUILTIN_MODEL, PointsSettings
 from slipstream.errors import InputError
 
+from ..camera.test_curved import SCENES
 from ..conftest import project
 
 ROAD = [(x, y) for x in (18.0, 30.0, 45.0, 65.0, 90.0) for y in (-8.0, 8.0)]
@@ -41,11 +44,11 @@ PERIOD_M, DASH_M = 9.0, 3.0
 DASHES = next(i for i, m in enumerate(LANE_MARKS) if (m.period_m, m.dash_m) == (PERIOD_M, DASH_M))
 
 
-def question(**more: Any) -> dict[str, Any]:
+def question(road: list[tuple[float, float]] = ROAD, **more: Any) -> dict[str, Any]:
     """The points of a camera on a pole, as the page sends them."""
     points = [
         {"image": [float(u), float(v)], "road": list(place)}
-        for (u, v), place in zip(project(ROAD), ROAD, strict=True)
+        for (u, v), place in zip(project(road), road, strict=True)
     ]
     return {"points": points, "lines": [], "segments": [SEGMENT], "terms": None, **more}
 
@@ -101,18 +104,121 @@ def test_points_are_fitted_and_saved_as_by_the_command_line(
     low, high = (along["line"][i] for i in (0, -1))
     edge = project([[50.0, -8 - 0.15 * 16], [50.0, 8 + 0.15 * 16]])
     assert np.array([low, high]) == pytest.approx(edge, abs=0.1)
-    moved = question(live=True)
+    moved = question(live=True, fit=answer["fit"])
     moved["points"][2]["image"][1] += 3
     _, live = asked(server, "fit", moved)
     assert live["live"]
     assert live["points"][2]["miss"] > 0.5
     ends = project([[40.0, 2.0], [65.0, 2.0]]).tolist()
-    assert asked(server, "measure", {"ends": ends})[1]["metres"] == pytest.approx(25, abs=0.01)
+    length = {"fit": answer["fit"], "ends": ends}
+    assert asked(server, "measure", length)[1]["metres"] == pytest.approx(25, abs=0.01)
     assert "written" in asked(server, "save", question())[1]["saved"]
     camera = load_camera(Path(session.begin()["out"]))
     assert camera.to_road(project([[50.0, 3.0]])) == pytest.approx(
         np.array([[50.0, 3.0]]), abs=0.01
     )
+
+
+def test_a_points_file_keeps_its_name_and_terms_and_is_for_its_picture(tmp_path: Path) -> None:
+    """The page begins with all of it; another picture's points are refused at once."""
+    view, out = tmp_path / "view.png", tmp_path / "camera.toml"
+    cv2.imwrite(str(view), np.full((720, 1280, 3), 100, dtype=np.uint8))
+    content = {**question(), "name": "mast 7", "terms": [], "image": {"width": 1280, "height": 720}}
+    start = PointsSettings.model_validate(content)
+    session = Session(record(str(view)), view, out, BUILTIN_MODEL, start, None)
+    assert session.begin()["terms"] == []
+    session.save(question())
+    assert load_camera(out).name == "mast 7"
+    other = PointsSettings.model_validate({**content, "image": {"width": 640, "height": 360}})
+    with pytest.raises(InputError, match="is for 640×360 px"):
+        Session(record(str(view)), view, out, BUILTIN_MODEL, other, None)
+
+
+def test_a_length_on_a_bend_is_that_between_the_places(session: Session) -> None:
+    """Two places 40 m of stations apart, 10 m inside a bend of 150 m: the chord between them."""
+    bend = SCENES["bend of 150 m to the left"]
+    places = np.array([(x, y) for x in (18.0, 29.0, 42.0, 58.0, 78.0, 90.0) for y in (-3.5, 3.5)])
+    seen = zip(bend.to_image(places).tolist(), places.tolist(), strict=True)
+    given = {"points": [{"image": image, "road": road} for image, road in seen], "terms": ["arc"]}
+    number = session.fit(given)["fit"]
+    ends = bend.to_image([[30.0, 10.0], [70.0, 10.0]]).tolist()
+    chord = 2 * (150 - 10) * np.sin(40 / 150 / 2)
+    assert session.measure({"fit": number, "ends": ends})["metres"] == pytest.approx(
+        chord, rel=1e-3
+    )
+
+
+def test_a_point_far_off_draws_no_more_grid(session: Session) -> None:
+    """Among map coordinates one at the origin is left out: the grid is that of the others."""
+    given = question()
+    for point in given["points"]:
+        point["road"] = [point["road"][0] + 5e5, point["road"][1] + 5.5e6]
+    spare = {"image": [640.0, 500.0], "road": [0.0, 0.0]}
+    given = {**given, "segments": [], "points": [*given["points"], spare]}
+    answer = session.fit(given)
+    assert not answer["points"][-1]["used"]
+    assert len(answer["grid"]) < 80
+
+
+def test_one_row_of_dashes_and_two_edges_can_be_dragged(session: Session) -> None:
+    """The lines hold the width while a point moves, as they do when it has moved."""
+    sag = SCENES["sag"]
+    row = [(x, 0.0) for x in (18.0, 27.0, 36.0, 45.0, 54.0, 63.0, 72.0, 81.0, 90.0)]
+    seen = sag.to_image(row).tolist()
+    points = [{"image": at, "road": list(xy)} for at, xy in zip(seen, row, strict=True)]
+    lines = [
+        {"offset": y, "image": sag.to_image([(x, y) for x in (20.0, 35.0, 50.0, 85.0)]).tolist()}
+        for y in (-3.5, 3.5)
+    ]
+    given = {"points": points, "lines": lines, "terms": ["crest"]}
+    fitted = session.fit(given)
+    assert fitted["rms_px"] < 0.1
+    points[4]["image"][1] += 1.0
+    live = session.fit({**given, "live": True, "fit": fitted["fit"]})
+    assert live["live"]
+    assert 0.2 < live["points"][4]["miss"] < 2.0
+
+
+def test_an_answer_is_for_the_fit_that_was_asked_about(session: Session) -> None:
+    """After another fit, or one that failed, a length of the one before is refused."""
+    ends = project([[40.0, 2.0], [65.0, 2.0]]).tolist()
+    first, second = (session.fit(question())["fit"] for _ in range(2))
+    assert "calibrate first" in session.measure({"fit": first, "ends": ends})["problem"]
+    assert "metres" in session.measure({"fit": second, "ends": ends})
+    wrong = question()
+    wrong["points"][0]["image"] = [-5, 0]
+    with pytest.raises(InputError, match="outside"):
+        session.fit(wrong)
+    assert "problem" in session.measure({"fit": second, "ends": ends})
+
+
+def test_a_detector_that_fails_is_told(
+    session: Session, clip: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever its fault, the page hears of it instead of asking for ever."""
+
+    def fault(*_: object) -> None:
+        raise RuntimeError("no memory")
+
+    monkeypatch.setattr("edge_daemon.calibration.session.detect", fault)
+    out = Path(session.begin()["out"])
+    moving = Session(record(str(clip)), None, out, BUILTIN_MODEL, None, None)
+    deadline = time.monotonic() + 60
+    answer = moving.guess({})
+    while "problem" not in answer and time.monotonic() < deadline:
+        time.sleep(0.01)
+        answer = moving.guess({})
+    assert answer == {"problem": "the detector failed: no memory"}
+
+
+def test_segments_of_the_file_before_are_shown_and_can_be_deleted(session: Session) -> None:
+    """What the page begins with is what the file has; what it saves is what it shows."""
+    session.save(question())
+    out = Path(session.begin()["out"])
+    again = Session(record(str(out.with_name("view.png"))), None, out, BUILTIN_MODEL, None, None)
+    assert [segment["id"] for segment in again.begin()["segments"]] == ["approach"]
+    assert "no segments" in again.save(question(segments=[]))["saved"]
+    assert read_points(out).segments == ()
 
 
 def test_what_is_wrong_is_one_line(server: PageServer) -> None:
@@ -129,11 +235,32 @@ def test_what_is_wrong_is_one_line(server: PageServer) -> None:
     odd = question()
     odd["points"][0]["colour"] = "red"
     assert "unknown key" in asked(server, "fit", odd)[1]["problem"]
-    assert "calibrate first" in asked(server, "traffic", {})[1]["problem"]
-    asked(server, "fit", question())
+    assert "calibrate first" in asked(server, "measure", {"ends": []})[1]["problem"]
     assert "single picture" in asked(server, "traffic", {})[1]["problem"]
     assert asked(server, "fit", [1])[0] == 400
     assert asked(server, "reboot", {})[0] == 400
+
+
+def test_what_cannot_be_measured_is_answered(server: PageServer) -> None:
+    """A far end that a click puts beyond the horizon has no error: null, with a warning."""
+    near = [(20.0, -2.0), (20.0, 2.0), (26.0, -2.0), (26.0, 2.0)]
+    long = {**SEGMENT, "polygon": [[20, 0], [3000, 0], [3000, 7], [20, 7]]}
+    status, answer = asked(server, "fit", question(near, segments=[long]))
+    assert status == 200
+    assert answer["ends"][1]["speed_error"] is None
+    assert any("cannot be measured" in said for said in answer["warnings"])
+
+
+def test_a_fault_is_answered_too(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What nobody thought of is one line, not a connection that ends."""
+
+    def fault(_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(server.session, "snap", fault)
+    status, answer = asked(server, "snap", {})
+    assert status == 500
+    assert "log" in answer["problem"]
 
 
 def test_only_this_machine_and_who_has_the_key_are_answered(server: PageServer) -> None:
@@ -160,6 +287,7 @@ def test_a_click_snaps_to_the_corner_to_a_quarter_of_a_pixel() -> None:
     assert snap(picture, 1.0, 79.0) == (1.0, 79.0)
 
 
+@pytest.mark.slow(long=True)
 def test_a_first_guess_comes_from_movement_and_sizes(camera: Camera) -> None:
     """Cars of 4.1 to 4.7 m drive both ways: lengths are met within the error that is stated."""
     rng = np.random.default_rng(3)
@@ -196,8 +324,9 @@ def test_a_first_guess_comes_from_movement_and_sizes(camera: Camera) -> None:
     assert guess(detections[:3], camera.size) is None
 
 
-def test_a_clip_gives_its_median_and_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
-    """What drives through is not in the median; times rise."""
+@pytest.fixture
+def clip(tmp_path: Path) -> Path:
+    """Three seconds of noise through which a white bar drives."""
     clip = tmp_path / "clip.avi"
     writer = cv2.VideoWriter(str(clip), cv2.VideoWriter.fourcc(*"MJPG"), 10, (160, 96))
     rng = np.random.default_rng(0)
@@ -206,6 +335,13 @@ def test_a_clip_gives_its_median_and_a_file_that_is_none_is_refused(tmp_path: Pa
         frame[40:60, 4 * i : 4 * i + 20] = 250
         writer.write(frame)
     writer.release()
+    return clip
+
+
+def test_a_clip_gives_its_median_and_a_file_that_is_none_is_refused(
+    clip: Path, tmp_path: Path
+) -> None:
+    """What drives through is not in the median; times rise."""
     recording = record(str(clip))
     assert len(recording.times_s) > 20
     assert (np.diff(recording.times_s) > 0).all()
@@ -261,7 +397,9 @@ def test_a_rendered_clip_is_calibrated_from_its_dashes_by_clicks_alone(
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(server.url)
         page.wait_for_selector("#problem:not(:empty)")
+        _type_coordinates_in_a_row(page)
         clicks = _rows_of_dashes(page, true)
+        _undo_and_click_again(page)
         _settled(page)
         rms = page.evaluate("result.rms_px")
         page.click("[data-mode=check]")
@@ -301,6 +439,51 @@ def test_a_rendered_clip_is_calibrated_from_its_dashes_by_clicks_alone(
     )
 
 
+def _wait_for_points(page: Any, count: int) -> None:
+    for _ in range(100):
+        if page.evaluate("sheet.points.length") == count:
+            return
+        page.wait_for_timeout(50)
+
+
+def _type_coordinates_in_a_row(page: Any) -> None:
+    """A point is clicked, x typed, Tab, y typed, Tab: both are taken; then all is undone."""
+    _click(page, (640.0, 500.0))
+    page.wait_for_selector("[aria-label='x of point 1']:focus")
+    page.keyboard.type("12.5")
+    assert page.evaluate("asked().points") == []
+    page.keyboard.press("Tab")
+    page.keyboard.type("3")
+    page.keyboard.press("Tab")
+    assert page.evaluate("sheet.points.map((p) => p.road)") == [[12.5, 3]]
+    assert page.evaluate("mode") == "point"
+    page.click("[aria-label='x of point 1']", click_count=3)
+    page.keyboard.type("13")
+    page.click("[aria-label='y of point 1']", click_count=3)
+    page.keyboard.type("4")
+    page.click("[aria-label='Delete point 1']")
+    assert page.evaluate("sheet.points.length") == 0
+    page.click("#undo")
+    assert page.evaluate("sheet.points.map((p) => p.road)") == [[13, 4]]
+    for _ in range(5):
+        page.click("#undo")
+    assert page.evaluate("sheet.points.length") == 0
+    page.click("#view", button="right", position={"x": 300, "y": 300})
+    page.wait_for_timeout(300)
+    assert page.evaluate("sheet.points.length") == 0
+
+
+def _undo_and_click_again(page: Any) -> None:
+    """The last dash is undone, and deleted: clicked again, it has the same place each time."""
+    (last,) = page.evaluate("sheet.points.slice(-1)")
+    count = page.evaluate("sheet.points.length")
+    for how in ("#undo", f"[aria-label='Delete point {count}']"):
+        page.click(how)
+        _click(page, last["image"])
+        _wait_for_points(page, count)
+        assert page.evaluate("sheet.points.at(-1).road") == last["road"]
+
+
 def _dash_rows(true: Camera) -> list[float]:
     """y of the lines of dashes: the middles of the carriageways."""
     return [float(s.polygon_m[:, 1].mean()) for s in true.segments]
@@ -323,10 +506,7 @@ def _rows_of_dashes(page: Any, true: Camera) -> int:
             (place,) = true.to_image([[x, y]])
             before = page.evaluate("sheet.points.length")
             _click(page, place)
-            for _ in range(100):
-                if page.evaluate("sheet.points.length") > before:
-                    break
-                page.wait_for_timeout(50)
+            _wait_for_points(page, before + 1)
             clicks += 1
     return clicks
 

@@ -10,7 +10,7 @@ import pytest
 
 from edge_daemon.calibration.calibration import calibrate
 from edge_daemon.calibration.files import camera_toml, read_points
-from edge_daemon.camera import Array, Camera, load_camera
+from edge_daemon.camera import Array, Camera, WatchedSegment, load_camera
 from edge_daemon.camera.curved import CurvedRoad
 from edge_daemon.camera.fit import (
     Observations,
@@ -107,6 +107,27 @@ def test_the_lens_is_that_of_opencv() -> None:
     assert true.to_image(GRID) == pytest.approx(seen.reshape(-1, 2), abs=1e-6)
 
 
+def test_a_barrel_lens_shows_no_place_twice() -> None:
+    """Far outside the view a place has no pixel; the search region still has all that is seen."""
+    true = SCENES["barrel"]
+    beside = np.array([(8.0, y) for y in np.linspace(-60, 60, 121)])
+    pixels = true.to_image(beside)
+    seen = np.isfinite(pixels[:, 0])
+    assert 0 < seen.sum() < len(beside)
+    assert (np.diff(pixels[seen, 0]) < 0).all()
+    outline = np.array([(20.0, -3.5), (80.0, -3.5), (80.0, 3.5), (20.0, 3.5)])
+    segment = WatchedSegment("s", outline, np.array([-1.0, 0.0]), 60.0, 2, 3.5)
+    camera = Camera("c", SIZE, ROAD, true.to_image(ROAD), (segment,), projection=true)
+    assert np.isnan(true.to_image([[1.0, 3.5]])).all()
+    region = road_region(camera, 3.0)
+    assert region is not None
+    (left, top), (right, _) = (f(true.to_image(GRID), axis=0) for f in (np.min, np.max))
+    assert region.left <= left
+    assert region.right >= right
+    assert region.top <= top
+    assert region.bottom >= true.to_image([[17.0, 0.0]])[0, 1]
+
+
 def test_a_crest_hides_what_is_behind_it_and_the_sky_is_no_road() -> None:
     """A pixel just over the crest's line is the sky's; one under it lies before the summit."""
     true = road(crest=-1 / 400)
@@ -154,7 +175,7 @@ def test_a_plane_stays_a_plane() -> None:
         assert used.sum() == len(ROAD) - seed % 2
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_what_is_written_loads_as_the_same_camera(tmp_path: Path) -> None:
     """The file carries terms and lines; pose, region and outline follow the curve."""
     true = SCENES["bend of 150 m to the left"]
@@ -215,6 +236,13 @@ def test_no_file_where_an_end_or_a_fifth_contradicts() -> None:
         calibrate(points_of(flat, many), (), SIZE, SOURCE)
 
 
+def test_terms_say_how_many_points_they_need() -> None:
+    """Two terms that are given need ten."""
+    few = points_of(road().to_image(ROAD[:9]), ROAD[:9])
+    with pytest.raises(InputError, match="9 points are given, the terms arc, crest need 10"):
+        calibrate(few, (), SIZE, SOURCE, terms=("arc", "crest"))
+
+
 def test_a_line_that_is_elsewhere_is_named() -> None:
     """An offset mistaken by two lanes is one line."""
     seen = road().to_image([(x, 0.0) for x in (20.0, 30.0)])
@@ -239,7 +267,7 @@ def test_old_files_and_constructors_give_a_plane(camera: Camera) -> None:
     assert len(camera.outline_px(camera.segments[0])) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_a_real_sag_is_fitted_from_one_row_of_dashes_and_two_edges() -> None:
     """A motorway that no plane fits better than 5 %: dashes left out of the fit are met to 1 %."""
     given = read_points(Path(__file__).parents[1] / "data" / "motorway-sag-points.toml")
@@ -249,7 +277,7 @@ def test_a_real_sag_is_fitted_from_one_row_of_dashes_and_two_edges() -> None:
     assert whole.reprojection_error_px < 0.5
     assert isinstance(whole.projection, CurvedRoad)
     assert whole.projection.bend_per_m > 0
-    half = calibrate(given.points[::2], (), (640, 360), SOURCE, given.lines)
+    half = calibrate(given.points[::2], (), (640, 360), SOURCE, given.lines, ("crest",))
     left_out = given.points[1::2]
     places = half.projection.to_road([point.image for point in left_out])[:, 0]
     true = np.array([point.road[0] for point in left_out])
