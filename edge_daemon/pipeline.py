@@ -137,6 +137,8 @@ class Pipeline:
         now = frame.media_time_s
         if frame.cut:
             self._tracker.reset()
+            for judge in self._stopped.values():
+                judge.reset(now)
         found = to_road_points(detections, self._camera)
         sightings = self._tracker.update(now, found)
         self._sightings.add(sightings)

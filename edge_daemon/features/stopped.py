@@ -8,6 +8,7 @@ gone when nothing slow has been seen there for 15 s.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -62,11 +63,13 @@ class StoppedVehicleJudge:
 
     def __init__(self, segment: WatchedSegment) -> None:
         self._segment = segment
+        self._from_s = -math.inf
         self.standing: tuple[Standing, ...] = ()
 
-    def reset(self) -> None:
-        """Forget all: the scene has changed."""
+    def reset(self, from_s: float = -math.inf) -> None:
+        """Forget all: the scene has changed; what was seen before a media time counts no more."""
         self.standing = ()
+        self._from_s = max(self._from_s, from_s)
 
     def update(self, now_s: float, sightings: Sightings | None) -> None:
         """Take in the sightings so far.
@@ -105,7 +108,10 @@ class StoppedVehicleJudge:
 
     def _paths(self, sightings: Sightings | None) -> list[tuple[int, Array]]:
         """Of each track: time, place along and across, and whether inside, shape (n, 4)."""
-        if sightings is None or not len(sightings):
+        if sightings is None:
+            return []
+        sightings = sightings.take(sightings.time_s >= self._from_s)
+        if not len(sightings):
             return []
         segment = self._segment
         half = np.array(NOMINAL_LENGTH_M)[sightings.vehicle_class] / 2

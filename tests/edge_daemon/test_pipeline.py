@@ -189,6 +189,23 @@ def test_who_stands_ends_though_the_camera_is_silent_for_longer_than_the_window(
     assert begun_s == [pytest.approx(0.2, abs=0.3)] * 4
 
 
+def test_who_stood_before_a_cut_does_not_stand_after_it(camera: Camera) -> None:
+    """A clip loops to a scene without it, then to one with a vehicle at the same place."""
+    pipeline = a_pipeline(camera)
+    told = {}
+    for number in range(72):
+        time_s = number / 4
+        there = not 8.0 <= time_s < 10.0
+        seen = standing(50.0) if there else Blind().detect(np.empty(0))
+        pipeline.update(blank(time_s, cut=time_s in (8.0, 10.0)), seen)
+        if time_s in (7.0, 8.0, 9.0, 10.0, 12.0, 14.0, 17.0):
+            (state,) = pipeline.states(round(time_s * 1e9))
+            told[time_s] = pipeline.stopped(state).vehicles
+    assert {time_s for time_s, vehicles in told.items() if vehicles} == {7.0, 17.0}
+    (vehicle,) = told[17.0]
+    assert vehicle.since_ns / 1e9 == pytest.approx(10.0, abs=0.3)
+
+
 def test_a_pause_of_the_source_does_not_count_as_watched(camera: Camera) -> None:
     """Frames before and after a hole do not cover it."""
     pipeline = a_pipeline(camera)
