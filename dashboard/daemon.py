@@ -39,7 +39,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
     live = LiveData(
         settings.history_cycles,
         time.time_ns,
-        lambda state: refusal(state, network, settings.rsus),
+        lambda message: refusal(message, network, settings.rsus),
     )
     with contextlib.ExitStack() as stack:
         history = None

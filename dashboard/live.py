@@ -38,6 +38,7 @@ MAX_PREVIEW_BYTES: Final = 512 * 1024
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
+_Roadside = TypeVar("_Roadside", SegmentState, StoppedVehicles)
 
 
 @dataclass(frozen=True)
@@ -80,14 +81,14 @@ class LiveData:
         history_cycles: number of cycle reports to keep.
         clock_ns: UTC in ns. It is the time of pictures, which carry none. A message dated ahead of
             it is replaced by any other, so that a clock that was set back does not block the page.
-        refusal: why a SegmentState is not admitted; None: it is.
+        refusal: why a SegmentState or StoppedVehicles is not admitted; None: it is.
     """
 
     def __init__(
         self,
         history_cycles: int,
         clock_ns: Callable[[], int],
-        refusal: Callable[[SegmentState], Refusal | None] = lambda _: None,
+        refusal: Callable[[SegmentState | StoppedVehicles], Refusal | None] = lambda _: None,
     ) -> None:
         self._refusal = refusal
         self._clock_ns = clock_ns
@@ -114,20 +115,13 @@ class LiveData:
         """
         state = decode(SegmentState, payload, key)
         _check_key(key, state_key(state.rsu, state.segment))
-        if (refusal := self._refusal(state)) is not None:
-            raise InputError(key, f"state refused: {refusal.text}", "check the sender")
-        name = (state.segment, state.rsu)
-        with self._lock:
-            tolerance_s = published_tolerance_s(self._dispatcher)
-        time_ns = state.time_ns
-        self._put(self._states, name, state, time_ns, lambda old: old.time_ns, tolerance_s)
+        self._put_admitted(self._states, key, state)
 
     def on_stopped(self, key: str, payload: bytes) -> None:
-        """Store a StoppedVehicles."""
+        """Store a StoppedVehicles: admitted as a SegmentState is."""
         stopped = decode(StoppedVehicles, payload, key)
         _check_key(key, stopped_key(stopped.rsu, stopped.segment))
-        name = (stopped.segment, stopped.rsu)
-        self._put(self._stopped, name, stopped, stopped.time_ns, lambda old: old.time_ns)
+        self._put_admitted(self._stopped, key, stopped)
 
     def on_rsu_health(self, key: str, payload: bytes) -> None:
         """Store an RsuHealth."""
@@ -241,6 +235,17 @@ class LiveData:
 
     def _add_plan(self, plan: VehiclePlan) -> None:
         self._put(self._plans, plan.vehicle, plan, plan.issued_ns, lambda old: old.issued_ns)
+
+    def _put_admitted(
+        self, entries: OrderedDict[tuple[str, str], _Roadside], key: str, message: _Roadside
+    ) -> None:
+        if (refusal := self._refusal(message)) is not None:
+            what = "state" if isinstance(message, SegmentState) else "stopped vehicles"
+            raise InputError(key, f"{what} refused: {refusal.text}", "check the sender")
+        name = (message.segment, message.rsu)
+        with self._lock:
+            tolerance_s = published_tolerance_s(self._dispatcher)
+        self._put(entries, name, message, message.time_ns, lambda old: old.time_ns, tolerance_s)
 
     def _put(
         self,

@@ -105,6 +105,7 @@ class EdgeDaemon:
             for segment in camera.segments
         }
         self._standing: set[str] = set()
+        self._warned: set[str] = set()
         self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
         self._preview_publisher: Publisher | None = (
             bus.publisher(preview_key(settings.rsu), best_effort=True)
@@ -205,6 +206,7 @@ class EdgeDaemon:
             log.warning("the camera has a fault: %s; all its segments are unknown", fault)
             # Nothing seen while the fault began, or during it, may count later.
             self._pipeline.reset()
+            self._forget_stopped()
         self._fault, self._fault_began_s = fault, now
 
     def _fault_without_frame(self, now: float) -> CameraFault | None:
@@ -223,6 +225,8 @@ class EdgeDaemon:
         """Process a frame and its detections, unless the camera has a fault."""
         if self._fault is None:
             self._pipeline.update(frame, found)
+            if frame.cut:
+                self._forget_stopped()
         done = time.monotonic()
         self._frames += 1
         self._last_frame = frame
@@ -275,23 +279,39 @@ class EdgeDaemon:
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
 
     def _publish_stopped(self, state: SegmentState) -> None:
-        """Publish a segment's stopped vehicles, and once that there are none any more."""
+        """Publish a segment's stopped vehicles, and once that there are none any more.
+
+        Nothing while nobody can see them: with a fault, or without a frame in the window.
+        """
+        if self._fault is not None or state.frames == 0:
+            return
         stopped = self._pipeline.stopped(state)
         if not stopped.vehicles and state.segment not in self._standing:
             return
         self._stopped_publishers[state.segment].put(stopped)
-        before = state.segment in self._standing
         if stopped.vehicles:
             self._standing.add(state.segment)
         else:
             self._standing.discard(state.segment)
-        if before != bool(stopped.vehicles):
-            places = ", ".join(f"lane {v.lane} at {v.along_m:.0f} m" for v in stopped.vehicles)
-            log.warning(
-                "%s: %s",
-                state.segment,
-                f"a vehicle stands, {places}" if places else "no vehicle stands any more",
-            )
+        unusual = stopped.unusual
+        if unusual and state.segment not in self._warned:
+            if self._limiter.allow(f"stopped {state.segment}"):
+                self._warned.add(state.segment)
+                log.warning(
+                    "%s: %d stopped as in no queue, the first in lane %d from the right at %.0f m",
+                    state.segment,
+                    len(unusual),
+                    unusual[0].lane + 1,
+                    unusual[0].along_m,
+                )
+        elif not stopped.vehicles and state.segment in self._warned:
+            self._warned.discard(state.segment)
+            log.warning("%s: no vehicle stands any more", state.segment)
+
+    def _forget_stopped(self) -> None:
+        """Say no more of who stood: whether they still do is not known."""
+        self._standing.clear()
+        self._warned.clear()
 
     def _log_skipped(self, skipped: int) -> None:
         """Log which stages took longest, if frames were skipped since the last states."""

@@ -65,6 +65,7 @@ class Pipeline:
         self._memory_s = max(window_s + _LEAD_S, MEMORY_S)
         self._sightings = SightingBuffer()
         self._frames: deque[_FrameTime] = deque()
+        self._last_s: float | None = None
         self._sequence = 0
         self._states_s = 0.0
         self._kinematics = {
@@ -93,7 +94,7 @@ class Pipeline:
 
         def told(vehicle: Standing) -> StoppedVehicle:
             since_ns, seen_ns = (
-                max(0, state.time_ns - round((self._states_s - then_s) * 1e9))
+                max(0, state.time_ns - max(0, round((self._states_s - then_s) * 1e9)))
                 for then_s in (vehicle.since_s, vehicle.seen_s)
             )
             return StoppedVehicle(
@@ -136,11 +137,14 @@ class Pipeline:
         now = frame.media_time_s
         if frame.cut:
             self._tracker.reset()
+            for judge in self._stopped.values():
+                judge.reset(now)
         found = to_road_points(detections, self._camera)
         sightings = self._tracker.update(now, found)
         self._sightings.add(sightings)
         last = self._frames[-1].time_s if self._frames else now
         self._frames.append(_FrameTime(now, now - last))
+        self._last_s = now
         self._forget(now - self._window_s)
         return sightings
 
@@ -176,7 +180,8 @@ class Pipeline:
             idle_s: time since the last frame: that much of the window is empty.
             fault: why the camera cannot be trusted now; all segments are unknown for it.
         """
-        begin_s = self._frames[-1].time_s + idle_s - self._window_s if self._frames else 0.0
+        # Time goes on when all frames have left the window.
+        begin_s = 0.0 if self._last_s is None else self._last_s + idle_s - self._window_s
         if idle_s > 0:
             self._forget(begin_s)
         # A frame stands for the time since the one before it, unless the source paused.

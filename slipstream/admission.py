@@ -1,4 +1,4 @@
-"""Which segment states are admitted: those of a listed RSU whose figures are physically possible.
+"""Which of RSUs' messages are admitted: a listed RSU's whose figures are physically possible.
 
 The dispatcher's gates and the dashboard's map admit the same states.
 """
@@ -12,7 +12,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from pydantic import Field
 
 from slipstream.errors import InputError
-from slipstream.messages import Estimate, Identifier, SegmentState
+from slipstream.messages import Estimate, Identifier, SegmentState, StoppedVehicles
 from slipstream.roads import RoadNetwork, Segment
 
 Rsus = dict[Identifier, Annotated[tuple[Identifier, ...], Field(min_length=1)]]
@@ -30,6 +30,8 @@ _LIMITS: Final[Mapping[str, tuple[float, float]]] = {
 _MAX_STANDARD_ERROR: Final = 1e4
 _MAX_WINDOW_S: Final = 3600.0
 _MAX_VEHICLES: Final = 10_000
+_MAX_LANES: Final = 30
+_MAX_ALONG_M: Final = 5000.0
 _SPEEDING: Final = 2.0
 _SPEEDING_MPS: Final = 15.0
 """A mean speed above so many times the limit, and so much above it, belongs to another road."""
@@ -55,7 +57,7 @@ def check_rsus(
 
 
 class Refusal(NamedTuple):
-    """Why a state is not admitted.
+    """Why a message is not admitted.
 
     Attributes:
         kind: the check that it failed.
@@ -67,19 +69,25 @@ class Refusal(NamedTuple):
 
 
 def refusal(
-    state: SegmentState, network: RoadNetwork, rsus: Mapping[str, tuple[str, ...]] | None
+    message: SegmentState | StoppedVehicles,
+    network: RoadNetwork,
+    rsus: Mapping[str, tuple[str, ...]] | None,
 ) -> Refusal | None:
-    """Why a state is not admitted; None if it is.
+    """Why a state, or the vehicles that stand, are not admitted; None if they are.
 
     Args:
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
     """
-    segment = network.segments.get(state.segment)
+    segment = network.segments.get(message.segment)
     if segment is None:
         return Refusal("unknown_segment", "unknown segment")
-    if rsus is not None and state.segment not in rsus.get(state.rsu, ()):
+    if rsus is not None and message.segment not in rsus.get(message.rsu, ()):
         return Refusal("unlisted", "its RSU is not listed for this segment")
-    impossible = implausibility(state, segment)
+    impossible = (
+        implausibility(message, segment)
+        if isinstance(message, SegmentState)
+        else _stopped_implausibility(message, segment)
+    )
     return None if impossible is None else Refusal("implausible", impossible)
 
 
@@ -101,7 +109,21 @@ def implausibility(state: SegmentState, segment: Segment) -> str | None:
             return f"{name} = {estimate.value:g}"
         if (estimate.standard_error or 0.0) > _MAX_STANDARD_ERROR:
             return f"{name} with a standard error of {estimate.standard_error:g}"
-    speed, limit = state.features.mean_speed_mps.value, segment.speed_limit_mps
+    return _speeding(state.features.mean_speed_mps.value, segment)
+
+
+def _stopped_implausibility(stopped: StoppedVehicles, segment: Segment) -> str | None:
+    """What is physically impossible in the vehicles that stand on ``segment``."""
+    for vehicle in stopped.vehicles:
+        if not vehicle.since_ns <= vehicle.seen_ns <= stopped.time_ns:
+            return "a vehicle that was seen before it stood, or later than now"
+        if vehicle.lane >= _MAX_LANES or vehicle.along_m > _MAX_ALONG_M:
+            return f"a vehicle in lane {vehicle.lane + 1}, {vehicle.along_m:.4g} m along"
+    return None if stopped.mean_speed_mps is None else _speeding(stopped.mean_speed_mps, segment)
+
+
+def _speeding(speed: float, segment: Segment) -> str | None:
+    limit = segment.speed_limit_mps
     if speed > max(_SPEEDING * limit, limit + _SPEEDING_MPS):
         return f"mean_speed_mps = {speed:g} where {limit:g} is allowed"
     return None

@@ -184,7 +184,7 @@ def _road(
 
 
 def _stopped(snapshot: Snapshot, now_ns: int, limits: _Limits) -> list[str]:
-    """A line for each segment on which vehicles stand, those that stand longest first."""
+    """A line for each segment on which vehicles stand as in no queue, the longest first."""
     lines = []
     for _, stopped in sorted(snapshot.stopped.items()):
         fault = freshness.fault(
@@ -193,10 +193,10 @@ def _stopped(snapshot: Snapshot, now_ns: int, limits: _Limits) -> list[str]:
             stale_after_s=limits.stale_after_s,
             future_tolerance_s=limits.future_tolerance_s,
         )
-        if fault is not None or not stopped.vehicles:
+        unusual = stopped.unusual
+        if fault is not None or not unusual:
             continue
-        first = min(stopped.vehicles, key=lambda vehicle: vehicle.since_ns)
-        more = len(stopped.vehicles) - 1
+        first, more = unusual[0], len(unusual) - 1
         lines.append(
             (
                 first.since_ns,

@@ -3,11 +3,12 @@
 A vehicle stands if it has moved less than 2.5 m in 5 s (0.5 m/s). It is known by its place, not
 by its track: what hides it for some seconds ends the track, and the vehicle is there again under
 another number. It has moved on when its track has left the place by more than its length, and is
-gone when nothing has been seen there for 15 s.
+gone when nothing slow has been seen there for 15 s.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -62,11 +63,13 @@ class StoppedVehicleJudge:
 
     def __init__(self, segment: WatchedSegment) -> None:
         self._segment = segment
+        self._from_s = -math.inf
         self.standing: tuple[Standing, ...] = ()
 
-    def reset(self) -> None:
-        """Forget all: the scene has changed."""
+    def reset(self, from_s: float = -math.inf) -> None:
+        """Forget all: the scene has changed; what was seen before a media time counts no more."""
         self.standing = ()
+        self._from_s = max(self._from_s, from_s)
 
     def update(self, now_s: float, sightings: Sightings | None) -> None:
         """Take in the sightings so far.
@@ -75,32 +78,40 @@ class StoppedVehicleJudge:
             now_s: media time, later than the last one.
             sightings: of the last ten seconds or so, in order of time.
         """
-        latest: dict[int, Array] = {}
+        paths = dict(self._paths(sightings))
+        known_tracks = {known.track for known in self.standing}
         found: list[Standing] = []
-        for track, path in self._paths(sightings):
-            latest[track] = path[-1]
+        for track, path in paths.items():
             place = self._stands(path, track) if now_s - path[-1, 0] <= _PRESENT_S else None
             if place is not None:
                 found.append(place)
         kept = []
         for known in self.standing:
-            here = next((place for place in found if _same(place, known)), None)
+            here = next(
+                (place for place in found if _same(place.along_m, place.across_m, known)), None
+            )
             if here is not None:
                 found.remove(here)
                 kept.append(replace(here, since_s=min(known.since_s, here.since_s)))
                 continue
-            now = latest.get(known.track)
-            if now is not None and now[0] > known.seen_s:
-                if abs(now[1] - known.along_m) > _LEFT_M:
+            own = paths.get(known.track)
+            if own is not None and own[-1, 0] > known.seen_s:
+                if abs(own[-1, 1] - known.along_m) > _LEFT_M:
                     continue  # it has moved on
-                known = replace(known, seen_s=float(now[0]))
+                known = replace(known, seen_s=float(own[-1, 0]))
+            if now_s - known.seen_s > _PRESENT_S:
+                known = _seen_again(known, paths, known_tracks)
+                known_tracks.add(known.track)
             if now_s - known.seen_s <= GONE_S:
                 kept.append(known)
         self.standing = tuple(sorted([*kept, *found], key=lambda place: place.since_s))
 
     def _paths(self, sightings: Sightings | None) -> list[tuple[int, Array]]:
         """Of each track: time, place along and across, and whether inside, shape (n, 4)."""
-        if sightings is None or not len(sightings):
+        if sightings is None:
+            return []
+        sightings = sightings.take(sightings.time_s >= self._from_s)
+        if not len(sightings):
             return []
         segment = self._segment
         half = np.array(NOMINAL_LENGTH_M)[sightings.vehicle_class] / 2
@@ -138,8 +149,25 @@ class StoppedVehicleJudge:
         )
 
 
-def _same(place: Standing, known: Standing) -> bool:
+def _seen_again(known: Standing, paths: dict[int, Array], but: set[int]) -> Standing:
+    """It with the latest other track that is slow at its place, however short; else as it was."""
+    for track, path in sorted(paths.items(), key=lambda each: -float(each[1][-1, 0])):
+        end_s = float(path[-1, 0])
+        if track in but or end_s <= known.seen_s:
+            continue
+        last = path[path[:, 0] > end_s - _END_S]
+        before = path[(path[:, 0] > end_s - 2 * _END_S) & (path[:, 0] <= end_s - _END_S)]
+        if not len(before):
+            continue
+        here, there = np.median(last, axis=0), np.median(before, axis=0)
+        slow = np.hypot(*(here - there)[1:3]) <= MAX_SPEED_MPS * (here[0] - there[0])
+        if slow and _same(float(here[1]), float(here[2]), known):
+            return replace(known, seen_s=end_s, track=track)
+    return known
+
+
+def _same(along_m: float, across_m: float, known: Standing) -> bool:
     return (
-        abs(place.along_m - known.along_m) <= _SAME_ALONG_M
-        and abs(place.across_m - known.across_m) <= _SAME_ACROSS_M
+        abs(along_m - known.along_m) <= _SAME_ALONG_M
+        and abs(across_m - known.across_m) <= _SAME_ACROSS_M
     )

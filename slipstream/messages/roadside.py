@@ -96,6 +96,10 @@ class SegmentState(Message):
         return self
 
 
+STANDS_LONG_S: Final = 180.0
+"""Longer than a red light of the scenarios: three other phases of 50 s, and their yellow."""
+
+
 class StoppedVehicle(Message):
     """A vehicle that stands on a road segment."""
 
@@ -122,6 +126,16 @@ class StoppedVehicles(Message):
     mean_speed_mps: NonNegative | None = Field(
         description="Of all vehicles in the state's window; None where none was measured."
     )
+
+    @property
+    def unusual(self) -> tuple[StoppedVehicle, ...]:
+        """Those that no red light explains, the longest first.
+
+        All where traffic is stable; else those that have stood for `STANDS_LONG_S`.
+        """
+        until_ns = self.time_ns - (0 if self.y_e == 1 else round(STANDS_LONG_S * 1e9))
+        vehicles = (vehicle for vehicle in self.vehicles if vehicle.since_ns <= until_ns)
+        return tuple(sorted(vehicles, key=lambda vehicle: vehicle.since_ns))
 
 
 class RsuHealth(Message):

@@ -11,6 +11,7 @@ from slipstream.errors import InputError
 from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    StoppedVehicle,
     StoppedVehicles,
     Unserved,
     plan_key,
@@ -84,6 +85,38 @@ def test_a_state_that_no_gate_would_count_is_not_drawn(world, now_ns):
     honest = state.model_copy(update={"rsu": "rsu-1"})
     live.on_state(state_key("rsu-1", "avenue_east"), honest.to_bytes())
     assert list(live.snapshot().states) == [("avenue_east", "rsu-1")]
+
+
+@pytest.mark.attack
+def test_stopped_vehicles_are_admitted_as_states_are(now_ns):
+    """Not those of an unlisted RSU or segment, nor impossible times, places and speeds."""
+    network = load_network("demo")
+    rsus = {"rsu-1": ("avenue_east",)}
+    live = LiveData(3, lambda: now_ns, lambda message: refusal(message, network, rsus))
+    since_ns = now_ns - 9 * S
+    vehicle = StoppedVehicle(lane=1, along_m=40.0, since_ns=since_ns, seen_ns=now_ns - S)
+    honest = StoppedVehicles(
+        rsu="rsu-1",
+        segment="avenue_east",
+        time_ns=now_ns,
+        vehicles=(vehicle,),
+        y_e=1,
+        mean_speed_mps=15.0,
+    )
+    forged = [
+        *({"rsu": "rsu-2"}, {"segment": "avenue_west"}, {"segment": "nowhere"}),
+        *({"time_ns": now_ns - 2 * S}, {"mean_speed_mps": 1e300}),
+        {"vehicles": (vehicle, vehicle.model_copy(update={"seen_ns": since_ns - 1}))},
+        {"vehicles": (vehicle.model_copy(update={"along_m": 1e300}),)},
+        {"vehicles": (vehicle.model_copy(update={"lane": 10**9}),)},
+    ]
+    for changes in forged:
+        bad = honest.model_copy(update=changes)
+        with pytest.raises(InputError, match="refused: "):
+            live.on_stopped(stopped_key(bad.rsu, bad.segment), bad.to_bytes())
+    assert not live.snapshot().stopped
+    live.on_stopped(stopped_key("rsu-1", "avenue_east"), honest.to_bytes())
+    assert live.snapshot().stopped == {("avenue_east", "rsu-1"): honest}
 
 
 def test_late_repairs_do_not_win(live, world, now_ns):

@@ -22,6 +22,7 @@ from slipstream.messages import (
     ALL_POSITIONS,
     ALL_PROGRESS,
     ALL_STATES,
+    ALL_STOPPED,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     acknowledgement_key,
@@ -39,6 +40,7 @@ from slipstream.messages import (
     signal_status_key,
     spat_key,
     state_key,
+    stopped_key,
 )
 from slipstream.sumo_net import load_network
 
@@ -142,6 +144,9 @@ PROBES = {
     "state": state_key("rsu-1", "avenue_east"),
     "another segment's state": state_key("rsu-1", "avenue_west"),
     "another RSU's state": state_key("rsu-2", "avenue_east"),
+    "stopped": stopped_key("rsu-1", "avenue_east"),
+    "another segment's stopped": stopped_key("rsu-1", "avenue_west"),
+    "another RSU's stopped": stopped_key("rsu-2", "avenue_east"),
     "health": rsu_health_key("rsu-1"),
     "picture": preview_key("rsu-1"),
     "plan": plan_key("van-1"),
@@ -181,7 +186,7 @@ MAY = {
         *("position", "acknowledgement", "progress"),
         *("another's position", "another's acknowledgement", "another's progress"),
     },
-    "edge-rsu-1": {"state", "health", "picture"},
+    "edge-rsu-1": {"state", "stopped", "health", "picture"},
     "signals": {"timing", "status"},
     "agent-depot-1": {
         *("position", "acknowledgement", "progress"),
@@ -525,7 +530,8 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
 def test_a_box_publishes_its_own_keys_only(
     sites: dict[str, int], users: Path, tmp_path: Path, figure: Callable[[str], None]
 ) -> None:
-    """Its states arrive, early and live; others' names, plans, or an unknown box's do not.
+    """Its states arrive, early and live, and who stands; others' names, plans, or an unknown box's
+    do not.
 
     The box is in a thief's hands: its router passes everything on, with its certificate and its
     password.
@@ -538,23 +544,28 @@ def test_a_box_publishes_its_own_keys_only(
     with (
         zenoh.open(zenoh.Config.from_file(str(tmp_path / "stolen.json5"))),
         open_bus(stolen, users / "edge-rsu-1") as box,
+        open_bus(sites["box-1"], users / "edge-rsu-1") as honest,
         open_bus(sites["box-2"], users / "edge-rsu-1") as stranger,
         open_bus(sites["server"], users / "dispatcher") as server,
     ):
         state = box.publisher(PROBES["state"])
         state.put(b"before anybody listened")
+        stopped = honest.publisher(PROBES["stopped"], history=0)
         others = load_network("demo").segments.keys() - {"avenue_east"}
         forged = [
             *(box.publisher(state_key("rsu-1", segment)) for segment in others),
             box.publisher(PROBES["another RSU's state"]),
+            *(box.publisher(stopped_key("rsu-1", segment), history=0) for segment in others),
+            box.publisher(PROBES["another RSU's stopped"], history=0),
             box.publisher(plan_key("van")),
             box.publisher(CYCLE_KEY),
             stranger.publisher(PROBES["state"]),
+            stranger.publisher(PROBES["stopped"], history=0),
         ]
         for publisher in forged:
             publisher.put(b"forged early")
         everything, plans_at_box = Seen(), Seen()
-        for key_expression in (ALL_STATES, ALL_PLANS, CYCLE_KEY):
+        for key_expression in (ALL_STATES, ALL_STOPPED, ALL_PLANS, CYCLE_KEY):
             server.subscribe(key_expression, everything)
         box.subscribe(ALL_PLANS, plans_at_box)
         assert everything.wait_for(b"before anybody listened", 15)
@@ -566,10 +577,13 @@ def test_a_box_publishes_its_own_keys_only(
         plan = server.publisher(plan_key("van"))
         plan.put(b"plan")
         state.put(b"live")
+        stopped.put(b"stopped")
         assert everything.wait_for(b"live")
+        assert everything.wait_for(b"stopped")
         assert everything.wait_for(b"plan")
         time.sleep(0.5)
-        assert set(everything.payloads) == {b"before anybody listened", b"live", b"plan"}
+        expected = {b"before anybody listened", b"live", b"stopped", b"plan"}
+        assert set(everything.payloads) == expected
         assert b"plan" not in plans_at_box.payloads
         figure(f"with a box's keys 1 of {1 + len(others)} segments gets its states")
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,11 @@ from edge_daemon.sources.camera import open_camera
 from edge_daemon.sources.live import MAX_WAIT_S, LiveSource
 from edge_daemon.watch import Watch
 from slipstream.config import ServiceSettings
-from slipstream.messages import RsuHealth, SegmentState
+from slipstream.messages import CameraFault, RsuHealth, SegmentState, StoppedVehicles, roadside
 from slipstream.service import Service
 
 from .cameras import Feed, RtspServer
+from .conftest import project
 
 Picture = npt.NDArray[np.uint8]
 
@@ -53,6 +55,7 @@ class Recorder:
     def __init__(self) -> None:
         self.states: list[SegmentState] = []
         self.health: list[RsuHealth] = []
+        self.stopped: list[StoppedVehicles] = []
 
     def publisher(self, key: str, **_: object) -> Recorder:
         """One for all keys."""
@@ -64,7 +67,10 @@ class Recorder:
 
     def put(self, message: Any) -> None:
         """Keep it."""
-        (self.states if isinstance(message, SegmentState) else self.health).append(message)
+        if isinstance(message, StoppedVehicles):
+            self.stopped.append(message)
+        else:
+            (self.states if isinstance(message, SegmentState) else self.health).append(message)
 
     def until(self, condition: Callable[[], bool], seconds: float) -> None:
         """Wait until the condition holds."""
@@ -106,16 +112,20 @@ class Reel:
 
 
 def a_daemon(
-    camera: Camera, source: FrameSource, detector: Still, pace: str
+    camera: Camera,
+    source: FrameSource,
+    detector: Still,
+    pace: str,
+    state_interval_s: float = 0.25,
 ) -> tuple[EdgeDaemon, Recorder, Service]:
-    """A daemon with short windows that tells its states four times a second."""
+    """A daemon with short windows that tells its states four times a second, or as often."""
     settings = EdgeSettings.model_validate(
         {
             "rsu": "r",
             "camera": "camera.toml",
             "source": {"clip": "clip.mp4", "pace": pace},
             "window_s": WINDOW_S,
-            "state_interval_s": 0.25,
+            "state_interval_s": state_interval_s,
             "watch": QUICK,
         }
     )
@@ -424,3 +434,82 @@ def test_what_was_skipped_keeps_its_marks(
     marks = [(frame.clock_jump, frame.cut) for frame in frames if frame is not None]
     assert marks == [(True, True), (False, False)]
     assert source.counters.skipped == 1
+
+
+def stopping_twice(camera: Camera, cut_s: float, fault_s: float) -> tuple[EdgeDaemon, Recorder]:
+    """A car stands for 8 s and drives on, and so does another one after it; four frames a second.
+
+    At a time the scene is cut, and from another one on the camera has a fault.
+    """
+    pictures = [np.full((720, 1280, 3), level, np.uint8) for level in (60, 90)]
+    shown, told = [], {}
+    for number in range(88):
+        time_s = number / 4
+        image = pictures[number % 2][:]
+        shown.append(Frame(image, time_s, round(1e18 + 1e9 * time_s), time_s, cut=time_s == cut_s))
+        ((u, v),) = project([(60.0 - 6.0 * max(0.0, time_s % 11 - 8.0), 1.75)])
+        box = np.array([[u - 20, v - 30, u + 20, v]], dtype=np.float32)
+        told[id(image)] = Detections(box, np.full(1, 0.9, np.float32), np.zeros(1, np.int64))
+
+    class Scripted(Watch):
+        def look(self, frame: Frame, boxes: object) -> CameraFault | None:
+            return "dark" if frame.media_time_s >= fault_s else None
+
+    daemon, recorder, _ = a_daemon(camera, Reel(shown), Still(told), "fast", 1.0)
+    daemon._watch = Scripted(camera, QUICK)
+    return daemon, recorder
+
+
+def stopped_lines(caplog: pytest.LogCaptureFixture) -> list[str]:
+    """What the journal has about vehicles that stand."""
+    lines = [record.getMessage() for record in caplog.records]
+    return [line for line in lines if "stopped" in line or "stands" in line]
+
+
+def test_who_stands_is_told_until_once_that_nobody_does(
+    camera: Camera, caplog: pytest.LogCaptureFixture
+) -> None:
+    """With each state while one stands, then one empty message; a red light is not logged."""
+    daemon, recorder = stopping_twice(camera, np.inf, np.inf)
+    daemon.run()
+    counts = [len(message.vehicles) for message in recorder.stopped]
+    changes = [after for before, after in pairwise([0, *counts]) if before != after]
+    assert changes == [1, 0, 1, 0]
+    assert counts.count(0) == 2
+    assert counts.count(1) >= 6
+    told = {state.time_ns for state in recorder.states}
+    assert {message.time_ns for message in recorder.stopped} <= told
+    assert stopped_lines(caplog) == []
+
+
+def test_a_breakdown_is_logged_at_most_once_a_minute(
+    camera: Camera, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line at its beginning, with lanes counted from one, and one at its end."""
+    monkeypatch.setattr(roadside, "STANDS_LONG_S", 5.0)
+    daemon, recorder = stopping_twice(camera, np.inf, np.inf)
+    daemon.run()
+    place = next(message.vehicles[0] for message in recorder.stopped)
+    assert stopped_lines(caplog) == [
+        f"approach: 1 stopped as in no queue, the first in lane {place.lane + 1} from the right "
+        f"at {place.along_m:.0f} m",
+        "approach: no vehicle stands any more",
+    ]
+
+
+@pytest.mark.parametrize(("cut_s", "fault_s"), [(7.0, np.inf), (np.inf, 7.0)])
+def test_nobody_says_that_the_road_is_clear_who_cannot_see_it(
+    camera: Camera,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    cut_s: float,
+    fault_s: float,
+) -> None:
+    """A fault or a cut while one stands: no message, and the journal does not say it has gone."""
+    monkeypatch.setattr(roadside, "STANDS_LONG_S", 5.0)
+    daemon, recorder = stopping_twice(camera, cut_s, fault_s)
+    daemon.run()
+    before = [message for message in recorder.stopped if message.time_ns < 1e18 + 11e9]
+    assert {len(message.vehicles) for message in before} == {1}
+    assert before[-1].time_ns < 1e18 + 7e9
+    assert len(stopped_lines(caplog)) == 1

@@ -22,6 +22,8 @@ from edge_daemon.sources import open_source
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState
 
+from .conftest import project
+
 
 class Blind:
     """A detector that finds nothing."""
@@ -160,6 +162,48 @@ def test_a_camera_that_falls_silent_becomes_unknown(camera: Camera) -> None:
     assert (state.reason, state.coverage) == ("window_not_covered", pytest.approx(0.6, abs=0.02))
     (state,) = pipeline.states(1, idle_s=11.0)
     assert (state.reason, state.frames) == ("no_frames", 0)
+
+
+def standing(place_m: float) -> Detections:
+    """A car at a place of the right lane."""
+    ((u, v),) = project([(place_m, 1.75)])
+    box = np.array([[u - 20, v - 30, u + 20, v]], dtype=np.float32)
+    return Detections(box, np.full(1, 0.9, np.float32), np.zeros(1, np.int64))
+
+
+def test_who_stands_ends_though_the_camera_is_silent_for_longer_than_the_window(
+    camera: Camera,
+) -> None:
+    """Time does not step when the last frame leaves the window, without a fault of the camera."""
+    pipeline = a_pipeline(camera)
+    last_s = 10.0
+    for time_s in np.arange(100.0, 100.0 + last_s, 0.2):
+        pipeline.update(blank(float(time_s)), standing(50.0))
+    told = {}
+    for idle_s in (0.0, 9.0, 11.0, 14.0, 17.0, 30.0):
+        time_ns = round((last_s + idle_s) * 1e9)
+        (state,) = pipeline.states(time_ns, idle_s)
+        told[idle_s] = pipeline.stopped(state).vehicles
+    assert [len(vehicles) for vehicles in told.values()] == [1, 1, 1, 1, 0, 0]
+    begun_s = [vehicle.since_ns / 1e9 for vehicles in told.values() for vehicle in vehicles]
+    assert begun_s == [pytest.approx(0.2, abs=0.3)] * 4
+
+
+def test_who_stood_before_a_cut_does_not_stand_after_it(camera: Camera) -> None:
+    """A clip loops to a scene without it, then to one with a vehicle at the same place."""
+    pipeline = a_pipeline(camera)
+    told = {}
+    for number in range(72):
+        time_s = number / 4
+        there = not 8.0 <= time_s < 10.0
+        seen = standing(50.0) if there else Blind().detect(np.empty(0))
+        pipeline.update(blank(time_s, cut=time_s in (8.0, 10.0)), seen)
+        if time_s in (7.0, 8.0, 9.0, 10.0, 12.0, 14.0, 17.0):
+            (state,) = pipeline.states(round(time_s * 1e9))
+            told[time_s] = pipeline.stopped(state).vehicles
+    assert {time_s for time_s, vehicles in told.items() if vehicles} == {7.0, 17.0}
+    (vehicle,) = told[17.0]
+    assert vehicle.since_ns / 1e9 == pytest.approx(10.0, abs=0.3)
 
 
 def test_a_pause_of_the_source_does_not_count_as_watched(camera: Camera) -> None:

@@ -442,8 +442,14 @@ def test_a_stopped_vehicle_is_told_with_its_place(now_ns):
         "A vehicle stands on avenue_east, lane 2 from the right, 40 m along, for 32 s; "
         "traffic is stable"
     )
-    (line,) = _view(_stopped(now_ns, 8.0, 32.0, y_e=0), now_ns).problems
-    assert "for 32 s, and 1 more; traffic is turbulent" in line
+    (line,) = _view(_stopped(now_ns, 190.0, 32.0, 200.0, y_e=0), now_ns).problems
+    assert "for 200 s, and 1 more; traffic is turbulent" in line
+
+
+@pytest.mark.parametrize("y_e", [0, None])
+def test_a_queue_at_a_red_light_is_no_problem(now_ns, y_e):
+    """Who stands for less than three minutes where traffic does not flow is not shown."""
+    assert _view(_stopped(now_ns, 8.0, 170.0, y_e=y_e), now_ns).problems == ()
 
 
 def test_stopped_vehicles_end_with_their_message(now_ns):

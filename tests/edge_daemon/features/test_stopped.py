@@ -94,6 +94,26 @@ def test_occlusion_does_not_end_it_nor_begin_another() -> None:
     assert vehicle.track == 2
 
 
+def test_hidden_again_and_again_it_is_one_event() -> None:
+    """Hidden for 1.5 s in every 5 s, a new track each time, none seen for long enough to stand."""
+    parts = [
+        drive(2 + n, begin_s, begin_s + 3.5, 40, 0) for n, begin_s in enumerate(range(11, 46, 5))
+    ]
+    history = judged([drive(1, 0, 9.5, 40, 0), *parts], 45)
+    assert all(len(judge.standing) == 1 for judge in history[8:])
+    (vehicle,) = history[-1].standing
+    assert vehicle.since_s == pytest.approx(0.0, abs=0.2)
+    assert vehicle.seen_s > 43
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 5.0])
+def test_who_drives_through_its_place_does_not_continue_it(speed_mps: float) -> None:
+    """One at walking pace, and others one after the other."""
+    starts = [12.0] if speed_mps < 2 else list(range(12, 28, 2))
+    parts = [drive(2 + n, at, at + 16, 30, speed_mps) for n, at in enumerate(starts)]
+    assert not judged([drive(1, 0, 10, 40, 0), *parts], 27)[-1].standing
+
+
 def test_what_passes_before_it_is_not_taken_for_it() -> None:
     """Another vehicle drives through the next lane and past it while it is hidden."""
     parts = [drive(1, 0, 10, 40, 0), drive(2, 9, 15, 0, 15.0), drive(3, 9, 15, 0, 15.0, y_m=1.7)]
