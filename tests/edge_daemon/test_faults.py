@@ -207,7 +207,8 @@ def test_a_fault_closes_all_segments_and_a_window_later_they_are_back(
             picture = pictures[BEGIN].copy() if spoil is None else spoil(picture)
         time_s = number / FPS
         shown.append(Frame(picture, time_s, round(1e18 + 1e9 * time_s), time_s))
-        told[id(picture)] = seen[number]
+        still = spoil is None and BEGIN <= number < END
+        told[id(picture)] = seen[BEGIN if still else number]
     begun = metrics.FAULTS.labels(reason)._value.get()
     daemon, recorder, _ = a_daemon(camera, Reel(shown), Still(told), "fast")
     daemon.run()
@@ -452,7 +453,7 @@ def stopping_twice(camera: Camera, cut_s: float, fault_s: float) -> tuple[EdgeDa
         told[id(image)] = Detections(box, np.full(1, 0.9, np.float32), np.zeros(1, np.int64))
 
     class Scripted(Watch):
-        def look(self, frame: Frame, boxes: object) -> CameraFault | None:
+        def look(self, frame: Frame, *_: object) -> CameraFault | None:
             return "dark" if frame.media_time_s >= fault_s else None
 
     daemon, recorder, _ = a_daemon(camera, Reel(shown), Still(told), "fast", 1.0)
