@@ -222,7 +222,7 @@ class Reporter:
     ) -> KinematicFeatures | None:
         if truth is None:
             return None
-        # SampledBits always, so that one kind of error does not change the other's numbers.
+        # Drawn always, so that one kind of error does not change the other's numbers.
         lost, error, noise = rng.random(), rng.normal(size=len(FEATURES)), rng.normal(size=6)
         errors = self._errors
         if errors is not None and lost < errors.lost_share:
