@@ -16,7 +16,13 @@ from typing import Final, Literal
 import numpy as np
 
 from edge_daemon.camera import Array, Camera
-from edge_daemon.detection import VEHICLE_CLASSES, Detections, detect_stream, open_detector
+from edge_daemon.detection import (
+    VEHICLE_CLASSES,
+    Detections,
+    box_feet,
+    detect_stream,
+    open_detector,
+)
 from edge_daemon.frame import Frame
 from edge_daemon.settings import DetectorSettings, TrackerSettings, WatchSettings
 from edge_daemon.sources.clip import FastClip, open_clip
@@ -176,8 +182,7 @@ def _bands(
         nearest = outline[np.nanargmax(camera.to_image(outline)[:, 1])]
         length = float(np.linalg.norm(outline - nearest, axis=1).max())
         limits = [length * part / _PARTS for part in range(1, _PARTS)]
-        feet = np.column_stack([(things[:, 0] + things[:, 2]) / 2, things[:, 3]])
-        distance = np.linalg.norm(camera.to_road(feet) - nearest, axis=1)
+        distance = np.linalg.norm(camera.to_road(box_feet(things)) - nearest, axis=1)
         place = np.digitize(distance, limits)
         ends = [(0.0, limits[0]), (limits[0], limits[1]), (limits[1], None)]
     return tuple(

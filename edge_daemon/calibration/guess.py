@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from edge_daemon.camera import Array
-from edge_daemon.detection import Detections
+from edge_daemon.detection import Detections, box_feet
 from edge_daemon.settings import CalibrationPoint
 
 _CAR_M: Final = (4.4, 1.8, 1.5)
@@ -61,7 +61,7 @@ def guess(detections: list[Detections], size: tuple[int, int]) -> Guess | None:
         size: (width, height) of the image, px.
     """
     paths = [path for path in _paths(detections, size) if len(path) >= _MIN_LINKS]
-    feet = [np.column_stack([path[:, [0, 2]].mean(axis=1), path[:, 3]]) for path in paths]
+    feet = [box_feet(path) for path in paths]
     moving = [i for i, foot in enumerate(feet) if np.hypot(*(foot[-1] - foot[0])) >= _MIN_PATH_PX]
     paths, feet = [paths[i] for i in moving], [feet[i] for i in moving]
     if len(paths) < _MIN_TRACKS:
@@ -177,7 +177,7 @@ def _camera(
 ) -> _Camera:
     vanishing = _vanishing_point(feet)
     boxes = np.concatenate([path[:: max(1, len(path) // 12)] for path in paths])
-    foot = np.column_stack([boxes[:, [0, 2]].mean(axis=1), boxes[:, 3]])
+    foot = box_feet(boxes)
     below = foot[:, 1] > vanishing[1] + 2.5 * _VANISHING_PX + 8
     boxes, foot = boxes[below], foot[below]
     if len(boxes) < _MIN_LINKS:

@@ -26,7 +26,7 @@ def clean(points: Array) -> list[list[float] | None]:
     ]
 
 
-def grid(projection: Projection, road_m: Array, size: tuple[int, int]) -> list[dict[str, Any]]:
+def grid(projection: Projection, road_m: Array) -> list[dict[str, Any]]:
     """Lines of constant x and of constant y over the known part of the road."""
     low, high = road_m.min(axis=0), road_m.max(axis=0)
     margin = 0.15 * (high - low)
@@ -74,7 +74,7 @@ def drawn(
             {"miss": float(miss) if np.isfinite(miss) else None, "used": bool(one), "at": at}
             for miss, one, at in zip(misses, used, clean(projection.to_image(road)), strict=True)
         ],
-        "grid": grid(projection, road[used], size),
+        "grid": grid(projection, road[used]),
         "horizon": horizon(projection, size),
         "outlines": outlines,
     }

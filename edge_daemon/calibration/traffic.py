@@ -10,7 +10,7 @@ import numpy as np
 
 from edge_daemon.calibration.recording import Recording
 from edge_daemon.camera import Array, Camera
-from edge_daemon.detection import VEHICLE_CLASSES, Detections, open_detector
+from edge_daemon.detection import VEHICLE_CLASSES, Detections, box_feet, open_detector
 from edge_daemon.settings import DetectorSettings, TrackerSettings
 from edge_daemon.tracking import Sightings, Tracker, to_road_points
 
@@ -87,9 +87,8 @@ def follow(
             continue
         certainty = 1 / np.sqrt(np.trace(of_one.covariance_m2, axis1=1, axis2=2))
         velocity = np.polyfit(of_one.time_s - of_one.time_s[0], of_one.point_m, 1, w=certainty)[0]
-        feet = np.column_stack([of_one.box[:, [0, 2]].mean(axis=1), of_one.box[:, 3]])
         kind = VEHICLE_CLASSES[int(of_one.vehicle_class[-1])]
         vehicles.append(
-            Vehicle(kind, 3.6 * float(np.hypot(*velocity)), moved, feet.astype(np.float64))
+            Vehicle(kind, 3.6 * float(np.hypot(*velocity)), moved, box_feet(of_one.box))
         )
     return vehicles

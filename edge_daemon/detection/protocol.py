@@ -37,6 +37,15 @@ class Detections:
         return self.boxes[self.scores >= score]
 
 
+def box_feet(boxes: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    """The middle of each box's lower edge, px, shape (n, 2): where it stands on the road.
+
+    Args:
+        boxes: x1, y1, x2, y2, shape (n, 4).
+    """
+    return np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]]).astype(np.float64)
+
+
 class Detector(Protocol):
     """Finds vehicles in a frame.
 

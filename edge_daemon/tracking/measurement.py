@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera import Array, Camera
-from edge_daemon.detection import Detections
+from edge_daemon.detection import Detections, box_feet
 
 _EDGE_PX = 3.0
 _MAX_STD_M = 3.0  # beyond, a box says too little about where its vehicle is
@@ -63,7 +63,7 @@ def place_on_road(detections: Detections, covered: Array, camera: Camera) -> Roa
         & (boxes[:, 2] < width - _EDGE_PX)
         & (boxes[:, 3] < height - _EDGE_PX)
     )
-    ground = np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]]).astype(np.float64)
+    ground = box_feet(boxes)
     points = camera.to_road(ground)
     keep = whole & np.isfinite(points).all(axis=1)
     sizes = (boxes[keep, 2:] - boxes[keep, :2]).astype(np.float64)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera import Array, Camera
+from edge_daemon.detection import box_feet
 from edge_daemon.watch.sample import Mask, Sample
 from slipstream.messages import CameraFault
 
@@ -180,9 +181,8 @@ class _Places:
 
 def _places(camera: Camera, sample: Sample) -> _Places:
     assert sample.boxes is not None
-    boxes = sample.boxes.astype(np.float64)
-    feet = np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]])
-    road_m, jacobian = camera.to_road_with_jacobian(feet)
+    places = box_feet(sample.boxes.astype(np.float64))
+    road_m, jacobian = camera.to_road_with_jacobian(places)
     known = np.isfinite(road_m).all(axis=1)
     error_m = _BOX_ERROR_PX * np.linalg.norm(jacobian, axis=(1, 2))
     return _Places(sample.time_s, road_m[known], error_m[known])

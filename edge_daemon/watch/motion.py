@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera import Array, Camera
+from edge_daemon.detection import box_feet
 from edge_daemon.watch.background import Background
 from edge_daemon.watch.sample import Mask
 
@@ -73,8 +74,7 @@ class MotionFinder:
         if self._camera is None:
             largest = self._road.size / 4
             return np.asarray((area >= _MIN_WIDTH_PX**2 * _AREA[0]) & (area <= largest))
-        feet = np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]])
-        across_m = np.linalg.norm(self._camera.jacobian(feet)[:, :, 0], axis=1)
+        across_m = np.linalg.norm(self._camera.jacobian(box_feet(boxes))[:, :, 0], axis=1)
         car_px = self._zoom * _CAR_WIDTH_M / across_m
         size = area / car_px**2
         return np.asarray((car_px >= _MIN_WIDTH_PX) & (size >= _AREA[0]) & (size <= _AREA[1]))
