@@ -139,6 +139,16 @@ def orders(session: Session, states: Collection[OrderState]) -> list[OrderRecord
     return [_order(row) for row in session.scalars(query)]
 
 
+def find(session: Session, names: Collection[str]) -> list[OrderRecord]:
+    """Those of some orders that are stored."""
+    wanted = sorted(names)
+    found: list[OrderRecord] = []
+    for begin in range(0, len(wanted), _MAX_NAMES):
+        some = OrderRow.order.in_(wanted[begin : begin + _MAX_NAMES])
+        found += map(_order, session.scalars(select(OrderRow).where(some)))
+    return found
+
+
 def changes(session: Session, order: str) -> list[OrderChange]:
     """The life of an order."""
     query = (

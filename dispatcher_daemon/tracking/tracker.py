@@ -10,6 +10,7 @@ from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.tracking.availability import Availability
 from dispatcher_daemon.tracking.committing import behind_s, commitment
+from dispatcher_daemon.tracking.order_stops import requested_stops
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.plan_life import PlanLife
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
@@ -40,13 +41,19 @@ class FleetTracker:
         network: roads.
         records: of the run before.
         started_ns: UTC at the start.
+        plan_ahead_s: how long before its window opens a caller's order is planned, s.
     """
 
     def __init__(
-        self, network: RoadNetwork, records: FleetRecords | None = None, started_ns: int = 0
+        self,
+        network: RoadNetwork,
+        records: FleetRecords | None = None,
+        started_ns: int = 0,
+        plan_ahead_s: float = 0.0,
     ) -> None:
         stored = records or FleetRecords()
-        self._network = network
+        self._network, self._plan_ahead_s = network, plan_ahead_s
+        self.unplanned: Mapping[str, str] = {}
         self.book = OrderBook(stored.orders)
         self._life = PlanLife(self.book, self._may_have)
         self._available = Availability(network, started_ns)
@@ -166,6 +173,7 @@ class FleetTracker:
                 count from.
         """
         self._life.take_back(self._vehicles.values(), cycle, now_ns)
+        self.book.expire(now_ns)
         reference_ns = now_ns + round(1e9 * reference_s)
         left_out: dict[str, str] = {}
         kept: list[TrackedVehicle] = []
@@ -182,14 +190,27 @@ class FleetTracker:
                 bound.append(commitment(vehicle, held, now_ns, reference_ns))
             elif vehicle.listed:
                 free.append(vehicle.charged())
+
+        def may_plan(order: str) -> bool:
+            return self._may_have(order, now_ns)
+
+        requested, self.unplanned = requested_stops(
+            self.book.orders.values(),
+            may_plan,
+            fleet,
+            self._network.junctions,
+            reference_ns,
+            self._plan_ahead_s,
+        )
         found = cycle_fleet(
             fleet,
             free,
             bound,
             self._vehicles,
             self.book.orders,
-            lambda order: self._may_have(order, now_ns),
+            may_plan,
             reference_ns,
+            requested,
         )
         plans = [vehicle.accepted.plan for vehicle in kept if vehicle.accepted is not None]
         late_s = {vehicle.id: behind_s(vehicle, now_ns) for vehicle in kept}
@@ -281,7 +302,11 @@ class FleetTracker:
             vehicle.offered is None and self._available.is_free(vehicle)
         ):
             return False
-        return all(self._may_have(stop, plan.issued_ns) for stop in stops)
+        return all(
+            self._may_have(stop, plan.issued_ns)
+            and self.book.orders[stop].pinned in (None, plan.vehicle)
+            for stop in stops
+        )
 
     def _may_have(self, stop: str, now_ns: int) -> bool:
         """Whether an order is open, or planned for a vehicle that never answers."""
