@@ -16,6 +16,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
+from dispatcher_daemon.intake import OrderIntake
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.reports import error_text, failed_report, idle_report
@@ -138,8 +139,14 @@ class Dispatcher:
         self.cycle_began: float | None = None
         self.started_ns = time.time_ns()
         self.fleet_watch = FleetWatch(
-            network, records or FleetRecords(), self.started_ns, time.time_ns, self._refuse
+            network,
+            records or FleetRecords(),
+            self.started_ns,
+            time.time_ns,
+            self._refuse,
+            settings.orders.plan_ahead_s,
         )
+        self.fleet_watch.fleet = fleet
         self.cycles = 0
         self.cycles_failed = 0
         self.states_received = 0
@@ -230,6 +237,7 @@ class Dispatcher:
                     on_road=situation.on_road,
                 )
                 result = run_cycle(cycle, self._solve, self._executor)
+                self.fleet_watch.note_unserved({u.stop: u.reason for u in result.report.unserved})
                 report, plans = result.report, result.plans
                 self._stops = result.stops
         except InputError as error:
@@ -399,6 +407,7 @@ def _services(
     scheduler: CycleScheduler,
     bus: Bus,
     reader: Reader,
+    orders: OrderIntake,
 ) -> Services:
     from dispatcher_daemon.api import Services
 
@@ -410,6 +419,7 @@ def _services(
         network=network,
         fleet=dispatcher.fleet_watch,
         states=dispatcher.latest_states,
+        orders=orders,
         reader=reader,
         is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
         checks={
@@ -482,9 +492,10 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
         )
         scheduler.start()
+        reader = stack.enter_context(open_reader(settings.database_url))
+        orders = OrderIntake(dispatcher.fleet_watch, database, reader, network)
         if api is not None:
-            reader = stack.enter_context(open_reader(settings.database_url))
-            api.start(_services(settings, network, dispatcher, scheduler, bus, reader))
+            api.start(_services(settings, network, dispatcher, scheduler, bus, reader, orders))
             log.info("API on http://127.0.0.1:%d", api.port)
         service.ready()
         try:

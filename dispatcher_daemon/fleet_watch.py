@@ -29,6 +29,7 @@ from slipstream.messages import (
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 
+T = TypeVar("T")
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
@@ -52,6 +53,10 @@ class FleetWatch:
         started_ns: UTC at the start.
         clock: UTC now, ns.
         refuse: told of each message that is not what its key promises.
+        plan_ahead_s: as for `FleetTracker`.
+
+    Attributes:
+        fleet: of the file, as the last cycle has read it.
     """
 
     def __init__(
@@ -61,8 +66,10 @@ class FleetWatch:
         started_ns: int,
         clock: Callable[[], int],
         refuse: Callable[[InputError], None],
+        plan_ahead_s: float = 0.0,
     ) -> None:
-        self._tracker = FleetTracker(network, records, started_ns)
+        self.fleet: Fleet | None = None
+        self._tracker = FleetTracker(network, records, started_ns, plan_ahead_s)
         self._costs = MovementCosts(network, records.movements)
         self._usual = UsualTraffic(network, records.speeds)
         self._lock = threading.Lock()
@@ -105,6 +112,7 @@ class FleetWatch:
         self, fleet: Fleet | None, cycle: int, now_ns: int, reference_s: float
     ) -> Situation:
         """The fleet's file as it is now, and what a cycle may plan; see `FleetTracker`."""
+        self.fleet = fleet
         with self._lock:
             self._tracker.list_fleet(fleet, now_ns)
             return self._tracker.situation(fleet, cycle, now_ns, reference_s)
@@ -142,6 +150,23 @@ class FleetWatch:
             self._costs.stored()
             self._usual.stored()
         return plans
+
+    def read(self, read: Callable[[FleetTracker], T]) -> T:
+        """What a function finds in the tracker, which it must not change or keep."""
+        with self._lock:
+            return read(self._tracker)
+
+    def edit(self, edit: Callable[[FleetTracker], T], save: Callable[[FleetRecords], None]) -> T:
+        """What a function that changes orders returns, once the changes are stored. If it or
+        ``save`` raises, nothing has happened.
+        """
+        with self._lock, self._tracker.book.stored_at_once(save):
+            return edit(self._tracker)
+
+    def note_unserved(self, unserved: Mapping[str, str]) -> None:
+        """Reason by order that the last cycle has not planned, beside those that were kept back."""
+        with self._lock:
+            self._tracker.unplanned = {**self._tracker.unplanned, **unserved}
 
     def expected(self, snapshot: TrafficSnapshot) -> TrafficSnapshot:
         """The traffic of a cycle with what was learned until now, which it adds to: usual speeds

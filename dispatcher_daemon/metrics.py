@@ -31,6 +31,15 @@ SOLVER_SECONDS = Histogram(
     buckets=(0.01, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 30),
 )
 PLANS = Counter("slipstream_dispatcher_plans", "Vehicle plans published.")
+ORDERS_TAKEN = Counter("slipstream_dispatcher_orders_taken", "New orders of callers.")
+ORDERS_REFUSED = Counter(
+    "slipstream_dispatcher_orders_refused", "Orders of callers that were refused.", ["kind"]
+)
+ORDER_SECONDS = Histogram(
+    "slipstream_dispatcher_order_seconds",
+    "From a caller's order, or change of one, to its being stored.",
+    buckets=(0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5),
+)
 GATES_OPEN = Gauge("slipstream_dispatcher_gates_open", "Segments open for platooning.")
 SAVED_KWH = Gauge(
     "slipstream_dispatcher_saved_kwh",

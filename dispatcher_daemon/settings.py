@@ -397,6 +397,19 @@ class PriceSettings(Settings):
         return self.waiting_hour / self.energy_kwh
 
 
+class OrderSettings(Settings):
+    """Orders that callers submit."""
+
+    plan_ahead_s: float = Field(
+        default=7200.0,
+        ge=0,
+        le=86_400,
+        allow_inf_nan=False,
+        description="An order is planned from so long before its window opens, s: longer than the "
+        "way there, and not so long that vehicles wait at its door.",
+    )
+
+
 class ApiSettings(Settings):
     """The HTTP API on 127.0.0.1 (`[api]`), see docs/api.md."""
 
@@ -419,6 +432,9 @@ class DispatcherSettings(Settings):
         default=ServiceSettings(), description="Metrics and log of the service."
     )
     api: ApiSettings = Field(default=ApiSettings(), description="The HTTP API.")
+    orders: OrderSettings = Field(
+        default=OrderSettings(), description="Orders that callers submit."
+    )
     network: str = Field(default="demo", min_length=1, description="A SUMO net, or 'demo'.")
     fleet: str = Field(default="demo", min_length=1, description="A fleet file, or 'demo'.")
     database_url: str = Field(

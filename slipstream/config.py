@@ -218,8 +218,9 @@ def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return table
 
 
-def check(data: object, model: type[S], source: str | Path) -> S:
-    """Check plain data, as TOML gives it, against a settings model; types are not coerced.
+def check(data: object, model: type[M], source: str | Path) -> M:
+    """Check plain data, as TOML gives it, against a settings model or a message; types are not
+    coerced.
 
     Raises:
         InputError: naming the first offending key and what it should be.

@@ -42,8 +42,8 @@ class OrderRecord:
         reason: of that change.
         vehicle: that has it; None: none. It stays when the order has ended.
         cycle: of that vehicle's plan.
-        listed: whether somebody asks for it: the fleet's file has it, or its caller has not cancelled
-            it and it has not ended.
+        listed: whether somebody asks for it: the fleet's file has it, or its caller has not
+            cancelled it and it has not ended.
         request: of a caller, as JSON of an `OrderRequest`; None: it is the file's.
         received_ns: UTC of that request.
         pinned: only this vehicle may serve it; None: any.

@@ -7,13 +7,13 @@ from typing import Any, Final
 from fastapi import APIRouter, Depends, FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from dispatcher_daemon.api import health
+from dispatcher_daemon.api import health, orders
 from dispatcher_daemon.api.body import collect_definitions, refuse_unknown_parameters
 from dispatcher_daemon.api.problems import PROBLEM_RESPONSES, ProblemDocument, handle_problems
 from dispatcher_daemon.api.services import Services
 from slipstream import __version__
 
-ROUTERS: Final[tuple[APIRouter, ...]] = (health.router,)
+ROUTERS: Final[tuple[APIRouter, ...]] = (health.router, orders.router)
 """A further room of the API is a module with a `router`, and its line here. Operations name the
 scope that their callers need (`auth.requires`); bodies are read by `body.body_of`.
 """
@@ -42,6 +42,7 @@ def create_app(services: Services | None = None) -> FastAPI:
     for router in ROUTERS:
         app.include_router(router)
     handle_problems(app)
+    orders.handle_refusals(app)
     document: dict[str, Any] = {}
 
     def openapi() -> dict[str, Any]:

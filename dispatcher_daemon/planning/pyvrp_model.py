@@ -1,8 +1,8 @@
 """Translation of a vehicle routing problem to PyVRP's data, and of its solutions back.
 
 PyVRP's data are integers: energies in mWh, times in tenths of a second, rounded so that a plan that
-is feasible there is feasible here. Stops that only some vehicles may serve are a load that only these
-can take.
+is feasible there is feasible here. Stops that only some vehicles may serve are a load that only
+these can take.
 """
 
 from __future__ import annotations

@@ -5,7 +5,9 @@ Nothing here reads a clock, the bus or the database: the daemon and the simulati
 
 from __future__ import annotations
 
+from dispatcher_daemon.tracking.order_stops import requested_stop, utc
+from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.situation import Situation
 from dispatcher_daemon.tracking.tracker import FleetTracker
 
-__all__ = ["FleetTracker", "Situation"]
+__all__ = ["FleetTracker", "OrderBook", "Situation", "requested_stop", "utc"]

@@ -65,10 +65,13 @@ def stops_at(orders: Iterable[OrderRecord], reference_ns: int) -> Iterator[Stop]
 
 
 def requested_stop(order: OrderRecord, reference_ns: int) -> Stop:
-    """A caller's order as a stop of a fleet whose times count from a moment."""
-    assert order.request is not None
+    """An order, with all that its caller asks for, as a stop of a fleet whose times count from a
+    moment.
+    """
     (stop,) = stops_at([order], reference_ns)
     asked = order.request
+    if asked is None:
+        return stop
     return stop.model_copy(
         update={
             "mass_kg": asked["mass_kg"],

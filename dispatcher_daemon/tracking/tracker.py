@@ -22,7 +22,7 @@ from slipstream.messages import (
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, PlanRecord
+from slipstream.orders import FleetRecords, OrderRecord, PlanRecord
 from slipstream.roads import RoadNetwork
 
 MAX_STRANGERS: Final = 2000
@@ -71,6 +71,15 @@ class FleetTracker:
     def counts(self) -> dict[OrderState, int]:
         """Number of orders by state."""
         return self.book.counts()
+
+    def arrival_ns(self, order: OrderRecord) -> int | None:
+        """When the plan with an order has its vehicle there, UTC; None: none has it."""
+        vehicle = None if order.vehicle is None else self._vehicles.get(order.vehicle)
+        if vehicle is None or order.ended:
+            return None
+        records = (vehicle.accepted, vehicle.offered)
+        stops = (stop for record in records if record for stop in record.plan.service_stops)
+        return next((stop.arrival_ns for stop in stops if stop.stop == order.order), None)
 
     def silent(self, now_ns: int) -> tuple[str, ...]:
         """Vehicles that have reported before, and do not now."""

@@ -6,7 +6,15 @@ import re
 from datetime import datetime
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from slipstream.messages.base import ROOT, Count, Identifier, Message, NonNegative, TimeNs, chunk
 from slipstream.messages.dispatch import OrderState
@@ -41,6 +49,10 @@ def _plain(name: str) -> str:
     return name
 
 
+def _sorted(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(set(names)))
+
+
 Moment = Annotated[
     TimeNs,
     BeforeValidator(_as_ns),
@@ -60,8 +72,8 @@ Name = Annotated[Identifier, AfterValidator(_plain)]
 
 
 class OrderRequest(Message):
-    """One delivery that a caller asks for. Its id is the caller's: the same request with the same id
-    is one order, however often it is sent.
+    """One delivery that a caller asks for. Its id is the caller's: the same request with the same
+    id is one order, however often it is sent.
     """
 
     id: Name
@@ -90,7 +102,7 @@ class OrderRequest(Message):
     carrier: Name | None = Field(
         default=None, description="Only vehicles of this carrier serve it; null: any vehicle."
     )
-    skills: Annotated[tuple[Name, ...], Field(max_length=50)] = Field(
+    skills: Annotated[tuple[Name, ...], AfterValidator(_sorted), Field(max_length=50)] = Field(
         default=(), description="Only vehicles with all of these serve it."
     )
     vehicle: Name | None = Field(
@@ -105,11 +117,13 @@ class OrderRequest(Message):
             raise ValueError("give a node, or lat and lon")
         return self
 
-    @model_validator(mode="after")
-    def _window_is_open(self) -> Self:
-        if self.earliest is not None and self.latest is not None and self.latest < self.earliest:
-            raise ValueError(f"latest ({self.latest}) must not be below earliest ({self.earliest})")
-        return self
+    @field_validator("latest")
+    @classmethod
+    def _window_is_open(cls, latest: int | None, info: ValidationInfo) -> int | None:
+        earliest = info.data.get("earliest")
+        if latest is not None and earliest is not None and latest < earliest:
+            raise ValueError(f"latest ({latest}) must not be below earliest ({earliest})")
+        return latest
 
 
 class OrderReceipt(Message):

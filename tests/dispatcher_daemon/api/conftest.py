@@ -12,6 +12,7 @@ import pytest
 
 from dispatcher_daemon.api import ApiServer, RateLimit, Services, token_hash
 from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.intake import OrderIntake
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -110,12 +111,15 @@ def serve(demo: RoutingProblem, tmp_path: Path) -> Iterator[Callable[..., Api]]:
             )
             path = tmp_path / "tokens.toml"
             write_tokens(path)
+            reader = stack.enter_context(open_reader(url))
+            watch = dispatcher.fleet_watch
             values: dict[str, Any] = {
                 "settings": settings,
                 "network": demo.network,
-                "fleet": dispatcher.fleet_watch,
+                "fleet": watch,
+                "orders": OrderIntake(watch, database, reader, demo.network),
                 "states": dispatcher.latest_states,
-                "reader": stack.enter_context(open_reader(url)),
+                "reader": reader,
                 "is_live": lambda: True,
                 "checks": {"database": lambda: None},
             }

@@ -1,0 +1,8 @@
+"""Orders that callers submit: checked, stored, then told; shown, cancelled, pinned and released."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.intake.intake import MAX_AT_ONCE, OrderIntake, OrdersRefused
+from dispatcher_daemon.intake.reading import read_request
+
+__all__ = ["MAX_AT_ONCE", "OrderIntake", "OrdersRefused", "read_request"]
