@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
@@ -49,7 +49,7 @@ from slipstream.messages import (
     plan_key,
     state_key,
 )
-from slipstream.orders import FleetRecords
+from slipstream.orders import FleetRecords, OrderChange
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
@@ -81,6 +81,23 @@ class MessageBus(Protocol):
         ...
 
 
+class Announce(Protocol):
+    """Tells callers of the API what has happened."""
+
+    def __call__(
+        self,
+        kind: Literal["plan", "state", "cycle", "order"],
+        value: Message | OrderChange,
+        /,
+    ) -> None:
+        """Tell."""
+        ...
+
+
+def _announce_nothing(kind: str, value: Message | OrderChange, /) -> None:
+    """Without an API nobody listens."""
+
+
 class Dispatcher:
     """The running dispatcher. The bus's thread delivers states, the scheduler's runs cycles.
 
@@ -95,6 +112,7 @@ class Dispatcher:
         job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
         records: orders, plans and vehicles of the run before.
+        announce: told of accepted states, and of what was stored; it does not wait.
     """
 
     def __init__(
@@ -109,7 +127,9 @@ class Dispatcher:
         job_manager: JobManager | None = None,
         fleet_file: FleetFile | None = None,
         records: FleetRecords | None = None,
+        announce: Announce = _announce_nothing,
     ) -> None:
+        self._announce = announce
         self._executor = executor
         self._job_manager = job_manager
         self._stops: Mapping[str, tuple[str, ...]] = {}
@@ -158,6 +178,8 @@ class Dispatcher:
         self.states_received += 1
         verdict = self.latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
+        if verdict is Verdict.ACCEPTED:
+            self._announce("state", state)
         if verdict not in HARMLESS:
             self.states_refused += 1
             what = verdict.value.replace("_", " ")
@@ -242,10 +264,13 @@ class Dispatcher:
             log.info("cycle %d abandoned: stopping", number)
             return
         self._cycle += 1
+        changes: tuple[OrderChange, ...] = ()
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
+            nonlocal changes
             told = report.model_copy(update={"plans": len(admitted)})
             self._store.record_cycle(told, admitted, states, records)
+            changes = records.changes
 
         try:
             stops = {} if problem is None else problem.fleet.stop_by_id
@@ -258,6 +283,11 @@ class Dispatcher:
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
+        for change in changes:
+            self._announce("order", change)
+        for plan in plans:
+            self._announce("plan", plan)
+        self._announce("cycle", report)
         self._count(report)
         self._pruner.after_cycle(now_ns)
 
@@ -399,6 +429,7 @@ def _services(
     scheduler: CycleScheduler,
     bus: Bus,
     reader: Reader,
+    api: ApiServer,
 ) -> Services:
     from dispatcher_daemon.api import Services
 
@@ -411,6 +442,8 @@ def _services(
         fleet=dispatcher.fleet_watch,
         states=dispatcher.latest_states,
         reader=reader,
+        events=api.events,
+        solve_jobs=api.solve_jobs,
         is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
         checks={
             "database": lambda: database_fault(reader),
@@ -472,6 +505,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             job_manager,
             fleet_file,
             records,
+            _announce_nothing if api is None else api.events.publish,
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
@@ -484,7 +518,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         scheduler.start()
         if api is not None:
             reader = stack.enter_context(open_reader(settings.database_url))
-            api.start(_services(settings, network, dispatcher, scheduler, bus, reader))
+            api.start(_services(settings, network, dispatcher, scheduler, bus, reader, api))
             log.info("API on http://127.0.0.1:%d", api.port)
         service.ready()
         try:

@@ -8,6 +8,8 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from dispatcher_daemon.api.hub import EventHub
+from dispatcher_daemon.api.solving import SolveJobs
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.states import LatestStates
@@ -29,6 +31,8 @@ class Services:
         fleet: the tracked fleet.
         states: the latest states.
         reader: of the database.
+        events: that callers follow; what happens is published there.
+        solve_jobs: fleets that callers have planned.
         is_live: the condition that feeds the watchdog.
         checks: of readiness, by name.
     """
@@ -38,6 +42,8 @@ class Services:
     fleet: FleetWatch
     states: LatestStates
     reader: Reader
+    events: EventHub
+    solve_jobs: SolveJobs
     is_live: Callable[[], bool]
     checks: Mapping[str, Check]
 
