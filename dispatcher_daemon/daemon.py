@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
@@ -50,7 +50,7 @@ from slipstream.messages import (
     plan_key,
     state_key,
 )
-from slipstream.orders import FleetRecords
+from slipstream.orders import FleetRecords, OrderChange
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
@@ -82,6 +82,23 @@ class MessageBus(Protocol):
         ...
 
 
+class Announce(Protocol):
+    """Tells callers of the API what has happened."""
+
+    def __call__(
+        self,
+        kind: Literal["plan", "state", "cycle", "order"],
+        value: Message | OrderChange,
+        /,
+    ) -> None:
+        """Tell."""
+        ...
+
+
+def _announce_nothing(kind: str, value: Message | OrderChange, /) -> None:
+    """Without an API nobody listens."""
+
+
 class Dispatcher:
     """The running dispatcher. The bus's thread delivers states, the scheduler's runs cycles.
 
@@ -96,6 +113,7 @@ class Dispatcher:
         job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
         records: orders, plans and vehicles of the run before.
+        announce: told of accepted states, and of what was stored; it does not wait.
     """
 
     def __init__(
@@ -110,7 +128,9 @@ class Dispatcher:
         job_manager: JobManager | None = None,
         fleet_file: FleetFile | None = None,
         records: FleetRecords | None = None,
+        announce: Announce = _announce_nothing,
     ) -> None:
+        self._announce = announce
         self._executor = executor
         self._job_manager = job_manager
         self._stops: Mapping[str, tuple[str, ...]] = {}
@@ -165,6 +185,8 @@ class Dispatcher:
         self.states_received += 1
         verdict = self.latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
+        if verdict is Verdict.ACCEPTED:
+            self._announce("state", state)
         if verdict not in HARMLESS:
             self.states_refused += 1
             what = verdict.value.replace("_", " ")
@@ -250,10 +272,13 @@ class Dispatcher:
             log.info("cycle %d abandoned: stopping", number)
             return
         self._cycle += 1
+        changes: tuple[OrderChange, ...] = ()
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
+            nonlocal changes
             told = report.model_copy(update={"plans": len(admitted)})
             self._store.record_cycle(told, admitted, states, records)
+            changes = records.changes
 
         try:
             stops = {} if problem is None else problem.fleet.stop_by_id
@@ -266,6 +291,11 @@ class Dispatcher:
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
+        for change in changes:
+            self._announce("order", change)
+        for plan in plans:
+            self._announce("plan", plan)
+        self._announce("cycle", report)
         self._count(report)
         self._pruner.after_cycle(now_ns)
 
@@ -408,6 +438,7 @@ def _services(
     bus: Bus,
     reader: Reader,
     orders: OrderIntake,
+    api: ApiServer,
 ) -> Services:
     from dispatcher_daemon.api import Services
 
@@ -421,6 +452,8 @@ def _services(
         states=dispatcher.latest_states,
         orders=orders,
         reader=reader,
+        events=api.events,
+        solve_jobs=api.solve_jobs,
         is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
         checks={
             "database": lambda: database_fault(reader),
@@ -471,6 +504,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         job_manager = open_job_manager(settings, pool, database)
         if job_manager is not None:
             stack.enter_context(job_manager)
+        announce: Announce = _announce_nothing if api is None else api.events.publish
         dispatcher = Dispatcher(
             settings,
             network,
@@ -482,6 +516,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             job_manager,
             fleet_file,
             records,
+            announce,
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
@@ -493,9 +528,16 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         )
         scheduler.start()
         reader = stack.enter_context(open_reader(settings.database_url))
-        orders = OrderIntake(dispatcher.fleet_watch, database, reader, network)
+        orders = OrderIntake(
+            dispatcher.fleet_watch,
+            database,
+            reader,
+            network,
+            announce=lambda change: announce("order", change),
+        )
         if api is not None:
-            api.start(_services(settings, network, dispatcher, scheduler, bus, reader, orders))
+            services = _services(settings, network, dispatcher, scheduler, bus, reader, orders, api)
+            api.start(services)
             log.info("API on http://127.0.0.1:%d", api.port)
         service.ready()
         try:

@@ -7,13 +7,22 @@ from typing import Any, Final
 from fastapi import APIRouter, Depends, FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from dispatcher_daemon.api import health, orders
-from dispatcher_daemon.api.body import collect_definitions, refuse_unknown_parameters
+from dispatcher_daemon.api import cycles, events, health, orders, segments, solve, vehicles
+from dispatcher_daemon.api.body import collect_definitions
+from dispatcher_daemon.api.parameters import refuse_unknown_parameters
 from dispatcher_daemon.api.problems import PROBLEM_RESPONSES, ProblemDocument, handle_problems
 from dispatcher_daemon.api.services import Services
 from slipstream import __version__
 
-ROUTERS: Final[tuple[APIRouter, ...]] = (health.router, orders.router)
+ROUTERS: Final[tuple[APIRouter, ...]] = (
+    orders.router,
+    vehicles.router,
+    cycles.router,
+    segments.router,
+    events.router,
+    solve.router,
+    health.router,
+)
 """A further room of the API is a module with a `router`, and its line here. Operations name the
 scope that their callers need (`auth.requires`); bodies are read by `body.body_of`.
 """
@@ -37,6 +46,8 @@ def create_app(services: Services | None = None) -> FastAPI:
         dependencies=[Depends(refuse_unknown_parameters)],
         responses=PROBLEM_RESPONSES,
         openapi_url=None,
+        redirect_slashes=False,
+        generate_unique_id_function=lambda route: route.name,
     )
     app.state.services = services
     for router in ROUTERS:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final, TypeVar
 
-from fastapi import Depends, FastAPI, Request
+from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 
@@ -16,6 +16,7 @@ SOURCE: Final = "body"
 S = TypeVar("S", bound=Settings)
 
 _DEFINITIONS: Final = "x-body-definitions"
+_COMPONENTS: Final = "#/components/schemas/"
 
 
 async def json_body(request: Request) -> object:
@@ -49,10 +50,11 @@ def body_of(model: type[S]) -> Any:
 
 def describe_body(model: type[BaseModel]) -> dict[str, Any]:
     """The `openapi_extra` of an operation whose body is read by `body_of` or `json_body`."""
-    schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
-    definitions = schema.pop("$defs", {})
+    schema = model.model_json_schema(ref_template=f"{_COMPONENTS}{{model}}")
+    definitions = {**schema.pop("$defs", {}), model.__name__: schema}
+    reference = {"$ref": _COMPONENTS + model.__name__}
     return {
-        "requestBody": {"required": True, "content": {"application/json": {"schema": schema}}},
+        "requestBody": {"required": True, "content": {"application/json": {"schema": reference}}},
         _DEFINITIONS: definitions,
     }
 
@@ -63,28 +65,3 @@ def collect_definitions(document: dict[str, Any]) -> None:
     for operations in document["paths"].values():
         for operation in operations.values():
             schemas.update(operation.pop(_DEFINITIONS, {}))
-
-
-def refuse_unknown_parameters(request: Request) -> None:
-    """A dependency of every route: query parameters that it does not have, or has once only.
-
-    Raises:
-        Problem: 422.
-    """
-    app: FastAPI = request.app
-    names = _query_names(app, request)
-    given = [name for name, _ in request.query_params.multi_items()]
-    for name in given:
-        if name not in names:
-            known = f"remove it or use one of: {', '.join(names)}" if names else "remove it"
-            raise Problem(422, "unknown query parameter", known, field=name)
-        if given.count(name) > 1:
-            raise Problem(422, "given twice", "give it once", field=name)
-
-
-def _query_names(app: FastAPI, request: Request) -> tuple[str, ...]:
-    """Query parameters of the operation that a request is for, by the OpenAPI document."""
-    route = request.scope["route"]
-    operation = app.openapi()["paths"].get(route.path, {}).get(request.method.lower(), {})
-    parameters = operation.get("parameters", ())
-    return tuple(p["name"] for p in parameters if p["in"] == "query")

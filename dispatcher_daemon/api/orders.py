@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field, RootModel
 
 from dispatcher_daemon.api.auth import requires
 from dispatcher_daemon.api.body import SOURCE, describe_body, json_body
+from dispatcher_daemon.api.parameters import After, Limit, Name
 from dispatcher_daemon.api.problems import MEDIA_TYPE, Problem
 from dispatcher_daemon.api.services import Dispatch
 from dispatcher_daemon.intake import MAX_AT_ONCE, OrdersRefused, read_request
@@ -61,7 +62,7 @@ class OrderPage(BaseModel):
     """Orders by id: those that have not ended, or ended within a day."""
 
     orders: tuple[OrderStatus, ...]
-    after: str | None = Field(description="Give it for the next page; null: this is the last one.")
+    next: str | None = Field(description="`after` of the next page; null: there is none.")
 
 
 class Pin(Settings):
@@ -132,27 +133,24 @@ def submit(
 def page(
     dispatch: Dispatch,
     state: Annotated[OrderState | None, Query(description="Only orders in it.")] = None,
-    after: Annotated[
-        str | None, Query(max_length=200, description="`after` of the page before.")
-    ] = None,
-    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+    after: After = None,
+    limit: Limit = 100,
 ) -> OrderPage:
     """Orders of callers and of the fleet's file, by id."""
     states = ORDER_STATES if state is None else (state,)
     found = dispatch.orders.page(states, after, limit + 1)
-    more = len(found) > limit
-    orders = tuple(found[:limit])
-    return OrderPage(orders=orders, after=orders[-1].order if more else None)
+    following = found[limit - 1].order if len(found) > limit else None
+    return OrderPage(orders=tuple(found[:limit]), next=following)
 
 
 @router.get(_PATH, dependencies=[requires("read")])
-def show(dispatch: Dispatch, order: str) -> OrderHistory:
+def show(dispatch: Dispatch, order: Name) -> OrderHistory:
     """One order with its life, however long ago it ended, as long as it is stored."""
     return dispatch.orders.show(order)
 
 
 @router.delete(_PATH, dependencies=[requires("orders")])
-def cancel(dispatch: Dispatch, order: str) -> OrderStatus:
+def cancel(dispatch: Dispatch, order: Name) -> OrderStatus:
     """Cancel an order. Refused where a vehicle has left with it, or it has ended."""
     return dispatch.orders.cancel(order)
 
@@ -162,13 +160,13 @@ def cancel(dispatch: Dispatch, order: str) -> OrderStatus:
     dependencies=[requires("control")],
     openapi_extra=_optional(describe_body(Pin)),
 )
-def pin(dispatch: Dispatch, order: str, pin: Annotated[Pin, Depends(_pin)]) -> OrderStatus:
+def pin(dispatch: Dispatch, order: Name, pin: Annotated[Pin, Depends(_pin)]) -> OrderStatus:
     """Keep an order for one vehicle; without a body, for the one whose plan has it."""
     return dispatch.orders.pin(order, pin.vehicle)
 
 
 @router.post(_PATH + "/release", dependencies=[requires("control")])
-def release(dispatch: Dispatch, order: str) -> OrderStatus:
+def release(dispatch: Dispatch, order: Name) -> OrderStatus:
     """Let any vehicle serve an order that is pinned."""
     return dispatch.orders.release(order)
 

@@ -8,6 +8,7 @@ import asyncio
 import logging
 import socket
 import threading
+import time
 from pathlib import Path
 from typing import Final, Self
 
@@ -19,8 +20,10 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.api.app import create_app
 from dispatcher_daemon.api.auth import TokenFile
 from dispatcher_daemon.api.gate import Gate, RateLimit
+from dispatcher_daemon.api.hub import EventHub
 from dispatcher_daemon.api.problems import MEDIA_TYPE, Problem
 from dispatcher_daemon.api.services import Services
+from dispatcher_daemon.api.solving import SolveJobs
 from slipstream.errors import InputError
 
 log = logging.getLogger(__name__)
@@ -100,6 +103,10 @@ class ApiServer:
         tokens: file of bearer tokens; None: callers of this machine may read.
         rate: of each caller.
 
+    Attributes:
+        events: what happens is published there.
+        solve_jobs: fleets that callers have planned.
+
     Raises:
         InputError: the port is taken, or the file of tokens is missing or faulty.
     """
@@ -112,6 +119,8 @@ class ApiServer:
         self._app: ASGIApp | None = None
         self._socket: socket.socket | None = _bound(port)
         self.port: int = self._socket.getsockname()[1]
+        self.events = EventHub(time.time_ns())
+        self.solve_jobs = SolveJobs()
         self._stopping = threading.Event()
         self._server: uvicorn.Server | None = None
         self._thread = threading.Thread(target=self._serve, name="api", daemon=True)
@@ -130,12 +139,14 @@ class ApiServer:
     def close(self) -> None:
         """End all connections and the thread."""
         self._stopping.set()
+        self.events.close_all()
         if self._server is not None:
             self._server.should_exit = True
         if self._thread.is_alive():
             self._thread.join(_STOP_WITHIN_S + 2.0)
         if self._socket is not None:
             self._socket.close()
+        self.solve_jobs.close()
 
     def _serve(self) -> None:
         while not self._stopping.is_set():

@@ -8,6 +8,8 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from dispatcher_daemon.api.hub import EventHub
+from dispatcher_daemon.api.solving import SolveJobs
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.intake import OrderIntake
 from dispatcher_daemon.settings import DispatcherSettings
@@ -31,6 +33,8 @@ class Services:
         states: the latest states.
         orders: of callers.
         reader: of the database.
+        events: that callers follow; what happens is published there.
+        solve_jobs: fleets that callers have planned.
         is_live: the condition that feeds the watchdog.
         checks: of readiness, by name.
     """
@@ -41,6 +45,8 @@ class Services:
     states: LatestStates
     orders: OrderIntake
     reader: Reader
+    events: EventHub
+    solve_jobs: SolveJobs
     is_live: Callable[[], bool]
     checks: Mapping[str, Check]
 

@@ -73,6 +73,7 @@ class OrderIntake:
         archive: to look up what the fleet's tracker has forgotten.
         network: roads.
         clock: UTC now, ns.
+        announce: told of each change that is stored; it does not wait.
     """
 
     def __init__(
@@ -82,7 +83,9 @@ class OrderIntake:
         archive: OrderArchive,
         network: RoadNetwork,
         clock: Callable[[], int] = time.time_ns,
+        announce: Callable[[OrderChange], None] = lambda change: None,
     ) -> None:
+        self._announce = announce
         self._watch, self._store, self._archive = watch, store, archive
         self._network, self._clock = network, clock
         self._area: tuple[Fleet | None, ServiceArea] | None = None
@@ -251,9 +254,16 @@ class OrderIntake:
         return self._edit(release)
 
     def _edit(self, edit: Callable[[FleetTracker], T]) -> T:
-        began = time.monotonic()
-        found = self._watch.edit(edit, self._store.save_fleet)
+        began, stored = time.monotonic(), list[OrderChange]()
+
+        def save(records: FleetRecords) -> None:
+            self._store.save_fleet(records)
+            stored.extend(records.changes)
+
+        found = self._watch.edit(edit, save)
         metrics.ORDER_SECONDS.observe(time.monotonic() - began)
+        for change in stored:
+            self._announce(change)
         return found
 
     def _found(self, tracker: FleetTracker, name: str) -> OrderRecord:

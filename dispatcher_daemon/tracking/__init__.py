@@ -9,5 +9,13 @@ from dispatcher_daemon.tracking.order_stops import requested_stop, utc
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.situation import Situation
 from dispatcher_daemon.tracking.tracker import FleetTracker
+from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 
-__all__ = ["FleetTracker", "OrderBook", "Situation", "requested_stop", "utc"]
+__all__ = [
+    "FleetTracker",
+    "OrderBook",
+    "Situation",
+    "TrackedVehicle",
+    "requested_stop",
+    "utc",
+]

@@ -17,7 +17,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
-from slipstream.messages import Message
+from slipstream.messages import Message, SegmentState, state_key
 from storage import open_database, open_reader
 
 SECRETS = {"reader": ("read",), "orderer": ("orders",), "controller": ("control",)}
@@ -69,6 +69,10 @@ class Api:
         finally:
             connection.close()
 
+    def feed(self, state: SegmentState) -> None:
+        """Send a segment's state as the bus does."""
+        self.dispatcher.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+
     def get(self, path: str, token: str | None = None) -> Answer:
         """Send a GET."""
         return self.ask("GET", path, token)
@@ -93,8 +97,18 @@ class _Outlet:
         self.bus.sent.append((self.key, message))
 
 
+@pytest.fixture(scope="session")
+def empty_database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A database with its schema and nothing in it."""
+    path = tmp_path_factory.mktemp("database") / "d.db"
+    open_database(f"sqlite:///{path}").close()
+    return path.read_bytes()
+
+
 @pytest.fixture
-def serve(demo: RoutingProblem, tmp_path: Path) -> Iterator[Callable[..., Api]]:
+def serve(
+    demo: RoutingProblem, tmp_path: Path, empty_database: bytes
+) -> Iterator[Callable[..., Api]]:
     """Factory of served APIs of the demo, with a database of their own.
 
     Give `tokens=True` for the tokens of `SECRETS`, and what of `Services` is to be another.
@@ -102,15 +116,23 @@ def serve(demo: RoutingProblem, tmp_path: Path) -> Iterator[Callable[..., Api]]:
     with ExitStack() as stack:
 
         def make(*, tokens: bool = False, rate: RateLimit | None = None, **others: Any) -> Api:
+            (tmp_path / "d.db").write_bytes(empty_database)
             url = f"sqlite:///{tmp_path}/d.db"
             settings = DispatcherSettings(solvers=("exact",), database_url=url)
             database = stack.enter_context(open_database(url))
             solve = solve_in_process([ExactSolver()])
-            dispatcher = Dispatcher(
-                settings, demo.network, demo.fleet, SilentBus(), database, solve
-            )
             path = tmp_path / "tokens.toml"
             write_tokens(path)
+            server = stack.enter_context(ApiServer(0, path if tokens else None, rate))
+            dispatcher = Dispatcher(
+                settings,
+                demo.network,
+                demo.fleet,
+                SilentBus(),
+                database,
+                solve,
+                announce=server.events.publish,
+            )
             reader = stack.enter_context(open_reader(url))
             watch = dispatcher.fleet_watch
             values: dict[str, Any] = {
@@ -120,11 +142,12 @@ def serve(demo: RoutingProblem, tmp_path: Path) -> Iterator[Callable[..., Api]]:
                 "orders": OrderIntake(watch, database, reader, demo.network),
                 "states": dispatcher.latest_states,
                 "reader": reader,
+                "events": server.events,
+                "solve_jobs": server.solve_jobs,
                 "is_live": lambda: True,
                 "checks": {"database": lambda: None},
             }
             services = Services(**{**values, **others})
-            server = stack.enter_context(ApiServer(0, path if tokens else None, rate))
             server.start(services)
             return Api(server.port, dispatcher, services)
 
