@@ -5,21 +5,23 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
-from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.intake import OrderIntake
+from dispatcher_daemon.on_demand import Gathering
+from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
-from dispatcher_daemon.reports import error_text, failed_report, idle_report
+from dispatcher_daemon.reports import error_text, failed_report, idle_report, insertion_report
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
@@ -32,7 +34,8 @@ from dispatcher_daemon.store import (
     database_fault,
     open_checked_database,
 )
-from dispatcher_daemon.traffic import take_snapshot
+from dispatcher_daemon.tracking import fleet_of
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
@@ -62,6 +65,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 HEALTH_EVERY_S = 1.0
+INSERTION_S = 2.0
+"""From the begin of an insertion between cycles to the first departure by its plans."""
 HEARD_AFTER_S = 2.5
 """By then vehicles that the run before knew have said where they are: they do so each second."""
 
@@ -156,6 +161,7 @@ class Dispatcher:
         self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._storage_fault = False
         self.stopping = threading.Event()
+        self._turn = threading.Lock()
         self.cycle_began: float | None = None
         self.started_ns = time.time_ns()
         self.fleet_watch = FleetWatch(
@@ -202,6 +208,10 @@ class Dispatcher:
 
     def run_cycle(self) -> None:
         """One cycle: snapshot, solve, store, publish. Errors end the cycle, not the dispatcher."""
+        with self._turn:
+            self._run_one_cycle()
+
+    def _run_one_cycle(self) -> None:
         self.cycle_began = time.monotonic()
         try:
             self._run_cycle()
@@ -225,15 +235,7 @@ class Dispatcher:
         if self._job_manager is not None:
             self._job_manager.begin_cycle(number)
         try:
-            snapshot = take_snapshot(
-                self._network,
-                self.latest_states.latest(),
-                now_ns,
-                stale_after_s=self._settings.stale_after_s,
-                future_tolerance_s=self._settings.future_tolerance_s,
-                stops_at_signals=self._settings.stops_at_signals,
-            )
-            snapshot = self.fleet_watch.expected(snapshot)
+            snapshot = self.fleet_watch.expected(self._snapshot(now_ns))
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
             situation = self.fleet_watch.situation(
@@ -272,6 +274,67 @@ class Dispatcher:
             log.info("cycle %d abandoned: stopping", number)
             return
         self._cycle += 1
+        stops = {} if problem is None else problem.fleet.stop_by_id
+        stored = self._publish(report, plans, states, stops, reference_s)
+        if stored is not None:
+            self._count(stored)
+            self._pruner.after_cycle(now_ns)
+
+    def _snapshot(self, now_ns: int) -> TrafficSnapshot:
+        return take_snapshot(
+            self._network,
+            self.latest_states.latest(),
+            now_ns,
+            stale_after_s=self._settings.stale_after_s,
+            future_tolerance_s=self._settings.future_tolerance_s,
+            stops_at_signals=self._settings.stops_at_signals,
+        )
+
+    def insert(self, orders: Collection[str]) -> None:
+        """Put new orders into tours that have not begun, as soon as no cycle runs. Those for which
+        there is none wait for the next cycle.
+        """
+        with self._turn:
+            number, began, now_ns = self._cycle, time.monotonic(), time.time_ns()
+            fleet = self.fleet_watch.fleet
+            tours, stops = self.fleet_watch.insertion(orders, number, now_ns, INSERTION_S)
+            if fleet is None or not tours or self.stopping.is_set() or self._storage_fault:
+                return
+            snapshot = self._snapshot(now_ns)
+            snapshot = self.fleet_watch.learned(now_ns).onto(snapshot)
+            joined = fleet_of(fleet, tours, stops)
+            cycle = Cycle(
+                routing_problem(self._network, joined, self._settings),
+                snapshot,
+                self._settings,
+                number,
+                now_ns,
+                cycle_seed(self._settings.seed, number),
+                reference_delay_s=INSERTION_S,
+            )
+            routes = {tour.vehicle.id: [stop.id for stop in tour.stops] for tour in tours}
+            found, missing = insert_stops(cycle, routes, [stop.id for stop in stops])
+            self.fleet_watch.note_unserved(missing)
+            if found is None:
+                return
+            self._cycle += 1
+            wall_s = time.monotonic() - began
+            report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
+            stored = self._publish(report, found.plans, (), joined.stop_by_id, INSERTION_S)
+            if stored is not None:
+                self.fleet_watch.skip_number(number)
+                metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
+                log.info("orders inserted between cycles: %d plans", stored.plans)
+
+    def _publish(
+        self,
+        report: CycleReport,
+        plans: tuple[VehiclePlan, ...],
+        states: tuple[SegmentState, ...],
+        stops: Mapping[str, Stop],
+        reference_s: float,
+    ) -> CycleReport | None:
+        """Store plans with their report, then send them; None: they could not be stored."""
         changes: tuple[OrderChange, ...] = ()
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
@@ -281,12 +344,11 @@ class Dispatcher:
             changes = records.changes
 
         try:
-            stops = {} if problem is None else problem.fleet.stop_by_id
-            reference_ns = now_ns + round(1e9 * reference_s)
+            reference_ns = report.started_ns + round(1e9 * reference_s)
             plans = self.fleet_watch.store(plans, stops, reference_ns, save)
         except Exception as error:
             self._report_storage_fault(report, error)
-            return
+            return None
         report = report.model_copy(update={"plans": len(plans)})
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
@@ -296,8 +358,7 @@ class Dispatcher:
         for plan in plans:
             self._announce("plan", plan)
         self._announce("cycle", report)
-        self._count(report)
-        self._pruner.after_cycle(now_ns)
+        return report
 
     def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
         """The problem of a cycle's fleet; None: nothing to dispatch."""
@@ -527,6 +588,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
         )
         scheduler.start()
+        inserter = stack.enter_context(Gathering("insertion", dispatcher.insert))
         reader = stack.enter_context(open_reader(settings.database_url))
         orders = OrderIntake(
             dispatcher.fleet_watch,
@@ -534,6 +596,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             reader,
             network,
             announce=lambda change: announce("order", change),
+            taken=inserter.put,
         )
         if api is not None:
             services = _services(settings, network, dispatcher, scheduler, bus, reader, orders, api)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
-from dispatcher_daemon.tracking import FleetTracker, Situation, TrackedVehicle
+from dispatcher_daemon.tracking import FleetTracker, OpenTour, Situation, TrackedVehicle
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -198,6 +198,18 @@ class FleetWatch:
         """
         with self._lock, self._tracker.book.stored_at_once(save):
             return edit(self._tracker)
+
+    def insertion(
+        self, wanted: Collection[str], cycle: int, now_ns: int, reference_s: float
+    ) -> tuple[list[OpenTour], list[Stop]]:
+        """Tours and orders between cycles; see `FleetTracker`."""
+        with self._lock:
+            return self._tracker.insertion(self.fleet, wanted, cycle, now_ns, reference_s)
+
+    def skip_number(self, cycle: int) -> None:
+        """See `FleetTracker`."""
+        with self._lock:
+            self._tracker.skip_number(cycle)
 
     def note_unserved(self, unserved: Mapping[str, str]) -> None:
         """Reason by order that the last cycle has not planned, beside those that were kept back."""

@@ -40,6 +40,11 @@ ORDER_SECONDS = Histogram(
     "From a caller's order, or change of one, to its being stored.",
     buckets=(0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5),
 )
+INSERTION_SECONDS = Histogram(
+    "slipstream_dispatcher_insertion_seconds",
+    "Wall time of putting new orders into plans between cycles, until they are out.",
+    buckets=(0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10),
+)
 GATES_OPEN = Gauge("slipstream_dispatcher_gates_open", "Segments open for platooning.")
 SAVED_KWH = Gauge(
     "slipstream_dispatcher_saved_kwh",

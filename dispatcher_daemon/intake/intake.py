@@ -74,6 +74,7 @@ class OrderIntake:
         network: roads.
         clock: UTC now, ns.
         announce: told of each change that is stored; it does not wait.
+        taken: told of orders that are new; likewise.
     """
 
     def __init__(
@@ -84,8 +85,9 @@ class OrderIntake:
         network: RoadNetwork,
         clock: Callable[[], int] = time.time_ns,
         announce: Callable[[OrderChange], None] = lambda change: None,
+        taken: Callable[[Sequence[str]], None] = lambda names: None,
     ) -> None:
-        self._announce = announce
+        self._announce, self._taken = announce, taken
         self._watch, self._store, self._archive = watch, store, archive
         self._network, self._clock = network, clock
         self._area: tuple[Fleet | None, ServiceArea] | None = None
@@ -139,7 +141,10 @@ class OrderIntake:
             for refusal in refused.refusals:
                 metrics.ORDERS_REFUSED.labels(refusal.kind).inc()
             raise
-        metrics.ORDERS_TAKEN.inc(sum(is_new for _, is_new in found))
+        names = [receipt.order for receipt, is_new in found if is_new]
+        if names:
+            metrics.ORDERS_TAKEN.inc(len(names))
+            self._taken(names)
         return found
 
     def show(self, name: str) -> OrderHistory:

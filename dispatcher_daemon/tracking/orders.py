@@ -163,7 +163,12 @@ class OrderBook:
                 del self._orders[order.order]
 
     def plan(
-        self, plan: VehiclePlan, stops: Mapping[str, Stop], reference_ns: int, now_ns: int
+        self,
+        plan: VehiclePlan,
+        stops: Mapping[str, Stop],
+        reference_ns: int,
+        now_ns: int,
+        before: VehiclePlan | None = None,
     ) -> None:
         """A published plan has its stops.
 
@@ -172,8 +177,12 @@ class OrderBook:
             stops: of the fleet, by id.
             reference_ns: UTC that the fleet's times count from.
             now_ns: UTC.
+            before: what its vehicle has accepted; only stops beside these are planned.
         """
+        known = () if before is None else {visit.stop for visit in before.stops}
         for visit in plan.service_stops:
+            if visit.stop in known:
+                continue
             stop, order = stops[visit.stop], self._orders[visit.stop]
             if order.request is None:
                 order = replace(order, **details(stop, reference_ns))
