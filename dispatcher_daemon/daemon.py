@@ -16,7 +16,7 @@ from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
-from dispatcher_daemon.intake import OrderIntake
+from dispatcher_daemon.intake import OrderAnswers, OrderIntake
 from dispatcher_daemon.on_demand import Gathering
 from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.plans import Cycle
@@ -598,6 +598,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             announce=lambda change: announce("order", change),
             taken=inserter.put,
         )
+        OrderAnswers(orders).listen(bus)
         if api is not None:
             services = _services(settings, network, dispatcher, scheduler, bus, reader, orders, api)
             api.start(services)
