@@ -43,8 +43,12 @@ _MAX_NAMES: Final = 500
 
 def save(session: Session, records: FleetRecords) -> None:
     """Store what has changed."""
+    names = [order.order for order in records.orders]
+    # Looked up together: `merge` would ask for each. They have to be held on to meanwhile.
+    known = [row for some in _chunks(names) for row in _rows(session, some)]
     for order in records.orders:
         session.merge(OrderRow(**asdict(order)))
+    del known
     session.flush()
     if records.changes:
         session.execute(insert(OrderChangeRow), list(_numbered(session, records.changes)))
@@ -62,6 +66,15 @@ def save(session: Session, records: FleetRecords) -> None:
     columns = ("count", "speed_mps", "states", "calm")
     for speed in records.speeds:
         _add(session, SpeedRow, (speed.segment, speed.hour), speed, columns)
+
+
+def _chunks(names: Sequence[str]) -> Iterator[Sequence[str]]:
+    for begin in range(0, len(names), _MAX_NAMES):
+        yield names[begin : begin + _MAX_NAMES]
+
+
+def _rows(session: Session, names: Sequence[str]) -> Sequence[OrderRow]:
+    return session.scalars(select(OrderRow).where(OrderRow.order.in_(names))).all()
 
 
 def _add(
@@ -83,9 +96,7 @@ def _add(
 def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:
     """The rows of changes, numbered on from those stored."""
     number: dict[str, int] = defaultdict(int)
-    names = sorted({change.order for change in changes})
-    for begin in range(0, len(names), _MAX_NAMES):
-        some = names[begin : begin + _MAX_NAMES]
+    for some in _chunks(sorted({change.order for change in changes})):
         last = (
             select(OrderChangeRow.order, func.max(OrderChangeRow.number))
             .where(OrderChangeRow.order.in_(some))
@@ -141,12 +152,7 @@ def orders(session: Session, states: Collection[OrderState]) -> list[OrderRecord
 
 def find(session: Session, names: Collection[str]) -> list[OrderRecord]:
     """Those of some orders that are stored."""
-    wanted = sorted(names)
-    found: list[OrderRecord] = []
-    for begin in range(0, len(wanted), _MAX_NAMES):
-        some = OrderRow.order.in_(wanted[begin : begin + _MAX_NAMES])
-        found += map(_order, session.scalars(select(OrderRow).where(some)))
-    return found
+    return [_order(row) for some in _chunks(sorted(names)) for row in _rows(session, some)]
 
 
 def changes(session: Session, order: str) -> list[OrderChange]:

@@ -108,11 +108,6 @@ class Reader:
         with self._read_session() as session:
             return () if session is None else tuple(fleet.orders(session, states))
 
-    def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
-        """Those of some orders that are stored, however long ago they ended."""
-        with self._read_session() as session:
-            return () if session is None else tuple(fleet.find(session, names))
-
     def order_changes(self, order: str) -> tuple[OrderChange, ...]:
         """The life of one order; empty if it is not known."""
         with self._read_session() as session:

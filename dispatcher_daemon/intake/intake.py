@@ -32,19 +32,19 @@ MAX_AT_ONCE: Final = 1000
 
 
 class OrderStore(Protocol):
-    """The writing side of the database, as it is used here."""
+    """The dispatcher's own database, as it is used here."""
 
     def save_fleet(self, records: FleetRecords) -> None:
         """Store durably, or raise."""
         ...
 
-
-class OrderArchive(Protocol):
-    """The reading side."""
-
     def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
         """Those that are stored."""
         ...
+
+
+class OrderArchive(Protocol):
+    """A reader of it: it waits for nobody who writes."""
 
     def order_changes(self, order: str) -> tuple[OrderChange, ...]:
         """The life of one."""
@@ -69,8 +69,8 @@ class OrderIntake:
 
     Args:
         watch: the tracked fleet.
-        store: to write to.
-        archive: to look up what the fleet's tracker has forgotten.
+        store: to write to, and to look up what the fleet's tracker has forgotten.
+        archive: for the lives of orders.
         network: roads.
         clock: UTC now, ns.
         announce: told of each change that is stored; it does not wait.
@@ -104,7 +104,7 @@ class OrderIntake:
         """
         known = self._watch.read(lambda tracker: set(tracker.book.orders))
         new = [request for request in requests if request.id not in known]
-        past = {order.order: order for order in self._archive.find_orders({r.id for r in new})}
+        past = {order.order: order for order in self._store.find_orders({r.id for r in new})}
         now_ns, area = self._clock(), self._service_area()
         nodes: dict[str, str] = {}
         refusals: dict[int, OrderRefusal] = {}
@@ -157,7 +157,7 @@ class OrderIntake:
             )
         )
         if found is None:
-            past = self._archive.find_orders({name})
+            past = self._store.find_orders({name})
             if not past:
                 raise unknown(name)
             found = status_of(past[0], None), ()
@@ -274,7 +274,7 @@ class OrderIntake:
     def _found(self, tracker: FleetTracker, name: str) -> OrderRecord:
         order = tracker.book.orders.get(name)
         if order is None:
-            past = self._archive.find_orders({name})
+            past = self._store.find_orders({name})
             if not past:
                 raise unknown(name)
             order = past[0]
