@@ -33,6 +33,7 @@ COMMANDS: Final = {
     "verify": "laboratory.verify",
     "resources": "laboratory.resources",
     "orders": "orders",
+    "token": "token",
     "db": "db",
 }
 """Module by sub-command, in the order of the help."""
