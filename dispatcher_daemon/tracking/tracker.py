@@ -248,7 +248,7 @@ class FleetTracker:
         )
         self.unplanned = {**self.unplanned, **kept}
         vehicles = self._vehicles.values()
-        tours = open_tours(vehicles, self._available, self.book, cycle, now_ns, reference_ns)
+        tours = open_tours(fleet, vehicles, self._available, self.book, cycle, now_ns, reference_ns)
         return list(tours) if stops else [], stops
 
     def skip_number(self, cycle: int) -> None:

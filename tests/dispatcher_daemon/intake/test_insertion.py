@@ -126,3 +126,19 @@ def test_who_has_left_or_is_full_gets_nothing_more(vans: RoutingProblem, tmp_pat
             assert (told.state, told.vehicle) == ("open", None)
             assert str(told.unplanned).startswith("no tour that has not begun may take it")
         assert len(desk.bus.plans("van-0")) == len(desk.bus.plans("van-1")) == 1
+
+
+def test_what_the_file_has_loaded_counts(town: Callable[..., Any], tmp_path: Path) -> None:
+    """A van that the file's stop fills gets no other parcel, by mass as by capacity."""
+    problem, _ = town([{"id": "f0", "node": "03", "mass_kg": 800.0}], [{"type": "van"}])
+    payload_kg = problem.fleet.type_of(problem.fleet.vehicles[0]).payload_kg
+    with opened(problem, tmp_path) as desk:
+        desk.dispatcher.run_cycle()
+        for name, mass_kg in (("heavy", payload_kg - 700.0), ("light", payload_kg - 900.0)):
+            desk.intake.submit([request(name, mass_kg=mass_kg)])
+            desk.dispatcher.insert([name])
+        assert {name: desk.state(name) for name in ("f0", "heavy", "light")} == {
+            "f0": "planned",
+            "heavy": "open",
+            "light": "planned",
+        }
