@@ -28,7 +28,7 @@ def add_to(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     for action in (showing, cancelling):
         action.add_argument("order", help="its id")
     for action, run in ((adding, _add), (showing, _show), (cancelling, _cancel)):
-        action.add_argument("--api", required=True, help="such as http://127.0.0.1:8080")
+        action.add_argument("--api", required=True, help="such as http://127.0.0.1:8090")
         action.add_argument(
             "--token-file", type=Path, help=f"file with the token; else ${_TOKEN} is taken"
         )
@@ -66,7 +66,7 @@ def _call(options: argparse.Namespace, method: str, path: str, body: object, sou
             raise ValueError
         port = address.port
     except ValueError:
-        mend = "write it like http://127.0.0.1:8080"
+        mend = "write it like http://127.0.0.1:8090"
         raise InputError("--api", f"no address: {options.api!r}", mend) from None
     token = os.environ.get(_TOKEN)
     if options.token_file is not None:

@@ -31,6 +31,8 @@ BURST: Final = 400.0
 MAX_RUNNING: Final = 64
 """Requests that are worked on at once, event streams included."""
 
+_REFUSED: Final = "\0"
+"""Those whose token does not count share one rate; no token has this name."""
 _WITH_BODY: Final = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 
 
@@ -116,7 +118,7 @@ class Gate:
             tokens = None if self._tokens is None else self._tokens.current()
             client = identify(headers, tokens)
         except Problem:
-            self._slow_down("")
+            self._slow_down(_REFUSED)
             raise
         self._slow_down(client.name or "")
         scope["state"]["client"] = client

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -146,6 +148,17 @@ def test_each_refusal_is_a_problem_document(serve: Callable[..., Api]) -> None:
         assert (document.get("field"), document["type"]) == (field, "about:blank"), path
         assert document["detail"], path
         assert document["mend"], path
+
+
+def test_what_the_page_shows_can_be_asked(serve: Callable[..., Api]) -> None:
+    """Each address that docs/api.md gives as an example is answered."""
+    api = serve(tokens=True)
+    api.dispatcher.run_cycle()
+    page = (Path(__file__).resolve().parents[3] / "docs" / "api.md").read_text()
+    found = re.findall(r"curl -s [^\n]*?localhost:8090(/v1/[^\s']*)", page)
+    assert len(found) == 4
+    for path in found:
+        assert api.get(path, "reader").status == 200, path
 
 
 def test_a_method_that_a_path_has_not_is_refused_with_those_it_has(
