@@ -79,6 +79,15 @@ format: setup
 settings-doc: setup
 	$(BIN)/python -m slipstream_cli.settings_doc > docs/settings.md
 
+# The description of the HTTP API, from its routes; a test holds it to them.
+.PHONY: openapi fuzz
+openapi: setup
+	$(BIN)/python -m slipstream_cli.openapi_doc > docs/openapi.json
+
+# 10,000 calls of the HTTP API made up from its description; `make test` has a short form.
+fuzz: setup
+	FUZZ_CALLS=10000 $(BIN)/python -m pytest tests/dispatcher_daemon/api/test_fuzz.py
+
 # The same processes on recorded video for MINUTES, sampled each second; fails on growth.
 soak: setup
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)

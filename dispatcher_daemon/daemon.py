@@ -5,28 +5,37 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import ExitStack
-from typing import Protocol
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
-from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
+from dispatcher_daemon.intake import OrderAnswers, OrderIntake
+from dispatcher_daemon.on_demand import Gathering
+from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
-from dispatcher_daemon.reports import error_text, failed_report, idle_report
+from dispatcher_daemon.reports import error_text, failed_report, idle_report, insertion_report
 from dispatcher_daemon.schedule import CycleScheduler
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
-from dispatcher_daemon.store import CyclePruner, CycleStore, open_checked_database
-from dispatcher_daemon.traffic import take_snapshot
+from dispatcher_daemon.store import (
+    CyclePruner,
+    CycleStore,
+    database_fault,
+    open_checked_database,
+)
+from dispatcher_daemon.tracking import fleet_of
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
@@ -44,14 +53,20 @@ from slipstream.messages import (
     plan_key,
     state_key,
 )
-from slipstream.orders import FleetRecords
+from slipstream.orders import FleetRecords, OrderChange
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
+from storage import Reader, open_reader
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.api import ApiServer, Services
 
 log = logging.getLogger(__name__)
 
 HEALTH_EVERY_S = 1.0
+INSERTION_S = 2.0
+"""From the begin of an insertion between cycles to the first departure by its plans."""
 HEARD_AFTER_S = 2.5
 """By then vehicles that the run before knew have said where they are: they do so each second."""
 
@@ -72,6 +87,23 @@ class MessageBus(Protocol):
         ...
 
 
+class Announce(Protocol):
+    """Tells callers of the API what has happened."""
+
+    def __call__(
+        self,
+        kind: Literal["plan", "state", "cycle", "order"],
+        value: Message | OrderChange,
+        /,
+    ) -> None:
+        """Tell."""
+        ...
+
+
+def _announce_nothing(kind: str, value: Message | OrderChange, /) -> None:
+    """Without an API nobody listens."""
+
+
 class Dispatcher:
     """The running dispatcher. The bus's thread delivers states, the scheduler's runs cycles.
 
@@ -86,6 +118,7 @@ class Dispatcher:
         job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
         records: orders, plans and vehicles of the run before.
+        announce: told of accepted states, and of what was stored; it does not wait.
     """
 
     def __init__(
@@ -100,7 +133,9 @@ class Dispatcher:
         job_manager: JobManager | None = None,
         fleet_file: FleetFile | None = None,
         records: FleetRecords | None = None,
+        announce: Announce = _announce_nothing,
     ) -> None:
+        self._announce = announce
         self._executor = executor
         self._job_manager = job_manager
         self._stops: Mapping[str, tuple[str, ...]] = {}
@@ -111,7 +146,7 @@ class Dispatcher:
         self._bus = bus
         self._store = store
         self._solve = solve if job_manager is None else job_manager
-        self._latest_states = LatestStates(
+        self.latest_states = LatestStates(
             network,
             rsus=settings.rsus,
             stale_after_s=settings.stale_after_s,
@@ -126,11 +161,18 @@ class Dispatcher:
         self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._storage_fault = False
         self.stopping = threading.Event()
+        self._turn = threading.Lock()
         self.cycle_began: float | None = None
         self.started_ns = time.time_ns()
         self.fleet_watch = FleetWatch(
-            network, records or FleetRecords(), self.started_ns, time.time_ns, self._refuse
+            network,
+            records or FleetRecords(),
+            self.started_ns,
+            time.time_ns,
+            self._refuse,
+            settings.orders.plan_ahead_s,
         )
+        self.fleet_watch.fleet = fleet
         self.cycles = 0
         self.cycles_failed = 0
         self.states_received = 0
@@ -147,8 +189,10 @@ class Dispatcher:
             self._refuse(error)
             return
         self.states_received += 1
-        verdict = self._latest_states.accept(state, time.time_ns())
+        verdict = self.latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
+        if verdict is Verdict.ACCEPTED:
+            self._announce("state", state)
         if verdict not in HARMLESS:
             self.states_refused += 1
             what = verdict.value.replace("_", " ")
@@ -164,6 +208,10 @@ class Dispatcher:
 
     def run_cycle(self) -> None:
         """One cycle: snapshot, solve, store, publish. Errors end the cycle, not the dispatcher."""
+        with self._turn:
+            self._run_one_cycle()
+
+    def _run_one_cycle(self) -> None:
         self.cycle_began = time.monotonic()
         try:
             self._run_cycle()
@@ -187,15 +235,7 @@ class Dispatcher:
         if self._job_manager is not None:
             self._job_manager.begin_cycle(number)
         try:
-            snapshot = take_snapshot(
-                self._network,
-                self._latest_states.latest(),
-                now_ns,
-                stale_after_s=self._settings.stale_after_s,
-                future_tolerance_s=self._settings.future_tolerance_s,
-                stops_at_signals=self._settings.stops_at_signals,
-            )
-            snapshot = self.fleet_watch.expected(snapshot)
+            snapshot = self.fleet_watch.expected(self._snapshot(now_ns))
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
             situation = self.fleet_watch.situation(
@@ -221,6 +261,7 @@ class Dispatcher:
                     on_road=situation.on_road,
                 )
                 result = run_cycle(cycle, self._solve, self._executor)
+                self.fleet_watch.note_unserved({u.stop: u.reason for u in result.report.unserved})
                 report, plans = result.report, result.plans
                 self._stops = result.stops
         except InputError as error:
@@ -233,24 +274,91 @@ class Dispatcher:
             log.info("cycle %d abandoned: stopping", number)
             return
         self._cycle += 1
+        stops = {} if problem is None else problem.fleet.stop_by_id
+        stored = self._publish(report, plans, states, stops, reference_s)
+        if stored is not None:
+            self._count(stored)
+            self._pruner.after_cycle(now_ns)
+
+    def _snapshot(self, now_ns: int) -> TrafficSnapshot:
+        return take_snapshot(
+            self._network,
+            self.latest_states.latest(),
+            now_ns,
+            stale_after_s=self._settings.stale_after_s,
+            future_tolerance_s=self._settings.future_tolerance_s,
+            stops_at_signals=self._settings.stops_at_signals,
+        )
+
+    def insert(self, orders: Collection[str]) -> None:
+        """Put new orders into tours that have not begun, as soon as no cycle runs. Those for which
+        there is none wait for the next cycle.
+        """
+        with self._turn:
+            number, began, now_ns = self._cycle, time.monotonic(), time.time_ns()
+            fleet = self.fleet_watch.fleet
+            tours, stops = self.fleet_watch.insertion(orders, number, now_ns, INSERTION_S)
+            if fleet is None or not tours or self.stopping.is_set() or self._storage_fault:
+                return
+            snapshot = self._snapshot(now_ns)
+            snapshot = self.fleet_watch.learned(now_ns).onto(snapshot)
+            joined = fleet_of(fleet, tours, stops)
+            cycle = Cycle(
+                routing_problem(self._network, joined, self._settings),
+                snapshot,
+                self._settings,
+                number,
+                now_ns,
+                cycle_seed(self._settings.seed, number),
+                reference_delay_s=INSERTION_S,
+            )
+            routes = {tour.vehicle.id: [stop.id for stop in tour.stops] for tour in tours}
+            found, missing = insert_stops(cycle, routes, [stop.id for stop in stops])
+            self.fleet_watch.note_unserved(missing)
+            if found is None:
+                return
+            self._cycle += 1
+            wall_s = time.monotonic() - began
+            report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
+            stored = self._publish(report, found.plans, (), joined.stop_by_id, INSERTION_S)
+            if stored is not None:
+                self.fleet_watch.skip_number(number)
+                metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
+                log.info("orders inserted between cycles: %d plans", stored.plans)
+
+    def _publish(
+        self,
+        report: CycleReport,
+        plans: tuple[VehiclePlan, ...],
+        states: tuple[SegmentState, ...],
+        stops: Mapping[str, Stop],
+        reference_s: float,
+    ) -> CycleReport | None:
+        """Store plans with their report, then send them; None: they could not be stored."""
+        changes: tuple[OrderChange, ...] = ()
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
+            nonlocal changes
             told = report.model_copy(update={"plans": len(admitted)})
             self._store.record_cycle(told, admitted, states, records)
+            changes = records.changes
 
         try:
-            stops = {} if problem is None else problem.fleet.stop_by_id
-            reference_ns = now_ns + round(1e9 * reference_s)
+            reference_ns = report.started_ns + round(1e9 * reference_s)
             plans = self.fleet_watch.store(plans, stops, reference_ns, save)
         except Exception as error:
             self._report_storage_fault(report, error)
-            return
+            return None
         report = report.model_copy(update={"plans": len(plans)})
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
-        self._count(report)
-        self._pruner.after_cycle(now_ns)
+        for change in changes:
+            self._announce("order", change)
+        for plan in plans:
+            self._announce("plan", plan)
+        self._announce("cycle", report)
+        return report
 
     def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
         """The problem of a cycle's fleet; None: nothing to dispatch."""
@@ -370,11 +478,59 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         service.progress(f"{dispatcher.cycles} cycles")
 
 
+@contextmanager
+def _open_api(settings: ApiSettings) -> Iterator[ApiServer | None]:
+    """The API's server, which does not serve yet; None: the settings want none."""
+    if settings.port == 0:
+        yield None
+        return
+    # The web framework takes half a second to import.
+    from dispatcher_daemon.api import ApiServer
+
+    with ApiServer(settings.port, settings.tokens) as server:
+        yield server
+
+
+def _services(
+    settings: DispatcherSettings,
+    network: RoadNetwork,
+    dispatcher: Dispatcher,
+    scheduler: CycleScheduler,
+    bus: Bus,
+    reader: Reader,
+    orders: OrderIntake,
+    api: ApiServer,
+) -> Services:
+    from dispatcher_daemon.api import Services
+
+    def has_cycle() -> bool:
+        return dispatcher.cycles > 0 or scheduler.next_run_ns is not None
+
+    return Services(
+        settings=settings,
+        network=network,
+        fleet=dispatcher.fleet_watch,
+        states=dispatcher.latest_states,
+        orders=orders,
+        reader=reader,
+        events=api.events,
+        solve_jobs=api.solve_jobs,
+        is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
+        checks={
+            "database": lambda: database_fault(reader),
+            "bus": lambda: None if bus.is_connected else "no router answers",
+            "network": lambda: None if network.segments else "it has no segment",
+            "cycle": lambda: None if has_cycle() else "none has run, and none is scheduled",
+        },
+    )
+
+
 def run_dispatcher(settings: DispatcherSettings) -> None:
     """Run until SIGTERM or SIGINT.
 
     Raises:
-        InputError: the network, list of RSUs, fleet, database, bus or metrics port cannot be used.
+        InputError: the network, list of RSUs, fleet, database, bus, API's or metrics
+            port, or file of tokens cannot be used.
     """
     configure_logging("dispatcher", settings.service.log_level)
     # The scheduler's own faults are counted and logged by CycleScheduler.
@@ -393,6 +549,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
+        _open_api(settings.api) as api,
         open_checked_database(settings.database_url) as database,
         Bus.open(settings.bus) as bus,
         SolverPool(configured_solvers(settings), workers) as pool,
@@ -408,6 +565,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         job_manager = open_job_manager(settings, pool, database)
         if job_manager is not None:
             stack.enter_context(job_manager)
+        announce: Announce = _announce_nothing if api is None else api.events.publish
         dispatcher = Dispatcher(
             settings,
             network,
@@ -419,6 +577,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             job_manager,
             fleet_file,
             records,
+            announce,
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
@@ -429,11 +588,28 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
         )
         scheduler.start()
+        inserter = stack.enter_context(Gathering("insertion", dispatcher.insert))
+        reader = stack.enter_context(open_reader(settings.database_url))
+        orders = OrderIntake(
+            dispatcher.fleet_watch,
+            database,
+            reader,
+            network,
+            announce=lambda change: announce("order", change),
+            taken=inserter.put,
+        )
+        OrderAnswers(orders).listen(bus)
+        if api is not None:
+            services = _services(settings, network, dispatcher, scheduler, bus, reader, orders, api)
+            api.start(services)
+            log.info("API on http://127.0.0.1:%d", api.port)
         service.ready()
         try:
             while not service.wait(HEALTH_EVERY_S):
                 check_health(dispatcher, scheduler, service)
         finally:
+            if api is not None:
+                api.close()
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()
             pool.close()

@@ -31,7 +31,8 @@ class FleetFile:
         self._stamp: tuple[int, int, int] | None = None
 
     def current(self) -> Fleet | None:
-        """The fleet now; None if the file has no stop to drive to, or no vehicle to drive.
+        """The fleet now; None if the file has no vehicle. Its stops may be none: orders may come
+        otherwise.
 
         Raises:
             InputError: the file is gone or faulty; the last good one is not dispatched again, as
@@ -53,8 +54,6 @@ class FleetFile:
     def _read(self) -> Fleet | None:
         assert self._path is not None
         data = read_data(self._path)
-        return None if _is_empty(data) else fleet_from(data, self._network, self._path)
-
-
-def _is_empty(data: object) -> bool:
-    return isinstance(data, Mapping) and (data.get("stops") == [] or data.get("vehicles") == [])
+        if isinstance(data, Mapping) and data.get("vehicles") == []:
+            return None
+        return fleet_from(data, self._network, self._path, may_lack_stops=True)

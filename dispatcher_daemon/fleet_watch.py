@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Protocol, TypeVar
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Final, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
-from dispatcher_daemon.tracking import FleetTracker, Situation
-from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.tracking import FleetTracker, OpenTour, Situation, TrackedVehicle
+from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -29,7 +29,9 @@ from slipstream.messages import (
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 
+T = TypeVar("T")
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
+_COPY_WITHIN_S: Final = 0.1
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
 
@@ -43,6 +45,39 @@ class Subscriber(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class FleetCopy:
+    """The tracked vehicles at one moment.
+
+    Attributes:
+        time_ns: the moment, UTC.
+        vehicles: by id, which they are sorted by; nobody changes them any more.
+    """
+
+    time_ns: int
+    vehicles: Mapping[str, TrackedVehicle]
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What was learned of an hour of the day.
+
+    Attributes:
+        usual_mps: speeds of segments that were seen often enough.
+        open_shares: of the states that opened a segment's gate.
+        expected: costs of movements; None: too little is known.
+    """
+
+    usual_mps: Mapping[str, float]
+    open_shares: Mapping[str, float]
+    expected: Expectations | None
+
+    def onto(self, snapshot: TrafficSnapshot) -> TrafficSnapshot:
+        """A cycle's traffic with it."""
+        usual = snapshot.at_usual_speeds(self.usual_mps).with_usual_gates(self.open_shares)
+        return replace(usual, expected=self.expected)
+
+
 class FleetWatch:
     """The tracked fleet; safe for threads.
 
@@ -52,6 +87,10 @@ class FleetWatch:
         started_ns: UTC at the start.
         clock: UTC now, ns.
         refuse: told of each message that is not what its key promises.
+        plan_ahead_s: as for `FleetTracker`.
+
+    Attributes:
+        fleet: of the file, as the last cycle has read it.
     """
 
     def __init__(
@@ -61,12 +100,16 @@ class FleetWatch:
         started_ns: int,
         clock: Callable[[], int],
         refuse: Callable[[InputError], None],
+        plan_ahead_s: float = 0.0,
     ) -> None:
-        self._tracker = FleetTracker(network, records, started_ns)
+        self.fleet: Fleet | None = None
+        self._tracker = FleetTracker(network, records, started_ns, plan_ahead_s)
         self._costs = MovementCosts(network, records.movements)
         self._usual = UsualTraffic(network, records.speeds)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
+        self._copy = FleetCopy(started_ns, {})
+        self.vehicles()
 
     def on_position(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_POSITIONS`."""
@@ -105,6 +148,7 @@ class FleetWatch:
         self, fleet: Fleet | None, cycle: int, now_ns: int, reference_s: float
     ) -> Situation:
         """The fleet's file as it is now, and what a cycle may plan; see `FleetTracker`."""
+        self.fleet = fleet
         with self._lock:
             self._tracker.list_fleet(fleet, now_ns)
             return self._tracker.situation(fleet, cycle, now_ns, reference_s)
@@ -143,19 +187,67 @@ class FleetWatch:
             self._usual.stored()
         return plans
 
+    def read(self, read: Callable[[FleetTracker], T]) -> T:
+        """What a function finds in the tracker, which it must not change or keep."""
+        with self._lock:
+            return read(self._tracker)
+
+    def edit(self, edit: Callable[[FleetTracker], T], save: Callable[[FleetRecords], None]) -> T:
+        """What a function that changes orders returns, once the changes are stored. If it or
+        ``save`` raises, nothing has happened.
+        """
+        with self._lock, self._tracker.book.stored_at_once(save):
+            return edit(self._tracker)
+
+    def insertion(
+        self, wanted: Collection[str], cycle: int, now_ns: int, reference_s: float
+    ) -> tuple[list[OpenTour], list[Stop]]:
+        """Tours and orders between cycles; see `FleetTracker`."""
+        with self._lock:
+            return self._tracker.insertion(self.fleet, wanted, cycle, now_ns, reference_s)
+
+    def skip_number(self, cycle: int) -> None:
+        """See `FleetTracker`."""
+        with self._lock:
+            self._tracker.skip_number(cycle)
+
+    def note_unserved(self, unserved: Mapping[str, str]) -> None:
+        """Reason by order that the last cycle has not planned, beside those that were kept back."""
+        with self._lock:
+            self._tracker.unplanned = {**self._tracker.unplanned, **unserved}
+
     def expected(self, snapshot: TrafficSnapshot) -> TrafficSnapshot:
         """The traffic of a cycle with what was learned until now, which it adds to: usual speeds
         where no state is fresh, how often gates are open, and what movements cost if the fleet has
         driven enough.
         """
         with self._lock:
-            hour = snapshot.now_ns // HOUR_NS % HOURS
-            self._usual.on_traffic(snapshot, hour)
-            usual_mps, opened = self._usual.speeds_mps(hour), self._usual.open_shares(hour)
+            self._usual.on_traffic(snapshot, snapshot.now_ns // HOUR_NS % HOURS)
             self._costs.count()
-            expected = self._costs.expectations(snapshot.now_ns, usual_mps)
-        usual = snapshot.at_usual_speeds(usual_mps).with_usual_gates(opened)
-        return replace(usual, expected=expected)
+            learned = self._learned(snapshot.now_ns)
+        return learned.onto(snapshot)
+
+    def learned(self, now_ns: int) -> Learned:
+        """What was learned until now, which nothing is added to."""
+        with self._lock:
+            return self._learned(now_ns)
+
+    def _learned(self, now_ns: int) -> Learned:
+        hour = now_ns // HOUR_NS % HOURS
+        usual_mps = self._usual.speeds_mps(hour)
+        expected = self._costs.expectations(now_ns, usual_mps)
+        return Learned(usual_mps, self._usual.open_shares(hour), expected)
+
+    def vehicles(self) -> FleetCopy:
+        """The vehicles now; while a cycle is being stored, as they were before that."""
+        if self._lock.acquire(timeout=_COPY_WITHIN_S):
+            try:
+                tracked = self._tracker.vehicles
+                copies = {name: replace(tracked[name]) for name in sorted(tracked)}
+                self._copy = FleetCopy(self._clock(), copies)
+            finally:
+                self._lock.release()
+        return self._copy
 
     def store_all(self) -> None:
         """The next cycle stores the whole fleet: the database is another one."""

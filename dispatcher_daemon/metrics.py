@@ -31,6 +31,20 @@ SOLVER_SECONDS = Histogram(
     buckets=(0.01, 0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 30),
 )
 PLANS = Counter("slipstream_dispatcher_plans", "Vehicle plans published.")
+ORDERS_TAKEN = Counter("slipstream_dispatcher_orders_taken", "New orders of callers.")
+ORDERS_REFUSED = Counter(
+    "slipstream_dispatcher_orders_refused", "Orders of callers that were refused.", ["kind"]
+)
+ORDER_SECONDS = Histogram(
+    "slipstream_dispatcher_order_seconds",
+    "From a caller's order, or change of one, to its being stored.",
+    buckets=(0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5),
+)
+INSERTION_SECONDS = Histogram(
+    "slipstream_dispatcher_insertion_seconds",
+    "Wall time of putting new orders into plans between cycles, until they are out.",
+    buckets=(0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10),
+)
 GATES_OPEN = Gauge("slipstream_dispatcher_gates_open", "Segments open for platooning.")
 SAVED_KWH = Gauge(
     "slipstream_dispatcher_saved_kwh",
@@ -58,4 +72,14 @@ QUANTUM_BREAKER = Gauge(
 )
 QUANTUM_FAULTS = Counter(
     "slipstream_dispatcher_quantum_faults", "Faults of the quantum device's service.", ["kind"]
+)
+API_REQUESTS = Counter(
+    "slipstream_dispatcher_api_requests", "Answers of the HTTP API, by status.", ["status"]
+)
+API_FAILURES = Counter(
+    "slipstream_dispatcher_api_failures", "Times that the HTTP API went down and was started anew."
+)
+API_STREAMS = Gauge("slipstream_dispatcher_api_streams", "Event streams that are open.")
+API_STREAMS_DROPPED = Counter(
+    "slipstream_dispatcher_api_streams_dropped", "Event streams of clients that read too slowly."
 )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from dispatcher_daemon.plans import Candidate
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.messages import CycleReport
+from slipstream.messages import CycleReport, Unserved
 
 
 def idle_report(
@@ -12,6 +15,29 @@ def idle_report(
     """The report of a cycle that had nothing to dispatch."""
     return failed_report(cycle, started_ns, wall_s, "no open order, or no free vehicle").model_copy(
         update={"status": "ok", "gates": snapshot.gates()}
+    )
+
+
+def insertion_report(
+    cycle: int,
+    started_ns: int,
+    wall_s: float,
+    snapshot: TrafficSnapshot,
+    found: Candidate,
+    missing: Mapping[str, str],
+) -> CycleReport:
+    """The report of orders that were put into plans between cycles; it has no energy figures, as
+    the fleet's other plans are not part of it.
+    """
+    return failed_report(cycle, started_ns, wall_s, "new orders put into tours").model_copy(
+        update={
+            "status": "ok",
+            "gates": snapshot.gates(),
+            "solver": found.solver,
+            "objective_kwh": found.objective_kwh,
+            "plans": len(found.plans),
+            "unserved": tuple(Unserved(stop=s, reason=r) for s, r in missing.items()),
+        }
     )
 
 

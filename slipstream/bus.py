@@ -14,6 +14,7 @@ from typing import Any, Final, Self
 
 import zenoh
 
+from slipstream.answers import Answerer, Answers
 from slipstream.config import BusSettings, read_secret
 from slipstream.errors import InputError
 from slipstream.files import check_file
@@ -93,6 +94,7 @@ class Bus:
     def __init__(self, session: Any) -> None:
         self._session = session
         self._listeners: list[Listener] = []
+        self._answers: list[Answers] = []
 
     @classmethod
     def open(cls, settings: BusSettings) -> Self:
@@ -180,10 +182,45 @@ class Bus:
         """Publish once on a key that changes too often to be declared; not cached, not repaired."""
         self._session.put(key, message.to_bytes(), congestion_control=zenoh.CongestionControl.DROP)
 
+    @property
+    def is_connected(self) -> bool:
+        """Whether a router or another session answers now."""
+        if self._session.is_closed():
+            return False
+        info = self._session.info
+        return bool(info.routers_zid() or info.peers_zid())
+
+    def answer(self, key_expression: str, answerer: Answerer) -> None:
+        """Answer questions, on a thread of the bus's own.
+
+        Args:
+            key_expression: of the questions; those that are patterns of keys are refused.
+            answerer: called for one question after the other.
+        """
+        answers = Answers(key_expression, answerer)
+        self._answers.append(answers)
+        self._session.declare_queryable(key_expression, answers.accept)
+
+    def ask(self, key: str, payload: bytes, within_s: float) -> tuple[bool, bytes] | None:
+        """Ask on a key: (whether it is an answer, or else an error; payload), or None.
+
+        Args:
+            within_s: time for the answer, s.
+        """
+        for reply in self._session.get(key, payload=payload, timeout=within_s):
+            if reply.ok is not None:
+                return True, reply.ok.payload.to_bytes()
+            assert reply.err is not None
+            text = reply.err.payload.to_bytes()
+            return None if text == b"Timeout" else (False, text)
+        return None
+
     def close(self) -> None:
         """Close the session; no handler runs once it has returned."""
         for listener in self._listeners:
             listener.close()
+        for answers in self._answers:
+            answers.close()
         self._session.close()
 
     def __enter__(self) -> Self:

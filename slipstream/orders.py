@@ -11,7 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
-from slipstream.messages import OrderState, VehiclePlan, VehiclePosition
+from slipstream.messages import (
+    OrderRefusal,
+    OrderState,
+    RefusalKind,
+    VehiclePlan,
+    VehiclePosition,
+)
 
 ORDER_STATES: Final[tuple[OrderState, ...]] = get_args(OrderState)
 ENDED: Final[frozenset[OrderState]] = frozenset({"served", "failed", "cancelled"})
@@ -29,14 +35,18 @@ class OrderRecord:
         node: junction of the stop.
         service_s: time at the stop.
         demand: of a vehicle's capacity.
-        earliest_ns: service starts no sooner, UTC; None while it is open.
-        latest_ns: service starts no later, UTC; None: whenever, or open.
+        earliest_ns: service starts no sooner, UTC; None: whenever, or an open one of the file.
+        latest_ns: service starts no later, UTC; None: likewise.
         state: see the module.
         since_ns: UTC of the last change of state, vehicle or plan.
         reason: of that change.
         vehicle: that has it; None: none. It stays when the order has ended.
         cycle: of that vehicle's plan.
-        listed: whether the fleet's file still has it.
+        listed: whether somebody asks for it: the fleet's file has it, or its caller has not
+            cancelled it and it has not ended.
+        request: of a caller, as JSON of an `OrderRequest`; None: it is the file's.
+        received_ns: UTC of that request.
+        pinned: only this vehicle may serve it; None: any.
     """
 
     order: str
@@ -51,6 +61,14 @@ class OrderRecord:
     vehicle: str | None = None
     cycle: int | None = None
     listed: bool = True
+    request: dict[str, Any] | None = None
+    received_ns: int | None = None
+    pinned: str | None = None
+
+    @property
+    def source(self) -> Literal["file", "api"]:
+        """Who asks for it: the fleet's file, or a caller."""
+        return "file" if self.request is None else "api"
 
     @property
     def ended(self) -> bool:
@@ -173,3 +191,19 @@ class FleetRecords:
     vehicles: tuple[VehicleRecord, ...] = ()
     movements: tuple[MovementSum, ...] = ()
     speeds: tuple[SpeedSum, ...] = ()
+
+
+class OrderRefused(Exception):
+    """A request that nothing was done for."""
+
+    def __init__(
+        self,
+        kind: RefusalKind,
+        problem: str,
+        mend: str,
+        *,
+        order: str | None = None,
+        key: str | None = None,
+    ) -> None:
+        self.refusal = OrderRefusal(order=order, kind=kind, key=key, problem=problem, mend=mend)
+        super().__init__(f"{order or 'order'}: {problem}; {mend}")

@@ -133,7 +133,7 @@ def _unservable(path: Path, roads: RoadNetwork) -> Mapping[str, str]:
     from slipstream.freshness import STALE_AFTER_S
 
     fleet = FleetFile(str(path), roads).current()
-    if fleet is None:
+    if fleet is None or not fleet.stops:
         return {}
     for key, place in distances(fleet, roads, path):
         where = f"{place.distance_m:.0f} m from {place.segment}, served at {place.node}"

@@ -33,6 +33,7 @@ COMMANDS: Final = {
     "verify": "laboratory.verify",
     "resources": "laboratory.resources",
     "orders": "orders",
+    "token": "token",
     "db": "db",
 }
 """Module by sub-command, in the order of the help."""
@@ -46,6 +47,7 @@ _EXTRA_OF: Final = {
     "cv2": "edge",
     "dimod": "dispatcher",
     "dwave": "dispatcher",
+    "fastapi": "dispatcher",
     "highspy": "dispatcher",
     "jinja2": "dashboard",
     "libsumo": "sim",
@@ -61,6 +63,7 @@ _EXTRA_OF: Final = {
     "sqlalchemy": "dispatcher",
     "torch": "train",
     "ultralytics": "train",
+    "uvicorn": "dispatcher",
     "viser": "dashboard",
     "yaml": "train",
 }

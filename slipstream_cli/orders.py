@@ -1,4 +1,6 @@
-"""`slipstream orders`: the orders in the dispatcher's database, and the life of one of them."""
+"""`slipstream orders`: the orders in the dispatcher's database, and the life of one of them; orders
+over its API.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,14 @@ from datetime import UTC, datetime
 
 from slipstream.errors import InputError
 from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord
+from slipstream_cli import order_calls
 
 _DEFAULT = "sqlite:///slipstream.db"
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
-    command = commands.add_parser("orders", help="orders: what became of each")
+    command = commands.add_parser("orders", help="orders: what became of each; submit, cancel")
     actions = command.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser(
         "list", help="all orders, those that changed last at the end; or the life of one"
@@ -31,6 +34,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     listing.add_argument("--json", action="store_true", help="report as JSON")
     listing.set_defaults(run=run)
+    order_calls.add_to(actions)
 
 
 def run(options: argparse.Namespace) -> int:

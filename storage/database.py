@@ -7,7 +7,7 @@ import math
 import shutil
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, Self
 
@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
-from slipstream.orders import FleetRecords
+from slipstream.orders import FleetRecords, OrderRecord
 from storage import fleet, jobs, retention
 from storage.engine import (
     DAMAGED,
@@ -130,6 +130,15 @@ class Database:
         """
         with self._write_session() as session:
             fleet.save(session, records)
+
+    def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
+        """Those of some orders that are stored, however long ago they ended.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        with self._write_session() as session:
+            return tuple(fleet.find(session, names))
 
     def save_job(self, job: QuantumJob) -> None:
         """Store the present record of a quantum job, durably.

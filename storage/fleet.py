@@ -43,8 +43,12 @@ _MAX_NAMES: Final = 500
 
 def save(session: Session, records: FleetRecords) -> None:
     """Store what has changed."""
+    names = [order.order for order in records.orders]
+    # Looked up together: `merge` would ask for each. They have to be held on to meanwhile.
+    known = [row for some in _chunks(names) for row in _rows(session, some)]
     for order in records.orders:
         session.merge(OrderRow(**asdict(order)))
+    del known
     session.flush()
     if records.changes:
         session.execute(insert(OrderChangeRow), list(_numbered(session, records.changes)))
@@ -62,6 +66,15 @@ def save(session: Session, records: FleetRecords) -> None:
     columns = ("count", "speed_mps", "states", "calm")
     for speed in records.speeds:
         _add(session, SpeedRow, (speed.segment, speed.hour), speed, columns)
+
+
+def _chunks(names: Sequence[str]) -> Iterator[Sequence[str]]:
+    for begin in range(0, len(names), _MAX_NAMES):
+        yield names[begin : begin + _MAX_NAMES]
+
+
+def _rows(session: Session, names: Sequence[str]) -> Sequence[OrderRow]:
+    return session.scalars(select(OrderRow).where(OrderRow.order.in_(names))).all()
 
 
 def _add(
@@ -83,9 +96,7 @@ def _add(
 def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:
     """The rows of changes, numbered on from those stored."""
     number: dict[str, int] = defaultdict(int)
-    names = sorted({change.order for change in changes})
-    for begin in range(0, len(names), _MAX_NAMES):
-        some = names[begin : begin + _MAX_NAMES]
+    for some in _chunks(sorted({change.order for change in changes})):
         last = (
             select(OrderChangeRow.order, func.max(OrderChangeRow.number))
             .where(OrderChangeRow.order.in_(some))
@@ -139,6 +150,11 @@ def orders(session: Session, states: Collection[OrderState]) -> list[OrderRecord
     return [_order(row) for row in session.scalars(query)]
 
 
+def find(session: Session, names: Collection[str]) -> list[OrderRecord]:
+    """Those of some orders that are stored."""
+    return [_order(row) for some in _chunks(sorted(names)) for row in _rows(session, some)]
+
+
 def changes(session: Session, order: str) -> list[OrderChange]:
     """The life of an order."""
     query = (
@@ -149,6 +165,15 @@ def changes(session: Session, order: str) -> list[OrderChange]:
         OrderChange(**{name: getattr(row, name) for name in names})
         for row in session.scalars(query)
     ]
+
+
+def plans(session: Session, vehicle: str, limit: int, before: int | None) -> list[PlanRecord]:
+    """The last plans of a vehicle, of cycles before a number if one is given; latest first."""
+    query = select(PlanRow).where(PlanRow.vehicle == vehicle)
+    if before is not None:
+        query = query.where(PlanRow.cycle < before)
+    query = query.order_by(PlanRow.cycle.desc()).limit(limit)
+    return [_plan(row) for row in session.scalars(query)]
 
 
 def prune(session: Session, before_ns: int) -> None:

@@ -174,6 +174,9 @@ class OrderRow(Base):
     vehicle: Mapped[str | None]
     cycle: Mapped[int | None]
     listed: Mapped[bool]
+    request: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    received_ns: Mapped[int | None]
+    pinned: Mapped[str | None]
 
 
 class OrderChangeRow(Base):

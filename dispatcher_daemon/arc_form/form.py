@@ -156,6 +156,8 @@ def arc_form_obstacle(fleet: Fleet) -> str | None:
     for stop in fleet.stops:
         if stop.carrier not in (None, *fleet.carriers):
             return f"stop {stop.id!r} is of another carrier than the vehicles"
+        if not all(fleet.may_serve(vehicle, stop) for vehicle in fleet.vehicles):
+            return f"stop {stop.id!r} is not for all vehicles"
         if stop.earliest_s > 0 or stop.latest_s is not None:
             return f"stop {stop.id!r} has a time window"
     demand = {stop.id: stop.demand for stop in fleet.stops}

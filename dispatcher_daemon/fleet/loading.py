@@ -38,13 +38,18 @@ def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
     return fleet_from(read_data(Path(reference)), network, reference)
 
 
-def fleet_from(data: object, network: RoadNetwork, source: str | Path) -> Fleet:
-    """Check plain data as a fleet; errors as in `load_fleet`.
+def fleet_from(
+    data: object, network: RoadNetwork, source: str | Path, *, may_lack_stops: bool = False
+) -> Fleet:
+    """Check plain data as a fleet; errors as in `load_fleet`, also where it has no stop and may not
+    lack them.
 
     A place with latitude and longitude gets a node: the nearer end of the nearest road that some
     vehicle of the fleet may use, no more than `MAX_SNAP_M` away.
     """
     fleet = located(check(with_unknown_nodes(data), Fleet, source), network, source)
+    if not (fleet.stops or may_lack_stops):
+        raise InputError(source, "no stop", "add one", key="stops")
     check_fleet(fleet, network, source)
     furthest = max(
         distances(fleet, network, source), key=lambda found: found[1].distance_m, default=None
@@ -65,8 +70,8 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
 
     Raises:
         InputError: a duplicate id, an unknown node, depot or vehicle type, a charge that does not
-            fit the battery, a first stop that does not exist, is claimed twice or is of another
-            carrier, or a stop whose carrier has no vehicle.
+            fit the battery, a first stop that does not exist, is claimed twice or is for other
+            vehicles, or a stop for which the fleet has no vehicle.
     """
     _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
     _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
@@ -134,15 +139,28 @@ def _check_carriers(fleet: Fleet, source: str | Path, prefix: str) -> None:
                 "give that carrier a vehicle, or leave the stop's carrier out for any vehicle",
                 key=f"{prefix}stops.{stop.id}.carrier",
             )
+        key = f"{prefix}stops.{stop.id}"
+        if stop.vehicle is not None and stop.vehicle not in fleet.vehicle_by_id:
+            mend = "name one of the vehicles"
+            raise InputError(source, f"no vehicle {stop.vehicle!r}", mend, key=f"{key}.vehicle")
+        if not any(fleet.may_serve(vehicle, stop) for vehicle in fleet.vehicles):
+            problem = f"no vehicle has all the skills {', '.join(stop.skills)}"
+            if stop.carrier is not None or stop.vehicle is not None:
+                problem = "no vehicle meets its carrier, skills and vehicle together"
+            mend = "give a vehicle what the stop needs, or ask less"
+            raise InputError(source, problem, mend, key=f"{key}.skills")
     for vehicle in fleet.vehicles:
         if vehicle.first_stop is None:
             continue
         stop = fleet.stop_by_id[vehicle.first_stop]
         if not fleet.may_serve(vehicle, stop):
+            problem = f"stop {stop.id!r} is for other vehicles"
+            if stop.carrier not in (None, vehicle.carrier):
+                problem = f"stop {stop.id!r} is of carrier {stop.carrier!r}, and the vehicle is not"
             raise InputError(
                 source,
-                f"stop {stop.id!r} is of carrier {stop.carrier!r}, and the vehicle is not",
-                "give both the same carrier, or another first stop",
+                problem,
+                "give the vehicle what the stop asks for, or another first stop",
                 key=f"{prefix}vehicles.{vehicle.id}.first_stop",
             )
 

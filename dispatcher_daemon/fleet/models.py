@@ -19,6 +19,9 @@ DEPOT: Final = "depot"
 _DAY_S: Final = 86400.0
 _TOLERANCE_KG: Final = 1e-6
 
+Skills = Annotated[tuple[Identifier, ...], Field(max_length=50)]
+"""Names of what a stop needs, or a vehicle has, such as "tail-lift"."""
+
 _PowerKw = Annotated[float, Field(gt=0, le=1e5, allow_inf_nan=False)]
 
 
@@ -103,6 +106,10 @@ class Stop(_Point):
     carrier: Identifier | None = Field(
         default=None, description="Only vehicles of this carrier serve it; None: any vehicle."
     )
+    skills: Skills = Field(default=(), description="Only vehicles with all of these serve it.")
+    vehicle: Identifier | None = Field(
+        default=None, description="Only this vehicle serves it; None: any vehicle."
+    )
 
     @model_validator(mode="after")
     def _window_is_open(self) -> Self:
@@ -111,6 +118,11 @@ class Stop(_Point):
                 f"latest_s ({self.latest_s:g}) must not be below earliest_s ({self.earliest_s:g})"
             )
         return self
+
+    @property
+    def requirement(self) -> tuple[str | None, frozenset[str]]:
+        """Carrier and skills that it asks for."""
+        return self.carrier, frozenset(self.skills)
 
 
 Place = Depot | Stop | ChargingStop | Hub
@@ -167,6 +179,7 @@ class Vehicle(Settings):
         default=None,
         description="Who runs it. Vehicles without one count together as one carrier.",
     )
+    skills: Skills = Field(default=(), description="It can serve stops that need any of these.")
 
     @model_validator(mode="after")
     def _one_type(self) -> Self:
@@ -188,7 +201,7 @@ class Fleet(Settings):
 
     name: str = "fleet"
     depots: tuple[Depot, ...] = Field(min_length=1)
-    stops: tuple[Stop, ...] = Field(min_length=1)
+    stops: tuple[Stop, ...] = ()
     vehicles: tuple[Vehicle, ...] = Field(min_length=1)
     vehicle_types: tuple[NamedVehicleType, ...] = ()
     charging_stops: tuple[ChargingStop, ...] = ()
@@ -251,8 +264,14 @@ class Fleet(Settings):
         return None if vehicle.type is None else self._types.get(vehicle.type)
 
     def may_serve(self, vehicle: Vehicle, stop: Stop) -> bool:
-        """Whether a stop is anybody's or of the vehicle's carrier."""
-        return stop.carrier is None or stop.carrier == vehicle.carrier
+        """Whether a vehicle is of the stop's carrier, has the skills that it needs, and is the one
+        that it is kept for, where it names them.
+        """
+        return (
+            stop.carrier in (None, vehicle.carrier)
+            and stop.vehicle in (None, vehicle.id)
+            and set(stop.skills) <= set(vehicle.skills)
+        )
 
     def overload(self, vehicle: Vehicle, stops: Iterable[Stop]) -> str | None:
         """By what the load of some stops is more than a vehicle carries; None: it is not."""

@@ -46,7 +46,7 @@ def located(fleet: Fleet, network: RoadNetwork, source: str | Path) -> Fleet:
     places = list(_places(fleet))
     if all(place.node != _UNKNOWN_NODE for _, place in places):
         return fleet
-    snapper = _snapper(fleet, network)
+    snapper = snapper_of(fleet, network)
     found: dict[str, list[Place]] = {table: [] for table in _TABLES}
     for table, place in places:
         if place.node == _UNKNOWN_NODE:
@@ -62,7 +62,7 @@ def distances(
     """Each place that is given by latitude and longitude, with its road; errors as in `located`."""
     given = [(f"{table}.{p.id}", p) for table, p in _places(fleet) if p.lat is not None]
     if given:
-        snapper = _snapper(fleet, network)
+        snapper = snapper_of(fleet, network)
         for key, place in given:
             yield key, _snapped(place, network, snapper, source, key)
 
@@ -74,8 +74,9 @@ def _places(fleet: Fleet) -> Iterator[tuple[str, Place]]:
     yield from (("hubs", hub) for hub in fleet.hubs)
 
 
-def _snapper(fleet: Fleet, network: RoadNetwork) -> Snapper:
-    kinds = [fleet.type_of(vehicle) for vehicle in fleet.vehicles]
+def snapper_of(fleet: Fleet | None, network: RoadNetwork) -> Snapper:
+    """Finds roads that some vehicle of a fleet may use; None: one without a type."""
+    kinds = [None] if fleet is None else [fleet.type_of(vehicle) for vehicle in fleet.vehicles]
     return Snapper(network, {RoutingProfile() if k is None else k.profile for k in kinds})
 
 

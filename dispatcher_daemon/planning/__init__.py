@@ -6,6 +6,7 @@ from __future__ import annotations
 from dispatcher_daemon.planning.cycle import route_cycle
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, initial_plans, plan_fleet
 from dispatcher_daemon.planning.form import RouteForm, route_form
+from dispatcher_daemon.planning.insertion import insert_stops
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.servability import servable_part, unservable
 from dispatcher_daemon.planning.sweeps import Choice, initial_choices
@@ -17,6 +18,7 @@ __all__ = [
     "RouteForm",
     "initial_choices",
     "initial_plans",
+    "insert_stops",
     "plan_fleet",
     "route_cycle",
     "route_form",

@@ -86,7 +86,7 @@ def exchanged(
 
 def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple[float, Pair]]:
     """(change of cost, new stops of both): each stop moved to each place of another route, and
-    each swap of two stops; loads and first stops kept, and each stop with its carrier.
+    each swap of two stops; loads and first stops kept, and each stop with who may serve it.
     """
     cost = {i.number: _cost(planner, i.number, i.stops) for i in itineraries}
     carriers = {i.number: planner.problem.fleet.vehicles[i.number].carrier for i in itineraries}
@@ -135,8 +135,10 @@ def _cost(planner: Planner, number: int, stops: tuple[str, ...]) -> float:
 
 def _fits(planner: Planner, number: int, stops: tuple[str, ...]) -> bool:
     fleet = planner.problem.fleet
-    served = [fleet.stop_by_id[s] for s in stops]
-    return fleet.overload(fleet.vehicles[number], served) is None
+    vehicle, served = fleet.vehicles[number], [fleet.stop_by_id[s] for s in stops]
+    if not all(fleet.may_serve(vehicle, stop) for stop in served):
+        return False
+    return fleet.overload(vehicle, served) is None
 
 
 def _fixed(planner: Planner, itinerary: Itinerary) -> int:

@@ -19,6 +19,7 @@ import numpy as np
 from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.bound_part import bound_routes, drivable, unbound
 from dispatcher_daemon.planning.carriers import Accounts, nobody_worse_off
+from dispatcher_daemon.planning.insertion import cheapest_insertion
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.servability import unservable, without
@@ -273,31 +274,11 @@ def departing_when_ready(
             discharged += [s for s, why in dropped.items() if why == _NO_CHARGE]
         itineraries.append(itinerary)
     for stop in discharged:
-        better = _inserted(planner, itineraries, stop)
+        better = cheapest_insertion(planner, itineraries, stop)
         if better is not None and stop in planner.problem.fleet.pooled:
             itineraries[better.number] = better
             del missing[stop]
     return itineraries
-
-
-def _inserted(planner: Planner, itineraries: Sequence[Itinerary], stop: str) -> Itinerary | None:
-    """The cheapest insertion of a stop into a route that has room, time and charge for it."""
-    fleet = planner.problem.fleet
-    best: tuple[float, Itinerary] | None = None
-    for old in itineraries:
-        vehicle = fleet.vehicles[old.number]
-        if old.route is None and vehicle.first_stop is not None:
-            continue
-        if not fleet.may_serve(vehicle, fleet.stop_by_id[stop]):
-            continue
-        for at in range(0 if vehicle.first_stop is None else 1, len(old.stops) + 1):
-            tried = (*old.stops[:at], stop, *old.stops[at:])
-            if fleet.overload(vehicle, [fleet.stop_by_id[s] for s in tried]) is not None:
-                break
-            new = planner.itinerary(old.number, tried, planner.legs(old.number, tried))
-            if new is not None and (best is None or new.cost_kwh - old.cost_kwh < best[0]):
-                best = new.cost_kwh - old.cost_kwh, new
-    return None if best is None else best[1]
 
 
 def _feasible_part(

@@ -1,7 +1,8 @@
 """Translation of a vehicle routing problem to PyVRP's data, and of its solutions back.
 
 PyVRP's data are integers: energies in mWh, times in tenths of a second, rounded so that a plan that
-is feasible there is feasible here. Each carrier's stops are a load that only its vehicles can take.
+is feasible there is feasible here. Stops that only some vehicles may serve are a load that only
+these can take.
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ _PRIZE_MWH = 10**8
 _NO_LIMIT_TENTHS = 10**9
 _UNITS_PER_KG = 1000
 _UNITS_PER_STOP = 100
-"""Of a carrier's load: penalties count by unit, and no detour may be worth another's stop."""
+"""Of such a load: penalties count by unit, and no detour may be worth a stop of other vehicles."""
 _SAMPLED_LEGS = 50
+_ANY = ""
+"""Name of vehicles that differ in nothing else; no vehicle has it."""
 
 StopsByVehicle = dict[str, tuple[str, ...]]
 """Stops in order by vehicle."""
@@ -51,11 +54,18 @@ class VrpModel:
         fleet = problem.fleet
         served = set(stops)
         self._problem, self._travel = problem, travel
+        own = [fleet.stop_by_id[name] for name in stops]
+        # Number of each vehicle that some stop is kept for.
+        named = dict.fromkeys(stop.vehicle for stop in own if stop.vehicle is not None)
+        self._kept = {name: number for number, name in enumerate(named)}
+        self._bits = range(max(1, (len(named) - 1).bit_length()) if named else 0)
         kinds: dict[Vehicle, list[Vehicle]] = defaultdict(list)
         for vehicle in vehicles:
             if vehicle.first_stop is None:
-                any_id = {"id": "any", "depot": self._depot(vehicle)}
-                kinds[vehicle.model_copy(update=any_id)].append(vehicle)
+                changes = {"depot": self._depot(vehicle)}
+                if vehicle.id not in self._kept:
+                    changes["id"] = _ANY
+                kinds[vehicle.model_copy(update=changes)].append(vehicle)
             elif vehicle.first_stop in served:
                 kinds[vehicle].append(vehicle)
         self._kinds = list(kinds.items())
@@ -65,13 +75,16 @@ class VrpModel:
         self._starts = [kind for kind in kinds if kind.first_stop is not None]
         self._fleet = fleet
         self._vehicles = vehicles
-        own = [fleet.stop_by_id[name] for name in stops]
         self._masses = any(stop.mass_kg > 0 for stop in own)
-        # Carriers with stops that some vehicle here must not serve.
-        serving = {vehicle.carrier for vehicle in vehicles}
-        of_stops = dict.fromkeys(stop.carrier for stop in own)
-        self._carriers = [c for c in of_stops if c is not None and serving != {c}]
-        nothing = [0] * (1 + self._masses + len(self._carriers))
+        # One stop of each requirement that some vehicle here does not meet.
+        self._restricted = {
+            requirement: stop
+            for requirement, stop in {
+                stop.requirement: stop.model_copy(update={"vehicle": None}) for stop in own
+            }.items()
+            if not all(fleet.may_serve(kind, stop) for kind in kinds)
+        }
+        nothing = [0] * (1 + self._masses + len(self._restricted) + 2 * len(self._bits))
         every = [nothing, *(self._load(stop) for stop in own)]
         self._unlimited = [sum(loads) for loads in zip(*every, strict=True)]
         profiles = [problem.profile_of(kind) for kind in kinds]
@@ -100,12 +113,27 @@ class VrpModel:
         return bool(np.any(needed > free))
 
     def _load(self, stop: Stop) -> list[int]:
-        """Demand of a stop, its mass in PyVRP's units where any stop has one, and whose it is."""
+        """Demand of a stop, its mass in PyVRP's units where any stop has one, what it asks for, and
+        for whom it is kept.
+        """
         mass = [math.ceil(stop.mass_kg * _UNITS_PER_KG)] if self._masses else []
         return [
             stop.demand,
             *mass,
-            *(_UNITS_PER_STOP * (stop.carrier == c) for c in self._carriers),
+            *(_UNITS_PER_STOP * (stop.requirement == r) for r in self._restricted),
+            *(_UNITS_PER_STOP * may for may in self._number_bits(stop.vehicle)),
+        ]
+
+    def _number_bits(self, vehicle: str | None) -> list[bool]:
+        """Two loads for each binary digit of a vehicle's number, one for its 0 and one for its 1:
+        fewer than one for each vehicle, as each load costs the search time. Only what has the same
+        number has room for all of them; who has no number has room for none.
+        """
+        number = None if vehicle is None else self._kept.get(vehicle)
+        return [
+            number is not None and (number >> bit) % 2 == digit
+            for bit in self._bits
+            for digit in (0, 1)
         ]
 
     def _free(self, kind: Vehicle) -> list[int]:
@@ -115,7 +143,8 @@ class VrpModel:
             of = self._fleet.type_of(kind)
             payload_kg = None if of is None else of.payload_kg
             limits.append(None if payload_kg is None else math.floor(payload_kg * _UNITS_PER_KG))
-        limits += [None if kind.carrier == c else 0 for c in self._carriers]
+        may = (self._fleet.may_serve(kind, stop) for stop in self._restricted.values())
+        limits += [None if yes else 0 for yes in (*may, *self._number_bits(kind.id))]
         loaded = self._begin(kind)[2]
         return [
             # More than all stops together: no limit.

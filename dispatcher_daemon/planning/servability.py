@@ -71,7 +71,7 @@ def unservable(
 
     Returns:
         Reason by stop, in the fleet's order: it cannot be reached or left again, its demand is
-        above every capacity, its carrier has no vehicle here, its window closes before anyone
+        above every capacity, no vehicle here may serve it, its window closes before anyone
         arrives, nobody who serves it is back in time, or no battery lasts.
     """
     fleet = problem.fleet
@@ -85,11 +85,11 @@ def unservable(
             lost.add(name)
             found[name] = f"{refusal.reason}; it is loaded on {vehicle.id!r}"
     pooled = [fleet.stop_by_id[name] for name in fleet.pooled]
-    kinds = _kinds(fleet, lost)
+    kinds = _kinds(fleet, lost, {stop.vehicle for stop in pooled})
     for stop in pooled:
         own = [vehicle for vehicle in kinds if fleet.may_serve(vehicle, stop)]
         if not own:
-            found[stop.id] = f"no vehicle of its carrier {stop.carrier!r} is free"
+            found[stop.id] = _whom_it_needs(stop)
         nearest: _Refusal | None = None
         for vehicle in own:
             first = vehicle.first_stop
@@ -105,13 +105,25 @@ def unservable(
     return {stop.id: found[stop.id] for stop in fleet.stops if stop.id in found}
 
 
-def _kinds(fleet: Fleet, lost: set[str]) -> list[Vehicle]:
+def _whom_it_needs(stop: Stop) -> str:
+    """Why there is no vehicle for a stop."""
+    if stop.vehicle is not None:
+        return f"it is kept for {stop.vehicle!r}, which is not free or may not serve it"
+    if stop.skills:
+        which = "" if stop.carrier is None else f" of its carrier {stop.carrier!r}"
+        return f"no vehicle{which} with the skills {', '.join(stop.skills)} is free"
+    return f"no vehicle of its carrier {stop.carrier!r} is free"
+
+
+def _kinds(fleet: Fleet, lost: set[str], kept_for: Collection[str | None]) -> list[Vehicle]:
     """One vehicle of each kind: many differ in nothing but their names."""
 
     def kind(vehicle: Vehicle) -> tuple[object, ...]:
         first = None if vehicle.first_stop in lost else vehicle.first_stop
         times = vehicle.ready_s, vehicle.return_by_s
-        data: tuple[object, ...] = vehicle.type, vehicle.own_type, vehicle.carrier
+        name = vehicle.id if vehicle.id in kept_for else None
+        data: tuple[object, ...] = vehicle.type, vehicle.own_type, vehicle.carrier, name
+        data = *data, frozenset(vehicle.skills)
         if battery_of(fleet, vehicle) is not None:
             data = *data, vehicle.charge_kwh, vehicle.depart_by_s
         return vehicle.depot, first, vehicle.capacity, *times, *data

@@ -137,7 +137,9 @@ def _window_faults(
             yield f"comes to {stop.id} after its window"
     for _, stop in stops:
         if not fleet.may_serve(vehicle, stop):
-            yield f"serves {stop.id}, which is for carrier {stop.carrier}"
+            other = stop.carrier not in (None, vehicle.carrier)
+            whose = f"carrier {stop.carrier}" if other else "other vehicles"
+            yield f"serves {stop.id}, which is for {whose}"
     overload = fleet.overload(vehicle, (stop for _, stop in stops))
     if overload is not None:
         yield f"carries {overload}"

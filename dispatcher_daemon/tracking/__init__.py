@@ -5,7 +5,20 @@ Nothing here reads a clock, the bus or the database: the daemon and the simulati
 
 from __future__ import annotations
 
+from dispatcher_daemon.tracking.open_tours import OpenTour, fleet_of
+from dispatcher_daemon.tracking.order_stops import requested_stop, utc
+from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.situation import Situation
 from dispatcher_daemon.tracking.tracker import FleetTracker
+from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 
-__all__ = ["FleetTracker", "Situation"]
+__all__ = [
+    "FleetTracker",
+    "OpenTour",
+    "OrderBook",
+    "Situation",
+    "TrackedVehicle",
+    "fleet_of",
+    "requested_stop",
+    "utc",
+]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Final
 
 from dispatcher_daemon.fleet import Stop
-from slipstream.messages import OrderState, PlannedStop, VehiclePlan, Visit
-from slipstream.orders import OrderChange, OrderRecord
+from dispatcher_daemon.tracking.order_stops import details, opened, utc
+from slipstream.messages import OrderRequest, OrderState, PlannedStop, VehiclePlan, Visit
+from slipstream.orders import FleetRecords, OrderChange, OrderRecord
 
 REMEMBERED_NS: Final = 86_400 * 10**9
-"""How long an ended order is known after the fleet's file has dropped it."""
+"""How long an ended order is known after nobody asks for it any more."""
 
 
 class OrderBook:
@@ -25,6 +27,7 @@ class OrderBook:
         self._orders: dict[str, OrderRecord] = {}
         self._held: dict[str, dict[str, None]] = {}
         self._changed: dict[str, None] = {}
+        self._before: dict[str, OrderRecord | None] | None = None
         for order in orders:
             self._quietly(order)
         self._changes: list[OrderChange] = []
@@ -52,8 +55,82 @@ class OrderBook:
         """What was pending is in the database."""
         self._changed, self._changes = {}, []
 
+    def steps(self, order: str) -> tuple[OrderChange, ...]:
+        """Changes of one order since `stored` was called last."""
+        return tuple(change for change in self._changes if change.order == order)
+
+    @contextmanager
+    def stored_at_once(self, save: Callable[[FleetRecords], None]) -> Iterator[None]:
+        """What happens to orders inside is stored before it ends, with what else is pending of
+        these orders. If that fails, or anything inside, nothing has happened.
+
+        Args:
+            save: stores durably, or raises.
+        """
+        pending, changes = self._changed, self._changes
+        self._changed, self._changes, self._before = {}, list(changes), {}
+        try:
+            yield
+            touched = self._changed
+            if touched:
+                own = tuple(change for change in self._changes if change.order in touched)
+                save(FleetRecords(tuple(self._orders[name] for name in touched), own))
+            self._changed = {name: None for name in pending if name not in touched}
+            self._changes = [change for change in changes if change.order not in touched]
+        except BaseException:
+            before, self._before = self._before, None
+            for name, order in before.items():
+                self._unhold(name)
+                if order is None:
+                    del self._orders[name]
+                else:
+                    self._quietly(order)
+            self._changed, self._changes = pending, changes
+            raise
+        finally:
+            self._before = None
+
+    def submit(self, request: OrderRequest, node: str, now_ns: int) -> None:
+        """A caller asks for an order that is not known yet, at a junction."""
+        self._set(
+            OrderRecord(
+                order=request.id,
+                node=node,
+                service_s=request.service_s,
+                demand=request.demand,
+                earliest_ns=request.earliest,
+                latest_ns=request.latest,
+                state="open",
+                since_ns=now_ns,
+                reason="submitted",
+                request=request.model_dump(mode="json"),
+                received_ns=now_ns,
+                pinned=request.vehicle,
+            )
+        )
+
+    def cancel(self, order: str, now_ns: int) -> None:
+        """A caller does not want an order any more that no vehicle has left with."""
+        self._move(self._orders[order], "cancelled", now_ns, "cancelled by its caller")
+
+    def pin(self, order: str, vehicle: str | None, now_ns: int) -> None:
+        """Only this vehicle may serve an order from now on; None: any."""
+        known = self._orders[order]
+        if known.pinned != vehicle:
+            reason = f"released from {known.pinned}" if vehicle is None else f"pinned to {vehicle}"
+            self._set(replace(known, pinned=vehicle, since_ns=now_ns, reason=reason))
+
+    def expire(self, now_ns: int) -> None:
+        """Callers' open orders whose windows have closed have failed."""
+        for order in list(self._orders.values()):
+            if order.request is None or order.state != "open" or order.latest_ns is None:
+                continue
+            if order.latest_ns < now_ns:
+                reason = f"its window closed at {utc(order.latest_ns)}, and nobody had served it"
+                self._move(order, "failed", now_ns, reason)
+
     def list_stops(self, stops: Collection[Stop], now_ns: int) -> None:
-        """Take over the stops of the fleet's file.
+        """Take over the stops of the fleet's file. An order that a caller asks for stays as it is.
 
         A new one is an open order, and so is one that was cancelled before. One that is gone is
         cancelled, unless its vehicle has left with it: what is loaded is delivered. One that has
@@ -64,24 +141,34 @@ class OrderBook:
             listed.add(stop.id)
             known = self._orders.get(stop.id)
             if known is None:
-                self._set(_opened(stop, now_ns, "new in the fleet's file"))
+                self._set(opened(stop, now_ns, "new in the fleet's file"))
+            elif known.request is not None:
+                continue
             elif known.state == "cancelled":
-                self._set(_opened(stop, now_ns, "in the fleet's file again"))
+                again = opened(stop, now_ns, "in the fleet's file again")
+                self._set(replace(again, pinned=known.pinned))
             elif not known.listed:
                 self._quietly(replace(known, listed=True))
         for order in list(self._orders.values()):
             if order.order in listed:
                 continue
-            if order.listed:
-                order = replace(order, listed=False)
-                self._quietly(order)
-            if order.state in ("open", "planned"):
-                self._move(order, "cancelled", now_ns, "no longer in the fleet's file")
-            elif order.ended and order.since_ns < now_ns - REMEMBERED_NS:
+            if order.request is None:
+                if order.listed:
+                    order = replace(order, listed=False)
+                    self._quietly(order)
+                if order.state in ("open", "planned"):
+                    self._move(order, "cancelled", now_ns, "no longer in the fleet's file")
+                    continue
+            if order.ended and order.since_ns < now_ns - REMEMBERED_NS:
                 del self._orders[order.order]
 
     def plan(
-        self, plan: VehiclePlan, stops: Mapping[str, Stop], reference_ns: int, now_ns: int
+        self,
+        plan: VehiclePlan,
+        stops: Mapping[str, Stop],
+        reference_ns: int,
+        now_ns: int,
+        before: VehiclePlan | None = None,
     ) -> None:
         """A published plan has its stops.
 
@@ -90,11 +177,17 @@ class OrderBook:
             stops: of the fleet, by id.
             reference_ns: UTC that the fleet's times count from.
             now_ns: UTC.
+            before: what its vehicle has accepted; only stops beside these are planned.
         """
+        known = () if before is None else {visit.stop for visit in before.stops}
         for visit in plan.service_stops:
-            stop = stops[visit.stop]
+            if visit.stop in known:
+                continue
+            stop, order = stops[visit.stop], self._orders[visit.stop]
+            if order.request is None:
+                order = replace(order, **details(stop, reference_ns))
             self._move(
-                replace(self._orders[stop.id], **_details(stop, reference_ns)),
+                order,
                 "planned",
                 now_ns,
                 f"in the plan of cycle {plan.cycle} for {plan.vehicle}",
@@ -162,6 +255,8 @@ class OrderBook:
         if not order.listed:
             # Nobody asks for it any more.
             gone = "no longer in the fleet's file"
+            if order.request is not None:
+                gone = "cancelled by its caller"
             self._move(self._orders[order.order], "cancelled", now_ns, gone)
 
     def counts(self) -> dict[OrderState, int]:
@@ -175,6 +270,8 @@ class OrderBook:
         self, order: OrderRecord, state: OrderState, now_ns: int, reason: str, **changes: Any
     ) -> None:
         moved = replace(order, state=state, since_ns=now_ns, reason=reason, **changes)
+        if moved.ended and moved.request is not None:
+            moved = replace(moved, listed=False)
         if (order.state, order.vehicle) == (moved.state, moved.vehicle):
             # Planned anew for the same vehicle: no step in its life.
             self._quietly(replace(moved, since_ns=order.since_ns, reason=order.reason))
@@ -195,59 +292,15 @@ class OrderBook:
         )
 
     def _quietly(self, order: OrderRecord) -> None:
-        before = self._orders.get(order.order)
-        if before is not None and before.vehicle is not None:
-            self._held.get(before.vehicle, {}).pop(order.order, None)
+        if self._before is not None:
+            self._before.setdefault(order.order, self._orders.get(order.order))
+        self._unhold(order.order)
         if order.vehicle is not None and order.state in ("planned", "under_way"):
             self._held.setdefault(order.vehicle, {})[order.order] = None
         self._orders[order.order] = order
         self._changed[order.order] = None
 
-
-def _opened(stop: Stop, now_ns: int, reason: str) -> OrderRecord:
-    return OrderRecord(
-        order=stop.id,
-        state="open",
-        since_ns=now_ns,
-        reason=reason,
-        earliest_ns=None,
-        latest_ns=None,
-        node=stop.node,
-        service_s=stop.service_s,
-        demand=stop.demand,
-    )
-
-
-def _details(stop: Stop, reference_ns: int) -> dict[str, Any]:
-    def at(seconds: float) -> int:
-        return reference_ns + round(1e9 * seconds)
-
-    return {
-        "node": stop.node,
-        "service_s": stop.service_s,
-        "demand": stop.demand,
-        "earliest_ns": at(stop.earliest_s),
-        "latest_ns": None if stop.latest_s is None else at(stop.latest_s),
-    }
-
-
-def stops_at(orders: Iterable[OrderRecord], reference_ns: int) -> Iterator[Stop]:
-    """Orders as stops of a fleet whose times count from a moment. A window that has closed closes
-    then: what is loaded is delivered late rather than not at all.
-    """
-    for order in orders:
-
-        def after(time_ns: int) -> float:
-            return max(0.0, 1e-9 * (time_ns - reference_ns))
-
-        earliest_s = 0.0 if order.earliest_ns is None else after(order.earliest_ns)
-        yield Stop(
-            id=order.order,
-            node=order.node,
-            service_s=order.service_s,
-            demand=order.demand,
-            earliest_s=min(earliest_s, 86_400.0),
-            latest_s=None
-            if order.latest_ns is None
-            else min(max(after(order.latest_ns), earliest_s), 86_400.0),
-        )
+    def _unhold(self, name: str) -> None:
+        order = self._orders.get(name)
+        if order is not None and order.vehicle is not None:
+            self._held.get(order.vehicle, {}).pop(name, None)

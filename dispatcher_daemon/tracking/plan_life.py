@@ -170,6 +170,9 @@ class PlanLife:
         gone = ended(vehicle.offered, status, now_ns, reason)
         self.note(gone)
         vehicle.offered = None
+        if vehicle.accepted is not None:
+            # What the offer had beside it.
+            self._book.keep_only(vehicle.accepted.plan, now_ns)
         if status == "lapsed":
             vehicle.withdrawn = gone
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dispatcher_daemon.commitments import Commitment
-from dispatcher_daemon.fleet import Fleet, Vehicle
+from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.platooning import RoadUser
-from dispatcher_daemon.tracking.orders import stops_at
+from dispatcher_daemon.tracking.order_stops import stops_at
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 from slipstream.orders import OrderRecord
 
@@ -18,8 +18,9 @@ class Situation:
     """The fleet of one cycle.
 
     Attributes:
-        fleet: free vehicles and open orders, then the vehicles with commitments and their stops.
-            The fleet's file itself where no vehicle has ever reported. None: nothing to plan.
+        fleet: free vehicles and open orders, the file's before those of callers, then the vehicles
+            with commitments and their stops. The fleet's file itself where no vehicle has ever
+            reported and nobody has submitted an order. None: nothing to plan.
         commitments: of those vehicles.
         left_out: reason by vehicle that is not planned in this cycle; it keeps what it has.
         on_road: of these, those on their way to charge or to a hub: others may meet them.
@@ -39,6 +40,7 @@ def cycle_fleet(
     orders: Mapping[str, OrderRecord],
     may_plan: Callable[[str], bool],
     reference_ns: int,
+    requested: Sequence[Stop] = (),
 ) -> Fleet | None:
     """The fleet of a cycle; see `Situation`.
 
@@ -50,14 +52,17 @@ def cycle_fleet(
         orders: all, by id.
         may_plan: whether an order may be planned for any vehicle.
         reference_ns: UTC that the fleet's times count from.
+        requested: callers' orders that may be planned.
     """
-    stops = () if fleet is None else fleet.stops
+    stops = () if fleet is None else tuple(_of_file(fleet.stops, orders))
     listed = () if fleet is None else fleet.vehicles
     ready = {vehicle.id for vehicle in free}
     # What is loaded on a vehicle that cannot be planned now is not for others.
     aboard = {vehicle.first_stop for vehicle in listed if vehicle.id not in ready}
     pool = [stop for stop in stops if may_plan(stop.id) and stop.id not in aboard]
-    if not bound and len(pool) == len(stops) and {*free} == {*listed}:
+    pool += requested
+    whole = fleet is not None and fleet.stops and tuple(pool) == fleet.stops
+    if not bound and whole and {*free} == {*listed}:
         return fleet
     if not bound and not (free and pool):
         return None
@@ -89,3 +94,14 @@ def cycle_fleet(
         charging_stops=() if fleet is None else fleet.charging_stops,
         hubs=() if fleet is None else fleet.hubs,
     )
+
+
+def _of_file(stops: Iterable[Stop], orders: Mapping[str, OrderRecord]) -> Iterator[Stop]:
+    """The file's stops, but for those whose id a caller's order has; pinned ones for their vehicle
+    only.
+    """
+    for stop in stops:
+        order = orders[stop.id]
+        if order.request is None:
+            pinned = order.pinned or stop.vehicle
+            yield stop if pinned == stop.vehicle else stop.model_copy(update={"vehicle": pinned})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
@@ -10,6 +10,8 @@ from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.tracking.availability import Availability
 from dispatcher_daemon.tracking.committing import behind_s, commitment
+from dispatcher_daemon.tracking.open_tours import OpenTour, open_tours
+from dispatcher_daemon.tracking.order_stops import requested_stops
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.plan_life import PlanLife
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
@@ -21,7 +23,7 @@ from slipstream.messages import (
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, PlanRecord
+from slipstream.orders import FleetRecords, OrderRecord, PlanRecord
 from slipstream.roads import RoadNetwork
 
 MAX_STRANGERS: Final = 2000
@@ -40,13 +42,19 @@ class FleetTracker:
         network: roads.
         records: of the run before.
         started_ns: UTC at the start.
+        plan_ahead_s: how long before its window opens a caller's order is planned, s.
     """
 
     def __init__(
-        self, network: RoadNetwork, records: FleetRecords | None = None, started_ns: int = 0
+        self,
+        network: RoadNetwork,
+        records: FleetRecords | None = None,
+        started_ns: int = 0,
+        plan_ahead_s: float = 0.0,
     ) -> None:
         stored = records or FleetRecords()
-        self._network = network
+        self._network, self._plan_ahead_s = network, plan_ahead_s
+        self.unplanned: Mapping[str, str] = {}
         self.book = OrderBook(stored.orders)
         self._life = PlanLife(self.book, self._may_have)
         self._available = Availability(network, started_ns)
@@ -64,6 +72,15 @@ class FleetTracker:
     def counts(self) -> dict[OrderState, int]:
         """Number of orders by state."""
         return self.book.counts()
+
+    def arrival_ns(self, order: OrderRecord) -> int | None:
+        """When the plan with an order has its vehicle there, UTC; None: none has it."""
+        vehicle = None if order.vehicle is None else self._vehicles.get(order.vehicle)
+        if vehicle is None or order.ended:
+            return None
+        records = (vehicle.accepted, vehicle.offered)
+        stops = (stop for record in records if record for stop in record.plan.service_stops)
+        return next((stop.arrival_ns for stop in stops if stop.stop == order.order), None)
 
     def silent(self, now_ns: int) -> tuple[str, ...]:
         """Vehicles that have reported before, and do not now."""
@@ -166,6 +183,7 @@ class FleetTracker:
                 count from.
         """
         self._life.take_back(self._vehicles.values(), cycle, now_ns)
+        self.book.expire(now_ns)
         reference_ns = now_ns + round(1e9 * reference_s)
         left_out: dict[str, str] = {}
         kept: list[TrackedVehicle] = []
@@ -182,18 +200,62 @@ class FleetTracker:
                 bound.append(commitment(vehicle, held, now_ns, reference_ns))
             elif vehicle.listed:
                 free.append(vehicle.charged())
+
+        def may_plan(order: str) -> bool:
+            return self._may_have(order, now_ns)
+
+        requested, self.unplanned = requested_stops(
+            self.book.orders.values(),
+            may_plan,
+            fleet,
+            self._network.junctions,
+            reference_ns,
+            self._plan_ahead_s,
+        )
         found = cycle_fleet(
             fleet,
             free,
             bound,
             self._vehicles,
             self.book.orders,
-            lambda order: self._may_have(order, now_ns),
+            may_plan,
             reference_ns,
+            requested,
         )
         plans = [vehicle.accepted.plan for vehicle in kept if vehicle.accepted is not None]
         late_s = {vehicle.id: behind_s(vehicle, now_ns) for vehicle in kept}
         return Situation(found, tuple(bound), left_out, on_road(plans, now_ns, late_s))
+
+    def insertion(
+        self,
+        fleet: Fleet | None,
+        wanted: Collection[str],
+        cycle: int,
+        now_ns: int,
+        reference_s: float,
+    ) -> tuple[list[OpenTour], list[Stop]]:
+        """(tours that have not begun, those of some orders that are open and may be planned); as
+        `situation`, between cycles.
+        """
+        reference_ns = now_ns + round(1e9 * reference_s)
+        stops, kept = requested_stops(
+            [self.book.orders[name] for name in wanted if name in self.book.orders],
+            lambda name: self.book.orders[name].state == "open",
+            fleet,
+            self._network.junctions,
+            reference_ns,
+            self._plan_ahead_s,
+        )
+        self.unplanned = {**self.unplanned, **kept}
+        vehicles = self._vehicles.values()
+        tours = open_tours(fleet, vehicles, self._available, self.book, cycle, now_ns, reference_ns)
+        return list(tours) if stops else [], stops
+
+    def skip_number(self, cycle: int) -> None:
+        """A number was used between cycles: for vehicles that are left out of some, it is none."""
+        for vehicle in self._vehicles.values():
+            if vehicle.left_out_until > cycle:
+                vehicle.left_out_until += 1
 
     def admissible(self, plans: Iterable[VehiclePlan]) -> tuple[VehiclePlan, ...]:
         """The plans of a cycle that still fit: vehicles have reported while it ran."""
@@ -218,8 +280,8 @@ class FleetTracker:
             vehicle = self._vehicles[plan.vehicle]
             self._life.offer(vehicle, plan, now_ns)
             self._reported.add(vehicle.id)
-            if vehicle.accepted is None:
-                self.book.plan(plan, stops, reference_ns, now_ns)
+            before = None if vehicle.accepted is None else vehicle.accepted.plan
+            self.book.plan(plan, stops, reference_ns, now_ns, before)
         for plan in plans:
             if self._vehicles[plan.vehicle].accepted is None:
                 self.book.keep_only(plan, now_ns)
@@ -231,6 +293,8 @@ class FleetTracker:
             vehicle.offered = None
             if vehicle.accepted is None:
                 self.book.release(plan.vehicle, now_ns, "its plan could not be stored")
+            else:
+                self.book.keep_only(vehicle.accepted.plan, now_ns)
 
     def pending_records(self) -> FleetRecords:
         """What has changed since `stored` was called last."""
@@ -271,17 +335,27 @@ class FleetTracker:
             return False
         stops = [stop.stop for stop in plan.service_stops]
         if vehicle.accepted is not None:
-            # Its next version: nothing that it did not hold when the cycle began.
+            # Its next version: once it has left, nothing that it does not have with it.
             known = {stop.stop for stop in vehicle.accepted.plan.stops}
-            started = plan.continues == vehicle.accepted.plan.cycle
-            return (started or not vehicle.left) and known.issuperset(stops)
+            if plan.continues == vehicle.accepted.plan.cycle:
+                return known.issuperset(stops)
+            stops = [stop for stop in stops if stop not in known]
+            return not vehicle.left and self._may_give(stops, plan)
         if plan.continues is not None:
             return False
         if vehicle.has_telemetry and not (
             vehicle.offered is None and self._available.is_free(vehicle)
         ):
             return False
-        return all(self._may_have(stop, plan.issued_ns) for stop in stops)
+        return self._may_give(stops, plan)
+
+    def _may_give(self, stops: Iterable[str], plan: VehiclePlan) -> bool:
+        """Whether orders are there for the vehicle of a plan."""
+        return all(
+            self._may_have(stop, plan.issued_ns)
+            and self.book.orders[stop].pinned in (None, plan.vehicle)
+            for stop in stops
+        )
 
     def _may_have(self, stop: str, now_ns: int) -> bool:
         """Whether an order is open, or planned for a vehicle that never answers."""

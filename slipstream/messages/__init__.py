@@ -30,6 +30,17 @@ from slipstream.messages.fleet import (
     position_key,
     progress_key,
 )
+from slipstream.messages.orders import (
+    ALL_ORDERS,
+    OrderHistory,
+    OrderReceipt,
+    OrderRefusal,
+    OrderRequest,
+    OrderStatus,
+    OrderStep,
+    RefusalKind,
+    order_key,
+)
 from slipstream.messages.plans import (
     ALL_PLANS,
     DrivingAdvice,
@@ -96,6 +107,7 @@ from slipstream.messages.vehicle import (
 
 __all__ = [
     "ALL_ACKNOWLEDGEMENTS",
+    "ALL_ORDERS",
     "ALL_PLANS",
     "ALL_POSITIONS",
     "ALL_PREVIEWS",
@@ -128,7 +140,13 @@ __all__ = [
     "MovementEvent",
     "MovementState",
     "NonNegative",
+    "OrderHistory",
+    "OrderReceipt",
+    "OrderRefusal",
+    "OrderRequest",
     "OrderState",
+    "OrderStatus",
+    "OrderStep",
     "PhaseState",
     "PlanAcknowledgement",
     "PlannedCrossing",
@@ -137,6 +155,7 @@ __all__ = [
     "PlatoonControl",
     "PlatoonManagement",
     "PlatoonMode",
+    "RefusalKind",
     "RequestStatus",
     "RsuHealth",
     "SegmentState",
@@ -160,6 +179,7 @@ __all__ = [
     "advice_key",
     "decode",
     "driver_key",
+    "order_key",
     "plan_key",
     "platoon_control_key",
     "platoon_controls_on",

@@ -15,7 +15,10 @@ from .conftest import ROOT
 BOOT = Path(__file__).with_name("boot.sh")
 READS = {
     "slipstream-router": ("slipstream-router", {"bus-users", "router.json5", "router.key"}),
-    "slipstream-dispatcher": ("slipstream", {"bus-password", "dispatcher.toml"}),
+    "slipstream-dispatcher": (
+        "slipstream",
+        {"api-tokens", "bus-password", "dispatcher.toml"},
+    ),
     "slipstream-dashboard": ("slipstream-dashboard", {"bus-password", "dashboard.toml"}),
     "slipstream-agent@depot-1": ("agent-depot-1", {"bus-password", "agent-depot-1.toml"}),
     "slipstream-edge@rsu-1": ("edge-rsu-1", {"bus-password", "edge-rsu-1.toml"}),

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import base64
 import http.client
+import json
 import logging
 import socket
 import ssl
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -39,6 +42,20 @@ def _self_signed(openssl: str, folder: Path) -> None:
     )
 
 
+class _Echo(BaseHTTPRequestHandler):
+    """The API's place: it answers with the headers that came."""
+
+    def do_GET(self) -> None:
+        body = json.dumps({name.lower(): value for name, value in self.headers.items()}).encode()
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
 NAME = "slipstream.example.org"
 """The server name in the shipped configuration."""
 
@@ -55,6 +72,7 @@ def proxy(
     ).stdout.strip()
     (tmp_path / "htpasswd").write_text(f"anna:{hashed}\n")
     page, plain, tls = free_port(), free_port(), free_port()
+    api = ThreadingHTTPServer(("127.0.0.1", 0), _Echo)
     text = (DEPLOY / "proxy" / "nginx.conf").read_text()
     for old, new in {
         "    listen [::]:80;\n": "",
@@ -64,6 +82,7 @@ def proxy(
         "/etc/letsencrypt/live/slipstream.example.org": str(tmp_path),
         "/etc/nginx/slipstream.htpasswd": str(tmp_path / "htpasswd"),
         "127.0.0.1:8080": f"127.0.0.1:{page}",
+        "127.0.0.1:8090": f"127.0.0.1:{api.server_port}",
     }.items():
         assert old in text
         text = text.replace(old, new)
@@ -81,6 +100,7 @@ def proxy(
     assert checked.returncode == 0, checked.stderr
     assert "warn" not in checked.stderr
     server = start_server("127.0.0.1", page, request.param)
+    threading.Thread(target=api.serve_forever, daemon=True).start()
     process = subprocess.Popen([nginx, "-c", str(main)], stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 10
@@ -95,6 +115,8 @@ def proxy(
         process.terminate()
         process.wait(timeout=10)
         stop_server(server)
+        api.shutdown()
+        api.server_close()
 
 
 def _trusting() -> ssl.SSLContext:
@@ -104,15 +126,18 @@ def _trusting() -> ssl.SSLContext:
     return context
 
 
-def _get(port: int, headers: dict[str, str]) -> int:
+def _fetch(port: int, path: str, headers: dict[str, str]) -> tuple[int, bytes]:
     connection = http.client.HTTPSConnection("127.0.0.1", port, context=_trusting(), timeout=10)
     try:
-        connection.request("GET", "/", headers=headers)
+        connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
-        answer.read()
-        return answer.status
+        return answer.status, answer.read()
     finally:
         connection.close()
+
+
+def _get(port: int, headers: dict[str, str]) -> int:
+    return _fetch(port, "/", headers)[0]
 
 
 def test_only_who_logs_in_sees_the_page(proxy: int) -> None:
@@ -123,6 +148,18 @@ def test_only_who_logs_in_sees_the_page(proxy: int) -> None:
     assert _get(proxy, {**LOGIN, "Host": NAME}) == 200
     with _open_socket(proxy, f"https://{NAME}") as page:
         assert isinstance(page.recv(timeout=10), bytes)
+
+
+def test_the_api_gets_tokens_and_no_login_is_asked_for(proxy: int) -> None:
+    """Below /v1/ the token passes, with what tells that it came through the proxy; the probes and
+    metrics beside it stay behind the login, where the page is.
+    """
+    status, body = _fetch(proxy, "/v1/vehicles", {"Authorization": "Bearer x", "Host": NAME})
+    assert status == 200
+    seen = json.loads(body)
+    assert seen["authorization"] == "Bearer x"
+    assert (seen["x-forwarded-for"], seen["host"]) == ("127.0.0.1", NAME)
+    assert [_fetch(proxy, path, {})[0] for path in ("/metrics", "/readyz")] == [401] * 2
 
 
 @pytest.mark.attack

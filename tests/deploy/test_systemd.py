@@ -101,7 +101,7 @@ def credentials(unit: Path) -> dict[str, str]:
 HANDED = {
     "slipstream-agent@.service": {"bus/agent-%i", "agent-%i.toml"},
     "slipstream-dashboard.service": {"bus/dashboard", "dashboard.toml"},
-    "slipstream-dispatcher.service": {"bus/dispatcher", "dispatcher.toml"},
+    "slipstream-dispatcher.service": {"api-tokens.toml", "bus/dispatcher", "dispatcher.toml"},
     "slipstream-edge@.service": {"bus/edge-%i", "edge-%i.toml"},
     "slipstream-router.service": {"bus/users", "router.json5", "tls/router.key"},
 }
@@ -117,7 +117,9 @@ def test_each_unit_gets_its_own_secrets_only(unit: Path) -> None:
     # Without a default, a machine of version 0.1 that has no such file would not start.
     defaults = {value.split(":")[0] for value in values(unit, "SetCredential")}
     assert defaults == {
-        n for n, path in credentials(unit).items() if "bus/" in path or "tls/" in path
+        name
+        for name, path in credentials(unit).items()
+        if any(part in path for part in ("bus/", "tls/", "api-tokens"))
     }
     # Instances of a template share a user, and so their secrets, unless they are told not to.
     if "@" in unit.name:

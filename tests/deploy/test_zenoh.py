@@ -18,6 +18,7 @@ from slipstream.bus import RECEIVE_LIMIT_BYTES, Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
+    ALL_ORDERS,
     ALL_PLANS,
     ALL_POSITIONS,
     ALL_PROGRESS,
@@ -28,6 +29,7 @@ from slipstream.messages import (
     acknowledgement_key,
     advice_key,
     driver_key,
+    order_key,
     plan_key,
     platoon_control_key,
     platoon_management_key,
@@ -68,7 +70,7 @@ class Seen:
 
 USERS = (
     *("dispatcher", "dashboard", "fleet", "signals", "edge-rsu-1", "box-1", "box-2", "van-1"),
-    *("agent-depot-1", "vehicle-depot-1", "agent-van-1", "vehicle-van-1"),
+    *("agent-depot-1", "vehicle-depot-1", "agent-van-1", "vehicle-van-1", "orders"),
 )
 CREDENTIALS = "/run/credentials/slipstream-router.service"
 
@@ -273,6 +275,44 @@ def test_an_agent_speaks_for_no_pattern_of_names(machine: int, users: Path) -> N
         position.put(b"after")
         assert seen.wait_for(b"after")
         assert set(seen.payloads) == {b"own", b"after"}
+
+
+@pytest.mark.attack
+@pytest.mark.process
+def test_who_may_not_order_is_not_heard_by_the_dispatcher(machine: int, users: Path) -> None:
+    """Nor by a pattern of keys; who may order may not pin, and nobody else may answer."""
+    asked: list[str] = []
+
+    def answer(key: str, payload: bytes) -> tuple[bool, bytes]:
+        asked.append(f"{payload.decode()} {key.rpartition('/')[2]}")
+        return True, b"taken"
+
+    def forge(key: str, payload: bytes) -> tuple[bool, bytes]:
+        return True, b"forged"
+
+    with ExitStack() as stack:
+        others = ("dashboard", "fleet", "signals", "agent-depot-1", "edge-rsu-1")
+        buses = {
+            user: stack.enter_context(open_bus(machine, users / user))
+            for user in ("dispatcher", "orders", *others)
+        }
+        for user in others:
+            buses[user].answer(ALL_ORDERS, forge)
+        buses["dispatcher"].answer(ALL_ORDERS, answer)
+        key, ends = order_key("o", "submit"), time.monotonic() + 20.0
+        while buses["orders"].ask(key, b"orders", 5.0) != (True, b"taken"):
+            assert time.monotonic() < ends
+        for user in others:
+            for action in ("submit", "cancel", "pin", "show"):
+                assert buses[user].ask(order_key("o", action), user.encode(), 1.0) != (
+                    True,
+                    b"taken",
+                )
+            for pattern in ("slipstream/v1/order/*/submit", "slipstream/v1/**"):
+                assert buses[user].ask(pattern, user.encode(), 1.0) != (True, b"taken")
+        assert buses["orders"].ask(order_key("o", "pin"), b"orders", 1.0) is None
+        assert buses["orders"].ask(order_key("o", "cancel"), b"orders", 5.0) == (True, b"taken")
+        assert set(asked) == {"orders submit", "orders cancel"}
 
 
 BEFORE = Path(__file__).with_name("router-before-agents.json5")

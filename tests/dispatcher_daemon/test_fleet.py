@@ -231,6 +231,15 @@ def test_unreadable_files_are_named(
         ),
         ({"stops": {"carrier": ""}}, "stops.c1.carrier: "),
         (
+            {"stops": {"skills": ["lift", "cold"]}, "vehicles": {"skills": ["lift"]}},
+            "stops.c1.skills: no vehicle has all the skills lift, cold; give a vehicle what",
+        ),
+        ({"stops": {"vehicle": "w"}}, "stops.c1.vehicle: no vehicle 'w'; name one of"),
+        (
+            {"vehicles": {"first_stop": "c1"}, "stops": {"skills": ["lift"]}},
+            "stops.c1.skills: no vehicle has all the skills lift",
+        ),
+        (
             {"vehicles": {"carrier": "a", "first_stop": "c1"}, "stops": {"carrier": "b"}},
             "vehicles.v.first_stop: stop 'c1' is of carrier 'b', and the vehicle is not",
         ),

@@ -29,6 +29,7 @@ KEYS = {
     messages.acknowledgement_key("{vehicle}"),
     messages.advice_key("{vehicle}"),
     messages.driver_key("{vehicle}"),
+    messages.order_key("{order}", "{action}"),
     messages.plan_key("{vehicle}"),
     messages.platoon_control_key("{segment}", "{vehicle}"),
     messages.platoon_management_key("{partner}", "{vehicle}"),

@@ -1,0 +1,1 @@
+"""How soon orders are acknowledged, and placed in plans, between and during cycles."""

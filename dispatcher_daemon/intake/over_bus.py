@@ -1,0 +1,104 @@
+"""Orders over the bus: questions with a payload, answers with what the API answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Protocol
+from urllib.parse import unquote
+
+from pydantic import Field
+
+from dispatcher_daemon.intake.intake import OrderIntake, OrdersRefused
+from dispatcher_daemon.intake.reading import read_request
+from slipstream.answers import Answerer
+from slipstream.config import parse_json
+from slipstream.errors import InputError
+from slipstream.messages import ALL_ORDERS, Identifier, Message, OrderRefusal, decode
+from slipstream.orders import OrderRefused
+from storage import StorageError
+
+
+class PinRequest(Message):
+    """For which vehicle an order is kept."""
+
+    vehicle: Identifier | None = Field(
+        default=None, description="Null: the one whose plan has the order."
+    )
+
+
+class Questioned(Protocol):
+    """The part of `slipstream.bus.Bus` that is used here."""
+
+    def answer(self, key_expression: str, answerer: Answerer) -> None:
+        """Answer questions."""
+        ...
+
+
+class OrderAnswers:
+    """Answers to questions on `ALL_ORDERS`.
+
+    Args:
+        intake: of the orders.
+    """
+
+    def __init__(self, intake: OrderIntake) -> None:
+        self._intake = intake
+
+    def listen(self, bus: Questioned) -> None:
+        """Answer from now on."""
+        bus.answer(ALL_ORDERS, self.answer)
+
+    def answer(self, key: str, payload: bytes) -> tuple[bool, bytes]:
+        """(True, receipt or status) or (False, an `OrderRefusal`), as JSON."""
+        *_, chunk, action = key.split("/")
+        order = unquote(chunk)
+        try:
+            act = _ACTIONS.get(action)
+            if act is None:
+                mend = f"ask for one of: {', '.join(_ACTIONS)}"
+                raise OrderRefused("invalid", f"unknown action {action!r}", mend, order=order)
+            return True, act(self._intake, order, payload).to_bytes()
+        except OrderRefused as refused:
+            refusal = refused.refusal
+        except OrdersRefused as refused:
+            refusal = refused.refusals[0]
+        except InputError as error:
+            refusal = OrderRefusal(
+                order=order,
+                kind="invalid",
+                key=error.key,
+                problem=error.problem,
+                mend=error.mend,
+            )
+        except StorageError as error:
+            refusal = OrderRefusal(
+                order=order,
+                kind="unavailable",
+                key=None,
+                problem=str(error),
+                mend="try again later",
+            )
+        return False, refusal.to_bytes()
+
+
+def _submit(intake: OrderIntake, order: str, payload: bytes) -> Message:
+    request = read_request(parse_json(payload, "order"))
+    if request.id != order:
+        mend = "ask on the key of the order"
+        raise OrderRefused("invalid", "not the order of its key", mend, order=order, key="id")
+    ((receipt, _),) = intake.submit([request])
+    return receipt
+
+
+def _pin(intake: OrderIntake, order: str, payload: bytes) -> Message:
+    pin = decode(PinRequest, payload, "pin") if payload else PinRequest()
+    return intake.pin(order, pin.vehicle)
+
+
+_ACTIONS: Final[dict[str, Callable[[OrderIntake, str, bytes], Message]]] = {
+    "submit": _submit,
+    "show": lambda intake, order, _: intake.show(order),
+    "cancel": lambda intake, order, _: intake.cancel(order),
+    "pin": _pin,
+    "release": lambda intake, order, _: intake.release(order),
+}

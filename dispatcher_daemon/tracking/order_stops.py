@@ -1,0 +1,133 @@
+"""Orders as stops of a cycle's fleet, and stops of the fleet's file as orders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from dispatcher_daemon.fleet import DEPOT, Fleet, Stop
+from slipstream.orders import OrderRecord
+
+_DAY_S: Final = 86_400.0
+
+
+def opened(stop: Stop, now_ns: int, reason: str) -> OrderRecord:
+    """An order of the file that has just been found there."""
+    return OrderRecord(
+        order=stop.id,
+        state="open",
+        since_ns=now_ns,
+        reason=reason,
+        earliest_ns=None,
+        latest_ns=None,
+        node=stop.node,
+        service_s=stop.service_s,
+        demand=stop.demand,
+    )
+
+
+def details(stop: Stop, reference_ns: int) -> dict[str, Any]:
+    """What the file says of an order, at the moment that the fleet's times count from."""
+
+    def at(seconds: float) -> int:
+        return reference_ns + round(1e9 * seconds)
+
+    return {
+        "node": stop.node,
+        "service_s": stop.service_s,
+        "demand": stop.demand,
+        "earliest_ns": at(stop.earliest_s),
+        "latest_ns": None if stop.latest_s is None else at(stop.latest_s),
+    }
+
+
+def stops_at(orders: Iterable[OrderRecord], reference_ns: int) -> Iterator[Stop]:
+    """Orders as stops of a fleet whose times count from a moment. A window that has closed closes
+    then: what is loaded is delivered late rather than not at all.
+    """
+    for order in orders:
+
+        def after(time_ns: int) -> float:
+            return max(0.0, 1e-9 * (time_ns - reference_ns))
+
+        earliest_s = 0.0 if order.earliest_ns is None else after(order.earliest_ns)
+        yield Stop(
+            id=order.order,
+            node=order.node,
+            service_s=order.service_s,
+            demand=order.demand,
+            earliest_s=min(earliest_s, _DAY_S),
+            latest_s=None
+            if order.latest_ns is None
+            else min(max(after(order.latest_ns), earliest_s), _DAY_S),
+        )
+
+
+def requested_stop(order: OrderRecord, reference_ns: int) -> Stop:
+    """An order, with all that its caller asks for, as a stop of a fleet whose times count from a
+    moment.
+    """
+    (stop,) = stops_at([order], reference_ns)
+    asked = order.request
+    if asked is None:
+        return stop
+    return stop.model_copy(
+        update={
+            "mass_kg": asked["mass_kg"],
+            "carrier": asked["carrier"],
+            "skills": tuple(asked["skills"]),
+            "vehicle": order.pinned,
+        }
+    )
+
+
+def requested_stops(
+    orders: Iterable[OrderRecord],
+    may_plan: Callable[[str], bool],
+    fleet: Fleet | None,
+    junctions: Collection[str],
+    reference_ns: int,
+    ahead_s: float,
+) -> tuple[list[Stop], dict[str, str]]:
+    """(callers' orders as stops of a cycle, why others that are open are not among them).
+
+    Args:
+        orders: all.
+        may_plan: whether an order may be planned for any vehicle.
+        fleet: of the file.
+        junctions: of the network.
+        reference_ns: UTC that the cycle's times count from.
+        ahead_s: how long before its window opens an order is planned.
+    """
+    places = _places(fleet)
+    found, kept = list[Stop](), dict[str, str]()
+    for order in orders:
+        if order.request is None or order.ended or not may_plan(order.order):
+            continue
+        opens_ns = order.earliest_ns or 0
+        if order.node not in junctions:
+            kept[order.order] = f"the network has no junction {order.node!r}"
+        elif order.order in places:
+            kept[order.order] = "another place of the fleet's file has its id"
+        elif opens_ns > reference_ns + round(1e9 * ahead_s):
+            begins = utc(opens_ns - round(1e9 * ahead_s))
+            kept[order.order] = f"its window opens later: it is planned from {begins} on"
+        elif order.latest_ns is not None and order.latest_ns <= reference_ns:
+            kept[order.order] = "its window closes before a plan can be out"
+        else:
+            found.append(requested_stop(order, reference_ns))
+    return found, kept
+
+
+def utc(time_ns: int) -> str:
+    """A moment for people."""
+    return datetime.fromtimestamp(time_ns // 10**9, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _places(fleet: Fleet | None) -> frozenset[str]:
+    """Names of a fleet's places that are no stops."""
+    if fleet is None:
+        return frozenset({DEPOT})
+    tables = fleet.depot_by_id, fleet.charging_stop_by_id, fleet.hub_by_id
+    return frozenset({DEPOT}).union(*tables)

@@ -1,0 +1,197 @@
+"""Orders that callers submit, and what they are told of them."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
+
+from slipstream.messages.base import ROOT, Count, Identifier, Message, NonNegative, TimeNs, chunk
+from slipstream.messages.dispatch import OrderState
+
+_DAY_S: Final = 86_400.0
+_RFC_3339: Final = re.compile(
+    r"(\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?([Zz]|[+-]\d\d:\d\d)", re.ASCII
+)
+_CONTROL: Final = re.compile(r"[\x00-\x1f\x7f]")
+
+
+def _as_ns(value: Any) -> Any:
+    """An RFC 3339 text as UTC nanoseconds; anything else as it is."""
+    if not isinstance(value, str):
+        return value
+    parts = _RFC_3339.fullmatch(value)
+    mend = "write it like 2026-11-23T08:00:00Z, with its zone, or as UTC nanoseconds"
+    if parts is None:
+        raise ValueError(f"not a time of RFC 3339: {mend}")
+    try:
+        zone = parts[3].upper().replace("Z", "+00:00")
+        whole = datetime.fromisoformat(parts[1].upper() + zone)
+        seconds = round(whole.timestamp())
+    except (ValueError, OverflowError):
+        raise ValueError(f"no such time: {mend}") from None
+    return seconds * 10**9 + int((parts[2] or "0").ljust(9, "0"))
+
+
+def _plain(name: str) -> str:
+    if _CONTROL.search(name):
+        raise ValueError("a name must not have control characters")
+    return name
+
+
+def _sorted(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(set(names)))
+
+
+Moment = Annotated[
+    TimeNs,
+    BeforeValidator(_as_ns),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string", "format": "date-time"},
+                {"type": "integer", "minimum": 0, "exclusiveMaximum": 2**63},
+            ]
+        },
+        mode="validation",
+    ),
+]
+"""UTC nanoseconds; an RFC 3339 text with its zone is read too."""
+
+Name = Annotated[Identifier, AfterValidator(_plain)]
+
+
+class OrderRequest(Message):
+    """One delivery that a caller asks for. Its id is the caller's: the same request with the same
+    id is one order, however often it is sent.
+    """
+
+    id: Name
+    node: Name | None = Field(
+        default=None, description="Junction of the road network; or `lat` and `lon`."
+    )
+    lat: Annotated[float, Field(ge=-90, le=90)] | None = Field(
+        default=None, description="Latitude, degrees (WGS 84)."
+    )
+    lon: Annotated[float, Field(ge=-180, le=180)] | None = Field(
+        default=None, description="Longitude, degrees."
+    )
+    service_s: Annotated[float, Field(ge=0, le=_DAY_S)] = 60.0
+    demand: Annotated[int, Field(ge=0, le=10**9)] = Field(
+        default=0, description="What it takes of a vehicle's capacity."
+    )
+    mass_kg: Annotated[float, Field(ge=0, le=1e6)] = Field(
+        default=0.0, description="What it takes of a vehicle's payload."
+    )
+    earliest: Moment | None = Field(
+        default=None, description="Service starts no sooner; null: whenever."
+    )
+    latest: Moment | None = Field(
+        default=None, description="Service starts no later; null: whenever."
+    )
+    carrier: Name | None = Field(
+        default=None, description="Only vehicles of this carrier serve it; null: any vehicle."
+    )
+    skills: Annotated[tuple[Name, ...], AfterValidator(_sorted), Field(max_length=50)] = Field(
+        default=(), description="Only vehicles with all of these serve it."
+    )
+    vehicle: Name | None = Field(
+        default=None, description="Pinned to this vehicle; null: any vehicle."
+    )
+
+    @model_validator(mode="after")
+    def _has_one_place(self) -> Self:
+        if (self.lat is None) != (self.lon is None):
+            raise ValueError("give lat and lon, or neither")
+        if (self.node is None) == (self.lat is None):
+            raise ValueError("give a node, or lat and lon")
+        return self
+
+    @field_validator("latest")
+    @classmethod
+    def _window_is_open(cls, latest: int | None, info: ValidationInfo) -> int | None:
+        earliest = info.data.get("earliest")
+        if latest is not None and earliest is not None and latest < earliest:
+            raise ValueError(f"latest ({latest}) must not be below earliest ({earliest})")
+        return latest
+
+
+class OrderReceipt(Message):
+    """An order is stored, and will be planned. It is the same for each repetition of a request."""
+
+    order: Identifier
+    received_ns: TimeNs
+    node: Identifier = Field(description="Junction where vehicles stop for it.")
+
+
+class OrderStep(Message):
+    """One change in an order's life."""
+
+    time_ns: TimeNs
+    state: OrderState
+    reason: str
+    vehicle: Identifier | None
+    cycle: Count | None
+
+
+class OrderStatus(Message):
+    """An order as it is now."""
+
+    order: Identifier
+    source: Literal["file", "api"] = Field(description="The fleet's file, or a caller.")
+    state: OrderState
+    since_ns: TimeNs
+    reason: str = Field(description="Of the last change.")
+    vehicle: Identifier | None = Field(description="That has it; of an ended order, that had it.")
+    cycle: Count | None = Field(description="Of that vehicle's plan.")
+    pinned: Identifier | None = Field(description="Only this vehicle may serve it; null: any.")
+    arrival_ns: TimeNs | None = Field(description="By that plan; null: none has it.")
+    unplanned: str | None = Field(
+        description="Why the last cycle did not plan it; null: it did, or has not seen it."
+    )
+    node: Identifier
+    service_s: NonNegative
+    demand: Count
+    earliest_ns: TimeNs | None
+    latest_ns: TimeNs | None
+    received_ns: TimeNs | None = Field(description="Null of an order of the file.")
+    request: OrderRequest | None = Field(description="As it came; null of an order of the file.")
+
+
+class OrderHistory(OrderStatus):
+    """An order with its life, the oldest change first."""
+
+    history: tuple[OrderStep, ...]
+
+
+RefusalKind = Literal["invalid", "not_found", "conflict", "too_late", "unavailable"]
+
+
+class OrderRefusal(Message):
+    """Why nothing was done: invalid and conflict are the caller's to mend, too_late is not;
+    unavailable: try again.
+    """
+
+    order: str | None
+    kind: RefusalKind
+    key: str | None = Field(description="Field of the request; null: none.")
+    problem: str
+    mend: str
+
+
+def order_key(order: str, action: str) -> str:
+    """Key on which an order is submitted, shown, cancelled, pinned or released."""
+    return f"{ROOT}/order/{chunk(order)}/{action}"
+
+
+ALL_ORDERS: Final = f"{ROOT}/order/*/*"

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, given, seed, settings
+from hypothesis.errors import Unsatisfiable
+from schemathesis import checks
+from schemathesis.specs.openapi import checks as openapi_checks
+
+from dispatcher_daemon.api import RateLimit, create_app, events
+from dispatcher_daemon.api.problems import ProblemDocument
+from slipstream_cli.openapi_doc import document
+
+from .conftest import SECRETS, Api, write_tokens
+
+CALLS: Final = int(os.environ.get("FUZZ_CALLS", "100"))
+"""10,000 in `make fuzz`."""
+EXAMPLES: Final = 5 if CALLS <= 100 else 50
+CHECKS: Final = [
+    checks.not_a_server_error,
+    openapi_checks.status_code_conformance,
+    openapi_checks.content_type_conformance,
+    openapi_checks.response_schema_conformance,
+]
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_the_description_is_that_of_the_routes() -> None:
+    """docs/openapi.json is current; `make openapi` writes it."""
+    assert (ROOT / "docs" / "openapi.json").read_text() == document()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_nothing_that_is_sent_is_a_fault_of_the_service(
+    serve: Callable[..., Api],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    figure: Callable[[str], None],
+) -> None:
+    """No 5xx, each answer as it is described, each refusal a problem document, nothing stored."""
+    monkeypatch.setattr(events, "MAX_AGE_S", 0.0)  # Streams end at once.
+    api = serve(tokens=True, rate=RateLimit(1e9, 1e9))
+    path = tmp_path / "tokens.toml"
+    write_tokens(path)
+    path.write_text(path.read_text().replace('["read"]', json.dumps(sum(SECRETS.values(), ()))))
+    api.dispatcher.run_cycle()
+    before = api.get("/v1/cycles", "reader").body
+    schema = schemathesis.openapi.from_dict(create_app().openapi())
+    operations = [result.ok() for result in schema.get_all_operations()]
+    calls = number = 0
+
+    def fuzz(operation: Any, mode: schemathesis.GenerationMode) -> None:
+        @seed(number)
+        @settings(
+            max_examples=EXAMPLES,
+            deadline=None,
+            database=None,
+            derandomize=False,
+            suppress_health_check=list(HealthCheck),
+        )
+        @given(case=operation.as_strategy(generation_mode=mode))
+        def call(case: Any) -> None:
+            nonlocal calls
+            calls += 1
+            response = case.call(
+                base_url=f"http://127.0.0.1:{api.port}",
+                headers={"Authorization": "Bearer reader"},
+            )
+            case.validate_response(response, checks=CHECKS)
+            if response.status_code >= 400:
+                ProblemDocument.model_validate_json(response.content)
+
+        # Where an operation takes nothing, nothing can be wrong with what it is given.
+        with contextlib.suppress(Unsatisfiable):
+            call()
+
+    while calls < CALLS:
+        for operation, mode in itertools.product(operations, schemathesis.GenerationMode):
+            fuzz(operation, mode)
+        number += 1
+    figure(f"{calls} calls of {len(operations)} operations, no fault")
+    assert api.get("/v1/cycles", "reader").body == before
+    assert api.get("/healthz").status == 200

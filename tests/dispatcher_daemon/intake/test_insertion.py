@@ -1,0 +1,144 @@
+"""Orders that come between cycles are put into tours that have not begun, or say why not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dispatcher_daemon.fleet import fleet_from
+from dispatcher_daemon.problem import RoutingProblem
+from slipstream.messages import (
+    CycleReport,
+    PlanAcknowledgement,
+    VehiclePlan,
+    VehiclePosition,
+    acknowledgement_key,
+    position_key,
+)
+from tests.dispatcher_daemon.test_fleet_watch import accept
+
+from .conftest import request
+from .test_intake import Desk, depart, opened
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def vans(town: Callable[..., Any]) -> RoutingProblem:
+    """Two vans of one depot, and a stop of the file for each of them."""
+    problem, _ = town(
+        [
+            {"id": "f0", "node": "03", "vehicle": "van-0"},
+            {"id": "f1", "node": "30", "vehicle": "van-1"},
+        ],
+        [{"capacity": 5}, {"capacity": 9}],
+    )
+    data = problem.fleet.model_dump(mode="json", exclude_none=True)
+    return replace(problem, fleet=fleet_from(data, problem.network, "vans"))
+
+
+def stand(desk: Desk, plan: VehiclePlan) -> None:
+    """A vehicle stands at its depot, follows a plan, and has not left."""
+    position = VehiclePosition(
+        vehicle=plan.vehicle,
+        time_ns=time.time_ns(),
+        segment="00-01",
+        share=0.0,
+        speed_mps=0.0,
+        on_road=False,
+        cycle=plan.cycle,
+        leg=0,
+    )
+    desk.dispatcher.fleet_watch.on_position(position_key(plan.vehicle), position.to_bytes())
+
+
+def served(plan: VehiclePlan) -> list[str]:
+    """Stops of a plan."""
+    return [stop.stop for stop in plan.service_stops]
+
+
+def test_an_order_is_in_a_plan_before_the_next_cycle(vans: RoutingProblem, tmp_path: Path) -> None:
+    """In the tour that it costs least in; no other stop changes its vehicle or its turn."""
+    with opened(vans, tmp_path) as desk:
+        desk.dispatcher.run_cycle()
+        (first,), (other,) = desk.bus.plans("van-0"), desk.bus.plans("van-1")
+        desk.intake.submit([request("o", node="02", demand=3)])
+        desk.dispatcher.insert(["o"])
+        told = desk.intake.show("o")
+        assert (told.state, told.vehicle, told.cycle) == ("planned", "van-0", first.cycle + 1)
+        (_, amended) = desk.bus.plans("van-0")
+        assert sorted(served(amended)) == ["f0", "o"]
+        assert amended.depart_ns >= first.depart_ns
+        assert desk.bus.plans("van-1") == [other]
+        report = [m for m in desk.bus.sent if isinstance(m, CycleReport)][-1]
+        assert (report.cycle, report.status, report.solver) == (amended.cycle, "ok", "insertion")
+        assert {s.stop: desk.state(s.stop) for s in other.service_stops} == {"f1": "planned"}
+    with opened(vans, tmp_path) as desk:
+        assert desk.state("o") == "planned"
+
+
+@pytest.mark.parametrize("accepts", [True, False])
+def test_a_vehicle_that_has_accepted_may_refuse_what_came_later(
+    vans: RoutingProblem, tmp_path: Path, accepts: bool
+) -> None:
+    """Then it keeps its plan, and the order is open again."""
+    with opened(vans, tmp_path) as desk:
+        desk.dispatcher.run_cycle()
+        (plan,) = desk.bus.plans("van-0")
+        accept(desk.dispatcher, plan)
+        stand(desk, plan)
+        desk.intake.submit([request("o", node="02", vehicle="van-0")])
+        desk.dispatcher.insert(["o"])
+        amended = desk.bus.plans("van-0")[-1]
+        assert served(amended) == ["o", "f0"] or served(amended) == ["f0", "o"]
+        answer = PlanAcknowledgement(
+            vehicle="van-0",
+            time_ns=time.time_ns(),
+            cycle=amended.cycle,
+            accepted=accepts,
+            reason=None if accepts else "full",
+        )
+        watch = desk.dispatcher.fleet_watch
+        watch.on_acknowledgement(acknowledgement_key("van-0"), answer.to_bytes())
+        assert desk.state("f0") == "planned"
+        assert desk.state("o") == ("planned" if accepts else "open")
+        record = watch.vehicles().vehicles["van-0"].accepted
+        assert record is not None
+        assert record.plan == (amended if accepts else plan)
+
+
+def test_who_has_left_or_is_full_gets_nothing_more(vans: RoutingProblem, tmp_path: Path) -> None:
+    """The order waits for the next cycle, and says so."""
+    with opened(vans, tmp_path) as desk:
+        desk.dispatcher.run_cycle()
+        (plan,) = desk.bus.plans("van-1")
+        accept(desk.dispatcher, plan)
+        depart(desk, plan)
+        desk.intake.submit([request("o", node="02", demand=6), request("p", vehicle="van-1")])
+        desk.dispatcher.insert(["o", "p"])
+        for name in ("o", "p"):
+            told = desk.intake.show(name)
+            assert (told.state, told.vehicle) == ("open", None)
+            assert str(told.unplanned).startswith("no tour that has not begun may take it")
+        assert len(desk.bus.plans("van-0")) == len(desk.bus.plans("van-1")) == 1
+
+
+def test_what_the_file_has_loaded_counts(town: Callable[..., Any], tmp_path: Path) -> None:
+    """A van that the file's stop fills gets no other parcel, by mass as by capacity."""
+    problem, _ = town([{"id": "f0", "node": "03", "mass_kg": 800.0}], [{"type": "van"}])
+    payload_kg = problem.fleet.type_of(problem.fleet.vehicles[0]).payload_kg
+    with opened(problem, tmp_path) as desk:
+        desk.dispatcher.run_cycle()
+        for name, mass_kg in (("heavy", payload_kg - 700.0), ("light", payload_kg - 900.0)):
+            desk.intake.submit([request(name, mass_kg=mass_kg)])
+            desk.dispatcher.insert([name])
+        assert {name: desk.state(name) for name in ("f0", "heavy", "light")} == {
+            "f0": "planned",
+            "heavy": "open",
+            "light": "planned",
+        }

@@ -1,0 +1,70 @@
+"""Orders over the bus: what HTTP answers, asked with a payload."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from dispatcher_daemon.intake import OrderAnswers
+from dispatcher_daemon.problem import RoutingProblem
+from slipstream.bus import Bus, Router
+from slipstream.config import BusSettings
+from slipstream.messages import OrderHistory, OrderReceipt, OrderRefusal, decode, order_key
+
+from .test_intake import opened
+
+
+def ask(bus: Bus, key: str, question: object = None) -> tuple[bool, bytes]:
+    """The answer, as soon as the dispatcher is there."""
+    payload = b"" if question is None else json.dumps(question).encode()
+    ends = time.monotonic() + 20.0
+    while time.monotonic() < ends:
+        found = bus.ask(key, payload, 10.0)
+        if found is not None:
+            return found
+    raise AssertionError(f"no answer on {key}")
+
+
+def refusal(answer: tuple[bool, bytes]) -> OrderRefusal:
+    """Of an answer that is one."""
+    assert not answer[0]
+    return decode(OrderRefusal, answer[1], "answer")
+
+
+@pytest.mark.process
+def test_an_order_is_submitted_shown_and_cancelled_over_the_bus(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """With the receipt, the life and the refusals of the API."""
+    name = "a/b"
+    with Router() as router, opened(district, tmp_path) as desk:
+        settings = BusSettings(connect=(router.endpoint,))
+        with Bus.open(settings) as dispatcher, Bus.open(settings) as caller:
+            OrderAnswers(desk.intake).listen(dispatcher)
+            asked = {"id": name, "node": "11", "latest": "2099-01-01T00:00:00Z"}
+            first = ask(caller, order_key(name, "submit"), asked)
+            assert first[0]
+            receipt = decode(OrderReceipt, first[1], "answer")
+            assert receipt == desk.intake.submit([desk.intake.show(name).request])[0][0]  # type: ignore[list-item]
+            assert ask(caller, order_key(name, "submit"), asked) == first
+            known = refusal(ask(caller, order_key(name, "submit"), {**asked, "demand": 1}))
+            assert (known.kind, known.key) == ("conflict", "id")
+            assert ask(caller, order_key(name, "pin"), {"vehicle": "van-1"})[0]
+            assert ask(caller, order_key(name, "release"))[0]
+            shown = decode(OrderHistory, ask(caller, order_key(name, "show"))[1], "answer")
+            assert [step.reason for step in shown.history] == [
+                "submitted",
+                "pinned to van-1",
+                "released from van-1",
+            ]
+            assert ask(caller, order_key(name, "cancel"))[0]
+            assert desk.state(name) == "cancelled"
+            assert refusal(ask(caller, order_key("x", "submit"), asked)).key == "id"
+            assert refusal(ask(caller, order_key("x", "show"))).kind == "not_found"
+            assert refusal(ask(caller, order_key("x", "sell"))).problem == "unknown action 'sell'"
+            (is_answer, text) = ask(caller, "slipstream/v1/order/*/cancel")
+            assert not is_answer
+            assert b"a pattern of keys" in text
