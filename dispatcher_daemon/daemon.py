@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import ExitStack
-from typing import Protocol
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
@@ -20,12 +20,17 @@ from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.reports import error_text, failed_report, idle_report
 from dispatcher_daemon.schedule import CycleScheduler
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
-from dispatcher_daemon.store import CyclePruner, CycleStore, open_checked_database
+from dispatcher_daemon.store import (
+    CyclePruner,
+    CycleStore,
+    database_fault,
+    open_checked_database,
+)
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
@@ -48,6 +53,10 @@ from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
+from storage import Reader, open_reader
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.api import ApiServer, Services
 
 log = logging.getLogger(__name__)
 
@@ -111,7 +120,7 @@ class Dispatcher:
         self._bus = bus
         self._store = store
         self._solve = solve if job_manager is None else job_manager
-        self._latest_states = LatestStates(
+        self.latest_states = LatestStates(
             network,
             rsus=settings.rsus,
             stale_after_s=settings.stale_after_s,
@@ -147,7 +156,7 @@ class Dispatcher:
             self._refuse(error)
             return
         self.states_received += 1
-        verdict = self._latest_states.accept(state, time.time_ns())
+        verdict = self.latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
         if verdict not in HARMLESS:
             self.states_refused += 1
@@ -189,7 +198,7 @@ class Dispatcher:
         try:
             snapshot = take_snapshot(
                 self._network,
-                self._latest_states.latest(),
+                self.latest_states.latest(),
                 now_ns,
                 stale_after_s=self._settings.stale_after_s,
                 future_tolerance_s=self._settings.future_tolerance_s,
@@ -370,11 +379,54 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         service.progress(f"{dispatcher.cycles} cycles")
 
 
+@contextmanager
+def _open_api(settings: ApiSettings) -> Iterator[ApiServer | None]:
+    """The API's server, which does not serve yet; None: the settings want none."""
+    if settings.port == 0:
+        yield None
+        return
+    # The web framework takes half a second to import.
+    from dispatcher_daemon.api import ApiServer
+
+    with ApiServer(settings.port, settings.tokens) as server:
+        yield server
+
+
+def _services(
+    settings: DispatcherSettings,
+    network: RoadNetwork,
+    dispatcher: Dispatcher,
+    scheduler: CycleScheduler,
+    bus: Bus,
+    reader: Reader,
+) -> Services:
+    from dispatcher_daemon.api import Services
+
+    def has_cycle() -> bool:
+        return dispatcher.cycles > 0 or scheduler.next_run_ns is not None
+
+    return Services(
+        settings=settings,
+        network=network,
+        fleet=dispatcher.fleet_watch,
+        states=dispatcher.latest_states,
+        reader=reader,
+        is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
+        checks={
+            "database": lambda: database_fault(reader),
+            "bus": lambda: None if bus.is_connected else "no router answers",
+            "network": lambda: None if network.segments else "it has no segment",
+            "cycle": lambda: None if has_cycle() else "none has run, and none is scheduled",
+        },
+    )
+
+
 def run_dispatcher(settings: DispatcherSettings) -> None:
     """Run until SIGTERM or SIGINT.
 
     Raises:
-        InputError: the network, list of RSUs, fleet, database, bus or metrics port cannot be used.
+        InputError: the network, list of RSUs, fleet, database, bus, API's or metrics
+            port, or file of tokens cannot be used.
     """
     configure_logging("dispatcher", settings.service.log_level)
     # The scheduler's own faults are counted and logged by CycleScheduler.
@@ -393,6 +445,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
+        _open_api(settings.api) as api,
         open_checked_database(settings.database_url) as database,
         Bus.open(settings.bus) as bus,
         SolverPool(configured_solvers(settings), workers) as pool,
@@ -429,11 +482,17 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
         )
         scheduler.start()
+        if api is not None:
+            reader = stack.enter_context(open_reader(settings.database_url))
+            api.start(_services(settings, network, dispatcher, scheduler, bus, reader))
+            log.info("API on http://127.0.0.1:%d", api.port)
         service.ready()
         try:
             while not service.wait(HEALTH_EVERY_S):
                 check_health(dispatcher, scheduler, service)
         finally:
+            if api is not None:
+                api.close()
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()
             pool.close()

@@ -282,4 +282,5 @@ def _text(parent: Element, text: str) -> None:
 
 
 def _written(payload: Element) -> bytes:
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(payload, encoding="utf-8") + b"\n"
+    text: bytes = tostring(payload, encoding="utf-8")
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + text + b"\n"
