@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
+from dispatcher_daemon.feeds.publisher import Feeds
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
@@ -37,6 +38,7 @@ from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.inbox import lost
 from slipstream.messages import (
+    ALL_RSU_HEALTH,
     ALL_STATES,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
@@ -126,6 +128,7 @@ class Dispatcher:
             stale_after_s=settings.stale_after_s,
             future_tolerance_s=settings.future_tolerance_s,
         )
+        self.feeds = Feeds(network, settings, self.latest_states.latest, self._refuse)
         self._limiter = LogLimiter()
         vehicles = () if fleet is None else fleet.vehicles
         self._plan_publishers = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
@@ -410,6 +413,7 @@ def _services(
         network=network,
         fleet=dispatcher.fleet_watch,
         states=dispatcher.latest_states,
+        feeds=dispatcher.feeds,
         reader=reader,
         is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
         checks={
@@ -483,6 +487,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         )
         scheduler.start()
         if api is not None:
+            bus.subscribe(ALL_RSU_HEALTH, dispatcher.feeds.on_health)
             reader = stack.enter_context(open_reader(settings.database_url))
             api.start(_services(settings, network, dispatcher, scheduler, bus, reader))
             log.info("API on http://127.0.0.1:%d", api.port)

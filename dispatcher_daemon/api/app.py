@@ -7,13 +7,13 @@ from typing import Any, Final
 from fastapi import APIRouter, Depends, FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from dispatcher_daemon.api import health
+from dispatcher_daemon.api import feeds, health
 from dispatcher_daemon.api.body import collect_definitions, refuse_unknown_parameters
 from dispatcher_daemon.api.problems import PROBLEM_RESPONSES, ProblemDocument, handle_problems
 from dispatcher_daemon.api.services import Services
 from slipstream import __version__
 
-ROUTERS: Final[tuple[APIRouter, ...]] = (health.router,)
+ROUTERS: Final[tuple[APIRouter, ...]] = (health.router, feeds.router)
 """A further room of the API is a module with a `router`, and its line here. Operations name the
 scope that their callers need (`auth.requires`); bodies are read by `body.body_of`.
 """

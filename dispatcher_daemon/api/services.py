@@ -8,6 +8,7 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from dispatcher_daemon.feeds.publisher import Feeds
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.states import LatestStates
@@ -28,6 +29,7 @@ class Services:
         network: its roads.
         fleet: the tracked fleet.
         states: the latest states.
+        feeds: for road authorities.
         reader: of the database.
         is_live: the condition that feeds the watchdog.
         checks: of readiness, by name.
@@ -37,6 +39,7 @@ class Services:
     network: RoadNetwork
     fleet: FleetWatch
     states: LatestStates
+    feeds: Feeds
     reader: Reader
     is_live: Callable[[], bool]
     checks: Mapping[str, Check]

@@ -115,6 +115,7 @@ def serve(demo: RoutingProblem, tmp_path: Path) -> Iterator[Callable[..., Api]]:
                 "network": demo.network,
                 "fleet": dispatcher.fleet_watch,
                 "states": dispatcher.latest_states,
+                "feeds": dispatcher.feeds,
                 "reader": stack.enter_context(open_reader(url)),
                 "is_live": lambda: True,
                 "checks": {"database": lambda: None},
