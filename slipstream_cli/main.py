@@ -33,6 +33,8 @@ COMMANDS: Final = {
     "verify": "laboratory.verify",
     "resources": "laboratory.resources",
     "orders": "orders",
+    "export": "export",
+    "feed": "feed",
     "db": "db",
 }
 """Module by sub-command, in the order of the help."""
@@ -54,6 +56,8 @@ _EXTRA_OF: Final = {
     "nncf": "train",
     "openvino": "edge",
     "pebble": "dispatcher",
+    "pyarrow": "parquet",
+    "pyproj": "dispatcher",
     "qiskit": "dispatcher",
     "qiskit_aer": "dispatcher",
     "qiskit_ibm_catalog": "iskay",
