@@ -487,7 +487,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         )
         scheduler.start()
         if api is not None:
-            bus.subscribe(ALL_RSU_HEALTH, dispatcher.feeds.on_health)
+            bus.subscribe(ALL_RSU_HEALTH, dispatcher.feeds.on_health, history=False)
             reader = stack.enter_context(open_reader(settings.database_url))
             api.start(_services(settings, network, dispatcher, scheduler, bus, reader))
             log.info("API on http://127.0.0.1:%d", api.port)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -140,7 +140,10 @@ class ParquetWriter:
         self._writer.close()
 
 
-_WRITERS: Final = {".csv": CsvWriter, ".parquet": ParquetWriter}
+_WRITERS: Final[Mapping[str, Callable[[Path, Sequence[TableColumn]], Writer]]] = {
+    ".csv": CsvWriter,
+    ".parquet": ParquetWriter,
+}
 FORMATS: Final = tuple(suffix.removeprefix(".") for suffix in _WRITERS)
 
 
