@@ -92,7 +92,12 @@ def _write(documents: Mapping[Path, bytes], overwrite: bool) -> None:
     for path in documents:
         if path.exists() and not overwrite:
             raise InputError(path, "is there already", "give --force, or another name")
+        if not path.parent.is_dir():
+            raise InputError(path.parent, "no such folder", "make it first")
     for path, body in documents.items():
         part = path.with_name(path.name + ".part")
-        part.write_bytes(body)
-        part.replace(path)
+        try:
+            part.write_bytes(body)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)

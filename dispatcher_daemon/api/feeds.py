@@ -45,7 +45,11 @@ def datex2_measured(request: Request, dispatch: Dispatch) -> Response:
     return _answer(request, dispatch.feeds.measured, XML)
 
 
-@router.get("/datex2/extension.xsd", response_class=Response, responses=_IN_XML)
+@router.get(
+    "/datex2/extension.xsd",
+    response_class=Response,
+    responses={200: {"content": {XML: _TEXT}}},
+)
 def datex2_extension() -> Response:
     """The XML schema of the level B extension in the measured data."""
     return Response(EXTENSION_SCHEMA.read_bytes(), media_type=XML)

@@ -28,7 +28,7 @@ class Measurement:
 
     Attributes:
         site: the site.
-        state: its latest state, however old; None: there is none.
+        state: its latest state, however old; None: there is none, or its time cannot be true.
         y_e: 1 stable, 0 turbulent, None unknown.
         reason: why y_e is unknown: the state's reason, "stale", "future" or "no_state".
         features: what was measured; None where nothing was, or nothing that can be relied on.
@@ -48,7 +48,7 @@ class Measurement:
     @property
     def is_current(self) -> bool:
         """Whether the state is fresh, whatever it says."""
-        return self.state is not None and self.reason not in ("stale", "future")
+        return self.state is not None and self.reason != "stale"
 
 
 def measurements(
@@ -89,7 +89,7 @@ def measurements(
             future_tolerance_s=future_tolerance_s,
         )
         if fault is not None:
-            return Measurement(site, state, None, fault, None)
+            return Measurement(site, None if fault == "future" else state, None, fault, None)
         features = None if state.reason in _UNRELIABLE else state.features
         return Measurement(site, state, state.y_e, state.reason, features)
 

@@ -94,7 +94,7 @@ def _sensor(
         "device_type": "traffic-sensor",
         "data_source_id": source,
         "device_status": status,
-        "update_date": iso_time(max(told_ns, default=now_ns)),
+        "update_date": iso_time(min(now_ns, max(told_ns, default=now_ns))),
         "has_automatic_location": False,
         "name": measured.site.name,
     }

@@ -87,6 +87,7 @@ def test_a_mistake_is_one_line(
     for options, line in (
         (["--database", url], "knows no latitude and longitude"),
         (["--database", empty, "--network", str(net)], "no cycle is stored there"),
+        (["--database", url, "--network", str(net), "--out", str(out / "x")], "no such folder"),
         (["--database", url, "--sites", str(tmp_path / "s")], "WZDx has no table of sites"),
     ):
         assert main(["feed", "wzdx", "--out", str(out), *options]) == 2

@@ -116,3 +116,13 @@ def test_any_states_give_a_feed_that_the_official_schema_accepts(
     healths = [health(), health("rsu-2", fault="dark"), health("rsu-3", age_s=60.0)]
     official_wzdx(document(roads, states, healths))
     official_wzdx(document(roads, states, healths, {each.rsu: SEGMENTS for each in states}))
+
+
+def test_no_time_is_ahead_of_the_feed_itself(roads: RoadNetwork) -> None:
+    """A device whose clock is ahead has no interval, for its own cannot be true."""
+    ahead = state(measured=features(), age_s=-3600.0)
+    feed = document(roads, [ahead], [health(age_s=-0.5)])
+    sensor = devices(feed)["rsu-1/avenue_east"]["properties"]
+    now = json.loads(feed)["feed_info"]["update_date"]
+    assert sensor["core_details"]["update_date"] == now
+    assert sensor["collection_interval_end_date"] == now
