@@ -42,6 +42,7 @@ _NO_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ff
 _MAX_STRING: Final = 1024
 _QUANTITIES: Final = ("trafficSpeed", "trafficFlow", "trafficConcentration", "trafficGap")
 """What is measured at each site; a quantity's index is its place here, from 1."""
+_MAX_ACCURACY: Final = 1e6
 _KMH: Final = 3.6
 _STABILITY: Final = {1: "stable", 0: "turbulent", None: "unknown"}
 
@@ -218,8 +219,10 @@ def _value(data: Element, quantity: str, features: KinematicFeatures, vehicles: 
 def _data_value(data: Element, tag: str, value: Estimate, vehicles: int | None) -> Element:
     """An element of a DataValue; its accuracy is the standard error in per cent of the value."""
     element = _add(data, tag)
-    if value.standard_error is not None and value.value > 0:
-        element.set("accuracy", f"{100.0 * value.standard_error / value.value:.6g}")
+    error = value.standard_error
+    # In per cent of next to nothing it says nothing; the extension has it as it is.
+    if error is not None and 100.0 * error < _MAX_ACCURACY * value.value:
+        element.set("accuracy", f"{100.0 * error / value.value:.6g}")
     element.set("computationalMethod", "arithmeticAverageOfSamplesInATimePeriod")
     if vehicles is not None:
         element.set("numberOfInputValuesUsed", str(vehicles))

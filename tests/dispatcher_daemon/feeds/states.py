@@ -87,47 +87,46 @@ _NAMES = st.text(min_size=1, max_size=8)
 _REASONS = tuple(
     {*CAMERA_FAULTS, *(reason for part in get_args(UnknownReason) for reason in get_args(part))}
 )
+_LIMITS = {
+    "mean_speed_mps": (-3.0, 25.0),
+    "mean_acceleration_mps2": (-20.0, 20.0),
+    "density_veh_per_m": (0.0, 2.0),
+    "speed_std_mps": (0.0, 50.0),
+    "acceleration_variance_m2ps4": (0.0, 400.0),
+    "mean_gap_m": (-5.0, 5000.0),
+}
+_NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+_COUNTS = st.integers(0, 2**63 - 1)
 
 
-def _estimates(low: float = -1e6) -> st.SearchStrategy[Estimate]:
-    return st.builds(
-        Estimate,
-        value=st.floats(low, 1e6) | st.floats(allow_nan=False, allow_infinity=False),
-        standard_error=st.none() | st.floats(0, 1e5),
-    )
+def _features(wild: bool) -> st.SearchStrategy[KinematicFeatures]:
+    def estimates(low: float, high: float) -> st.SearchStrategy[Estimate]:
+        errors = st.floats(0, allow_infinity=False) if wild else st.floats(0, 1e4)
+        values = _NUMBERS if wild else st.floats(low, high)
+        return st.builds(Estimate, value=values, standard_error=st.none() | errors)
 
-
-_FEATURES = st.builds(
-    KinematicFeatures,
-    mean_speed_mps=_estimates(-5) | st.builds(Estimate, value=st.floats(-3, 20)),
-    mean_acceleration_mps2=st.builds(Estimate, value=st.floats(-20, 20)),
-    density_veh_per_m=st.builds(
-        Estimate, value=st.floats(0, 2), standard_error=st.none() | st.floats(0, 10)
-    ),
-    speed_std_mps=st.builds(Estimate, value=st.floats(0, 50), standard_error=st.floats(0, 10)),
-    acceleration_variance_m2ps4=st.builds(Estimate, value=st.floats(0, 400)),
-    mean_gap_m=st.none() | st.builds(Estimate, value=st.floats(-5, 5000)),
-)
+    parts = {name: estimates(*limits) for name, limits in _LIMITS.items()}
+    return st.builds(KinematicFeatures, **{**parts, "mean_gap_m": st.none() | parts["mean_gap_m"]})
 
 
 @st.composite
 def any_state(draw: st.DrawFn, segments: tuple[str, ...]) -> SegmentState:
-    """Whatever a SegmentState may hold; its segment may be one of these."""
+    """Whatever a SegmentState may hold, or one that the dispatcher admits on these segments."""
+    wild = draw(st.booleans())
     y_e = draw(st.sampled_from((0, 1, None)))
-    measured = draw(_FEATURES if y_e == 0 else st.none() | _FEATURES)
-    sound = measured is not None or y_e is None
+    measured = draw(_features(wild) if y_e == 0 else st.none() | _features(wild))
+    some = measured is not None or y_e is None
+    age_ns = st.integers(-(10**9), 5 * 10**9)
     return SegmentState(
         rsu=draw(_NAMES),
-        segment=draw(st.sampled_from(segments) | _NAMES),
-        sequence=draw(st.integers(0, 2**63 - 1)),
-        time_ns=draw(
-            st.integers(NOW_NS - 10 * SECOND_NS, NOW_NS + 2 * SECOND_NS) | st.integers(0, 2**63 - 1)
-        ),
-        window_s=draw(st.floats(0.1, 60.0) | st.floats(1e-9, 1e300)),
+        segment=draw(st.sampled_from(segments) | _NAMES if wild else st.sampled_from(segments)),
+        sequence=draw(_COUNTS),
+        time_ns=draw(_COUNTS) if wild else NOW_NS - draw(age_ns),
+        window_s=draw(st.floats(1e-9, 1e300) if wild else st.floats(0.1, 60.0)),
         features=measured,
         y_e=y_e,
         reason=draw(st.sampled_from(_REASONS)) if y_e is None else None,
-        vehicles=draw(st.integers(0, 50) | st.integers(0, 2**63 - 1)) if sound else 0,
-        frames=draw(st.integers(1, 300) | st.integers(0, 2**63 - 1)),
+        vehicles=draw(_COUNTS if wild else st.integers(0, 50)) if some else 0,
+        frames=draw(_COUNTS if wild else st.integers(1, 300)),
         coverage=draw(st.floats(0, 1)),
     )

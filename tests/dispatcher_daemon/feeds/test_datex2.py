@@ -21,7 +21,7 @@ from dispatcher_daemon.feeds import (
 )
 from dispatcher_daemon.settings import FeedSettings
 from slipstream.errors import InputError
-from slipstream.messages import SegmentState
+from slipstream.messages import Estimate, SegmentState
 from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network
 from tests.dispatcher_daemon.feeds.conftest import Check
@@ -136,6 +136,17 @@ def test_an_unknown_flag_takes_no_sound_speed_away(roads: RoadNetwork) -> None:
     assert site.findtext(".//com:speed", namespaces=NAMES) == "45"
     assert site.findtext(".//sls:stability", namespaces=NAMES) == "unknown"
     assert len(site.findall("roa:physicalQuantity", NAMES)) == 3
+
+
+def test_an_error_of_next_to_nothing_is_no_percentage(roads: RoadNetwork) -> None:
+    """It would be infinite, which no schema takes; the extension has the error itself."""
+    nearly_empty = features().model_copy(
+        update={"density_veh_per_m": Estimate(value=1e-308, standard_error=1.0)}
+    )
+    _, document = documents(roads, [state(measured=nearly_empty)])
+    site = sites_of(document)["rsu-1/avenue_east"]
+    assert site.find(".//roa:density", NAMES).get("accuracy") is None
+    assert site.find(".//sls:densityVehPerM", NAMES).get("standardError") == "1.0"
 
 
 def test_a_site_lies_where_its_road_lies(roads: RoadNetwork) -> None:
