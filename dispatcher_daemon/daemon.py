@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
+from dispatcher_daemon.feeds.publisher import Feeds
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
@@ -41,6 +42,7 @@ from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.inbox import lost
 from slipstream.messages import (
+    ALL_RSU_HEALTH,
     ALL_STATES,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
@@ -152,6 +154,7 @@ class Dispatcher:
             stale_after_s=settings.stale_after_s,
             future_tolerance_s=settings.future_tolerance_s,
         )
+        self.feeds = Feeds(network, settings, self.latest_states.latest, self._refuse)
         self._limiter = LogLimiter()
         vehicles = () if fleet is None else fleet.vehicles
         self._plan_publishers = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
@@ -512,6 +515,7 @@ def _services(
         fleet=dispatcher.fleet_watch,
         states=dispatcher.latest_states,
         orders=orders,
+        feeds=dispatcher.feeds,
         reader=reader,
         events=api.events,
         solve_jobs=api.solve_jobs,
@@ -600,6 +604,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         )
         OrderAnswers(orders).listen(bus)
         if api is not None:
+            bus.subscribe(ALL_RSU_HEALTH, dispatcher.feeds.on_health, history=False)
             services = _services(settings, network, dispatcher, scheduler, bus, reader, orders, api)
             api.start(services)
             log.info("API on http://127.0.0.1:%d", api.port)

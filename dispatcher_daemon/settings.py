@@ -410,6 +410,28 @@ class OrderSettings(Settings):
     )
 
 
+class FeedSettings(Settings):
+    """Who publishes the feeds for road authorities (``[feeds]``)."""
+
+    publisher: str = Field(
+        default="slipstream",
+        min_length=1,
+        max_length=200,
+        description="Name of the organisation that publishes: DATEX II's national identifier, "
+        "WZDx's publisher.",
+    )
+    country: str = Field(
+        default="ZZ",
+        pattern="^[A-Za-z]{2}$",
+        description="Its country, two letters of ISO 3166; ZZ: none.",
+    )
+    information_status: Literal["real", "test", "technicalExercise", "securityExercise"] = Field(
+        default="test",
+        description="What DATEX II publications say of themselves. Set real once what cameras see "
+        "may be acted on.",
+    )
+
+
 class ApiSettings(Settings):
     """The HTTP API on 127.0.0.1 (`[api]`), see docs/api.md."""
 
@@ -542,6 +564,9 @@ class DispatcherSettings(Settings):
     qaoa: QaoaSettings = Field(default=QaoaSettings(), description="The solver qaoa.")
     hardware: HardwareSettings = Field(
         default=HardwareSettings(), description="A quantum device beside the solvers."
+    )
+    feeds: FeedSettings = Field(
+        default=FeedSettings(), description="The feeds for road authorities."
     )
     seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of everything random.")
 

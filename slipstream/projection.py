@@ -1,8 +1,9 @@
-"""From latitude and longitude to a network's places, by the projection that its SUMO net names."""
+"""Between latitude and longitude and a network's places, by the projection of its SUMO net."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -28,17 +29,40 @@ class Projection:
         Raises:
             ValueError: the projection has no such point, or is none.
         """
-        # Imported here: only networks from maps have a projection.
-        import pyproj
-
-        try:
-            x, y = pyproj.Proj(self.parameter)(longitude, latitude)
-        except pyproj.exceptions.ProjError as error:
-            raise ValueError(f"not a projection: {self.parameter!r}") from error
+        x, y = self._proj()(longitude, latitude)
         place = float(x) + self.offset_m[0], float(y) + self.offset_m[1]
         if not all(map(math.isfinite, place)):
             raise ValueError(f"no place at latitude {latitude:g}, longitude {longitude:g}")
         return place
+
+    def degrees(self, places_m: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+        """Latitude and longitude (WGS 84) of places in the network.
+
+        Args:
+            places_m: at least one.
+
+        Raises:
+            ValueError: one of them is nowhere on the earth, or the projection is none.
+        """
+        x, y = zip(*places_m, strict=True)
+        dx, dy = self.offset_m
+        found = self._proj()([v - dx for v in x], [v - dy for v in y], inverse=True)
+        points = tuple(
+            (float(latitude), float(longitude)) for longitude, latitude in zip(*found, strict=True)
+        )
+        for (latitude, longitude), place in zip(points, places_m, strict=True):
+            if not (abs(latitude) <= 90 and abs(longitude) <= 180):
+                raise ValueError(f"no latitude and longitude at ({place[0]:g}, {place[1]:g}) m")
+        return points
+
+    def _proj(self) -> Any:
+        # Imported here: only networks from maps have a projection.
+        import pyproj
+
+        try:
+            return pyproj.Proj(self.parameter)
+        except pyproj.exceptions.ProjError as error:
+            raise ValueError(f"not a projection: {self.parameter!r}") from error
 
 
 def projection_of(net: Any) -> Projection | None:

@@ -34,6 +34,8 @@ COMMANDS: Final = {
     "resources": "laboratory.resources",
     "orders": "orders",
     "token": "token",
+    "export": "export",
+    "feed": "feed",
     "db": "db",
 }
 """Module by sub-command, in the order of the help."""
@@ -55,6 +57,8 @@ _EXTRA_OF: Final = {
     "nncf": "train",
     "openvino": "edge",
     "pebble": "dispatcher",
+    "pyarrow": "parquet",
+    "pyproj": "dispatcher",
     "qiskit": "dispatcher",
     "qiskit_aer": "dispatcher",
     "qiskit_ibm_catalog": "iskay",

@@ -11,6 +11,7 @@ from storage.jobs import LedgerState, QuantumJob
 from storage.ownership import check_free
 from storage.reader import Reader, open_reader
 from storage.retention import UntrustedClockError, headroom
+from storage.tables import TableColumn, Tables, table_names
 
 __all__ = [
     "CheckReport",
@@ -19,10 +20,13 @@ __all__ = [
     "QuantumJob",
     "Reader",
     "StorageError",
+    "TableColumn",
+    "Tables",
     "UntrustedClockError",
     "check",
     "check_free",
     "headroom",
     "open_database",
     "open_reader",
+    "table_names",
 ]

@@ -116,7 +116,10 @@ def reader_engine(url: URL) -> Engine:
         InputError: the driver of the URL is not installed.
     """
     if not is_sqlite(url):
-        return _create(url).execution_options(postgresql_readonly=True)
+        # One snapshot for all the queries of a read, as below.
+        return _create(url).execution_options(
+            postgresql_readonly=True, isolation_level="REPEATABLE READ"
+        )
     address = f"file:{quote(str(sqlite_path(url).absolute()))}?mode=ro"
 
     def connect() -> sqlite3.Connection:

@@ -25,6 +25,7 @@ from storage.engine import (
 from storage.jobs import QuantumJob
 from storage.models import CycleRow, PlanRow, StateRow
 from storage.rows import cycle_report, segment_state, vehicle_plan
+from storage.tables import Tables
 
 
 class Reader:
@@ -112,6 +113,22 @@ class Reader:
         """The life of one order; empty if it is not known."""
         with self._read_session() as session:
             return () if session is None else tuple(fleet.changes(session, order))
+
+    @contextmanager
+    def tables(self) -> Iterator[Tables]:
+        """All tables in one committed state, for as long as the block lasts.
+
+        Meanwhile an SQLite database's log cannot be copied back, and grows with what is written.
+
+        Raises:
+            InputError: there is no database yet.
+        """
+        if not self.exists():
+            source = display_name(self._url)
+            raise InputError(source, "no database there", "give the dispatcher's database_url")
+        with self._read_session() as session:
+            assert session is not None
+            yield Tables(session.connection())
 
     def exists(self) -> bool:
         """Whether there is a database with a schema yet."""

@@ -7,7 +7,16 @@ from typing import Any, Final
 from fastapi import APIRouter, Depends, FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from dispatcher_daemon.api import cycles, events, health, orders, segments, solve, vehicles
+from dispatcher_daemon.api import (
+    cycles,
+    events,
+    feeds,
+    health,
+    orders,
+    segments,
+    solve,
+    vehicles,
+)
 from dispatcher_daemon.api.body import collect_definitions
 from dispatcher_daemon.api.parameters import refuse_unknown_parameters
 from dispatcher_daemon.api.problems import PROBLEM_RESPONSES, ProblemDocument, handle_problems
@@ -19,6 +28,7 @@ ROUTERS: Final[tuple[APIRouter, ...]] = (
     vehicles.router,
     cycles.router,
     segments.router,
+    feeds.router,
     events.router,
     solve.router,
     health.router,

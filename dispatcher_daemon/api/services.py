@@ -10,6 +10,7 @@ from fastapi import Depends, Request
 
 from dispatcher_daemon.api.hub import EventHub
 from dispatcher_daemon.api.solving import SolveJobs
+from dispatcher_daemon.feeds.publisher import Feeds
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.intake import OrderIntake
 from dispatcher_daemon.settings import DispatcherSettings
@@ -32,6 +33,7 @@ class Services:
         fleet: the tracked fleet.
         states: the latest states.
         orders: of callers.
+        feeds: for road authorities.
         reader: of the database.
         events: that callers follow; what happens is published there.
         solve_jobs: fleets that callers have planned.
@@ -44,6 +46,7 @@ class Services:
     fleet: FleetWatch
     states: LatestStates
     orders: OrderIntake
+    feeds: Feeds
     reader: Reader
     events: EventHub
     solve_jobs: SolveJobs

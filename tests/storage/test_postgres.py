@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import socket
@@ -82,3 +83,22 @@ def test_one_dispatcher_owns_a_database_of_a_server(server, make_cycle):
     storage.open_database(server, owned=True).close()
     with storage.open_reader(server) as reader:
         assert [report.cycle for report in reader.cycles(limit=99)] == [5, 6, 7, 8, 9, 10, 12]
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_tables_of_a_server_are_read_in_one_snapshot(server, make_cycle):
+    """In batches, with JSON as text, whatever the dispatcher stores meanwhile."""
+    with storage.open_database(server) as database, storage.open_reader(server) as reader:
+        for number in range(1, 4):
+            database.record_cycle(*make_cycle(number))
+        with reader.tables() as tables:
+            batches = tables.rows("plans", batch=4)
+            first = next(batches)
+            database.record_cycle(*make_cycle(4))
+            rows = [*first, *(row for batch in batches for row in batch)]
+            assert [row[0] for row in rows] == [1, 1, 2, 2, 3, 3]
+            names = [column.name for column in tables.columns("plans")]
+            assert json.loads(rows[0][names.index("stops")])[0]["stop"] == "c1"
+            cycles = [row[0] for batch in tables.rows("cycles") for row in batch]
+            assert cycles == [1, 2, 3]

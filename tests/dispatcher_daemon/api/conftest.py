@@ -144,6 +144,7 @@ def serve(
                 "reader": reader,
                 "events": server.events,
                 "solve_jobs": server.solve_jobs,
+                "feeds": dispatcher.feeds,
                 "is_live": lambda: True,
                 "checks": {"database": lambda: None},
             }

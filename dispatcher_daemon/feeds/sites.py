@@ -1,0 +1,127 @@
+"""Measurement sites: each road segment that an RSU watches, by latitude and longitude."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Final
+
+from slipstream.errors import InputError
+from slipstream.messages import RsuHealth, SegmentState
+from slipstream.messages.base import chunk
+from slipstream.roads import RoadNetwork
+
+Pair = tuple[str, str]
+"""An RSU and a segment."""
+_DEGREES: Final = ".7f"
+"""1 cm on the ground."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """One road segment as one RSU measures it.
+
+    Attributes:
+        rsu: the RSU.
+        segment: the segment's id.
+        lanes: its number of lanes; states cover all of them.
+        line: its centre line in driving direction, latitude and longitude in degrees (WGS 84),
+            written as both feeds show them; at least two points.
+        middle: the point half-way along it.
+    """
+
+    rsu: str
+    segment: str
+    lanes: int
+    line: tuple[tuple[str, str], ...]
+    middle: tuple[str, str]
+
+    @property
+    def id(self) -> str:
+        """Unique among all sites, in ASCII, whatever the two names are."""
+        return f"{chunk(self.rsu)}/{chunk(self.segment)}"
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"{self.rsu}: {self.segment}"
+
+    @cached_property
+    def version(self) -> str:
+        """Changes when what is told of the site changes, and only then."""
+        return digest(repr((self.rsu, self.segment, self.lanes, self.line)))
+
+
+def digest(text: str) -> str:
+    """A short name of a content: ten hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()[:10]
+
+
+def watched_pairs(
+    rsus: Mapping[str, tuple[str, ...]] | None,
+    states: Iterable[SegmentState],
+    healths: Iterable[RsuHealth],
+) -> frozenset[Pair]:
+    """The segments that RSUs watch: those listed, or, where none are, those they told of.
+
+    Args:
+        rsus: the dispatcher's list of RSUs.
+        states: admitted ones.
+        healths: any.
+    """
+    if rsus is not None:
+        return frozenset((rsu, segment) for rsu, segments in rsus.items() for segment in segments)
+    heard = {(state.rsu, state.segment) for state in states}
+    return frozenset(heard | {(h.rsu, segment) for h in healths for segment in h.segments})
+
+
+def find_sites(network: RoadNetwork, pairs: Iterable[Pair]) -> tuple[Site, ...]:
+    """The sites of RSUs and segments, ordered by RSU and segment.
+
+    Segments that the network has not are left out.
+
+    Raises:
+        InputError: the network has no latitude and longitude, or not for all of its places.
+    """
+    if network.projection is None:
+        raise InputError(
+            network.name,
+            "this network knows no latitude and longitude, which feeds need",
+            "build it from a map with netconvert --proj.utm",
+        )
+    lines: dict[str, tuple[tuple[str, str], ...]] = {}
+    found = []
+    for rsu, name in sorted(set(pairs)):
+        segment = network.segments.get(name)
+        if segment is None:
+            continue
+        if name not in lines:
+            try:
+                points = network.projection.degrees([*segment.shape, _half_way(segment.shape)])
+            except ValueError as error:
+                mend = "check the projection in its <location>"
+                raise InputError(network.name, str(error), mend, key=name) from None
+            lines[name] = tuple(
+                (format(latitude, _DEGREES), format(longitude, _DEGREES))
+                for latitude, longitude in points
+            )
+        *line, middle = lines[name]
+        found.append(Site(rsu, name, segment.lanes, tuple(line), middle))
+    return tuple(found)
+
+
+def _half_way(shape: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The point in the middle of a line, by length."""
+    pieces = list(pairwise(shape))
+    left = sum(math.dist(begin, end) for begin, end in pieces) / 2
+    for begin, end in pieces:
+        length = math.dist(begin, end)
+        if 0 < left <= length:
+            share = left / length
+            return begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1])
+        left -= length
+    return shape[-1]
