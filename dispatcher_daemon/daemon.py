@@ -533,8 +533,8 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     """Run until SIGTERM or SIGINT.
 
     Raises:
-        InputError: the network, list of RSUs, fleet, database, bus, API's or metrics
-            port, or file of tokens cannot be used.
+        InputError: the network, list of RSUs, fleet, database, bus, metrics port, or the API's
+            port or file of tokens cannot be used.
     """
     configure_logging("dispatcher", settings.service.log_level)
     # The scheduler's own faults are counted and logged by CycleScheduler.
@@ -613,11 +613,11 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             while not service.wait(HEALTH_EVERY_S):
                 check_health(dispatcher, scheduler, service)
         finally:
-            if api is not None:
-                api.close()
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()
             pool.close()
+            if api is not None:
+                api.close()
             if job_manager is not None:
                 job_manager.close()
             executor.shutdown()

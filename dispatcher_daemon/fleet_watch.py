@@ -32,6 +32,7 @@ from slipstream.roads import RoadNetwork
 T = TypeVar("T")
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
 _COPY_WITHIN_S: Final = 0.1
+"""A caller of the API waits no longer for a cycle that is being stored, s."""
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
 

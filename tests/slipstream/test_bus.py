@@ -44,6 +44,25 @@ def test_late_subscribers_get_the_last_samples(router: Router, bus: Bus) -> None
         assert inbox.got == [b"2", b"3"]
 
 
+@pytest.mark.slow
+def test_a_session_knows_whether_a_router_answers() -> None:
+    """Not before one is there, then as long as it is."""
+
+    def becomes(connected: bool) -> bool:
+        deadline = time.monotonic() + 30
+        while bus.is_connected != connected and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return bus.is_connected == connected
+
+    port = free_port()
+    with Bus.open(BusSettings(connect=(f"tcp/127.0.0.1:{port}",))) as bus:
+        assert not bus.is_connected
+        with Router(port):
+            assert becomes(True)
+        assert becomes(False)
+    assert not bus.is_connected
+
+
 @pytest.mark.slow(long=True)
 def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
     """Order of start does not matter, and a router that comes back is found again."""

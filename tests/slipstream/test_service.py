@@ -95,6 +95,7 @@ def test_metrics_are_served_on_loopback() -> None:
         assert b"process_resident_memory_bytes" in answer.read()
 
 
+@pytest.mark.slow
 def test_a_probe_sees_whether_the_work_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """/healthz is 503 before the first progress and after a watchdog's time without any; other
     paths than its own and the metrics' are not found.

@@ -29,6 +29,8 @@ KEPT_BYTES: Final = 200_000_000
 OVERHEAD_S: Final = 120.0
 """Beyond its deadline, for the start of a process, reading roads and verifying plans, s."""
 
+_STOP_WITHIN_S: Final = 5.0
+
 MakeTask = Callable[[], SolveTask]
 Run = Callable[[SolveTask], bytes]
 
@@ -130,7 +132,7 @@ class SolveJobs:
             self._closed = True
             self._condition.notify_all()
             self._processes.stop()
-        self._thread.join()
+        self._thread.join(_STOP_WITHIN_S)
         self._keeper.shutdown()
 
     def _serve(self) -> None:

@@ -49,6 +49,7 @@ def _status(api: Api, operation: tuple[str, str], token: str | None) -> int:
     return api.ask(method, path, token, headers={"Last-Event-ID": "x" * 101}).status
 
 
+@pytest.mark.slow
 def test_each_operation_wants_its_scope(serve: Callable[..., Api]) -> None:
     """401 without a token or with an unknown one, 403 with one of other scopes, else neither."""
     paths = create_app().openapi()["paths"]

@@ -116,6 +116,7 @@ def test_a_caller_goes_on_where_it_stopped(serve: Callable[..., Api]) -> None:
             assert lost.event()[0] == "reset"
 
 
+@pytest.mark.slow
 def test_heartbeats_keep_a_quiet_stream_open(
     serve: Callable[..., Api], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -125,6 +126,7 @@ def test_heartbeats_keep_a_quiet_stream_open(
         assert sum(next(listener.lines) == ": heartbeat" for _ in range(20)) > 5
 
 
+@pytest.mark.slow
 def test_a_caller_that_does_not_read_is_dropped_and_holds_nobody_up(
     serve: Callable[..., Api], state: State, monkeypatch: pytest.MonkeyPatch
 ) -> None:

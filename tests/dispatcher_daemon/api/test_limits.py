@@ -42,6 +42,7 @@ def _raw(api: Api, sent: bytes) -> Answer:
         return Answer(answer.status, names, answer.read())
 
 
+@pytest.mark.slow
 def test_bodies_that_are_too_large_are_refused_before_they_are_read(
     serve: Callable[..., Api],
 ) -> None:
@@ -76,27 +77,26 @@ def test_a_body_that_does_not_come_ends_the_request(
     assert (answer.status, answer.json["status"]) == (408, 408)
 
 
-@pytest.mark.parametrize(
-    ("body", "kind", "status", "said"),
-    [
-        (b"{}", "text/plain", 415, "text/plain"),
-        (b"{}", None, 415, "not given"),
-        (b"{", "application/json", 400, "not JSON"),
-        (b"\xff", "application/json", 400, "not JSON"),
-        (b"[" * 100_000, "application/json", 400, "nested"),
-        (b'{"a": 1, "a": 2}', "application/json", 400, "twice"),
-        (b"[]", "application/json; charset=utf-8", 422, ""),
-        (b'{"depots": [], "what": 1}', "application/json", 422, "unknown key"),
-    ],
-)
-def test_a_body_that_is_none_of_ours_is_refused(
-    serve: Callable[..., Api], body: bytes, kind: str | None, status: int, said: str
-) -> None:
+BODIES: list[tuple[bytes, str | None, int, str]] = [
+    (b"{}", "text/plain", 415, "text/plain"),
+    (b"{}", None, 415, "not given"),
+    (b"{", "application/json", 400, "not JSON"),
+    (b"\xff", "application/json", 400, "not JSON"),
+    (b"[" * 100_000, "application/json", 400, "nested"),
+    (b'{"a": 1, "a": 2}', "application/json", 400, "twice"),
+    (b"[]", "application/json; charset=utf-8", 422, ""),
+    (b'{"depots": [], "what": 1}', "application/json", 422, "unknown key"),
+]
+
+
+def test_a_body_that_is_none_of_ours_is_refused(serve: Callable[..., Api]) -> None:
     """With 415 for another type, 400 for what is no JSON, 422 for what is no fleet."""
-    headers = {} if kind is None else {"Content-Type": kind}
-    answer = serve(tokens=True).ask("POST", "/v1/solve", "controller", body, headers)
-    assert answer.status == status
-    assert said in answer.json["detail"]
+    api = serve(tokens=True)
+    for body, kind, status, said in BODIES:
+        headers = {} if kind is None else {"Content-Type": kind}
+        answer = api.ask("POST", "/v1/solve", "controller", body, headers)
+        assert answer.status == status, body[:20]
+        assert said in answer.json["detail"], body[:20]
 
 
 def test_a_caller_that_asks_too_often_waits(serve: Callable[..., Api]) -> None:
@@ -109,6 +109,7 @@ def test_a_caller_that_asks_too_often_waits(serve: Callable[..., Api]) -> None:
     assert api.get("/healthz").status == 200
 
 
+@pytest.mark.slow
 def test_connections_are_bounded_and_silent_ones_end(
     serve: Callable[..., Api], monkeypatch: MONKEY
 ) -> None:

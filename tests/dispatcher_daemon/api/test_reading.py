@@ -58,6 +58,7 @@ def test_vehicles_show_position_plan_and_silence(serve: Callable[..., Api]) -> N
     assert api.get("/v1/vehicles/van-b").json == second
 
 
+@pytest.mark.slow
 def test_pages_follow_each_other_without_gaps(serve: Callable[..., Api]) -> None:
     """`next` of a page leads on to all vehicles, cycles and plans, each once."""
     api = serve()
