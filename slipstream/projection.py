@@ -1,9 +1,10 @@
-"""From latitude and longitude to a network's places, by the projection that its SUMO net names."""
+"""Latitude and longitude of a network's places, by the projection that its SUMO net names."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 _NONE: Final = ("", "!", "-")
@@ -28,17 +29,28 @@ class Projection:
         Raises:
             ValueError: the projection has no such point, or is none.
         """
-        # Imported here: only networks from maps have a projection.
-        import pyproj
-
-        try:
-            x, y = pyproj.Proj(self.parameter)(longitude, latitude)
-        except pyproj.exceptions.ProjError as error:
-            raise ValueError(f"not a projection: {self.parameter!r}") from error
+        x, y = _proj(self.parameter)(longitude, latitude)
         place = float(x) + self.offset_m[0], float(y) + self.offset_m[1]
         if not all(map(math.isfinite, place)):
             raise ValueError(f"no place at latitude {latitude:g}, longitude {longitude:g}")
         return place
+
+    def degrees(self, place_m: tuple[float, float]) -> tuple[float, float]:
+        """(latitude, longitude) of a place in the network, degrees (WGS 84)."""
+        x, y = place_m[0] - self.offset_m[0], place_m[1] - self.offset_m[1]
+        longitude, latitude = _proj(self.parameter)(x, y, inverse=True)
+        return float(latitude), float(longitude)
+
+
+@lru_cache
+def _proj(parameter: str) -> Any:
+    # Imported here: only networks from maps have a projection.
+    import pyproj
+
+    try:
+        return pyproj.Proj(parameter)
+    except pyproj.exceptions.ProjError as error:
+        raise ValueError(f"not a projection: {parameter!r}") from error
 
 
 def projection_of(net: Any) -> Projection | None:

@@ -13,7 +13,7 @@ from dispatcher_daemon.fleet.models import (
     Stop,
     Vehicle,
 )
-from dispatcher_daemon.fleet.places import MAX_SNAP_M, distances
+from dispatcher_daemon.fleet.places import MAX_SNAP_M, distances, located, with_unknown_nodes
 
 __all__ = [
     "DEMO_FLEET",
@@ -30,4 +30,6 @@ __all__ = [
     "distances",
     "fleet_from",
     "load_fleet",
+    "located",
+    "with_unknown_nodes",
 ]

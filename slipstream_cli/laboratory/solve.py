@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
+from slipstream_cli.laboratory import solve_vroom
 from slipstream_cli.laboratory.solve_missed import missed_rewards
 from slipstream_cli.laboratory.solve_quantum import (
     add_options,
@@ -95,6 +96,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument("--json", action="store_true", help="print the results as JSON")
     add_options(command)
+    solve_vroom.add_options(command)
     command.set_defaults(run=run)
 
 
@@ -109,6 +111,11 @@ def run(options: argparse.Namespace) -> int:
         rows = _published()
         print(json.dumps({"instances": rows}) if options.json else list_as_text(rows))
         return 0
+    if options.vroom is not None:
+        return solve_vroom.answer(options)
+    for name in solve_vroom.ONLY_FOR_IT:
+        if getattr(options, name):
+            raise InputError(f"--{name.replace('_', '-')}", "only for --vroom", "leave it out")
     if options.instance is None:
         raise InputError("solve", "no instance", "give --instance, see --list for names")
     if options.write is not None and options.write.suffix not in _ENDINGS:
