@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from dispatcher_daemon.vroom.model import (
     COST_UNITS,
     FOREVER,
     NO_WAY,
     PER_SECOND,
+    Ints,
     Kind,
     Matrices,
     Pause,
@@ -38,8 +41,10 @@ _METRE_UNITS: Final = COST_UNITS // 1000
 """Internal cost of a metre at one a kilometre."""
 _PER_HOUR: Final = 3600
 """Cost of an hour's travel where none is given: one a second."""
-_MAX_CELLS: Final = 30_000_000
+_MAX_CELLS: Final = 12_000_000
 """Of all profiles' matrices together: some hundred MB."""
+_MAX_SKILL_SETS: Final = 100
+"""Each is a load of its own in the search."""
 _MAX_COST: Final = 2**55
 """Internal, of a way: sums of some hundred ways stay exact."""
 
@@ -65,6 +70,10 @@ def build_problem(
     """
     size = len(request.vehicles[0].capacity)
     tasks = tuple(_tasks(request, row, size, source))
+    different = len({task.skills for task in tasks})
+    if different > _MAX_SKILL_SETS:
+        mend = f"give at most {_MAX_SKILL_SETS}"
+        raise InputError(source, f"{different} different sets of skills", mend, key="jobs.skills")
     ways: dict[object, Ways] = {}
     vans = []
     for number, spec in enumerate(request.vehicles):
@@ -191,12 +200,13 @@ def _ways(spec: Vehicle, matrices: Matrices, source: str) -> Ways:
         if spec.costs.per_km and metres is not None:
             cost = cost + _METRE_UNITS * spec.costs.per_km * metres
     blocked = seconds < 0
-    distance = None if metres is None else np.where(blocked, NO_WAY, metres).tolist()
-    return Ways(
-        np.where(blocked, NO_WAY, duration).tolist(),
-        distance,
-        np.where(blocked, NO_WAY, cost).tolist(),
-    )
+    distance = None if metres is None else _rows(metres, blocked)
+    return Ways(_rows(duration, blocked), distance, _rows(cost, blocked))
+
+
+def _rows(values: Ints, blocked: npt.NDArray[np.bool_]) -> list[array[int]]:
+    """Rows of whole numbers that Python reads quickly, at eight bytes each."""
+    return [array("q", row.tobytes()) for row in np.where(blocked, NO_WAY, values)]
 
 
 def windows_of(given: Iterable[Window] | None) -> Windows:

@@ -6,6 +6,7 @@ with that the earliest end, the latest start for it, and everything between as e
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -39,17 +40,23 @@ from slipstream.errors import InputError
 
 _END_WEIGHT = 10.0
 _START_WEIGHT = 5.0
+_MIN_S = 0.1
+_TIME_LIMIT = 1
+"""Status of a search that time ended."""
 
 
 def chosen_times(
-    problem: Problem, source: str
+    problem: Problem, ends: float, source: str
 ) -> tuple[list[Timetable], dict[int, list[Violations]]]:
     """(all described routes, by number of the vehicle what each step breaks, and the route's own
     last).
 
+    Args:
+        ends: when to be done, by the monotonic clock.
+
     Raises:
-        InputError: a route that cannot be driven, or hard times of steps that contradict each
-            other; see also `described`.
+        InputError: a route that cannot be driven, hard times of steps that contradict each other,
+            or none found in time; see also `described`.
     """
     routes, violations = [], {}
     for given in described(problem, source):
@@ -58,7 +65,11 @@ def chosen_times(
         key = f"vehicles.{given.van.spec.id}.steps"
         if max(travels(given.van, given.tasks)) >= NO_WAY:
             raise InputError(source, "no road leads between the steps", "mend them", key=key)
-        begins = _begins(given)
+        try:
+            begins = _begins(given, ends)
+        except TimeoutError:
+            problem_text = "no times found before the deadline"
+            raise InputError(source, problem_text, "give more time", key=key) from None
         if begins is None:
             mend = "mend service_at, service_after or service_before"
             raise InputError(source, "no times meet these constraints", mend, key=key)
@@ -86,8 +97,12 @@ class _Programme:
         """Add the row Σ terms ≥ low."""
         self.rows.append((terms, low))
 
-    def solve(self, costs: dict[int, float]) -> list[float] | None:
-        """The best values; None: there are none."""
+    def solve(self, costs: dict[int, float], ends: float) -> list[float] | None:
+        """The best values; None: there are none.
+
+        Raises:
+            TimeoutError: none were found in time.
+        """
         objective = np.zeros(len(self.bounds))
         for column, cost in costs.items():
             objective[column] = cost
@@ -102,11 +117,14 @@ class _Programme:
             constraints=LinearConstraint(
                 coo_array((v, (i, j)), shape=shape).tocsc(), [at for _, at in self.rows], np.inf
             ),
+            options={"time_limit": max(_MIN_S, ends - time.monotonic())},
         )
+        if found.x is None and found.status == _TIME_LIMIT:
+            raise TimeoutError
         return None if found.x is None else [float(x) for x in found.x]
 
 
-def _begins(given: GivenRoute) -> list[int] | None:
+def _begins(given: GivenRoute, ends: float) -> list[int] | None:
     """When each step begins, hundredths of a second; None: hard times contradict each other."""
     van, tasks = given.van, given.tasks
     whole: Windows = (van.window,)
@@ -127,7 +145,7 @@ def _begins(given: GivenRoute) -> list[int] | None:
         high = min((PER_SECOND * s - zero for s in (at, before) if s is not None), default=far)
         if high < max(low, 0):
             return None
-        time = programme.column(max(low, 0), high)
+        begin = programme.column(max(low, 0), high)
         early, late = programme.column(), programme.column()
         chosen = [programme.column(0, 1, binary=True) for _ in of] if len(of) > 1 else []
         if chosen:
@@ -136,10 +154,10 @@ def _begins(given: GivenRoute) -> list[int] | None:
         for number, (start, end) in enumerate(of):
             slack = {chosen[number]: -far} if chosen else {}
             by = far if chosen else 0.0
-            programme.at_least({time: 1, early: 1, **slack}, max(0, start - zero) - by)
+            programme.at_least({begin: 1, early: 1, **slack}, max(0, start - zero) - by)
             if end < FOREVER:
-                programme.at_least({time: -1, late: 1, **slack}, zero - end - by)
-        times.append(time)
+                programme.at_least({begin: -1, late: 1, **slack}, zero - end - by)
+        times.append(begin)
         outside += [early, late]
     places = [n for n, one in enumerate(given.of) if not isinstance(one, Pause)]
     durations = [0, *(sum(one) for one in worked)]
@@ -151,15 +169,19 @@ def _begins(given: GivenRoute) -> list[int] | None:
         lasts = [durations[number], *pauses]
         for (n, m), duration in zip(pairwise([a, *between, b]), lasts, strict=True):
             programme.at_least({times[m]: 1, times[n]: -1}, duration)
-    first = programme.solve(dict.fromkeys(outside, 1.0))
+    first = programme.solve(dict.fromkeys(outside, 1.0), ends)
     if first is None:
         return None
     least = round(sum(first[column] for column in outside))
     programme.at_least(dict.fromkeys(outside, -1.0), -float(least))
     soon = dict.fromkeys(times, 1.0 / len(times))
-    best = programme.solve(soon | {times[-1]: _END_WEIGHT, times[0]: -_START_WEIGHT})
+    weights = {times[-1]: _END_WEIGHT, times[0]: -_START_WEIGHT}
+    try:
+        best = programme.solve(soon | weights, ends)
+    except TimeoutError:
+        best = None
     found = first if best is None else best
-    return [round(found[time]) + zero for time in times]
+    return [round(found[begin]) + zero for begin in times]
 
 
 def _hard(step: VehicleStep) -> tuple[int | None, int | None, int | None]:

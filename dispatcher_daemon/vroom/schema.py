@@ -18,7 +18,7 @@ _Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 _Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Coordinates = tuple[_Longitude, _Latitude]
 _Amount = Annotated[tuple[_Whole, ...], Field(max_length=50)]
-_Matrix = Annotated[tuple[tuple[_Whole, ...], ...], Field(min_length=1, max_length=5000)]
+_Matrix = Annotated[tuple[tuple[_Whole, ...], ...], Field(min_length=1, max_length=3000)]
 _Skills = Annotated[tuple[_Whole, ...], Field(max_length=1000)]
 
 
@@ -172,7 +172,7 @@ class Request(Settings):
 
     jobs: tuple[Job, ...] = ()
     shipments: tuple[Shipment, ...] = ()
-    vehicles: Annotated[tuple[Vehicle, ...], Field(min_length=1)]
+    vehicles: Annotated[tuple[Vehicle, ...], Field(min_length=1, max_length=2000)]
     matrices: dict[str, ProfileMatrices] | None = None
     matrix: _Matrix | None = Field(
         default=None, description="Former form of the durations of profile car."

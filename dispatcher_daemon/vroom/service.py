@@ -88,7 +88,7 @@ def _answer(
         problem, ways = with_roads(request, engine, source)
     violations = None
     if choose_eta:
-        routes, violations = chosen_times(problem, source)
+        routes, violations = chosen_times(problem, ends, source)
         on_routes = {task.number for route in routes for task in route.tasks}
         missing = {
             task.number: "in no vehicle's steps"
@@ -117,8 +117,12 @@ def _solved(
     tasks = [task for task in problem.tasks if task.number not in missing]
     found = search(problem, tasks, left_s if exact else _SEARCH_SHARE * left_s, seed, start)
     found, left = repaired(problem, found, units, ends, seed, exact=exact)
-    timed = [timetable(problem.vans[number], found[number]) for number in sorted(found)]
-    return [route for route in timed if route is not None], missing | left
+    timed = []
+    for number in sorted(found):
+        route = timetable(problem.vans[number], found[number])
+        assert route is not None  # `repaired` gives sound routes only
+        timed.append(route)
+    return timed, missing | left
 
 
 def _is_exact(problem: Problem) -> bool:
@@ -131,7 +135,9 @@ def _is_exact(problem: Problem) -> bool:
         or (shipments and van.spec.max_tasks is not None)
         for van in problem.vans
     ) and not any(
-        (task.partner is not None and len(task.windows) > 1) or task.step.setup
+        (task.partner is not None and len(task.windows) > 1)
+        or task.step.setup
+        or task.step.setup_per_type
         for task in problem.tasks
     )
 

@@ -360,3 +360,24 @@ def decoded(text: str) -> list[tuple[float, float]]:
             bits = shift = 0
     sums = [list(itertools.accumulate(values[i::2])) for i in (0, 1)]
     return [(a / 1e5, b / 1e5) for a, b in zip(*sums, strict=True)]
+
+
+def test_a_search_may_start_from_described_routes_and_keeps_absolute_times() -> None:
+    """A shipment and a job with two windows on one route, by a clock of 1970; a vehicle without a
+    window leaves as late as it can.
+    """
+    pair = {"id": 1, "location_index": 2}, {"id": 1, "location_index": 3}
+    windows = [[1_600_000_000, 1_600_000_100], [1_600_009_000, 1_600_009_100]]
+    steps = [{"type": kind, "id": 1} for kind in ("pickup", "job", "delivery")]
+    vehicle = {"id": 7, "start_index": 0, "end_index": 0, "capacity": [1], "steps": steps}
+    data = request(
+        vehicles=[vehicle],
+        jobs=[{"id": 1, "location_index": 1, "time_windows": windows}],
+        shipments=[{"pickup": pair[0], "delivery": pair[1], "amount": [1]}],
+    )
+    (route,) = solved(data)["routes"]
+    assert route["cost"] == min(300 + 250 + 330 + 600, 420 + 330 + 480 + 310, 420 + 260 + 500 + 600)
+    assert any(within(s["arrival"], windows) for s in route["steps"] if s["type"] == "job")
+    assert route["waiting_time"] == 0
+    refused = solve_vroom(data | {"vehicles": [vehicle | {"steps": steps[2:]}]}, None, 5, 1)
+    assert "without its other step" in refused["error"]
