@@ -166,8 +166,15 @@ def read_data(path: Path) -> object:
     Raises:
         InputError: as `read_toml`, for JSON likewise; also a key that one object has twice.
     """
-    if path.suffix != ".json":
-        return read_toml(path)
+    return read_json(path) if path.suffix == ".json" else read_toml(path)
+
+
+def read_json(path: Path) -> object:
+    """Read a JSON file.
+
+    Raises:
+        InputError: as `read_data`.
+    """
     return _read(path, _parse_json, "JSON", "utf-8-sig", MAX_JSON_BYTES)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 _NONE: Final = ("", "!", "-")
@@ -29,7 +30,7 @@ class Projection:
         Raises:
             ValueError: the projection has no such point, or is none.
         """
-        x, y = self._proj()(longitude, latitude)
+        x, y = _proj(self.parameter)(longitude, latitude)
         place = float(x) + self.offset_m[0], float(y) + self.offset_m[1]
         if not all(map(math.isfinite, place)):
             raise ValueError(f"no place at latitude {latitude:g}, longitude {longitude:g}")
@@ -46,7 +47,7 @@ class Projection:
         """
         x, y = zip(*places_m, strict=True)
         dx, dy = self.offset_m
-        found = self._proj()([v - dx for v in x], [v - dy for v in y], inverse=True)
+        found = _proj(self.parameter)([v - dx for v in x], [v - dy for v in y], inverse=True)
         points = tuple(
             (float(latitude), float(longitude)) for longitude, latitude in zip(*found, strict=True)
         )
@@ -55,14 +56,16 @@ class Projection:
                 raise ValueError(f"no latitude and longitude at ({place[0]:g}, {place[1]:g}) m")
         return points
 
-    def _proj(self) -> Any:
-        # Imported here: only networks from maps have a projection.
-        import pyproj
 
-        try:
-            return pyproj.Proj(self.parameter)
-        except pyproj.exceptions.ProjError as error:
-            raise ValueError(f"not a projection: {self.parameter!r}") from error
+@lru_cache
+def _proj(parameter: str) -> Any:
+    # Imported here: only networks from maps have a projection.
+    import pyproj
+
+    try:
+        return pyproj.Proj(parameter)
+    except pyproj.exceptions.ProjError as error:
+        raise ValueError(f"not a projection: {parameter!r}") from error
 
 
 def projection_of(net: Any) -> Projection | None:

@@ -144,9 +144,14 @@ def _unservable(path: Path, roads: RoadNetwork) -> Mapping[str, str]:
 
 def _check_instance(path: Path, _: str) -> Mapping[str, str]:
     from dispatcher_daemon.planning import unservable
-    from research.instances.instance import load_instance
+    from research.instances.instance import instance_from
+    from research.instances.matrices import has_matrices, matrix_instance_from
 
-    instance = load_instance(path)
+    data = read_data(path)
+    if has_matrices(data):
+        matrix_instance_from(data, path)
+        return {}
+    instance = instance_from(data, path)
     return unservable(instance.problem, instance.snapshot)
 
 

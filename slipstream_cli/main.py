@@ -28,6 +28,7 @@ COMMANDS: Final = {
     "model": "laboratory.model",
     "robustness": "laboratory.robustness",
     "solve": "laboratory.solve",
+    "import": "laboratory.import_sets",
     "bench": "laboratory.bench",
     "evaluate": "laboratory.evaluate",
     "verify": "laboratory.verify",

@@ -13,7 +13,13 @@ from dispatcher_daemon.fleet.models import (
     Stop,
     Vehicle,
 )
-from dispatcher_daemon.fleet.places import MAX_SNAP_M, distances, snapper_of
+from dispatcher_daemon.fleet.places import (
+    MAX_SNAP_M,
+    distances,
+    located,
+    snapper_of,
+    with_unknown_nodes,
+)
 
 __all__ = [
     "DEMO_FLEET",
@@ -30,5 +36,7 @@ __all__ = [
     "distances",
     "fleet_from",
     "load_fleet",
+    "located",
     "snapper_of",
+    "with_unknown_nodes",
 ]

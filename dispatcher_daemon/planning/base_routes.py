@@ -31,7 +31,7 @@ from dispatcher_daemon.planning.pyvrp_search import (
     search_in_turn,
 )
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Travel
+from dispatcher_daemon.roads import Ways
 from dispatcher_daemon.settings import SearchSettings
 
 log = logging.getLogger(__name__)
@@ -68,7 +68,7 @@ class BaseRoutes:
 
 def base_routes(
     problem: RoutingProblem,
-    travel: Travel,
+    travel: Ways,
     stops: Sequence[str],
     settings: SearchSettings,
     executor: Executor,
@@ -139,7 +139,7 @@ class _Search:
     """
 
     def __init__(
-        self, problem: RoutingProblem, travel: Travel, settings: SearchSettings, executor: Executor
+        self, problem: RoutingProblem, travel: Ways, settings: SearchSettings, executor: Executor
     ) -> None:
         self._problem, self._travel = problem, travel
         self._settings, self._executor = settings, executor

@@ -17,7 +17,7 @@ import pyvrp
 
 from dispatcher_daemon.fleet import Stop, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Travel
+from dispatcher_daemon.roads import Ways
 from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh
 from slipstream.vehicle_types import RoutingProfile
 
@@ -47,7 +47,7 @@ class VrpModel:
     def __init__(
         self,
         problem: RoutingProblem,
-        travel: Travel,
+        travel: Ways,
         vehicles: Sequence[Vehicle],
         stops: Sequence[str],
     ) -> None:

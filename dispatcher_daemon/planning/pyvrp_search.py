@@ -101,7 +101,7 @@ def _search(
             seed=seed % 2**32,
             collect_stats=False,
             display=False,
-            params=_parameters(attempt),
+            params=search_parameters(attempt.penalty, long=attempt.is_long),
             initial_solution=begin,
         )
     cut = result.runtime >= limit_s
@@ -114,16 +114,15 @@ def _search(
     return Found(visits, result.cost()), cut
 
 
-def _parameters(attempt: Attempt) -> pyvrp.SolveParams:
+def search_parameters(penalty: pyvrp.PenaltyParams, *, long: bool) -> pyvrp.SolveParams:
     """Smaller steps than PyVRP's own, as they get further in seconds; a search with few iterations
     looks at fewer neighbours and accepts less (docs/results.md).
     """
-    long = attempt.is_long
     return pyvrp.SolveParams(
         ils=pyvrp.IteratedLocalSearchParams(
             history_length=300 if long else 100, exhaustive_on_best=long
         ),
-        penalty=attempt.penalty,
+        penalty=penalty,
         neighbourhood=NeighbourhoodParams(num_neighbours=50 if long else 20),
         perturbation=PerturbationParams(1, 10),
     )

@@ -22,6 +22,7 @@ from dispatcher_daemon.roads.travel import (
     leg_along,
     searched_again,
 )
+from dispatcher_daemon.roads.ways import Ways
 
 __all__ = [
     "Leg",
@@ -29,6 +30,7 @@ __all__ = [
     "Route",
     "RoutedArc",
     "Travel",
+    "Ways",
     "candidate_arcs",
     "fleet_travel",
     "lateness_by_window_s",

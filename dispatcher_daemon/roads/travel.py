@@ -19,7 +19,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.all_pairs import AllPairs
 from dispatcher_daemon.roads.arrays import Roads, roads_of
 from dispatcher_daemon.roads.routes import Leg, empty_leg
-from dispatcher_daemon.roads.weights import Floats, k_shortest_paths
+from dispatcher_daemon.roads.weights import Floats, Weights, k_shortest_paths
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.energy import drive_energy_kwh
@@ -82,6 +82,15 @@ class Travel:
     def energy_kwh(self) -> Floats:
         """Energy of the same paths, without discounts, inf where there is none, shape (n, n)."""
         (found,) = self._pairs.along(slice(None), (self.roads.costs.energy,))
+        np.fill_diagonal(found, 0.0)
+        return found
+
+    @cached_property
+    def distance_m(self) -> Floats:
+        """Length of the same paths, inf where there is none, shape (n, n)."""
+        length_m, turn = self.roads.length_m, self.roads.turn
+        whole = Weights(length_m[turn[0]], np.zeros_like(length_m), length_m, on_exit=True)
+        (found,) = self._pairs.along(slice(None), (whole,))
         np.fill_diagonal(found, 0.0)
         return found
 

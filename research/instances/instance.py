@@ -101,6 +101,9 @@ def instance_from(data: object, source: str | Path) -> Instance:
     Args:
         source: what errors name; the path of a SUMO net counts from its folder.
     """
+    if isinstance(data, Mapping) and "matrix" in data:
+        mend = "take `slipstream solve --instance`, or give a network"
+        raise InputError(source, "matrices instead of roads", mend, key="matrix")
     file = check(data, InstanceFile, source)
     network = network_of(file.network, file.name, source)
     check_fleet(file.fleet, network, source, "fleet.")

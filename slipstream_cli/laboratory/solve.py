@@ -9,7 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from slipstream.config import read_data
 from slipstream.errors import InputError
+from slipstream_cli.laboratory import solve_vroom
+from slipstream_cli.laboratory.solve_matrices import solve_matrices
 from slipstream_cli.laboratory.solve_missed import missed_rewards
 from slipstream_cli.laboratory.solve_quantum import (
     add_options,
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from dispatcher_daemon.formulations.qubo import QuboModel
     from dispatcher_daemon.plans import Form
     from research.instances.instance import Instance
+    from research.instances.matrices import MatrixInstance
 
 _ENDINGS = (".lp", ".mps", ".json", ".coo")
 _LARGEST_ARC_FLEET = 2
@@ -95,6 +99,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument("--json", action="store_true", help="print the results as JSON")
     add_options(command)
+    solve_vroom.add_options(command)
     command.set_defaults(run=run)
 
 
@@ -109,6 +114,11 @@ def run(options: argparse.Namespace) -> int:
         rows = _published()
         print(json.dumps({"instances": rows}) if options.json else list_as_text(rows))
         return 0
+    if options.vroom is not None:
+        return solve_vroom.answer(options)
+    for name in solve_vroom.ONLY_FOR_IT:
+        if getattr(options, name):
+            raise InputError(f"--{name.replace('_', '-')}", "only for --vroom", "leave it out")
     if options.instance is None:
         raise InputError("solve", "no instance", "give --instance, see --list for names")
     if options.write is not None and options.write.suffix not in _ENDINGS:
@@ -122,6 +132,9 @@ def _solve(options: argparse.Namespace) -> int:
     from dispatcher_daemon.formulations import build_model
     from research.instances import open_instance
 
+    matrices = _with_matrices(options.instance)
+    if matrices is not None:
+        return solve_matrices(options, matrices)
     names = options.solver or ([] if options.write else ["exact"])
     check_options(options, names)
     instance = open_instance(options.instance)
@@ -155,6 +168,18 @@ def _solve(options: argparse.Namespace) -> int:
         _run_solvers(names, options, form, model, instance, report)
     print(json.dumps(as_json(report)) if options.json else as_text(report))
     return 0 if not names or any(tried.candidate for tried in report.attempts) else 1
+
+
+def _with_matrices(reference: str) -> MatrixInstance | None:
+    """The instance, if it is a file with matrices instead of roads."""
+    from research.instances import instance_names
+    from research.instances.matrices import has_matrices, matrix_instance_from
+
+    path = Path(reference)
+    if reference in instance_names() or not path.suffix:
+        return None
+    data = read_data(path)
+    return matrix_instance_from(data, path) if has_matrices(data) else None
 
 
 def _form(options: argparse.Namespace, instance: Instance) -> Form:

@@ -1,0 +1,242 @@
+from __future__ import annotations
+
+import json
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dispatcher_daemon.settings import SearchSettings
+from research.instances.matrices import (
+    load_matrix_instance,
+    matrix_instance_from,
+    read_published,
+    search_matrix_instance,
+    write_matrix_instance,
+)
+from slipstream.errors import InputError
+from slipstream_cli.main import main
+
+VRP = """NAME : corners-n5-k2
+TYPE : CVRP
+DIMENSION : 5
+EDGE_WEIGHT_TYPE : EUC_2D
+CAPACITY : 2
+NODE_COORD_SECTION
+1 0 0
+2 10 10
+3 10 11
+4 -10 -10
+5 -10 -11
+DEMAND_SECTION
+1 0
+2 1
+3 1
+4 1
+5 1
+DEPOT_SECTION
+1
+-1
+EOF
+"""
+SOLOMON = """corners
+
+VEHICLE
+NUMBER     CAPACITY
+  3         2
+
+CUSTOMER
+CUST NO.  XCOORD.   YCOORD.    DEMAND   READY TIME  DUE DATE   SERVICE   TIME
+
+    0      0          0          0          0       200          0
+    1      10         10         1         30        40         10
+    2      10         11         1          0        20         10
+    3      -10        -10        1          0       200         10
+    4      -10        -11        1          0       200         10
+"""
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    """A file of a set."""
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def plain() -> dict[str, Any]:
+    """Two stops on explicit matrices, whose shortest way is not the one of least energy."""
+    return {
+        "format": "slipstream-instance/1",
+        "name": "two",
+        "fleet": {
+            "depots": [{"id": "yard", "node": "a"}],
+            "stops": [{"id": s, "node": s, "service_s": 5.0} for s in ("b", "c")],
+            "vehicles": [{"id": "v"}],
+        },
+        "matrix": {
+            "places": [{"id": name} for name in "abc"],
+            "distances_m": [[0, 1, 5], [5, 0, 1], [1, 5, 0]],
+            "energy_kwh": [[0, 9, 1], [1, 0, 9], [9, 1, 0]],
+        },
+    }
+
+
+def test_what_is_minimised_is_what_the_file_says() -> None:
+    """Energy where it is given; the file's word where it has one."""
+    for measure, order in (("distance", ("b", "c")), (None, ("c", "b"))):
+        data = plain()
+        if measure is not None:
+            data["matrix"]["minimise"] = measure
+        instance = matrix_instance_from(data, "two.json")
+        with ThreadPoolExecutor(1) as executor:
+            plan = search_matrix_instance(instance, SearchSettings(rounds=1), executor, 1)
+        assert plan.routes["v"] == order
+        assert plan.sums[instance.minimise] == 3
+        assert (plan.unserved, plan.faults) == ((), ())
+
+
+def test_the_sets_distances_are_rounded_as_they_say(tmp_path: Path) -> None:
+    """√200 and √221: to whole numbers in VRPLIB's files, cut to tenths in Solomon's; read back
+    from the instance file they are the same.
+    """
+    cvrp = read_published(written(tmp_path, "corners.vrp", VRP), "vrplib")
+    assert cvrp.measures["distance"][0].tolist() == [0, 14, 15, 14, 15]
+    assert not cvrp.measures["duration"].any()
+    assert len(cvrp.fleet.vehicles) == 4
+    solomon = read_published(written(tmp_path, "corners.txt", SOLOMON), "solomon")
+    assert solomon.measures["duration"][0].tolist() == [0, 14.1, 14.8, 14.1, 14.8]
+    assert solomon.fleet.vehicles[0].return_by_s == 200
+    write_matrix_instance(solomon, tmp_path / "out" / "corners.json")
+    assert load_matrix_instance(tmp_path / "out" / "corners.json") == solomon
+
+
+def test_an_explicit_matrix_is_read_from_its_lower_half(tmp_path: Path) -> None:
+    """Row by row, however its lines are broken."""
+    text = VRP.replace("EUC_2D", "EXPLICIT\nEDGE_WEIGHT_FORMAT : LOWER_ROW")
+    text = text.replace("EOF", "EDGE_WEIGHT_SECTION\n1 2 3\n4 5 6 7\n8 9 10\nEOF")
+    rows = read_published(written(tmp_path, "e.vrp", text), "vrplib").measures["distance"]
+    assert rows.tolist()[4] == [7, 8, 9, 10, 0]
+    assert (rows == rows.T).all()
+
+
+def test_thousand_stops_load(tmp_path: Path) -> None:
+    """As many as the largest instance of the set X, from coordinates and from a matrix."""
+    size = 1001
+    data = plain()
+    data["fleet"]["stops"] = [{"id": f"s{i}", "node": f"{i}"} for i in range(1, size)]
+    data["fleet"]["depots"] = [{"id": "yard", "node": "0"}]
+    places = [{"id": f"{i}", "x_m": float(i * 7919 % 1000), "y_m": float(i)} for i in range(size)]
+    data["matrix"] = {"places": places, "euclidean": "nearest"}
+    made = matrix_instance_from(data, "large.json")
+    explicit = made.measures["distance"].astype(int).tolist()
+    data["matrix"] = {"places": places, "distances_m": explicit}
+    (tmp_path / "large.json").write_text(json.dumps(data, separators=(",", ":")))
+    loaded = load_matrix_instance(tmp_path / "large.json")
+    assert (loaded.measures["distance"] == made.measures["distance"]).all()
+
+
+@pytest.mark.process
+def test_an_import_is_solved_with_the_sets_own_cost_and_the_gap(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both corners are 2 · (14 + 1 + 15) = 60, and the best known is said to be 50. With windows,
+    the stop at (10, 11) comes first.
+    """
+    source = written(tmp_path, "corners.vrp", VRP)
+    written(tmp_path, "corners.sol", "Route #1: 1 2\nCost 50\n")
+    assert main(["import", "vrplib", str(source), "--out", str(tmp_path / "out")]) == 0
+    instance = str(tmp_path / "out" / "corners.json")
+    assert main(["check", instance]) == 0
+    capsys.readouterr()
+    assert main(["solve", "--instance", instance, "--deadline", "5"]) == 0
+    told = capsys.readouterr().out
+    assert "60 m (distance, nearest: the set's own cost), 2 vehicles, 0 unserved" in told
+    assert "best known: 50 (corners.sol), 20.00 % above it" in told
+    source = written(tmp_path, "windows.txt", SOLOMON)
+    assert main(["import", "solomon", str(source), "--out", str(tmp_path / "out")]) == 0
+    instance = str(tmp_path / "out" / "windows.json")
+    assert main(["solve", "--instance", instance, "--deadline", "5", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out.partition("\n")[2])
+    assert ["2", "1"] in found["routes"].values()
+    assert found["cost"] == pytest.approx(2 * (14.1 + 1 + 14.8))
+
+
+@pytest.mark.parametrize(
+    ("text", "form", "named"),
+    [
+        (VRP.replace("4 -10 -10", "4 -10 x"), "vrplib", "line 10: 'x' is not a number"),
+        (VRP.replace("5 1\nDEPOT", "DEPOT"), "vrplib", "DEMAND_SECTION: 4 rows, of 5 places"),
+        (VRP.replace("TYPE : CVRP", "TYPE : HCVRP"), "vrplib", "TYPE: a problem of type HCVRP"),
+        (VRP.replace("EUC_2D", "GEO"), "vrplib", "EDGE_WEIGHT_TYPE: distances of type GEO"),
+        ("DISTANCE : 200\n" + VRP, "vrplib", "line 1: DISTANCE is not supported"),
+        ("BACKHAUL_SECTION\n" + VRP, "vrplib", "line 1: BACKHAUL_SECTION is not supported"),
+        (VRP.replace("CAPACITY : 2", "CAPACITY : 2.5"), "vrplib", "CAPACITY: 2.5 is not a whole"),
+        (SOLOMON.replace("CUSTOMER", "CLIENT"), "solomon", "not Solomon's format"),
+        (SOLOMON.replace("30        40", "30"), "solomon", "line 11: 6 numbers"),
+        (SOLOMON.replace("30        40", "50        40"), "solomon", "latest_s (40) must not be"),
+        ("", "solomon", "not Solomon's format"),
+    ],
+)
+def test_a_faulty_file_of_a_set_is_one_line(
+    tmp_path: Path, text: str, form: Any, named: str
+) -> None:
+    """With the line or key, and the mend."""
+    with pytest.raises(InputError) as caught:
+        read_published(written(tmp_path, "faulty.vrp", text), form)
+    assert named in str(caught.value)
+
+
+def test_a_huge_file_of_a_set_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    """100 MB, by its size."""
+    path = tmp_path / "huge.vrp"
+    with path.open("wb") as file:
+        file.truncate(100_000_000)
+    with pytest.raises(InputError, match="larger than 20 MB"):
+        read_published(path, "vrplib")
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from((VRP, SOLOMON)), st.data())
+def test_no_text_ends_in_anything_but_an_instance_or_one_line(
+    text: str, data: st.DataObject
+) -> None:
+    """Lines dropped, doubled and with a word replaced."""
+    lines = text.splitlines()
+    words = st.sampled_from(("-1", "1e400", "nan", "9" * 400, "x", ":", "1 : 2", "0 0", "", "1.5"))
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(lines) - 1))
+        parts = lines[at].split() or [""]
+        parts[data.draw(st.integers(0, len(parts) - 1))] = data.draw(words)
+        changed = " ".join(parts)
+        lines[at : at + 1] = data.draw(st.sampled_from(([changed], ["", changed], [lines[at]] * 2)))
+    with tempfile.TemporaryDirectory() as folder:
+        path = written(Path(folder), "any.vrp", "\n".join(lines))
+        told = ""
+        try:
+            read_published(path, "vrplib" if text == VRP else "solomon")
+        except InputError as error:
+            told = str(error)
+    assert len(told.splitlines()) <= 1
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"distances_m": [[0, 1], [1, 0]]}, "has to have 3 rows of 3"),
+        ({"euclidean": "none"}, "euclidean or distances_m, not both"),
+        ({"minimise": "duration"}, "minimise is duration, which is not given"),
+        ({"places": [{"id": "a"}, {"id": "b"}, {"id": "b"}]}, "two places with this id"),
+        ({"places": [{"id": "a"}, {"id": "b"}, {"id": "x"}]}, "fleet.stops.c"),
+    ],
+)
+def test_faulty_matrices_are_refused_by_name(change: dict[str, Any], named: str) -> None:
+    """Sizes, contradictions, and names that fit nothing."""
+    data = plain()
+    data["matrix"] |= change
+    with pytest.raises(InputError) as caught:
+        matrix_instance_from(data, "two.json")
+    assert named in str(caught.value)
