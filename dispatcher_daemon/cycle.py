@@ -70,7 +70,7 @@ def run_cycle(
     Args:
         solve: runs solvers by name, within the deadline, without raising.
         executor: for the search of the route form's base routes; None: this thread.
-        clock: seconds, for the report's wall time only.
+        clock: seconds; the deadline of the route form and the report's wall time count by it.
 
     Returns:
         The best verified plans of the solvers that answered; the baseline's if none did; a report
@@ -85,9 +85,9 @@ def run_cycle(
         arcs, judged = form.arcs, form.judged
     elif executor is None:
         with ThreadPoolExecutor(max_workers=1) as thread:
-            found = route_cycle(cycle, solve, thread)
+            found = route_cycle(cycle, solve, thread, clock)
     else:
-        found = route_cycle(cycle, solve, executor)
+        found = route_cycle(cycle, solve, executor, clock)
     chosen, status, reason = _choose(found)
     energy = None
     carriers: tuple[CarrierSummary, ...] = ()

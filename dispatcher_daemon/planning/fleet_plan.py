@@ -104,7 +104,7 @@ def plan_fleet(
     cycle, travel, missing = servable(whole, travel)
     stage("roads")
     search = limited(settings.search, settings.base_share)
-    routes = first_routes(cycle, travel, missing, search, executor)
+    routes = first_routes(cycle, travel, missing, search, executor, clock)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     stage("base")
     first = initial_plans(cycle, travel, routes.stops, missing, lambda: clock() < ends)
@@ -120,7 +120,9 @@ def plan_fleet(
         if part is not None:
             discounted = first.planner.travels[1]
             left = stops_but(part, missing)
-            second = base_routes(part, discounted, left, search, executor, seed + 1, routes.stops)
+            second = base_routes(
+                part, discounted, left, search, executor, seed + 1, routes.stops, clock
+            )
             timed_out |= second.timed_out
             if not second.unassigned:
                 descent.adopt(routes.stops | second.stops, seed, ends, clock)
@@ -192,13 +194,14 @@ def first_routes(
     missing: Collection[str],
     search: SearchSettings,
     executor: Executor,
+    clock: Callable[[], float] = time.monotonic,
 ) -> BaseRoutes:
     """Routes of the free vehicles by a search, and of the bound ones in their best order."""
     bound, part = bound_routes(cycle, travel), unbound(cycle)
     if part is None:
         return BaseRoutes(bound, (), False)
     stops = stops_but(part, missing)
-    routes = base_routes(part, travel, stops, search, executor, cycle.seed, cycle.start)
+    routes = base_routes(part, travel, stops, search, executor, cycle.seed, cycle.start, clock)
     return replace(routes, stops=bound | routes.stops)
 
 
