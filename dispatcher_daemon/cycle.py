@@ -12,15 +12,22 @@ import numpy as np
 
 from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form, arc_form_obstacle
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.planning import route_cycle, servable_part
+from dispatcher_daemon.planning import (
+    RefusedPlatoon,
+    refused_platoons,
+    route_cycle,
+    servable_part,
+)
 from dispatcher_daemon.plans import (
     Candidate,
     Cycle,
     FormResult,
     Refusal,
     RouteEnergy,
+    VehicleAccount,
     plans_to_send,
     summarise,
+    vehicle_accounts,
 )
 from dispatcher_daemon.platooning import JudgedPair, Passage, Place
 from dispatcher_daemon.roads import RoutedArc
@@ -47,6 +54,8 @@ class CycleResult:
         judged: every pair of arcs that share a watched segment, and why it platoons or not.
         stops: by vehicle, of the route form's plan; the next cycle's search starts from them.
         joined: places of vehicles on the road in platoons with vehicles of these plans.
+        accounts: what each vehicle does, alone and in the baseline too; none without a baseline.
+        refused: platoons that the plans do not have, and why not.
     """
 
     report: CycleReport
@@ -55,6 +64,8 @@ class CycleResult:
     judged: tuple[JudgedPair, ...] = ()
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joined: Mapping[Passage, Place] = field(default_factory=dict)
+    accounts: tuple[VehicleAccount, ...] = ()
+    refused: tuple[RefusedPlatoon, ...] = ()
 
 
 def run_cycle(
@@ -91,11 +102,14 @@ def run_cycle(
     chosen, status, reason = _choose(found)
     energy = None
     carriers: tuple[CarrierSummary, ...] = ()
+    accounts: tuple[VehicleAccount, ...] = ()
     if chosen is not None and isinstance(found.baseline, Candidate):
         name = f"{found.baseline_solver}, without platooning"
         price_kw = cycle.problem.price_of_time_kw
         energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
         carriers = _by_carrier(cycle.problem.fleet, found.baseline, chosen)
+        accounts = vehicle_accounts(cycle.problem, chosen, found.baseline)
+    refused = () if chosen is None else refused_platoons(cycle, chosen)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings
@@ -119,7 +133,7 @@ def run_cycle(
         }
     )
     joined = {} if chosen is None else chosen.joined
-    return CycleResult(report, plans, arcs, judged, found.stops, joined)
+    return CycleResult(report, plans, arcs, judged, found.stops, joined, accounts, refused)
 
 
 def _by_carrier(fleet: Fleet, baseline: Candidate, chosen: Candidate) -> tuple[CarrierSummary, ...]:

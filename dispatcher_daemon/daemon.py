@@ -11,13 +11,14 @@ from contextlib import ExitStack
 from typing import Protocol
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
+from dispatcher_daemon.cycle import CycleResult, cycle_seed, form_of, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
+from dispatcher_daemon.replay import InputEncoder, Recorder
 from dispatcher_daemon.reports import error_text, failed_report, idle_report
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
@@ -48,6 +49,7 @@ from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
+from storage import CycleInputs
 
 log = logging.getLogger(__name__)
 
@@ -123,6 +125,7 @@ class Dispatcher:
         self._cycle_publisher = bus.publisher(CYCLE_KEY)
         self._health_publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._cycle = store.next_cycle_number()
+        self._inputs = InputEncoder()
         self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._storage_fault = False
         self.stopping = threading.Event()
@@ -183,6 +186,7 @@ class Dispatcher:
         plans: tuple[VehiclePlan, ...] = ()
         states: tuple[SegmentState, ...] = ()
         problem: RoutingProblem | None = None
+        made_from: CycleInputs | None = None
         reference_s = self._settings.deadline_s
         if self._job_manager is not None:
             self._job_manager.begin_cycle(number)
@@ -220,9 +224,11 @@ class Dispatcher:
                     commitments=situation.commitments,
                     on_road=situation.on_road,
                 )
-                result = run_cycle(cycle, self._solve, self._executor)
+                with Recorder(self._solve, self._executor) as recorder:
+                    result = run_cycle(cycle, recorder.solve, recorder.executor, recorder.clock)
                 report, plans = result.report, result.plans
                 self._stops = result.stops
+                made_from = self._made_from(cycle, recorder, result)
         except InputError as error:
             self._warn("input", f"cycle {number} failed: {error}")
             report = failed_report(number, now_ns, time.monotonic() - began, str(error)[:500])
@@ -236,7 +242,7 @@ class Dispatcher:
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
             told = report.model_copy(update={"plans": len(admitted)})
-            self._store.record_cycle(told, admitted, states, records)
+            self._store.record_cycle(told, admitted, states, records, made_from)
 
         try:
             stops = {} if problem is None else problem.fleet.stop_by_id
@@ -251,6 +257,17 @@ class Dispatcher:
         self._cycle_publisher.put(report)
         self._count(report)
         self._pruner.after_cycle(now_ns)
+
+    def _made_from(
+        self, cycle: Cycle, recorder: Recorder, result: CycleResult
+    ) -> CycleInputs | None:
+        """The inputs of a cycle, to be stored with it; a fault here does not cost its plans."""
+        try:
+            return self._inputs.encode(cycle, recorder.trace(), result)
+        except Exception as error:
+            if self._limiter.allow("inputs"):
+                log.exception("the inputs of cycle %d are not stored: %s", cycle.number, error)
+            return None
 
     def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
         """The problem of a cycle's fleet; None: nothing to dispatch."""

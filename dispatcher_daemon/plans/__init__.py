@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dispatcher_daemon.plans.accounts import VehicleAccount, vehicle_accounts
 from dispatcher_daemon.plans.candidates import (
     Attempt,
     Candidate,
@@ -25,10 +26,12 @@ __all__ = [
     "Gains",
     "Refusal",
     "RouteEnergy",
+    "VehicleAccount",
     "attempt",
     "plans_to_send",
     "route_energy",
     "solver_report",
     "summarise",
+    "vehicle_accounts",
     "verify_plans",
 ]
