@@ -33,6 +33,8 @@ COMMANDS: Final = {
     "verify": "laboratory.verify",
     "resources": "laboratory.resources",
     "orders": "orders",
+    "explain": "explain",
+    "replay": "replay",
     "db": "db",
 }
 """Module by sub-command, in the order of the help."""

@@ -62,7 +62,8 @@ def _account(
     own: tuple[Route, RouteEnergy] | None,
     base: tuple[Route, RouteEnergy] | None,
 ) -> VehicleAccount:
-    stops, kwh, alone_kwh, driving_s, platooned_m, waiting_s = (), 0.0, 0.0, 0.0, 0.0, 0.0
+    stops: tuple[str, ...] = ()
+    kwh = alone_kwh = driving_s = platooned_m = waiting_s = 0.0
     if own is not None:
         route, energy = own
         stops = _stops(problem, route)

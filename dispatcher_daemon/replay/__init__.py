@@ -8,6 +8,7 @@ from dispatcher_daemon.replay.inputs import (
     InputEncoder,
     cycle_record,
     restored_cycle,
+    restored_settings,
     versions,
 )
 from dispatcher_daemon.replay.trace import Recorder, Trace
@@ -21,5 +22,6 @@ __all__ = [
     "cycle_record",
     "replayed",
     "restored_cycle",
+    "restored_settings",
     "versions",
 ]

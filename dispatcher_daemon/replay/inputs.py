@@ -161,7 +161,7 @@ def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
     try:
         parts = {name: json.loads(part.content) for name, part in inputs.parts.items()}
         network = network_from(parts["network"])
-        settings = DispatcherSettings.model_validate(parts["settings"])
+        settings = restored_settings(inputs)
         fleet = fleet_from_parts(parts)
         snapshot = take_snapshot(
             network,
@@ -189,6 +189,17 @@ def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"its inputs cannot be read: {error!r}") from None
+
+
+def restored_settings(inputs: CycleInputs) -> DispatcherSettings:
+    """The settings that a cycle was planned by; those that no plan depends on are the defaults.
+
+    Raises:
+        ValueError: they cannot be read by this version.
+    """
+    if "settings" not in inputs.parts:
+        raise ValueError("its inputs cannot be read: they have no settings")
+    return DispatcherSettings.model_validate(json.loads(inputs.parts["settings"].content))
 
 
 def versions() -> dict[str, str]:

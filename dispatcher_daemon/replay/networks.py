@@ -80,8 +80,9 @@ def _segment_from(
 ) -> Segment:
     who = OPEN
     if access is not None:
-        classes, limits, speeds = access
-        who = Access(None if classes is None else frozenset(classes), *limits, dict(speeds))
+        classes, (height_m, width_m, longest_m, mass_kg), speeds = access
+        admitted = None if classes is None else frozenset(classes)
+        who = Access(admitted, height_m, width_m, longest_m, mass_kg, dict(speeds))
     points = tuple((x, y) for x, y in shape)
     return Segment(name, start, end, length_m, speed_limit_mps, lanes, points, who)
 

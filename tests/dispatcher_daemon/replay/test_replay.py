@@ -27,7 +27,12 @@ from dispatcher_daemon.replay import (
     restored_cycle,
 )
 from dispatcher_daemon.reports import failed_report
-from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
+from dispatcher_daemon.settings import (
+    CitySettings,
+    DispatcherSettings,
+    LcQaoaSettings,
+    SearchSettings,
+)
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import Solve, solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
@@ -150,7 +155,7 @@ def test_the_demo_fleet_s_cycle_is_made_again_the_same(
     tmp_path: Path, demo: RoutingProblem, state: State
 ) -> None:
     """With its default solvers; with a stop less it is another plan, and the differences say so."""
-    settings = DispatcherSettings()
+    settings = DispatcherSettings(lc_qaoa=LcQaoaSettings(shots=512))
     states = [state("avenue_east", 1), state("avenue_west", 1)]
     cycle = stored(tmp_path, demo.network, demo.fleet, settings, states)
     found = again(cycle, settings)
@@ -182,7 +187,7 @@ def with_search(**changes: object) -> DispatcherSettings:
     ("settings", "solver", "note"),
     [
         (CITY, ExactSolver(), None),
-        (with_search(time_limit_s=0.2, iterations_per_stop=5000), ExactSolver(), "were ended by"),
+        (with_search(time_limit_s=0.1, iterations_per_stop=5000), ExactSolver(), "were ended by"),
         (CITY, Hasty(), "taken as recorded"),
     ],
     ids=["in time", "search ended by time", "solver ended by time"],
@@ -193,7 +198,7 @@ def test_a_city_s_cycle_is_made_again_the_same_whatever_time_has_ended(
     """Searches are repeated by number, and answers that time ended are kept; another cycle that
     starts from the first one's routes is no different.
     """
-    problem, states = city(1, 12, 36, 160, state)
+    problem, states = city(1, 8, 24, 100, state)
     solve = solve_in_process([solver])
     cycle = stored(tmp_path, problem.network, problem.fleet, settings, states, solve, cycles=2)
     found = again(cycle, settings)
