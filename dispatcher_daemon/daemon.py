@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import ExitStack
-from typing import Protocol
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import CycleResult, cycle_seed, form_of, run_cycle
@@ -21,12 +21,17 @@ from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.replay import InputEncoder, Recorder
 from dispatcher_daemon.reports import error_text, failed_report, idle_report
 from dispatcher_daemon.schedule import CycleScheduler
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
-from dispatcher_daemon.store import CyclePruner, CycleStore, open_checked_database
+from dispatcher_daemon.store import (
+    CyclePruner,
+    CycleStore,
+    database_fault,
+    open_checked_database,
+)
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
@@ -45,11 +50,14 @@ from slipstream.messages import (
     plan_key,
     state_key,
 )
-from slipstream.orders import FleetRecords
+from slipstream.orders import FleetRecords, OrderChange
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
-from storage import CycleInputs
+from storage import CycleInputs, Reader, open_reader
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.api import ApiServer, Services
 
 log = logging.getLogger(__name__)
 
@@ -74,6 +82,23 @@ class MessageBus(Protocol):
         ...
 
 
+class Announce(Protocol):
+    """Tells callers of the API what has happened."""
+
+    def __call__(
+        self,
+        kind: Literal["plan", "state", "cycle", "order"],
+        value: Message | OrderChange,
+        /,
+    ) -> None:
+        """Tell."""
+        ...
+
+
+def _announce_nothing(kind: str, value: Message | OrderChange, /) -> None:
+    """Without an API nobody listens."""
+
+
 class Dispatcher:
     """The running dispatcher. The bus's thread delivers states, the scheduler's runs cycles.
 
@@ -88,6 +113,7 @@ class Dispatcher:
         job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
         records: orders, plans and vehicles of the run before.
+        announce: told of accepted states, and of what was stored; it does not wait.
     """
 
     def __init__(
@@ -102,7 +128,9 @@ class Dispatcher:
         job_manager: JobManager | None = None,
         fleet_file: FleetFile | None = None,
         records: FleetRecords | None = None,
+        announce: Announce = _announce_nothing,
     ) -> None:
+        self._announce = announce
         self._executor = executor
         self._job_manager = job_manager
         self._stops: Mapping[str, tuple[str, ...]] = {}
@@ -113,7 +141,7 @@ class Dispatcher:
         self._bus = bus
         self._store = store
         self._solve = solve if job_manager is None else job_manager
-        self._latest_states = LatestStates(
+        self.latest_states = LatestStates(
             network,
             rsus=settings.rsus,
             stale_after_s=settings.stale_after_s,
@@ -150,8 +178,10 @@ class Dispatcher:
             self._refuse(error)
             return
         self.states_received += 1
-        verdict = self._latest_states.accept(state, time.time_ns())
+        verdict = self.latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
+        if verdict is Verdict.ACCEPTED:
+            self._announce("state", state)
         if verdict not in HARMLESS:
             self.states_refused += 1
             what = verdict.value.replace("_", " ")
@@ -193,7 +223,7 @@ class Dispatcher:
         try:
             snapshot = take_snapshot(
                 self._network,
-                self._latest_states.latest(),
+                self.latest_states.latest(),
                 now_ns,
                 stale_after_s=self._settings.stale_after_s,
                 future_tolerance_s=self._settings.future_tolerance_s,
@@ -239,10 +269,13 @@ class Dispatcher:
             log.info("cycle %d abandoned: stopping", number)
             return
         self._cycle += 1
+        changes: tuple[OrderChange, ...] = ()
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
+            nonlocal changes
             told = report.model_copy(update={"plans": len(admitted)})
             self._store.record_cycle(told, admitted, states, records, made_from)
+            changes = records.changes
 
         try:
             stops = {} if problem is None else problem.fleet.stop_by_id
@@ -255,6 +288,11 @@ class Dispatcher:
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
+        for change in changes:
+            self._announce("order", change)
+        for plan in plans:
+            self._announce("plan", plan)
+        self._announce("cycle", report)
         self._count(report)
         self._pruner.after_cycle(now_ns)
 
@@ -387,11 +425,57 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         service.progress(f"{dispatcher.cycles} cycles")
 
 
+@contextmanager
+def _open_api(settings: ApiSettings) -> Iterator[ApiServer | None]:
+    """The API's server, which does not serve yet; None: the settings want none."""
+    if settings.port == 0:
+        yield None
+        return
+    # The web framework takes half a second to import.
+    from dispatcher_daemon.api import ApiServer
+
+    with ApiServer(settings.port, settings.tokens) as server:
+        yield server
+
+
+def _services(
+    settings: DispatcherSettings,
+    network: RoadNetwork,
+    dispatcher: Dispatcher,
+    scheduler: CycleScheduler,
+    bus: Bus,
+    reader: Reader,
+    api: ApiServer,
+) -> Services:
+    from dispatcher_daemon.api import Services
+
+    def has_cycle() -> bool:
+        return dispatcher.cycles > 0 or scheduler.next_run_ns is not None
+
+    return Services(
+        settings=settings,
+        network=network,
+        fleet=dispatcher.fleet_watch,
+        states=dispatcher.latest_states,
+        reader=reader,
+        events=api.events,
+        solve_jobs=api.solve_jobs,
+        is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
+        checks={
+            "database": lambda: database_fault(reader),
+            "bus": lambda: None if bus.is_connected else "no router answers",
+            "network": lambda: None if network.segments else "it has no segment",
+            "cycle": lambda: None if has_cycle() else "none has run, and none is scheduled",
+        },
+    )
+
+
 def run_dispatcher(settings: DispatcherSettings) -> None:
     """Run until SIGTERM or SIGINT.
 
     Raises:
-        InputError: the network, list of RSUs, fleet, database, bus or metrics port cannot be used.
+        InputError: the network, list of RSUs, fleet, database, bus, API's or metrics
+            port, or file of tokens cannot be used.
     """
     configure_logging("dispatcher", settings.service.log_level)
     # The scheduler's own faults are counted and logged by CycleScheduler.
@@ -410,6 +494,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
+        _open_api(settings.api) as api,
         open_checked_database(settings.database_url) as database,
         Bus.open(settings.bus) as bus,
         SolverPool(configured_solvers(settings), workers) as pool,
@@ -436,6 +521,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             job_manager,
             fleet_file,
             records,
+            _announce_nothing if api is None else api.events.publish,
         )
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
@@ -446,11 +532,17 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
         )
         scheduler.start()
+        if api is not None:
+            reader = stack.enter_context(open_reader(settings.database_url))
+            api.start(_services(settings, network, dispatcher, scheduler, bus, reader, api))
+            log.info("API on http://127.0.0.1:%d", api.port)
         service.ready()
         try:
             while not service.wait(HEALTH_EVERY_S):
                 check_health(dispatcher, scheduler, service)
         finally:
+            if api is not None:
+                api.close()
             # Workers first: a cycle that waits for them must not hold up the end.
             dispatcher.stopping.set()
             pool.close()

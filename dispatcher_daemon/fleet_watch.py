@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import Final, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
-from dispatcher_daemon.tracking import FleetTracker, Situation
-from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.tracking import FleetTracker, Situation, TrackedVehicle
+from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -30,6 +30,7 @@ from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
+_COPY_WITHIN_S: Final = 0.1
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
 
@@ -41,6 +42,39 @@ class Subscriber(Protocol):
     ) -> None:
         """Call a handler for samples."""
         ...
+
+
+@dataclass(frozen=True)
+class FleetCopy:
+    """The tracked vehicles at one moment.
+
+    Attributes:
+        time_ns: the moment, UTC.
+        vehicles: by id, which they are sorted by; nobody changes them any more.
+    """
+
+    time_ns: int
+    vehicles: Mapping[str, TrackedVehicle]
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What was learned of an hour of the day.
+
+    Attributes:
+        usual_mps: speeds of segments that were seen often enough.
+        open_shares: of the states that opened a segment's gate.
+        expected: costs of movements; None: too little is known.
+    """
+
+    usual_mps: Mapping[str, float]
+    open_shares: Mapping[str, float]
+    expected: Expectations | None
+
+    def onto(self, snapshot: TrafficSnapshot) -> TrafficSnapshot:
+        """A cycle's traffic with it."""
+        usual = snapshot.at_usual_speeds(self.usual_mps).with_usual_gates(self.open_shares)
+        return replace(usual, expected=self.expected)
 
 
 class FleetWatch:
@@ -67,6 +101,8 @@ class FleetWatch:
         self._usual = UsualTraffic(network, records.speeds)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
+        self._copy = FleetCopy(started_ns, {})
+        self.vehicles()
 
     def on_position(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_POSITIONS`."""
@@ -149,13 +185,32 @@ class FleetWatch:
         driven enough.
         """
         with self._lock:
-            hour = snapshot.now_ns // HOUR_NS % HOURS
-            self._usual.on_traffic(snapshot, hour)
-            usual_mps, opened = self._usual.speeds_mps(hour), self._usual.open_shares(hour)
+            self._usual.on_traffic(snapshot, snapshot.now_ns // HOUR_NS % HOURS)
             self._costs.count()
-            expected = self._costs.expectations(snapshot.now_ns, usual_mps)
-        usual = snapshot.at_usual_speeds(usual_mps).with_usual_gates(opened)
-        return replace(usual, expected=expected)
+            learned = self._learned(snapshot.now_ns)
+        return learned.onto(snapshot)
+
+    def learned(self, now_ns: int) -> Learned:
+        """What was learned until now, which nothing is added to."""
+        with self._lock:
+            return self._learned(now_ns)
+
+    def _learned(self, now_ns: int) -> Learned:
+        hour = now_ns // HOUR_NS % HOURS
+        usual_mps = self._usual.speeds_mps(hour)
+        expected = self._costs.expectations(now_ns, usual_mps)
+        return Learned(usual_mps, self._usual.open_shares(hour), expected)
+
+    def vehicles(self) -> FleetCopy:
+        """The vehicles now; while a cycle is being stored, as they were before that."""
+        if self._lock.acquire(timeout=_COPY_WITHIN_S):
+            try:
+                tracked = self._tracker.vehicles
+                copies = {name: replace(tracked[name]) for name in sorted(tracked)}
+                self._copy = FleetCopy(self._clock(), copies)
+            finally:
+                self._lock.release()
+        return self._copy
 
     def store_all(self) -> None:
         """The next cycle stores the whole fleet: the database is another one."""

@@ -59,3 +59,13 @@ QUANTUM_BREAKER = Gauge(
 QUANTUM_FAULTS = Counter(
     "slipstream_dispatcher_quantum_faults", "Faults of the quantum device's service.", ["kind"]
 )
+API_REQUESTS = Counter(
+    "slipstream_dispatcher_api_requests", "Answers of the HTTP API, by status.", ["status"]
+)
+API_FAILURES = Counter(
+    "slipstream_dispatcher_api_failures", "Times that the HTTP API went down and was started anew."
+)
+API_STREAMS = Gauge("slipstream_dispatcher_api_streams", "Event streams that are open.")
+API_STREAMS_DROPPED = Counter(
+    "slipstream_dispatcher_api_streams_dropped", "Event streams of clients that read too slowly."
+)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -396,6 +397,20 @@ class PriceSettings(Settings):
         return self.waiting_hour / self.energy_kwh
 
 
+class ApiSettings(Settings):
+    """The HTTP API on 127.0.0.1 (`[api]`), see docs/api.md."""
+
+    port: int = Field(
+        default=0, ge=0, le=65535, description="Port on 127.0.0.1; 0: the API is not served."
+    )
+    tokens: Path | None = Field(
+        default=None,
+        description="File of bearer tokens, see `slipstream token new`; a plain name is first "
+        "looked for among systemd's credentials. Without it only callers of this machine are "
+        "served, and they may only read.",
+    )
+
+
 class DispatcherSettings(Settings):
     """All settings of the dispatcher; the defaults run the built-in demo."""
 
@@ -403,6 +418,7 @@ class DispatcherSettings(Settings):
     service: ServiceSettings = Field(
         default=ServiceSettings(), description="Metrics and log of the service."
     )
+    api: ApiSettings = Field(default=ApiSettings(), description="The HTTP API.")
     network: str = Field(default="demo", min_length=1, description="A SUMO net, or 'demo'.")
     fleet: str = Field(default="demo", min_length=1, description="A fleet file, or 'demo'.")
     database_url: str = Field(

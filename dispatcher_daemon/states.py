@@ -98,3 +98,14 @@ class LatestStates:
         """All held states, for `dispatcher_daemon.traffic.take_snapshot`."""
         with self._lock:
             return tuple(state for rsus in self._latest.values() for state in rsus.values())
+
+    def of(self, segment: str) -> tuple[SegmentState, ...]:
+        """The held states of one segment, by RSU."""
+        with self._lock:
+            rsus = self._latest.get(segment, {})
+            return tuple(rsus[name] for name in sorted(rsus))
+
+    def segments(self) -> tuple[str, ...]:
+        """Segments that some RSU has reported on, by id."""
+        with self._lock:
+            return tuple(sorted(self._latest))

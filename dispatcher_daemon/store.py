@@ -11,7 +11,14 @@ from dispatcher_daemon import metrics
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
 from slipstream.service import LogLimiter, notify
-from storage import CycleInputs, Database, UntrustedClockError, open_database
+from storage import (
+    CycleInputs,
+    Database,
+    Reader,
+    StorageError,
+    UntrustedClockError,
+    open_database,
+)
 
 log = logging.getLogger(__name__)
 
@@ -49,6 +56,14 @@ class CycleStore(Protocol):
     def trim(self, keep_mb: float, *, limit: int) -> int:
         """Delete the oldest cycles until the others fit, at most about ``limit``."""
         ...
+
+
+def database_fault(reader: Reader) -> str | None:
+    """Why a database cannot be used now; None: it can."""
+    try:
+        return None if reader.exists() else "there is none yet"
+    except StorageError as error:
+        return str(error)
 
 
 class CyclePruner:

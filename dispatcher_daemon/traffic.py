@@ -6,7 +6,7 @@ A gate is open only with a fresh SegmentState of y_e = 1 and no fresh one of y_e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
@@ -89,6 +89,17 @@ class SegmentTraffic:
         """Whether a state of it is fresh, whatever it says."""
         return self.age_s is not None and self.reason not in ("stale", "future")
 
+    def as_message(self) -> Gate:
+        """Its gate as reports tell it."""
+        return Gate(
+            segment=self.segment,
+            y_e=self.y_e,
+            reason=self.reason,
+            age_s=self.age_s,
+            speed_mps=self.measured_speed_mps,
+            open=self.open,
+        )
+
     @property
     def gate(self) -> GateForecast:
         """What is expected of its gate."""
@@ -164,17 +175,7 @@ class TrafficSnapshot:
     def gates(self) -> tuple[Gate, ...]:
         """Gates of all segments that an RSU has ever reported on, by id."""
         watched = sorted({state.segment for state in self.states})
-        return tuple(
-            Gate(
-                segment=t.segment,
-                y_e=t.y_e,
-                reason=t.reason,
-                age_s=t.age_s,
-                speed_mps=t.measured_speed_mps,
-                open=t.open,
-            )
-            for t in (self.segments[name] for name in watched)
-        )
+        return tuple(self.segments[name].as_message() for name in watched)
 
 
 def take_snapshot(
@@ -209,19 +210,20 @@ def take_snapshot(
     traffic = {}
     for name, segment in network.segments.items():
         seen = by_segment.get(name, [])
-        judged = _judge(segment, seen, now_ns, stale_after_s, future_tolerance_s)
+        judged = judge(segment, seen, now_ns, stale_after_s, future_tolerance_s)
         at_signals = segment.end in network.signals and stops_at_signals > 0
         traffic[name] = replace(judged, stops=stops_at_signals) if at_signals else judged
     return TrafficSnapshot(now_ns, MappingProxyType(traffic), tuple(known))
 
 
-def _judge(
+def judge(
     segment: Segment,
-    states: list[SegmentState],
+    states: Sequence[SegmentState],
     now_ns: int,
     stale_after_s: float,
     future_tolerance_s: float,
 ) -> SegmentTraffic:
+    """One segment's traffic by the latest states of its RSUs; arguments as of `take_snapshot`."""
     decisive = freshness.decisive(
         states, now_ns, stale_after_s=stale_after_s, future_tolerance_s=future_tolerance_s
     )

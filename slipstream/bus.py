@@ -180,6 +180,14 @@ class Bus:
         """Publish once on a key that changes too often to be declared; not cached, not repaired."""
         self._session.put(key, message.to_bytes(), congestion_control=zenoh.CongestionControl.DROP)
 
+    @property
+    def is_connected(self) -> bool:
+        """Whether a router or another session answers now."""
+        if self._session.is_closed():
+            return False
+        info = self._session.info
+        return bool(info.routers_zid() or info.peers_zid())
+
     def close(self) -> None:
         """Close the session; no handler runs once it has returned."""
         for listener in self._listeners:

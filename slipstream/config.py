@@ -136,13 +136,19 @@ def read_secret(path: Path) -> str:
     Raises:
         InputError: the file is missing, not readable or empty.
     """
-    folder = os.environ.get("CREDENTIALS_DIRECTORY")
-    if folder and path.name == str(path) and (Path(folder) / path).exists():
-        path = Path(folder) / path
+    path = credential_path(path)
     secret = _read(path, str.strip, "text", "utf-8", _MAX_SECRET_BYTES)
     if not secret:
         raise InputError(path, "empty", "write the secret into it")
     return secret
+
+
+def credential_path(path: Path) -> Path:
+    """The path of a file that may be one of systemd's credentials; see `read_secret`."""
+    folder = os.environ.get("CREDENTIALS_DIRECTORY")
+    if folder and path.name == str(path) and (Path(folder) / path).exists():
+        return Path(folder) / path
+    return path
 
 
 def read_toml(path: Path) -> dict[str, object]:
@@ -165,14 +171,29 @@ def read_data(path: Path) -> object:
     return _read(path, _parse_json, "JSON", "utf-8-sig", MAX_JSON_BYTES)
 
 
+def parse_json(data: bytes, source: str | Path) -> object:
+    """Read JSON that did not come as a file.
+
+    Raises:
+        InputError: as `read_data`.
+    """
+    return _parsed(data, _parse_json, "JSON", "utf-8-sig", source)
+
+
 def _read(path: Path, parse: Callable[[str], T], form: str, encoding: str, max_bytes: int) -> T:
-    data = read_file(path, max_bytes)
+    return _parsed(read_file(path, max_bytes), parse, form, encoding, path)
+
+
+def _parsed(
+    data: bytes, parse: Callable[[str], T], form: str, encoding: str, source: str | Path
+) -> T:
+    mend = "mend the file" if isinstance(source, Path) else f"mend the {source}"
     try:
         return parse(data.decode(encoding).replace("\r\n", "\n").replace("\r", "\n"))
     except RecursionError:
-        raise InputError(path, "nested too deeply", "mend the file") from None
+        raise InputError(source, "nested too deeply", mend) from None
     except ValueError as error:
-        raise InputError(path, f"not {form}: {error}", "mend the file") from None
+        raise InputError(source, f"not {form}: {error}", mend) from None
 
 
 def _parse_toml(text: str) -> dict[str, object]:

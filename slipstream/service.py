@@ -10,16 +10,25 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterable
+from socketserver import ThreadingMixIn
 from types import FrameType
-from typing import Self
+from typing import TYPE_CHECKING, Final, Self
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 import psutil
-from prometheus_client import start_http_server
+from prometheus_client import make_wsgi_app
 
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 
+if TYPE_CHECKING:
+    from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
+
 log = logging.getLogger(__name__)
+
+WATCHDOG_S: Final = 60.0
+"""Time without progress after which a daemon counts as hung where systemd gives none."""
 
 SUPERVISED = "SLIPSTREAM_SUPERVISED"
 """Process id of `slipstream run`: what it starts ends with it, however it ends."""
@@ -84,6 +93,46 @@ def rss_mb() -> float:
     return float(psutil.Process().memory_info().rss) / 1e6
 
 
+def serve_status(port: int, fault: Callable[[], str | None]) -> None:
+    """Serve /metrics for Prometheus and /healthz for probes on 127.0.0.1, in a thread that ends
+    with the process; all other paths are not found.
+
+    Args:
+        port: TCP port.
+        fault: why the daemon does not work, in words; None: it does.
+
+    Raises:
+        OSError: the port cannot be bound.
+    """
+    metrics: WSGIApplication = make_wsgi_app()
+
+    def page(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
+        path = environ.get("PATH_INFO")
+        if path == "/metrics":
+            return metrics(environ, start_response)
+        status, text = "404 Not Found", "here are /metrics and /healthz\n"
+        if path == "/healthz":
+            problem = fault()
+            status = "200 OK" if problem is None else "503 Service Unavailable"
+            text = f"{problem or 'live'}\n"
+        start_response(status, [("Content-Type", "text/plain; charset=utf-8")])
+        return [text.encode()]
+
+    server = make_server("127.0.0.1", port, page, _ThreadingServer, _SilentHandler)
+    threading.Thread(target=server.serve_forever, name="status", daemon=True).start()
+
+
+class _ThreadingServer(ThreadingMixIn, WSGIServer):
+    daemon_threads = True
+
+
+class _SilentHandler(WSGIRequestHandler):
+    timeout = 30.0
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Scrapes are not logged."""
+
+
 class Service:
     """One daemon's life; use it as a context manager around the main loop.
 
@@ -96,7 +145,8 @@ class Service:
         self.stopping = threading.Event()
         self._settings = settings
         self._watchdog_s = int(os.environ.get("WATCHDOG_USEC", "0")) / 1e6 / 4
-        self._last_progress = 0.0
+        self._fed_at = 0.0
+        self._progress_at: float | None = None
         self._previous: dict[int, object] = {}
 
     def __enter__(self) -> Self:
@@ -106,7 +156,7 @@ class Service:
         port = self._settings.metrics_port
         if port:
             try:
-                start_http_server(port, addr="127.0.0.1")
+                serve_status(port, self._fault)
             except OSError as error:
                 raise InputError(
                     f"127.0.0.1:{port}",
@@ -140,10 +190,19 @@ class Service:
             status: one line for ``systemctl status``.
         """
         now = time.monotonic()
-        if now - self._last_progress < (self._watchdog_s or 10.0):
+        self._progress_at = now
+        if now - self._fed_at < (self._watchdog_s or 10.0):
             return
-        self._last_progress = now
+        self._fed_at = now
         notify("WATCHDOG=1" + (f"\nSTATUS={status}" if status else ""))
+
+    def _fault(self) -> str | None:
+        """Why the watchdog would not be fed; None: it is."""
+        if self._progress_at is None:
+            return "it has not begun to work yet"
+        silent_s = time.monotonic() - self._progress_at
+        limit_s = 4.0 * self._watchdog_s or WATCHDOG_S
+        return f"no progress for {silent_s:.0f} s" if silent_s > limit_s else None
 
     def wait(self, seconds: float) -> bool:
         """Sleep, but wake up to stop; True if the daemon has to stop."""

@@ -48,6 +48,7 @@ _EXTRA_OF: Final = {
     "cv2": "edge",
     "dimod": "dispatcher",
     "dwave": "dispatcher",
+    "fastapi": "dispatcher",
     "highspy": "dispatcher",
     "jinja2": "dashboard",
     "libsumo": "sim",
@@ -63,6 +64,7 @@ _EXTRA_OF: Final = {
     "sqlalchemy": "dispatcher",
     "torch": "train",
     "ultralytics": "train",
+    "uvicorn": "dispatcher",
     "viser": "dashboard",
     "yaml": "train",
 }

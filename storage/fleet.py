@@ -151,6 +151,15 @@ def changes(session: Session, order: str) -> list[OrderChange]:
     ]
 
 
+def plans(session: Session, vehicle: str, limit: int, before: int | None) -> list[PlanRecord]:
+    """The last plans of a vehicle, of cycles before a number if one is given; latest first."""
+    query = select(PlanRow).where(PlanRow.vehicle == vehicle)
+    if before is not None:
+        query = query.where(PlanRow.cycle < before)
+    query = query.order_by(PlanRow.cycle.desc()).limit(limit)
+    return [_plan(row) for row in session.scalars(query)]
+
+
 def prune(session: Session, before_ns: int) -> None:
     """Delete the orders that ended before, if the fleet's file no longer has them: one that it has
     would be planned anew.

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session, selectinload
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
-from slipstream.orders import IN_FORCE, ORDER_STATES, OrderChange, OrderRecord
+from slipstream.orders import IN_FORCE, ORDER_STATES, OrderChange, OrderRecord, PlanRecord
 from storage import fleet, inputs, jobs, schema
 from storage.engine import (
     StorageError,
@@ -76,14 +76,16 @@ class Reader:
             plans = {row.vehicle: row for row in _all(session, query)}
             return tuple(vehicle_plan(row) for row in plans.values())
 
-    def cycles(self, limit: int) -> tuple[CycleReport, ...]:
-        """The last ``limit`` cycles, oldest first."""
+    def cycles(self, limit: int, before: int | None = None) -> tuple[CycleReport, ...]:
+        """The last ``limit`` cycles, or the last ones before a number; oldest first."""
         query = (
             select(CycleRow)
             .options(selectinload(CycleRow.solver_runs), selectinload(CycleRow.gates))
             .order_by(CycleRow.cycle.desc())
             .limit(limit)
         )
+        if before is not None:
+            query = query.where(CycleRow.cycle < before)
         with self._read_session() as session:
             return tuple(cycle_report(row) for row in reversed(_all(session, query)))
 
@@ -106,6 +108,26 @@ class Reader:
         with self._read_session() as session:
             row = None if session is None else session.get(PlanRow, (cycle, vehicle))
             return None if row is None else vehicle_plan(row)
+
+    def cycle(self, number: int) -> CycleReport | None:
+        """One cycle; None: it is not stored."""
+        found = self.cycles(1, before=number + 1)
+        return found[0] if found and found[0].cycle == number else None
+
+    def plans(self, cycle: int) -> tuple[VehiclePlan, ...]:
+        """The plans that a cycle published, ordered by vehicle."""
+        query = select(PlanRow).where(PlanRow.cycle == cycle).order_by(PlanRow.vehicle)
+        with self._read_session() as session:
+            return tuple(vehicle_plan(row) for row in _all(session, query))
+
+    def plans_of(
+        self, vehicle: str, limit: int, before: int | None = None
+    ) -> tuple[PlanRecord, ...]:
+        """The last ``limit`` plans of a vehicle, or the last ones of cycles before a number, and
+        what became of them; latest first.
+        """
+        with self._read_session() as session:
+            return () if session is None else tuple(fleet.plans(session, vehicle, limit, before))
 
     def states(self, cycle: int) -> tuple[SegmentState, ...]:
         """The segment states that a cycle used, ordered by segment."""

@@ -7,5 +7,6 @@ from __future__ import annotations
 
 from dispatcher_daemon.tracking.situation import Situation
 from dispatcher_daemon.tracking.tracker import FleetTracker
+from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 
-__all__ = ["FleetTracker", "Situation"]
+__all__ = ["FleetTracker", "Situation", "TrackedVehicle"]

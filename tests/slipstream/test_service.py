@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import http.client
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -91,6 +93,37 @@ def test_metrics_are_served_on_loopback() -> None:
         urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as answer,
     ):
         assert b"process_resident_memory_bytes" in answer.read()
+
+
+def test_a_probe_sees_whether_the_work_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """/healthz is 503 before the first progress and after a watchdog's time without any; other
+    paths than its own and the metrics' are not found.
+    """
+    monkeypatch.setenv("WATCHDOG_USEC", "400000")
+    port = free_port()
+
+    def status(path: str) -> int:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        answer.read()
+        connection.close()
+        return answer.status
+
+    def becomes(wanted: int, meanwhile: Callable[[], None] = lambda: None) -> bool:
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline:
+            meanwhile()
+            if status("/healthz") == wanted:
+                return True
+            time.sleep(0.02)
+        return False
+
+    with Service("t", ServiceSettings(metrics_port=port)) as service:
+        assert status("/healthz") == 503
+        assert becomes(200, service.progress)
+        assert [status(path) for path in ("/", "/metrics/x", "/readyz")] == [404] * 3
+        assert becomes(503)
 
 
 @pytest.mark.process

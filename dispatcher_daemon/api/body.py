@@ -1,0 +1,67 @@
+"""Request bodies: JSON that is held to a settings model as strictly as a settings file is."""
+
+from __future__ import annotations
+
+from typing import Any, Final, TypeVar
+
+from fastapi import Depends, Request
+from fastapi.concurrency import run_in_threadpool
+from pydantic import BaseModel
+
+from dispatcher_daemon.api.problems import Problem, from_input_error
+from slipstream.config import Settings, check, parse_json
+from slipstream.errors import InputError
+
+SOURCE: Final = "body"
+S = TypeVar("S", bound=Settings)
+
+_DEFINITIONS: Final = "x-body-definitions"
+_COMPONENTS: Final = "#/components/schemas/"
+
+
+async def json_body(request: Request) -> object:
+    """The JSON of a request.
+
+    Raises:
+        Problem: 415: it is said to be something else. 400: it is no JSON.
+    """
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != "application/json":
+        detail = f"a body of type {kind or 'that is not given'}"
+        mend = "send application/json"
+        raise Problem(415, detail, mend, field="Content-Type")
+    data = await request.body()
+    try:
+        return await run_in_threadpool(parse_json, data, SOURCE)
+    except InputError as error:
+        raise from_input_error(error, 400) from None
+
+
+def body_of(model: type[S]) -> Any:
+    """A dependency that gives the request's body as a model: unknown keys and wrong types are
+    refused with 422, what is no JSON with 400, any other media type with 415.
+    """
+
+    async def read(request: Request) -> S:
+        return await run_in_threadpool(check, await json_body(request), model, SOURCE)
+
+    return Depends(read)
+
+
+def describe_body(model: type[BaseModel]) -> dict[str, Any]:
+    """The `openapi_extra` of an operation whose body is read by `body_of` or `json_body`."""
+    schema = model.model_json_schema(ref_template=f"{_COMPONENTS}{{model}}")
+    definitions = {**schema.pop("$defs", {}), model.__name__: schema}
+    reference = {"$ref": _COMPONENTS + model.__name__}
+    return {
+        "requestBody": {"required": True, "content": {"application/json": {"schema": reference}}},
+        _DEFINITIONS: definitions,
+    }
+
+
+def collect_definitions(document: dict[str, Any]) -> None:
+    """Put what `describe_body` refers to among the components of an OpenAPI document."""
+    schemas = document.setdefault("components", {}).setdefault("schemas", {})
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            schemas.update(operation.pop(_DEFINITIONS, {}))

@@ -1,0 +1,188 @@
+"""What happens, on its way from the dispatcher's threads to each caller that listens.
+
+Plans, cycles and changes of orders are numbered and kept for a while, so that a caller that was
+away goes on where it stopped. States are not: the newest of an RSU replaces one that a caller has
+not taken yet. Nothing here ever waits for a caller.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections import deque
+from collections.abc import Collection, Iterator
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Final, Literal, get_args
+
+from slipstream.messages import Message, SegmentState
+from slipstream.orders import OrderChange
+
+Kind = Literal["plan", "state", "cycle", "order"]
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
+
+KEPT_EVENTS: Final = 1000
+"""Numbered events that are kept for callers that come back."""
+MAX_WAITING: Final = 2000
+"""Numbered events that a caller may have ahead of it, before it is dropped as too slow."""
+MAX_STREAMS: Final = 32
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that happened.
+
+    Attributes:
+        kind: of it, or "reset": events between the caller's last one and now are lost.
+        value: what is told.
+        id: its number, with the run of the dispatcher; None: not numbered.
+    """
+
+    kind: Kind | Literal["reset"]
+    value: Message | OrderChange | dict[str, str]
+    id: str | None = None
+
+    @cached_property
+    def encoded(self) -> bytes:
+        """As `text/event-stream` has it."""
+        if isinstance(self.value, Message):
+            data = self.value.model_dump_json()
+        else:
+            data = json.dumps(self.value if isinstance(self.value, dict) else asdict(self.value))
+        number = "" if self.id is None else f"id: {self.id}\n"
+        # JSON has no line ends of its own.
+        return f"{number}event: {self.kind}\ndata: {data}\n\n".encode()
+
+
+class Stream:
+    """The events that one caller has not taken yet; filled by any thread, taken in its loop.
+
+    Attributes:
+        dropped: it was too slow.
+        closed: nothing more will come.
+    """
+
+    def __init__(self, kinds: Collection[Kind], loop: asyncio.AbstractEventLoop) -> None:
+        self.kinds = frozenset(kinds)
+        self.dropped = False
+        self.closed = False
+        self._loop = loop
+        self._lock = threading.Lock()
+        self._events: deque[Event] = deque()
+        self._states: dict[tuple[str, str], Event] = {}
+        self._woken = False
+        self._wake = asyncio.Event()
+
+    def put(self, event: Event) -> None:
+        """Add an event of a kind that it wants."""
+        with self._lock:
+            if isinstance(event.value, SegmentState):
+                self._states[event.value.segment, event.value.rsu] = event
+            elif len(self._events) >= MAX_WAITING:
+                self.dropped = self.closed = True
+            elif not self.closed:
+                self._events.append(event)
+        self._notify()
+
+    def close(self) -> None:
+        """End it."""
+        self.closed = True
+        self._notify()
+
+    async def take(self, within_s: float) -> list[Event]:
+        """What waits, as soon as something does; empty if nothing comes in time, or it ends."""
+        try:
+            async with asyncio.timeout(within_s):
+                await self._wake.wait()
+        except TimeoutError:
+            return []
+        with self._lock:
+            self._wake.clear()
+            self._woken = False
+            found = [*self._events, *self._states.values()]
+            self._events.clear()
+            self._states.clear()
+        return found
+
+    def _notify(self) -> None:
+        with self._lock:
+            if self._woken:
+                return
+            self._woken = True
+        try:
+            self._loop.call_soon_threadsafe(self._wake.set)
+        except RuntimeError:  # the loop is closed: the server went down
+            self.closed = True
+
+
+class EventHub:
+    """Passes events on to streams; safe for threads.
+
+    Args:
+        run: what tells this run of the dispatcher from others, in the ids of events.
+    """
+
+    def __init__(self, run: int) -> None:
+        self._run = run
+        self._count = 0
+        self._lock = threading.Lock()
+        self._kept: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self._streams: set[Stream] = set()
+
+    def publish(self, kind: Kind, value: Message | OrderChange) -> None:
+        """Tell all that listen; from any thread, and without waiting for any of them."""
+        if kind == "state" and not self._streams:
+            return
+        with self._lock:
+            event = Event(kind, value)
+            if kind != "state":
+                self._count += 1
+                event = Event(kind, value, f"{self._run}-{self._count}")
+                self._kept.append(event)
+            for stream in self._streams:
+                if kind in stream.kinds:
+                    stream.put(event)
+
+    def open(self, kinds: Collection[Kind], last_id: str | None) -> Stream | None:
+        """A new stream in the running event loop; None: there are `MAX_STREAMS`.
+
+        Args:
+            kinds: that it wants.
+            last_id: of the last event that its caller has had; None: it wants what comes from now.
+        """
+        stream = Stream(kinds, asyncio.get_running_loop())
+        with self._lock:
+            self._streams = {s for s in self._streams if not s.closed}
+            if len(self._streams) >= MAX_STREAMS:
+                return None
+            for event in () if last_id is None else self._since(last_id):
+                if event.kind == "reset" or event.kind in stream.kinds:
+                    stream.put(event)
+            self._streams.add(stream)
+        return stream
+
+    def close(self, stream: Stream) -> None:
+        """End a stream."""
+        stream.close()
+        with self._lock:
+            self._streams.discard(stream)
+
+    def close_all(self) -> None:
+        """End all streams."""
+        with self._lock:
+            for stream in self._streams:
+                stream.close()
+            self._streams = set()
+
+    def _since(self, last_id: str) -> Iterator[Event]:
+        run, _, text = last_id.partition("-")
+        number = int(text) if text.isdecimal() and len(text) < 20 else -1
+        first = self._count - len(self._kept) + 1
+        if run != str(self._run) or not first - 1 <= number <= self._count:
+            reason = "events since your last one are no longer kept; read the present state again"
+            yield Event("reset", {"reason": reason})
+            return
+        for event in self._kept:
+            if event.id is not None and int(event.id.rpartition("-")[2]) > number:
+                yield event
