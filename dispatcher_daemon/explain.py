@@ -143,7 +143,7 @@ def _summary(report: CycleReport) -> Iterator[str]:
 
 
 def _solver_line(solver: SolverReport, chosen: str | None) -> str:
-    parts = [solver.status]
+    parts: list[str] = [solver.status]
     if solver.objective_kwh is not None:
         parts.append(f"objective {_kwh(solver.objective_kwh)}")
     if solver.repaired:
