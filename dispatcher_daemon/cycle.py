@@ -109,7 +109,7 @@ def run_cycle(
         energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
         carriers = _by_carrier(cycle.problem.fleet, found.baseline, chosen)
         accounts = vehicle_accounts(cycle.problem, chosen, found.baseline)
-    refused = () if chosen is None else refused_platoons(cycle, chosen)
+    refused = () if chosen is None else refused_platoons(cycle, chosen, found.declined)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings

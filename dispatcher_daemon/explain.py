@@ -283,7 +283,9 @@ def refusal_line(one: RefusedPlatoon) -> str:
             f"allow neither to wait; {_kwh(one.saving_kwh)}"
         )
     change = f"to meet would cost {_kwh(one.cost_kwh or 0.0)} and save {_kwh(one.saving_kwh)}"
-    apart = f"{one.apart_s:.1f} s apart"
+    if one.saving_kwh < 0:
+        change += ", as platoons with others would be lost"
+    apart = one.detail or f"{one.apart_s:.1f} s apart"
     if one.reason == "not_worth":
         return f"{on}: not worth it, {apart}: {change}"
     return (

@@ -39,6 +39,7 @@ def route_cycle(
         variables=max((sweep.largest for sweep in plan.sweeps), default=0),
         unserved=plan.unserved,
         stops={v.id: i.stops for v, i in zip(vehicles, plan.choice.itineraries, strict=True)},
+        declined=plan.declined,
     )
 
 

@@ -29,7 +29,7 @@ from dispatcher_daemon.planning.sweeps import (
     choice_of,
     initial_choices,
 )
-from dispatcher_daemon.plans import Cycle, Gains
+from dispatcher_daemon.plans import Cycle, DeclinedMeeting, Gains
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Roads, Travel, fleet_travel, searched_again
 from dispatcher_daemon.roads.weights import Floats
@@ -61,6 +61,7 @@ class FleetPlan:
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
         gains_kwh: of each carrier by the plan, where there are several.
         base_gains_kwh: likewise by `base` with the platoons that form by chance.
+        declined: see `BlockDescent`.
     """
 
     cycle: Cycle
@@ -73,6 +74,7 @@ class FleetPlan:
     timed_out: bool
     gains_kwh: Gains
     base_gains_kwh: Gains
+    declined: tuple[DeclinedMeeting, ...] = ()
 
 
 def plan_fleet(
@@ -153,6 +155,7 @@ def plan_fleet(
         timed_out or late,
         gains,
         base_gains,
+        tuple(descent.declined.values()),
     )
 
 

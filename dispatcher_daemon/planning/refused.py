@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Final, Literal, NamedTuple
 
 from dispatcher_daemon.planning.itineraries import MAX_WAIT_S, Itinerary, Planner
-from dispatcher_daemon.plans import Candidate, Cycle
+from dispatcher_daemon.plans import Candidate, Cycle, DeclinedMeeting
 from dispatcher_daemon.platooning import (
     Meetings,
     apart_at_the_end,
@@ -22,6 +22,7 @@ RefusalReason = Literal["turbulent", "unknown", "apart", "not_worth", "missed"]
 
 MAX_OF_A_REASON: Final = 20
 """Refused platoons that are kept of each reason, most worth first."""
+OTHER_WAY: Final = "by another way or departure"
 _NEXT_PASSAGES: Final = 3
 """So many vehicles behind each one are looked at, on every segment."""
 
@@ -39,7 +40,8 @@ class RefusedPlatoon:
             would have been worth it, but no solver came to it, or it would leave a carrier with
             less than alone.
         detail: reason of the closed gate; where the two are close in time, why they make no
-            platoon all the same; None otherwise.
+            platoon all the same; `OTHER_WAY` where a solver could have chosen it so; None
+            otherwise.
         saving_kwh: of a close platoon of the two there; where a meeting was tried, what all
             platoons of the vehicle that moves would save more.
         apart_s: between their entries where these are closest.
@@ -74,12 +76,17 @@ class _Miss(NamedTuple):
     saving_kwh: float
 
 
-def refused_platoons(cycle: Cycle, chosen: Candidate) -> tuple[RefusedPlatoon, ...]:
+def refused_platoons(
+    cycle: Cycle, chosen: Candidate, declined: Sequence[DeclinedMeeting] = ()
+) -> tuple[RefusedPlatoon, ...]:
     """The refused platoons of a plan, most worth first; at most `MAX_OF_A_REASON` of each reason.
 
     Looked at are pairs of vehicles that follow each other on a segment, at most `MAX_WAIT_S` apart;
     where a gate is closed, only those that would be a platoon. For the most promising pairs that
     are apart, each way in which one of them could wait for the other is tried exactly.
+
+    Args:
+        declined: by other ways or departures, what solvers could have chosen.
     """
     found: dict[tuple[str, str, str, str | None], list[_Miss]] = {}
     for miss, reason, detail in _misses(cycle, chosen):
@@ -99,6 +106,19 @@ def refused_platoons(cycle: Cycle, chosen: Candidate) -> tuple[RefusedPlatoon, .
     if "apart" in best:
         meeting = _Meeting(cycle, chosen)
         kept += [meeting.tried(*row) for row in best["apart"][:MAX_OF_A_REASON]]
+    told = {(frozenset(one.vehicles), segment) for one in kept for segment in one.segments}
+    others = [
+        one
+        for one in declined
+        if told.isdisjoint((frozenset(one.vehicles), segment) for segment in one.segments)
+    ]
+    others.sort(key=lambda one: (-one.saving_kwh, one.vehicles))
+    kept += [
+        RefusedPlatoon(
+            one.vehicles, one.segments, "not_worth", OTHER_WAY, one.saving_kwh, 0.0, one.cost_kwh
+        )
+        for one in others[:MAX_OF_A_REASON]
+    ]
     return tuple(sorted(kept, key=lambda one: (-one.saving_kwh, one.vehicles, one.segments)))
 
 
