@@ -46,7 +46,7 @@ def declined_meetings(
             continue
         cost_kwh = one.cost_kwh + other.cost_kwh - mine.cost_kwh - theirs.cost_kwh
         saving_kwh = cost_kwh - objective_kwh(a, b) + objective_kwh(taken[k], taken[m])
-        if 0.0 < saving_kwh <= cost_kwh:
+        if _LEAST_KWH <= saving_kwh <= cost_kwh:
             yield DeclinedMeeting((names[k], names[m]), segments, cost_kwh, saving_kwh)
 
 
