@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -36,6 +37,8 @@ from dispatcher_daemon.solvers.execution.pool import Solve
 from slipstream.energy import total
 from slipstream.errors import InputError
 from slipstream.messages import CarrierSummary, CycleReport, Unserved, VehiclePlan
+
+log = logging.getLogger(__name__)
 
 MAX_ARC_VEHICLES: Final = 2
 MAX_ARC_STOPS: Final = 8
@@ -109,7 +112,6 @@ def run_cycle(
         energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
         carriers = _by_carrier(cycle.problem.fleet, found.baseline, chosen)
         accounts = vehicle_accounts(cycle.problem, chosen, found.baseline)
-    refused = () if chosen is None else refused_platoons(cycle, chosen, found.declined)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings
@@ -133,7 +135,19 @@ def run_cycle(
         }
     )
     joined = {} if chosen is None else chosen.joined
+    refused = _refused(cycle, chosen, found)
     return CycleResult(report, plans, arcs, judged, found.stops, joined, accounts, refused)
+
+
+def _refused(
+    cycle: Cycle, chosen: Candidate | None, found: FormResult
+) -> tuple[RefusedPlatoon, ...]:
+    """Refused platoons; a fault here does not cost the plan."""
+    try:
+        return () if chosen is None else refused_platoons(cycle, chosen, found.declined)
+    except Exception as error:
+        log.exception("refused platoons of cycle %d are not known: %s", cycle.number, error)
+        return ()
 
 
 def _by_carrier(fleet: Fleet, baseline: Candidate, chosen: Candidate) -> tuple[CarrierSummary, ...]:

@@ -106,13 +106,26 @@ def test_a_wait_that_costs_more_than_it_saves_is_not_worth_it(
     assert "not worth it" in refusal_line(one)
 
 
+def test_a_fault_in_what_is_told_does_not_cost_the_plan(
+    demo: RoutingProblem, traffic: Traffic, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plans go out, and nothing is told of refused platoons."""
+
+    def broken(*_: object) -> float:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(refused, "pair_saving_kwh", broken)
+    result = cycle(demo, traffic(avenue_east=0))
+    assert (result.report.status, len(result.plans), result.refused) == ("ok", 2, ())
+
+
 @pytest.mark.slow
 def test_a_city_s_list_is_bounded_and_begins_with_what_is_worth_most(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of each reason a bounded number; none is of a pair that is a platoon on these segments."""
-    shape = CityShape(depots=1, open_share=0.9, turbulent_share=0.5)
-    city = generate_city(2, vehicles=12, stops=36, segments=100, shape=shape)
+    shape = CityShape(depots=1, open_share=0.9)
+    city = generate_city(2, vehicles=12, stops=36, segments=160, shape=shape)
     search = SearchSettings(rounds=2, iterations_per_stop=5, workers=1)
     city_settings = CitySettings(search=search, second_rounds=1, max_sweeps=4, patience=2)
     settings = DispatcherSettings(form="route", solvers=("exact",), city=city_settings)
