@@ -51,7 +51,7 @@ def two_cycles(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def path(two_cycles: Path, tmp_path: Path) -> Path:
     """A copy of it."""
-    return shutil.copy(two_cycles, tmp_path)
+    return Path(shutil.copy(two_cycles, tmp_path))
 
 
 Run = Callable[..., tuple[int, str, str]]

@@ -102,6 +102,7 @@ def test_a_wait_that_costs_more_than_it_saves_is_not_worth_it(
     assert (one.vehicles, one.reason) == (("van-a", "van-b"), "not_worth")
     # A minute at 30 an hour and 0.30 a kWh.
     assert one.cost_kwh == pytest.approx(60 / 3600 * 100, abs=0.02)
+    assert one.cost_kwh is not None
     assert 0 < one.saving_kwh < one.cost_kwh
     assert "not worth it" in refusal_line(one)
 

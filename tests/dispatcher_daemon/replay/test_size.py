@@ -42,12 +42,11 @@ def test_a_cycle_of_200_vehicles_and_1000_segments_takes_little_room(tmp_path: P
             snapshot = city.snapshot.with_usual_gates(drawn(network.segments))
             snapshot = snapshot.at_usual_speeds(drawn(network.segments))
             snapshot = replace(snapshot, expected=expected)
-            accounts = [
-                VehicleAccount(
-                    vehicle.id, ("a", "b", "c"), *rng.uniform(size=5), (), *rng.uniform(size=2)
-                )
-                for vehicle in city.problem.fleet.vehicles
-            ]
+            accounts = []
+            for vehicle in city.problem.fleet.vehicles:
+                a, b, c, d, e, f, g = rng.uniform(size=7).tolist()
+                own = VehicleAccount(vehicle.id, ("a", "b", "c"), a, b, c, d, e, (), f, g)
+                accounts.append(own)
             stops = {
                 v.id: tuple(rng.permutation(1000)[:5].astype(str))
                 for v in city.problem.fleet.vehicles
