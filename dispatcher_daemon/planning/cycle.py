@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 
@@ -18,7 +19,10 @@ GREEDY = "greedy"
 
 
 def route_cycle(
-    cycle: Cycle, solve: Solve, executor: Executor, clock: Callable[[], float]
+    cycle: Cycle,
+    solve: Solve,
+    executor: Executor,
+    clock: Callable[[], float] = time.monotonic,
 ) -> FormResult:
     """Plan the fleet and verify the plans.
 
