@@ -62,5 +62,6 @@ def test_a_cycle_of_200_vehicles_and_1000_segments_takes_little_room(tmp_path: P
             used.append(database._pages().used * database._pages().size)
     first, second, third = used
     print(f"database: {first / 1e3:.0f} kB, then {(third - first) / 2e3:.0f} kB a cycle")
+    print({name: f"{len(part.data) / 1e3:.1f} kB" for name, part in made_from.parts.items()})
     assert first < 700_000
     assert third - second < 100_000
