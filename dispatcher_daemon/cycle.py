@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -12,15 +13,22 @@ import numpy as np
 
 from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form, arc_form_obstacle
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.planning import route_cycle, servable_part
+from dispatcher_daemon.planning import (
+    RefusedPlatoon,
+    refused_platoons,
+    route_cycle,
+    servable_part,
+)
 from dispatcher_daemon.plans import (
     Candidate,
     Cycle,
     FormResult,
     Refusal,
     RouteEnergy,
+    VehicleAccount,
     plans_to_send,
     summarise,
+    vehicle_accounts,
 )
 from dispatcher_daemon.platooning import JudgedPair, Passage, Place
 from dispatcher_daemon.roads import RoutedArc
@@ -29,6 +37,8 @@ from dispatcher_daemon.solvers.execution.pool import Solve
 from slipstream.energy import total
 from slipstream.errors import InputError
 from slipstream.messages import CarrierSummary, CycleReport, Unserved, VehiclePlan
+
+log = logging.getLogger(__name__)
 
 MAX_ARC_VEHICLES: Final = 2
 MAX_ARC_STOPS: Final = 8
@@ -47,6 +57,8 @@ class CycleResult:
         judged: every pair of arcs that share a watched segment, and why it platoons or not.
         stops: by vehicle, of the route form's plan; the next cycle's search starts from them.
         joined: places of vehicles on the road in platoons with vehicles of these plans.
+        accounts: what each vehicle does, alone and in the baseline too; none without a baseline.
+        refused: platoons that the plans do not have, and why not.
     """
 
     report: CycleReport
@@ -55,6 +67,8 @@ class CycleResult:
     judged: tuple[JudgedPair, ...] = ()
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joined: Mapping[Passage, Place] = field(default_factory=dict)
+    accounts: tuple[VehicleAccount, ...] = ()
+    refused: tuple[RefusedPlatoon, ...] = ()
 
 
 def run_cycle(
@@ -70,7 +84,7 @@ def run_cycle(
     Args:
         solve: runs solvers by name, within the deadline, without raising.
         executor: for the search of the route form's base routes; None: this thread.
-        clock: seconds, for the report's wall time only.
+        clock: seconds; the deadline of the route form and the report's wall time count by it.
 
     Returns:
         The best verified plans of the solvers that answered; the baseline's if none did; a report
@@ -85,17 +99,19 @@ def run_cycle(
         arcs, judged = form.arcs, form.judged
     elif executor is None:
         with ThreadPoolExecutor(max_workers=1) as thread:
-            found = route_cycle(cycle, solve, thread)
+            found = route_cycle(cycle, solve, thread, clock)
     else:
-        found = route_cycle(cycle, solve, executor)
+        found = route_cycle(cycle, solve, executor, clock)
     chosen, status, reason = _choose(found)
     energy = None
     carriers: tuple[CarrierSummary, ...] = ()
+    accounts: tuple[VehicleAccount, ...] = ()
     if chosen is not None and isinstance(found.baseline, Candidate):
         name = f"{found.baseline_solver}, without platooning"
         price_kw = cycle.problem.price_of_time_kw
         energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
         carriers = _by_carrier(cycle.problem.fleet, found.baseline, chosen)
+        accounts = vehicle_accounts(cycle.problem, chosen, found.baseline)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings
@@ -119,7 +135,19 @@ def run_cycle(
         }
     )
     joined = {} if chosen is None else chosen.joined
-    return CycleResult(report, plans, arcs, judged, found.stops, joined)
+    refused = _refused(cycle, chosen, found)
+    return CycleResult(report, plans, arcs, judged, found.stops, joined, accounts, refused)
+
+
+def _refused(
+    cycle: Cycle, chosen: Candidate | None, found: FormResult
+) -> tuple[RefusedPlatoon, ...]:
+    """Refused platoons; a fault here does not cost the plan."""
+    try:
+        return () if chosen is None else refused_platoons(cycle, chosen, found.declined)
+    except Exception as error:
+        log.exception("refused platoons of cycle %d are not known: %s", cycle.number, error)
+        return ()
 
 
 def _by_carrier(fleet: Fleet, baseline: Candidate, chosen: Candidate) -> tuple[CarrierSummary, ...]:

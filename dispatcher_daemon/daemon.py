@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.cycle import cycle_seed, form_of, run_cycle
+from dispatcher_daemon.cycle import CycleResult, cycle_seed, form_of, run_cycle
 from dispatcher_daemon.feeds.publisher import Feeds
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.fleet_file import FleetFile
@@ -22,6 +22,7 @@ from dispatcher_daemon.on_demand import Gathering
 from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
+from dispatcher_daemon.replay import InputEncoder, Recorder
 from dispatcher_daemon.reports import error_text, failed_report, idle_report, insertion_report
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
@@ -59,7 +60,7 @@ from slipstream.orders import FleetRecords, OrderChange
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
-from storage import Reader, open_reader
+from storage import CycleInputs, Reader, open_reader
 
 if TYPE_CHECKING:
     from dispatcher_daemon.api import ApiServer, Services
@@ -161,6 +162,7 @@ class Dispatcher:
         self._cycle_publisher = bus.publisher(CYCLE_KEY)
         self._health_publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._cycle = store.next_cycle_number()
+        self._inputs = InputEncoder()
         self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._storage_fault = False
         self.stopping = threading.Event()
@@ -234,6 +236,7 @@ class Dispatcher:
         plans: tuple[VehiclePlan, ...] = ()
         states: tuple[SegmentState, ...] = ()
         problem: RoutingProblem | None = None
+        made_from: CycleInputs | None = None
         reference_s = self._settings.deadline_s
         if self._job_manager is not None:
             self._job_manager.begin_cycle(number)
@@ -263,10 +266,12 @@ class Dispatcher:
                     commitments=situation.commitments,
                     on_road=situation.on_road,
                 )
-                result = run_cycle(cycle, self._solve, self._executor)
+                with Recorder(self._solve, self._executor) as recorder:
+                    result = run_cycle(cycle, recorder.solve, recorder.executor, recorder.clock)
                 self.fleet_watch.note_unserved({u.stop: u.reason for u in result.report.unserved})
                 report, plans = result.report, result.plans
                 self._stops = result.stops
+                made_from = self._made_from(cycle, recorder, result)
         except InputError as error:
             self._warn("input", f"cycle {number} failed: {error}")
             report = failed_report(number, now_ns, time.monotonic() - began, str(error)[:500])
@@ -278,7 +283,7 @@ class Dispatcher:
             return
         self._cycle += 1
         stops = {} if problem is None else problem.fleet.stop_by_id
-        stored = self._publish(report, plans, states, stops, reference_s)
+        stored = self._publish(report, plans, states, stops, reference_s, made_from)
         if stored is not None:
             self._count(stored)
             self._pruner.after_cycle(now_ns)
@@ -336,6 +341,7 @@ class Dispatcher:
         states: tuple[SegmentState, ...],
         stops: Mapping[str, Stop],
         reference_s: float,
+        made_from: CycleInputs | None = None,
     ) -> CycleReport | None:
         """Store plans with their report, then send them; None: they could not be stored."""
         changes: tuple[OrderChange, ...] = ()
@@ -343,7 +349,7 @@ class Dispatcher:
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
             nonlocal changes
             told = report.model_copy(update={"plans": len(admitted)})
-            self._store.record_cycle(told, admitted, states, records)
+            self._store.record_cycle(told, admitted, states, records, made_from)
             changes = records.changes
 
         try:
@@ -362,6 +368,17 @@ class Dispatcher:
             self._announce("plan", plan)
         self._announce("cycle", report)
         return report
+
+    def _made_from(
+        self, cycle: Cycle, recorder: Recorder, result: CycleResult
+    ) -> CycleInputs | None:
+        """The inputs of a cycle, to be stored with it; a fault here does not cost its plans."""
+        try:
+            return self._inputs.encode(cycle, recorder.trace(), result)
+        except Exception as error:
+            if self._limiter.allow("inputs"):
+                log.exception("the inputs of cycle %d are not stored: %s", cycle.number, error)
+            return None
 
     def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
         """The problem of a cycle's fleet; None: nothing to dispatch."""

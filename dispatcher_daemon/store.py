@@ -11,7 +11,14 @@ from dispatcher_daemon import metrics
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
 from slipstream.service import LogLimiter, notify
-from storage import Database, Reader, StorageError, UntrustedClockError, open_database
+from storage import (
+    CycleInputs,
+    Database,
+    Reader,
+    StorageError,
+    UntrustedClockError,
+    open_database,
+)
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +40,7 @@ class CycleStore(Protocol):
         plans: Sequence[VehiclePlan],
         states: Sequence[SegmentState],
         records: FleetRecords | None = None,
+        made_from: CycleInputs | None = None,
     ) -> None:
         """Store one cycle durably, or raise."""
         ...

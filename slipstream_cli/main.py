@@ -37,6 +37,8 @@ COMMANDS: Final = {
     "token": "token",
     "export": "export",
     "feed": "feed",
+    "explain": "explain",
+    "replay": "replay",
     "db": "db",
 }
 """Module by sub-command, in the order of the help."""

@@ -6,20 +6,24 @@ store a new field of a message, add a column to `storage.models` and a migration
 
 from storage.database import Database, open_database
 from storage.engine import StorageError
+from storage.inputs import CycleInputs, Part
 from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
 from storage.ownership import check_free
-from storage.reader import Reader, open_reader
+from storage.reader import Reader, StoredCycle, open_reader
 from storage.retention import UntrustedClockError, headroom
 from storage.tables import TableColumn, Tables, table_names
 
 __all__ = [
     "CheckReport",
+    "CycleInputs",
     "Database",
     "LedgerState",
+    "Part",
     "QuantumJob",
     "Reader",
     "StorageError",
+    "StoredCycle",
     "TableColumn",
     "Tables",
     "UntrustedClockError",

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords, OrderRecord
-from storage import fleet, jobs, retention
+from storage import fleet, inputs, jobs, retention
 from storage.engine import (
     DAMAGED,
     NO_DATABASE,
@@ -27,6 +27,7 @@ from storage.engine import (
     parse_url,
     sqlite_path,
 )
+from storage.inputs import CycleInputs
 from storage.jobs import QuantumJob
 from storage.models import CycleRow, StateRow
 from storage.opening import open_path
@@ -39,6 +40,8 @@ PRUNE_BATCH: Final = 200
 """Maximum number of cycles deleted in one transaction; a cycle to be recorded waits for one."""
 MIN_JOB_DAYS: Final = 2.0
 """Quantum jobs are kept for at least this long, days: a day's budget is computed from them."""
+MAX_INPUTS: Final = 2000
+"""Maximum number of cycles whose inputs one call of `prune` deletes."""
 MAX_STEPS: Final = 4
 """Steps of `retention.BATCH_BYTES` in which the running dispatcher's file shrinks after a cycle."""
 MAX_CONVERSION_BYTES: Final = 10**9
@@ -71,6 +74,7 @@ class Database:
         plans: Sequence[VehiclePlan],
         states: Sequence[SegmentState],
         records: FleetRecords | None = None,
+        made_from: CycleInputs | None = None,
     ) -> None:
         """Store a cycle with its plans and the segment states it used, all or nothing.
 
@@ -79,6 +83,7 @@ class Database:
             plans: of the cycle, as they are published next.
             states: that it used.
             records: what has changed of orders, earlier plans and vehicles.
+            made_from: its inputs.
 
         Raises:
             ValueError: a plan belongs to another cycle, or the cycle is already stored.
@@ -96,6 +101,8 @@ class Database:
                     session.execute(insert(StateRow), state_rows(report.cycle, states))
                 if records is not None:
                     fleet.save(session, records)
+                if made_from is not None:
+                    inputs.save(session, report.cycle, made_from)
                 retention.note_time(session, report.started_ns)
         except IntegrityError as error:
             raise ValueError(f"cycle {report.cycle} is refused: {error.orig}") from None
@@ -178,7 +185,8 @@ class Database:
 
         The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
         finished before then are deleted too, but none of the last `MIN_JOB_DAYS`; so are orders
-        that ended before then and are in no fleet file any more.
+        that ended before then and are in no fleet file any more. The inputs of cycles go after
+        `inputs.KEEP_DAYS` already.
 
         Args:
             keep_days: age limit, days.
@@ -208,6 +216,7 @@ class Database:
             jobs.prune(session, jobs_before_ns)
             fleet.prune(session, before_ns)
             below = retention.first_kept(session, before_ns, now_ns)
+        self._prune_inputs(max(0, now_ns - int(inputs.KEEP_DAYS * 86_400e9)))
         pruned, batch = 0, self._batch()
         while below is not None and pruned != limit:
             wanted = batch if limit is None else min(batch, limit - pruned)
@@ -219,6 +228,13 @@ class Database:
             if count < wanted:
                 break
         return pruned
+
+    def _prune_inputs(self, before_ns: int) -> None:
+        """Delete the inputs of cycles that began before, but at most `MAX_INPUTS` at once."""
+        for _ in range(MAX_INPUTS // inputs.BATCH):
+            with self._write_session() as session:
+                if inputs.prune(session, before_ns) < inputs.BATCH:
+                    return
 
     def trim(self, keep_mb: float, *, limit: int | None = None) -> int:
         """Delete the oldest cycles until an SQLite database fits into ``keep_mb``.

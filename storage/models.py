@@ -1,5 +1,5 @@
-"""The tables: cycles with their solver runs, gates, plans and segment states; orders, vehicles;
-jobs; the clock.
+"""The tables: cycles with their solver runs, gates, plans, segment states and inputs; orders,
+vehicles; jobs; the clock.
 
 Times are UTC nanoseconds. Parts that are only read together with their row (a plan's stops and
 segments, a state's features, a cycle's unserved stops) are JSON as in `slipstream.messages`.
@@ -155,6 +155,36 @@ class StateRow(Base):
     frames: Mapped[int]
     coverage: Mapped[float]
     features: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class InputPartRow(Base):
+    """A part of cycles' inputs, compressed, once for all that have it (a `storage.Part`)."""
+
+    __tablename__ = "input_parts"
+
+    hash: Mapped[str] = mapped_column(primary_key=True)
+    data: Mapped[bytes]
+
+
+class InputRow(Base):
+    """What a cycle alone was made from, and what it recorded, compressed; see `storage.inputs`."""
+
+    __tablename__ = "cycle_inputs"
+
+    cycle: Mapped[int] = _cycle_key()
+    data: Mapped[bytes]
+
+
+class InputUseRow(Base):
+    """A part that a cycle's inputs have, by its name there."""
+
+    __tablename__ = "input_uses"
+
+    cycle: Mapped[int] = mapped_column(
+        ForeignKey("cycle_inputs.cycle", ondelete="CASCADE"), primary_key=True
+    )
+    name: Mapped[str] = mapped_column(primary_key=True)
+    hash: Mapped[str] = mapped_column(ForeignKey("input_parts.hash"), index=True)
 
 
 class OrderRow(Base):

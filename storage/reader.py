@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Self
 
 from sqlalchemy import Engine, Select, func, or_, select
@@ -13,7 +14,7 @@ from sqlalchemy.orm import Session, selectinload
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
 from slipstream.orders import IN_FORCE, ORDER_STATES, OrderChange, OrderRecord, PlanRecord
-from storage import fleet, jobs, schema
+from storage import fleet, inputs, jobs, schema
 from storage.engine import (
     StorageError,
     display_name,
@@ -22,10 +23,28 @@ from storage.engine import (
     reader_engine,
     sqlite_path,
 )
+from storage.inputs import CycleInputs
 from storage.jobs import QuantumJob
 from storage.models import CycleRow, PlanRow, StateRow
 from storage.rows import cycle_report, segment_state, vehicle_plan
 from storage.tables import Tables
+
+
+@dataclass(frozen=True)
+class StoredCycle:
+    """One cycle with all that was stored of it.
+
+    Attributes:
+        report: of it.
+        plans: that it sent, by vehicle.
+        states: that it used.
+        inputs: None: they are not stored, or not any more.
+    """
+
+    report: CycleReport
+    plans: tuple[VehiclePlan, ...]
+    states: tuple[SegmentState, ...]
+    inputs: CycleInputs | None
 
 
 class Reader:
@@ -70,6 +89,26 @@ class Reader:
             query = query.where(CycleRow.cycle < before)
         with self._read_session() as session:
             return tuple(cycle_report(row) for row in reversed(_all(session, query)))
+
+    def stored_cycle(self, cycle: int) -> StoredCycle | None:
+        """One cycle; None: it is not stored."""
+        with self._read_session() as session:
+            row = None if session is None else session.get(CycleRow, cycle)
+            if session is None or row is None:
+                return None
+            states = sorted(row.states, key=lambda state: (state.segment, state.rsu))
+            return StoredCycle(
+                cycle_report(row),
+                tuple(vehicle_plan(plan) for plan in row.plans),
+                tuple(segment_state(state) for state in states),
+                inputs.load(session, cycle),
+            )
+
+    def plan(self, cycle: int, vehicle: str) -> VehiclePlan | None:
+        """A vehicle's plan from a cycle; None: it is not stored."""
+        with self._read_session() as session:
+            row = None if session is None else session.get(PlanRow, (cycle, vehicle))
+            return None if row is None else vehicle_plan(row)
 
     def cycle(self, number: int) -> CycleReport | None:
         """One cycle; None: it is not stored."""

@@ -14,6 +14,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
+from storage import inputs
 from storage.engine import is_sqlite, parse_url, sqlite_path
 from storage.models import ClockRow, CycleRow
 
@@ -101,6 +102,7 @@ def delete_cycles(session: Session, limit: int, below: int, before_ns: int | Non
     numbers: Sequence[int] = session.scalars(query.order_by(CycleRow.cycle).limit(limit)).all()
     if numbers:
         session.execute(delete(CycleRow).where(CycleRow.cycle.in_(numbers)))
+        inputs.drop_unused(session)
     return len(numbers)
 
 

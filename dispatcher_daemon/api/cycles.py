@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated
+
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
 from dispatcher_daemon.api.auth import requires
 from dispatcher_daemon.api.parameters import Before, Limit, Number
 from dispatcher_daemon.api.problems import Problem
 from dispatcher_daemon.api.services import Dispatch
+from dispatcher_daemon.explain import Explanation, explanation
 from slipstream.messages import CycleReport, VehiclePlan
+from storage import StoredCycle
 
 router = APIRouter(prefix="/v1/cycles", tags=["cycles"], dependencies=[requires("read")])
 
@@ -41,6 +45,39 @@ def get_cycle(dispatch: Dispatch, number: Number) -> CycleDetail:
     """One cycle."""
     report = dispatch.reader.cycle(number)
     if report is None:
-        mend = "take a number that GET /v1/cycles lists; old cycles are deleted"
-        raise Problem(404, f"no cycle {number} is stored", mend, field="number")
+        raise _unknown(number)
     return CycleDetail(report=report, plans=list(dispatch.reader.plans(number)))
+
+
+@router.get("/{number}/explain")
+def explain_cycle(
+    dispatch: Dispatch,
+    number: Number,
+    vehicle: Annotated[
+        str | None,
+        Query(min_length=1, max_length=200, description="Only what concerns this vehicle."),
+    ] = None,
+) -> Explanation:
+    """Why each vehicle goes where it goes, which platoons were refused and why, in words and with
+    the figures behind them.
+    """
+    stored: StoredCycle | None = dispatch.reader.stored_cycle(number)
+    if stored is None:
+        raise _unknown(number)
+    try:
+        found = explanation(stored)
+    except ValueError:
+        mend = "ask the version of Slipstream that stored it"
+        raise Problem(404, f"the inputs of cycle {number} cannot be read", mend) from None
+    if vehicle is None:
+        return found
+    own = found.of_vehicle(vehicle)
+    if own is None:
+        mend = "take a vehicle that the whole explanation has"
+        raise Problem(404, f"cycle {number} has no such vehicle", mend, field="vehicle")
+    return own
+
+
+def _unknown(number: int) -> Problem:
+    mend = "take a number that GET /v1/cycles lists; old cycles are deleted"
+    return Problem(404, f"no cycle {number} is stored", mend, field="number")

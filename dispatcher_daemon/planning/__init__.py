@@ -8,6 +8,8 @@ from dispatcher_daemon.planning.fleet_plan import FleetPlan, initial_plans, plan
 from dispatcher_daemon.planning.form import RouteForm, route_form
 from dispatcher_daemon.planning.insertion import insert_stops
 from dispatcher_daemon.planning.itineraries import Planner
+from dispatcher_daemon.planning.pyvrp_search import Searched
+from dispatcher_daemon.planning.refused import RefusedPlatoon, refused_platoons
 from dispatcher_daemon.planning.servability import servable_part, unservable
 from dispatcher_daemon.planning.sweeps import Choice, initial_choices
 
@@ -15,11 +17,14 @@ __all__ = [
     "Choice",
     "FleetPlan",
     "Planner",
+    "RefusedPlatoon",
     "RouteForm",
+    "Searched",
     "initial_choices",
     "initial_plans",
     "insert_stops",
     "plan_fleet",
+    "refused_platoons",
     "route_cycle",
     "route_form",
     "servable_part",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
@@ -27,6 +27,7 @@ from dispatcher_daemon.planning.pyvrp_search import (
     Attempt,
     Found,
     Job,
+    Searched,
     low_penalties,
     search_in_turn,
 )
@@ -74,8 +75,9 @@ def base_routes(
     executor: Executor,
     seed: int,
     start: Mapping[str, Sequence[str]] | None = None,
+    clock: Callable[[], float] = time.monotonic,
 ) -> BaseRoutes:
-    """Routes of least cost over the given stops, by `Travel.search_cost_kwh`.
+    """Routes of least cost over the given stops, by `Ways.search_cost_kwh`.
 
     A first search over the whole city is short. After it, each round cuts the routes into parts by
     location, in another direction each time, and searches the parts in parallel. Most of the gain
@@ -87,12 +89,13 @@ def base_routes(
         executor: for the parts; processes, as PyVRP keeps the interpreter lock.
         seed: same seed, same routes, unless time runs out.
         start: routes to start from, by vehicle, instead of a first search.
+        clock: seconds.
     """
     has_vehicle = any(v.first_stop is None or v.first_stop in stops for v in problem.fleet.vehicles)
     routes: StopsByVehicle = {v.id: () for v in problem.fleet.vehicles}
     if not stops or not has_vehicle:
         return BaseRoutes(routes, tuple(stops), False)
-    search = _Search(problem, travel, settings, executor)
+    search = _Search(problem, travel, settings, executor, clock)
     groups, anybodys = by_carrier(problem.fleet, stops)
     carriers, timed_out = groups, False
     if anybodys:
@@ -107,7 +110,7 @@ def base_routes(
     timed_out |= cut
     number = 0
     while number < settings.rounds:
-        left_s = search.ends - time.monotonic()
+        left_s = search.ends - clock()
         if left_s <= 0:
             timed_out = True
             break
@@ -135,15 +138,20 @@ class _Search:
     """Searches of parts of one problem.
 
     Attributes:
-        ends: when they have to be done, by the monotonic clock.
+        ends: when they have to be done, by the clock.
     """
 
     def __init__(
-        self, problem: RoutingProblem, travel: Ways, settings: SearchSettings, executor: Executor
+        self,
+        problem: RoutingProblem,
+        travel: Ways,
+        settings: SearchSettings,
+        executor: Executor,
+        clock: Callable[[], float],
     ) -> None:
         self._problem, self._travel = problem, travel
         self._settings, self._executor = settings, executor
-        self.ends = time.monotonic() + settings.time_limit_s
+        self.ends = clock() + settings.time_limit_s
 
     def first(
         self, groups: Sequence[Part], seed: int, start: Mapping[str, Sequence[str]] | None
@@ -167,13 +175,10 @@ class _Search:
                 parts += parts_of_routes(problem, group, known, most, 0)
         parts = [part for part in parts if part.stops]
         models = [VrpModel(problem, self._travel, part.vehicles, part.stops) for part in parts]
-        if len(models) == 1:
-            (model,) = models
-            found, cut = search_in_turn(self._first_job(model, start, limit_s, seed))
-            return ({} if found is None else model.read(found.visits)), cut
         limit_s = self._each(limit_s, len(parts))
         jobs = ((model, self._first_job(model, start, limit_s, seed)) for model in models)
-        return self._side_by_side(jobs)
+        # Without first routes there is no plan at all, whatever becomes of the workers.
+        return self._side_by_side(jobs, make_up=len(models) == 1)
 
     def _first_job(
         self,
@@ -233,19 +238,26 @@ class _Search:
         """Time of each part, if all have a limit together, s."""
         return limit_s / math.ceil(parts / self._settings.workers)
 
-    def _side_by_side(self, jobs: Iterable[tuple[VrpModel, Job]]) -> tuple[StopsByVehicle, bool]:
-        """The cheapest routes of each model, whether time ran out."""
-        running = [(model, _submit(self._executor, job)) for model, job in jobs]
+    def _side_by_side(
+        self, jobs: Iterable[tuple[VrpModel, Job]], *, make_up: bool = False
+    ) -> tuple[StopsByVehicle, bool]:
+        """The cheapest routes of each model, whether time ran out.
+
+        Args:
+            make_up: whether this process does what a worker failed at.
+        """
+        running = [(model, job, _submit(self._executor, job)) for model, job in jobs]
         best: dict[VrpModel, Found] = {}
         timed_out = False
-        for model, job in running:
+        for model, job, future in running:
             try:
-                found, cut = job.result()
+                searched = future.result()
             except Exception as error:
                 # A worker that died costs its part one round.
                 log.warning("part of the search failed: %s: %s", type(error).__name__, error)
-                found, cut = None, True
-            timed_out |= cut
+                searched = search_in_turn(job) if make_up else Searched(None, True, ())
+            timed_out |= searched.cut
+            found = searched.found
             if found is not None and (model not in best or found.cost < best[model].cost):
                 best[model] = found
         routes: StopsByVehicle = {}
@@ -269,11 +281,11 @@ def _known(
     return known
 
 
-def _submit(executor: Executor, job: Job) -> Future[tuple[Found | None, bool]]:
+def _submit(executor: Executor, job: Job) -> Future[Searched]:
     """A search on an executor; what keeps it from being taken on is raised with its result."""
     try:
         return executor.submit(search_in_turn, job)
     except Exception as error:
-        refused: Future[tuple[Found | None, bool]] = Future()
+        refused: Future[Searched] = Future()
         refused.set_exception(error)
         return refused

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from concurrent.futures import Executor
 
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, plan_fleet
@@ -16,13 +18,19 @@ BASE = "pyvrp"
 GREEDY = "greedy"
 
 
-def route_cycle(cycle: Cycle, solve: Solve, executor: Executor) -> FormResult:
+def route_cycle(
+    cycle: Cycle,
+    solve: Solve,
+    executor: Executor,
+    clock: Callable[[], float] = time.monotonic,
+) -> FormResult:
     """Plan the fleet and verify the plans.
 
     Args:
         executor: for the search of base routes.
+        clock: seconds.
     """
-    plan = plan_fleet(cycle, executor, solve)
+    plan = plan_fleet(cycle, executor, solve, clock)
     cycle = plan.cycle
     best = _candidate(cycle, _made_by(plan), plan.choice, plan)
     vehicles = cycle.problem.fleet.vehicles
@@ -35,6 +43,7 @@ def route_cycle(cycle: Cycle, solve: Solve, executor: Executor) -> FormResult:
         variables=max((sweep.largest for sweep in plan.sweeps), default=0),
         unserved=plan.unserved,
         stops={v.id: i.stops for v, i in zip(vehicles, plan.choice.itineraries, strict=True)},
+        declined=plan.declined,
     )
 
 

@@ -30,7 +30,7 @@ from dispatcher_daemon.planning.sweeps import (
     choice_of,
     initial_choices,
 )
-from dispatcher_daemon.plans import Cycle, Gains
+from dispatcher_daemon.plans import Cycle, DeclinedMeeting, Gains
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Roads, Travel, fleet_travel, searched_again
 from dispatcher_daemon.roads.weights import Floats
@@ -62,6 +62,7 @@ class FleetPlan:
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
         gains_kwh: of each carrier by the plan, where there are several.
         base_gains_kwh: likewise by `base` with the platoons that form by chance.
+        declined: see `BlockDescent`.
     """
 
     cycle: Cycle
@@ -74,6 +75,7 @@ class FleetPlan:
     timed_out: bool
     gains_kwh: Gains
     base_gains_kwh: Gains
+    declined: tuple[DeclinedMeeting, ...] = ()
 
 
 def plan_fleet(
@@ -105,7 +107,7 @@ def plan_fleet(
     cycle, travel, missing = servable(whole, travel)
     stage("roads")
     search = limited(settings.search, settings.base_share)
-    routes = first_routes(cycle, travel, missing, search, executor)
+    routes = first_routes(cycle, travel, missing, search, executor, clock)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     stage("base")
     first = initial_plans(cycle, travel, routes.stops, missing, lambda: clock() < ends)
@@ -121,7 +123,9 @@ def plan_fleet(
         if part is not None:
             discounted = first.planner.travels[1]
             left = stops_but(part, missing)
-            second = base_routes(part, discounted, left, search, executor, seed + 1, routes.stops)
+            second = base_routes(
+                part, discounted, left, search, executor, seed + 1, routes.stops, clock
+            )
             timed_out |= second.timed_out
             if not second.unassigned:
                 descent.adopt(routes.stops | second.stops, seed, ends, clock)
@@ -152,6 +156,7 @@ def plan_fleet(
         timed_out or late,
         gains,
         base_gains,
+        tuple(descent.declined.values()),
     )
 
 
@@ -193,13 +198,14 @@ def first_routes(
     missing: Collection[str],
     search: SearchSettings,
     executor: Executor,
+    clock: Callable[[], float] = time.monotonic,
 ) -> BaseRoutes:
     """Routes of the free vehicles by a search, and of the bound ones in their best order."""
     bound, part = bound_routes(cycle, travel), unbound(cycle)
     if part is None:
         return BaseRoutes(bound, (), False)
     stops = stops_but(part, missing)
-    routes = base_routes(part, travel, stops, search, executor, cycle.seed, cycle.start)
+    routes = base_routes(part, travel, stops, search, executor, cycle.seed, cycle.start, clock)
     return replace(routes, stops=bound | routes.stops)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import pyvrp
@@ -38,12 +38,14 @@ class Attempt:
     Attributes:
         iterations: at most.
         first: whether the first feasible routes end it.
+        stop_after: iterations after which it ends, whatever else would end it; None: not given.
     """
 
     data: pyvrp.ProblemData
     penalty: pyvrp.PenaltyParams
     iterations: int
     first: bool = False
+    stop_after: int | None = None
 
     @property
     def is_long(self) -> bool:
@@ -72,26 +74,50 @@ class Job:
     limit_s: float
     seed: int
 
+    def repeating(self, iterations: Sequence[int]) -> Job:
+        """The same with these numbers of iterations of the first attempts, and no others."""
+        numbered = zip(self.attempts, iterations, strict=False)
+        attempts = [replace(attempt, stop_after=number) for attempt, number in numbered]
+        return replace(self, attempts=attempts)
 
-def search_in_turn(job: Job) -> tuple[Found | None, bool]:
-    """(routes of the first attempt that finds feasible ones, or None; whether its time ran out)."""
-    found, cut = None, False
+
+@dataclass(frozen=True)
+class Searched:
+    """What a job has found.
+
+    Attributes:
+        found: routes of the first attempt that finds feasible ones; None: none does.
+        cut: whether that attempt's time ran out.
+        iterations: of each attempt that was made.
+    """
+
+    found: Found | None
+    cut: bool
+    iterations: tuple[int, ...]
+
+
+def search_in_turn(job: Job) -> Searched:
+    """Make a job's attempts until one finds feasible routes."""
+    found, cut, iterations = None, False, list[int]()
     for attempt in job.attempts:
-        found, cut = _search(attempt, job.start, job.limit_s, job.seed)
+        found, cut, number = _search(attempt, job.start, job.limit_s, job.seed)
+        iterations.append(number)
         if found is not None:
             break
-    return found, cut
+    return Searched(found, cut, tuple(iterations))
 
 
 def _search(
     attempt: Attempt, start: Visits | None, limit_s: float, seed: int
-) -> tuple[Found | None, bool]:
+) -> tuple[Found | None, bool, int]:
     data, begin = attempt.data, None
     if start is not None:
         begin = pyvrp.Solution(data, [pyvrp.Route(data, visits, kind) for kind, visits in start])
     stop: list[StoppingCriterion] = [MaxIterations(attempt.iterations), MaxRuntime(limit_s)]
     if attempt.first:
         stop.append(lambda best_cost: best_cost < NO_PATH_MWH)
+    if attempt.stop_after is not None:
+        stop = [MaxIterations(attempt.stop_after)]
     with warnings.catch_warnings():
         # PyVRP warns when windows are tight; whether the answer keeps them is looked at below.
         warnings.simplefilter("ignore", PenaltyBoundWarning)
@@ -104,14 +130,14 @@ def _search(
             params=search_parameters(attempt.penalty, long=attempt.is_long),
             initial_solution=begin,
         )
-    cut = result.runtime >= limit_s
+    cut = attempt.stop_after is None and result.runtime >= limit_s
     if not result.best.is_feasible() or result.best.distance() >= NO_PATH_MWH:
-        return None, cut
+        return None, cut, result.num_iterations
     visits = [
         (route.vehicle_type(), [a.idx for a in route if a.is_client()])
         for route in result.best.routes()
     ]
-    return Found(visits, result.cost()), cut
+    return Found(visits, result.cost()), cut, result.num_iterations
 
 
 def search_parameters(penalty: pyvrp.PenaltyParams, *, long: bool) -> pyvrp.SolveParams:

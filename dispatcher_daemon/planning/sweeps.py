@@ -21,9 +21,11 @@ from dispatcher_daemon.planning.departures import (
 )
 from dispatcher_daemon.planning.exchanges import best_exchanges, exchanged
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.offers import declined_meetings
 from dispatcher_daemon.planning.options import options_for
 from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
+from dispatcher_daemon.plans import DeclinedMeeting
 from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.execution.pool import Job, Solve
@@ -119,6 +121,7 @@ class BlockDescent:
 
     Attributes:
         present: itineraries by vehicle number.
+        declined: by pair of vehicles, the meeting of the last sweep that would have cost least.
     """
 
     def __init__(
@@ -131,6 +134,7 @@ class BlockDescent:
         """Start from the given itineraries."""
         self.planner, self.settings = planner, settings
         self.present = list(itineraries)
+        self.declined: dict[tuple[str, str], DeclinedMeeting] = {}
         self._solve = solve
         self._meetings = planner.meetings()
         saving = math.fsum(self._meetings.add(i.traversals) for i in itineraries)
@@ -174,6 +178,7 @@ class BlockDescent:
         small = 0 < len(graph) <= size
         groups = [sorted(graph)] if small else blocks_of(graph, size, seed)
         solved: list[tuple[Block, list[Outcome]]] = []
+        self.declined = {}
         rng = np.random.default_rng(seed)
         accepted: Counter[str] = Counter()
         # In batches, solved in parallel: later ones start from what earlier ones changed.
@@ -188,6 +193,7 @@ class BlockDescent:
             answers = self._solve_blocks(blocks, min(left_s, self.settings.block_deadline_s), seed)
             for block, outcomes in zip(blocks, answers, strict=True):
                 accepted.update(self._accept_best(block, outcomes))
+                self._note_declined(block)
                 solved.append((block, outcomes))
         return Sweep(
             len(solved),
@@ -313,6 +319,13 @@ class BlockDescent:
         if self._accounts is not None:
             self._accounts.change(best)
         return (solver,)
+
+    def _note_declined(self, block: Block) -> None:
+        for one in declined_meetings(block, self.present, self._names, self.planner.sync_window_s):
+            known = self.declined.get(one.vehicles)
+            loss_kwh = one.cost_kwh - one.saving_kwh
+            if known is None or loss_kwh < known.cost_kwh - known.saving_kwh:
+                self.declined[one.vehicles] = one
 
     def _apply(self, itineraries: Sequence[Itinerary]) -> float:
         """Change some vehicles' itineraries; the change of the objective, kWh."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dispatcher_daemon.plans.accounts import VehicleAccount, vehicle_accounts
 from dispatcher_daemon.plans.candidates import (
     Attempt,
     Candidate,
     Cycle,
+    DeclinedMeeting,
     FormResult,
     Gains,
     Refusal,
@@ -20,15 +22,18 @@ __all__ = [
     "Attempt",
     "Candidate",
     "Cycle",
+    "DeclinedMeeting",
     "Form",
     "FormResult",
     "Gains",
     "Refusal",
     "RouteEnergy",
+    "VehicleAccount",
     "attempt",
     "plans_to_send",
     "route_energy",
     "solver_report",
     "summarise",
+    "vehicle_accounts",
     "verify_plans",
 ]

@@ -197,6 +197,22 @@ class Cycle:
 
 
 @dataclass(frozen=True)
+class DeclinedMeeting:
+    """A platoon of two that a solver could have chosen, and did not.
+
+    Attributes:
+        segments: on which the two would be together, by the first one's way.
+        cost_kwh: of other ways or departures.
+        saving_kwh: of it, and what else changes by them; not more than the cost.
+    """
+
+    vehicles: tuple[str, str]
+    segments: tuple[str, ...]
+    cost_kwh: float
+    saving_kwh: float
+
+
+@dataclass(frozen=True)
 class FormResult:
     """Result of one form's solvers in one cycle.
 
@@ -209,6 +225,7 @@ class FormResult:
         variables: of the largest QUBO.
         unserved: reason by stop that no vehicle serves.
         stops: by vehicle, of the best routes; the next cycle's search starts from them.
+        declined: meetings that were on offer in the last sweep.
     """
 
     candidates: tuple[Candidate, ...]
@@ -219,3 +236,4 @@ class FormResult:
     variables: int
     unserved: Mapping[str, str] = field(default_factory=dict)
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    declined: tuple[DeclinedMeeting, ...] = ()

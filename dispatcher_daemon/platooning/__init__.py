@@ -22,6 +22,7 @@ from dispatcher_daemon.platooning.rewards import (
     JudgedPair,
     apart_at_the_end,
     judge_pairs,
+    pair_saving_kwh,
     rewards,
 )
 from dispatcher_daemon.platooning.segment_order import Change
@@ -56,6 +57,7 @@ __all__ = [
     "judge_pairs",
     "on_road",
     "open_shares",
+    "pair_saving_kwh",
     "platoons_of",
     "rewards",
     "saving_kwh",

@@ -25,12 +25,16 @@ class RoadUser:
         now_ns: the cycle's start, UTC.
         ahead: remaining segments in order: passage of its plan and segment, with times in UTC.
         legs: of its plan by number: node of the place that it left, and path.
+        cycle: of its plan.
+        late_s: by how much it is behind its plan.
     """
 
     vehicle: str
     now_ns: int
     ahead: tuple[tuple[Passage, PlannedSegment], ...]
     legs: Mapping[int, tuple[str, tuple[str, ...]]] = field(default_factory=dict)
+    cycle: int = 0
+    late_s: float = 0.0
 
     def passages(self) -> Iterator[tuple[str, TimedPassage[Passage]]]:
         """Each segment with its passage, times in s after the cycle's start."""
@@ -52,7 +56,8 @@ def on_road(
     late = late_s or {}
     users = []
     for plan in sorted(plans, key=lambda plan: plan.vehicle):
-        shifts_ns = _shifts_ns(plan, round(1e9 * late.get(plan.vehicle, 0.0)), now_ns)
+        late_by_s = late.get(plan.vehicle, 0.0)
+        shifts_ns = _shifts_ns(plan, round(1e9 * late_by_s), now_ns)
         paths: dict[int, list[str]] = {}
         ahead = []
         for planned in plan.segments:
@@ -67,7 +72,8 @@ def on_road(
                 ahead.append((passage, planned.model_copy(update=times)))
         if ahead:
             legs = {leg: (plan.stops[leg].node, tuple(path)) for leg, path in paths.items()}
-            users.append(RoadUser(plan.vehicle, now_ns, tuple(ahead), legs))
+            user = RoadUser(plan.vehicle, now_ns, tuple(ahead), legs, plan.cycle, late_by_s)
+            users.append(user)
     return tuple(users)
 
 

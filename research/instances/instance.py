@@ -196,9 +196,11 @@ def _plain(instance: Instance) -> dict[str, Any]:
         for key in ("recuperation_efficiency", "vehicle_types", "charging_stops", "hubs"):
             if key not in later:
                 table.pop(key, None)
-    for row, given in zip(data["fleet"]["stops"], brief["fleet"]["stops"], strict=True):
-        if "mass_kg" not in given:
-            del row["mass_kg"]
+    for table in ("stops", "vehicles"):
+        for row, given in zip(data["fleet"][table], brief["fleet"][table], strict=True):
+            for key in ("mass_kg", "skills"):
+                if key not in given:
+                    row.pop(key, None)
     if "objective" not in brief:
         del data["objective"]
     return {**data, "network": brief["network"], "traffic": brief.get("traffic", {})}

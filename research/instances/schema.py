@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.traffic import MIN_SPEED_MPS
@@ -174,6 +174,12 @@ class OptimumTable(Settings):
     routes: tuple[RouteRow, ...] = ()
 
 
+def _with_stops(fleet: Fleet) -> Fleet:
+    if not fleet.stops:
+        raise ValueError("stops must not be empty; name one at least")
+    return fleet
+
+
 class InstanceFile(Settings):
     """A routing problem, its traffic, and what is known of its solution."""
 
@@ -184,7 +190,7 @@ class InstanceFile(Settings):
         default=3.0, description="Entries no further apart than this can platoon."
     )
     network: NetworkTable
-    fleet: Fleet
+    fleet: Annotated[Fleet, AfterValidator(_with_stops)]
     traffic: TrafficTable = TrafficTable()
     vehicle: VehicleParameters = PAPER_CAR
     style: StyleTable = StyleTable()

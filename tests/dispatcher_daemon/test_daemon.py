@@ -39,7 +39,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.orders import FleetRecords
-from storage import StorageError, open_reader
+from storage import CycleInputs, StorageError, open_reader
 
 State = Callable[..., SegmentState]
 SETTINGS = DispatcherSettings(solvers=("exact",))
@@ -64,6 +64,7 @@ class Log:
         plans: Sequence[VehiclePlan],
         states: Sequence[SegmentState],
         records: FleetRecords | None = None,
+        made_from: CycleInputs | None = None,
     ) -> None:
         """Store, or fail as a full disk does."""
         if self.broken:

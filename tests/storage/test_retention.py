@@ -145,7 +145,8 @@ def test_the_upgrade_trusts_the_newest_cycle(url, make_cycle):
     with storage.open_database(url) as database:
         _fill(database, make_cycle, 1, 3, right_ns)
     with closing(sqlite3.connect(_path(url))) as old:
-        for table in ("clock", "speeds", "movements", "vehicles", "order_changes", "orders"):
+        newer = ("clock", "speeds", "movements", "vehicles", "order_changes", "orders")
+        for table in (*newer, "input_uses", "cycle_inputs", "input_parts"):
             old.execute(f"DROP TABLE {table}")
         old.execute("DROP INDEX ix_plans_status")
         for column in ("continues", "status", "status_ns", "status_reason"):

@@ -18,6 +18,7 @@ NEEDS = {
     ("GET", "/v1/plans/{vehicle}"): "read",
     ("GET", "/v1/cycles"): "read",
     ("GET", "/v1/cycles/{number}"): "read",
+    ("GET", "/v1/cycles/{number}/explain"): "read",
     ("GET", "/v1/segments"): "read",
     ("GET", "/v1/segments/{segment}"): "read",
     ("GET", "/v1/feeds/datex2/sites"): "read",

@@ -97,6 +97,27 @@ def test_plans_and_cycles_are_the_stored_ones(serve: Callable[..., Api]) -> None
     assert [plan["vehicle"] for plan in cycle["plans"]] == ["van-a", "van-b"]
 
 
+def test_a_cycle_s_explanation_has_words_and_figures(serve: Callable[..., Api]) -> None:
+    """Of the whole cycle and of one vehicle; an unknown cycle or vehicle is a problem."""
+    api = serve(tokens=True)
+    api.dispatcher.run_cycle()
+    path = "/v1/cycles/1/explain"
+    assert api.get(path, "orderer").status == 403
+    found = api.get(path, "reader").json
+    assert [one["vehicle"] for one in found["vehicles"]] == ["van-a", "van-b"]
+    assert found["vehicles"][0]["account"]["driven_kwh"] > 0
+    assert found["vehicles"][0]["lines"][0].startswith("serves ")
+    assert {one["platoon"]["reason"] for one in found["refused"]} == {"unknown"}
+    own = api.get(f"{path}?vehicle=van-b", "reader").json
+    assert own["vehicles"] == found["vehicles"][1:]
+    for missing, field in (
+        (f"{path}?vehicle=van-z", "vehicle"),
+        ("/v1/cycles/9/explain", "number"),
+    ):
+        answer = api.get(missing, "reader")
+        assert (answer.status, answer.json["field"]) == (404, field)
+
+
 def test_segments_show_states_and_what_their_gates_would_be(
     serve: Callable[..., Api], state: State
 ) -> None:

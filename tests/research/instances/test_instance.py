@@ -254,7 +254,7 @@ SEGMENT = "network.segments.ab"
         ("network.segments", [], "network: give either sumo_net, or junctions and segments"),
         ("network.sumo_net", "demo", "network: give either sumo_net, or junctions and segments"),
         ("network", {"sumo_net": "none.net.xml"}, "none.net.xml: no such file"),
-        ("fleet.stops", [], "fleet.stops: "),
+        ("fleet.stops", [], "fleet: stops must not be empty"),
         ("fleet.vehicles", [], "fleet.vehicles: "),
         ("fleet.depots", [], "fleet.depots: "),
         ("fleet.stops.+", {"id": "s", "node": "a"}, "fleet.stops: 2 stops with id 's'; rename"),

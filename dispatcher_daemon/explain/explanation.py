@@ -1,0 +1,145 @@
+"""A stored cycle in words: why each vehicle goes where it goes, and why not otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from dispatcher_daemon.explain.vehicles import VehicleExplanation, explained_vehicles
+from dispatcher_daemon.explain.words import duration, in_kwh, more_or_less, refusal_line
+from dispatcher_daemon.planning import RefusedPlatoon
+from dispatcher_daemon.replay import cycle_record
+from slipstream.messages import CycleReport, SolverReport
+from storage import StoredCycle
+
+
+@dataclass(frozen=True)
+class RefusedExplanation:
+    """A refused platoon with its line in words."""
+
+    line: str
+    platoon: RefusedPlatoon
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A cycle in words, with the figures behind them.
+
+    Attributes:
+        cycle: its number.
+        started_ns: UTC.
+        status: of its report.
+        summary: of the whole cycle.
+        solvers: a line each.
+        vehicles: in the order of the fleet.
+        refused: most worth first.
+        unserved: a line for each stop that no vehicle serves.
+        notes: what could not be explained.
+    """
+
+    cycle: int
+    started_ns: int
+    status: str
+    summary: tuple[str, ...]
+    solvers: tuple[str, ...]
+    vehicles: tuple[VehicleExplanation, ...]
+    refused: tuple[RefusedExplanation, ...]
+    unserved: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    def of_vehicle(self, vehicle: str) -> Explanation | None:
+        """What concerns one vehicle; None: the cycle has no such vehicle."""
+        own = tuple(one for one in self.vehicles if one.vehicle == vehicle)
+        if not own:
+            return None
+        refused = tuple(one for one in self.refused if vehicle in one.platoon.vehicles)
+        known = self.cycle, self.started_ns, self.status, self.summary, self.solvers
+        return Explanation(*known, own, refused, self.unserved, self.notes)
+
+
+def explanation(stored: StoredCycle) -> Explanation:
+    """A stored cycle in words.
+
+    Raises:
+        ValueError: what was stored of it cannot be read by this version.
+    """
+    report = stored.report
+    record = None if stored.inputs is None else cycle_record(stored.inputs)
+    notes = []
+    if record is None and report.status != "failed" and report.solver is not None:
+        notes.append(
+            "figures of vehicles and refused platoons are not stored of this cycle, or not any more"
+        )
+    return Explanation(
+        report.cycle,
+        report.started_ns,
+        report.status,
+        tuple(_summary(report)),
+        tuple(_solver_line(solver, report.solver) for solver in report.solvers),
+        tuple(explained_vehicles(stored.plans, record)),
+        ()
+        if record is None
+        else tuple(RefusedExplanation(refusal_line(one), one) for one in record.refused),
+        tuple(f"{stop.stop}: {stop.reason}" for stop in report.unserved),
+        tuple(notes),
+    )
+
+
+def as_text(of: Explanation) -> str:
+    """An explanation in lines for people."""
+    return "\n".join(_text(of))
+
+
+def _text(of: Explanation) -> Iterator[str]:
+    yield from of.summary
+    blocks: list[tuple[str, Sequence[str]]] = [("solvers", of.solvers)]
+    blocks += [(one.vehicle, one.lines) for one in of.vehicles]
+    blocks += [("refused platoons", [one.line for one in of.refused])]
+    blocks += [("not served", of.unserved), ("not known", of.notes)]
+    for title, lines in blocks:
+        if lines:
+            yield ""
+            yield f"{title}:"
+            yield from (f"  {line}" for line in lines)
+
+
+def _summary(report: CycleReport) -> Iterator[str]:
+    yield f"cycle {report.cycle}: {report.status}" + (f", {report.reason}" if report.reason else "")
+    if report.solver is not None and report.objective_kwh is not None:
+        yield f"the plan is that of {report.solver}: objective {in_kwh(report.objective_kwh)}"
+    energy = report.energy
+    if energy is not None:
+        saved = energy.baseline_kwh - energy.cooperative_kwh
+        yield (
+            f"the fleet needs {in_kwh(energy.cooperative_kwh)}, {more_or_less(-saved)} than the "
+            f"baseline ({energy.baseline}): distance {in_kwh(energy.saved_distance_kwh)}, drag "
+            f"{in_kwh(energy.saved_drag_kwh)}, acceleration "
+            f"{in_kwh(energy.saved_acceleration_kwh)} saved"
+        )
+        if energy.baseline_driving_s is not None and energy.cooperative_driving_s is not None:
+            yield (
+                f"it drives for {duration(energy.cooperative_driving_s)}, in the baseline for "
+                f"{duration(energy.baseline_driving_s)}; {energy.platooned_distance_m:.0f} m of "
+                "the way in platoons"
+            )
+    for carrier in report.carriers:
+        name = "vehicles without a carrier" if carrier.carrier is None else carrier.carrier
+        yield f"{name}: {in_kwh(carrier.saved_cost_kwh)} less than alone, time at its price"
+
+
+def _solver_line(solver: SolverReport, chosen: str | None) -> str:
+    parts: list[str] = [solver.status]
+    if solver.objective_kwh is not None:
+        parts.append(f"objective {in_kwh(solver.objective_kwh)}")
+    if solver.repaired:
+        parts.append("valid after repair only")
+    if solver.p_feasible_raw is not None:
+        parts.append(f"{100 * solver.p_feasible_raw:.2f} % of its samples valid as drawn")
+    if solver.backend is not None:
+        parts.append(f"on {solver.backend}")
+    if solver.fallback is not None:
+        parts.append(f"not on the device asked for: {solver.fallback}")
+    parts.append(f"{solver.wall_s:.2f} s")
+    if solver.reason is not None:
+        parts.append(solver.reason)
+    return f"{solver.solver}{' (taken)' if solver.solver == chosen else ''}: {', '.join(parts)}"

@@ -1,0 +1,153 @@
+"""Parts of a cycle's inputs as data that JSON can hold, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, fields, replace
+from types import MappingProxyType
+from typing import Any, Final
+
+from pydantic import TypeAdapter
+
+from dispatcher_daemon.commitments import Commitment
+from dispatcher_daemon.fleet import ChargingStop, Depot, Fleet, Hub, NamedVehicleType, Stop, Vehicle
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.traffic import Expectations, SegmentTraffic, TrafficSnapshot, take_snapshot
+from slipstream.messages import VehiclePlan
+
+PlanOf = Callable[[int, str], VehiclePlan | None]
+"""A vehicle's plan from a cycle; None: it is not stored any more."""
+
+_NOT_OF_A_CYCLE: Final = {"bus", "service", "database_url", "rsus"}
+"""Settings that no plan depends on; a URL may hold a password."""
+_PLACES: Final[Mapping[str, TypeAdapter[Any]]] = {
+    "depots": TypeAdapter(tuple[Depot, ...]),
+    "vehicle_types": TypeAdapter(tuple[NamedVehicleType, ...]),
+    "charging_stops": TypeAdapter(tuple[ChargingStop, ...]),
+    "hubs": TypeAdapter(tuple[Hub, ...]),
+}
+_VEHICLES: Final = TypeAdapter(tuple[Vehicle, ...])
+_STOPS: Final = TypeAdapter(tuple[Stop, ...])
+_COMMITMENT: Final = TypeAdapter(Commitment)
+
+
+def settings_data(settings: DispatcherSettings) -> dict[str, Any]:
+    """The settings that plans depend on."""
+    data = settings.model_dump(mode="json", exclude=_NOT_OF_A_CYCLE)
+    # What is set of it decides more than its values: see `priced_advice`.
+    data["advice"] = settings.advice.model_dump(mode="json", exclude_unset=True)
+    return data
+
+
+def places_data(fleet: Fleet) -> dict[str, Any]:
+    """A fleet's name, places and vehicle types."""
+    tables = {
+        name: adapter.dump_python(getattr(fleet, name), mode="json", exclude_defaults=True)
+        for name, adapter in _PLACES.items()
+    }
+    return {"name": fleet.name, **tables}
+
+
+def vehicles_data(vehicles: tuple[Vehicle, ...]) -> object:
+    """Its vehicles."""
+    return _VEHICLES.dump_python(vehicles, mode="json", exclude_defaults=True)
+
+
+def stops_data(stops: tuple[Stop, ...]) -> object:
+    """Its stops."""
+    return _STOPS.dump_python(stops, mode="json", exclude_defaults=True)
+
+
+def start_data(start: Mapping[str, Sequence[str]] | None) -> object:
+    """Routes that a search started from."""
+    return None if start is None else {name: list(stops) for name, stops in start.items()}
+
+
+def fleet_from_parts(parts: Mapping[str, Any]) -> Fleet:
+    """The fleet of places, vehicles and stops."""
+    places = parts["places"]
+    tables = {name: adapter.validate_python(places[name]) for name, adapter in _PLACES.items()}
+    # As it was made: the fleet of vehicles on their way home has no stop.
+    return Fleet.model_construct(
+        name=places["name"],
+        stops=_STOPS.validate_python(parts["stops"]),
+        vehicles=_VEHICLES.validate_python(parts["vehicles"]),
+        **tables,
+    )
+
+
+def expected_data(expected: Expectations | None) -> object:
+    """Expected costs of movements."""
+    if expected is None:
+        return None
+    tables = (expected.loss_kwh, expected.seconds, expected.stops)
+    return [[[a, b, value] for (a, b), value in table.items()] for table in tables]
+
+
+def expected_from(data: Any) -> Expectations | None:
+    """The costs of `expected_data`."""
+    if data is None:
+        return None
+    return Expectations(*({(a, b): value for a, b, value in table} for table in data))
+
+
+def traffic_data(
+    problem: RoutingProblem, snapshot: TrafficSnapshot, settings: DispatcherSettings
+) -> dict[str, dict[str, Any]]:
+    """By field and segment, what the traffic has that does not follow from its states."""
+    plain = take_snapshot(
+        problem.network,
+        snapshot.states,
+        snapshot.now_ns,
+        stale_after_s=settings.stale_after_s,
+        future_tolerance_s=settings.future_tolerance_s,
+        stops_at_signals=settings.stops_at_signals,
+    )
+    found: dict[str, dict[str, Any]] = {}
+    names = [field.name for field in fields(SegmentTraffic)]
+    for segment, traffic in snapshot.segments.items():
+        before = plain.segments[segment]
+        if traffic == before:
+            continue
+        for name in names:
+            value = getattr(traffic, name)
+            if value != getattr(before, name):
+                found.setdefault(name, {})[segment] = value
+    return found
+
+
+def with_traffic(
+    snapshot: TrafficSnapshot, data: Mapping[str, Mapping[str, Any]], expected: Expectations | None
+) -> TrafficSnapshot:
+    """The traffic of plain states with what `traffic_data` gave."""
+    changes: dict[str, dict[str, Any]] = {}
+    for name, values in data.items():
+        for segment, value in values.items():
+            changes.setdefault(segment, {})[name] = value
+    changed = {name: replace(snapshot.segments[name], **of) for name, of in changes.items()}
+    segments = MappingProxyType({**snapshot.segments, **changed})
+    return replace(snapshot, segments=segments, expected=expected)
+
+
+def commitment_data(own: Commitment) -> dict[str, Any]:
+    """A commitment; its plan is stored already."""
+    return {**asdict(replace(own, plan=None)), "plan": own.plan.cycle}  # type: ignore[arg-type]
+
+
+def commitment_from(data: dict[str, Any], plan_of: PlanOf) -> Commitment:
+    """The commitment of `commitment_data`."""
+    plan = plan_from(plan_of, data["plan"], data["vehicle"])
+    return _COMMITMENT.validate_python({**data, "plan": plan})
+
+
+def plan_from(plan_of: PlanOf, cycle: int, vehicle: str) -> VehiclePlan:
+    """A plan that is stored.
+
+    Raises:
+        ValueError: it is not.
+    """
+    plan = plan_of(cycle, vehicle)
+    if plan is None:
+        raise ValueError(f"the plan that {vehicle} followed, of cycle {cycle}, is not stored")
+    return plan

@@ -1,0 +1,48 @@
+"""`slipstream replay`: a stored cycle made again from its inputs, and what came out otherwise."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+
+from slipstream.errors import InputError
+from slipstream_cli.stored_cycle import add_arguments, stored_cycle
+
+
+def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    command = commands.add_parser(
+        "replay", help="make a stored cycle again; exit status 1 if its plan is not the same"
+    )
+    add_arguments(command)
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make it again and print what differs."""
+    from dispatcher_daemon.replay import replayed, restored_settings
+    from dispatcher_daemon.solvers.execution.pool import solve_in_process
+    from dispatcher_daemon.solvers.registry import configured_solvers
+
+    with stored_cycle(options) as (reader, stored), ThreadPoolExecutor(1) as thread:
+        if stored.inputs is None:
+            number = stored.report.cycle
+            raise InputError(
+                options.database,
+                f"the inputs of cycle {number} are not stored, or not any more",
+                "give a later cycle that made plans: inputs are kept for a week",
+            )
+        solve = solve_in_process(configured_solvers(restored_settings(stored.inputs)))
+        found = replayed(stored, reader.plan, solve, thread)
+    if options.json:
+        print(json.dumps({**asdict(found), "same": not found.differences}))
+    else:
+        for note in found.notes:
+            print(note)
+        for difference in found.differences:
+            print(difference)
+        result = "not the same" if found.differences else "the same"
+        print(f"cycle {found.cycle}: {result}, {found.vehicles} plans compared")
+    return 1 if found.differences else 0
