@@ -22,8 +22,9 @@ from simulation.scenarios.networks.corridor import (
 )
 from simulation.scenarios.networks.fixed_time import write_fixed_time
 from simulation.scenarios.networks.netconvert import build_net, convert_osm, find_netconvert
-from simulation.scenarios.networks.network import check_routes, largest_part, scenario_network
+from simulation.scenarios.networks.network import largest_part, scenario_network
 from simulation.scenarios.networks.plan import Junction, Plan, Road
+from simulation.scenarios.networks.route_files import check_routes
 from simulation.scenarios.networks.troy import troy_plan
 from simulation.scenarios.scenario import Scenario
 from slipstream.errors import InputError
@@ -242,16 +243,16 @@ def test_route_file_of_another_net_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.rou.xml"
     path.write_text('<routes><route id="r" edges="ab nowhere"/></routes>')
     with pytest.raises(InputError, match="a route over 'nowhere', which the net has not"):
-        check_routes(path, ["ab"])
+        check_routes((path,), ["ab"])
     path.write_text('<routes><route id="r" edges="ab"/></routes>')
     with pytest.raises(InputError, match="no vehicle in it"):
-        check_routes(path, ["ab"])
+        check_routes((path,), ["ab"])
     whole = '<routes><vehicle id="v" depart="0"><route edges="ab"/></vehicle></routes>'
     path.write_text(whole)
-    check_routes(path, ["ab"])
+    check_routes((path,), ["ab"])
     packed = tmp_path / "x.rou.xml.gz"
     packed.write_bytes(gzip.compress(whole.encode()))
-    check_routes(packed, ["ab"])
+    check_routes((packed,), ["ab"])
 
 
 @pytest.mark.parametrize("name", ["x.rou.xml", "x.rou.xml.gz"])
@@ -263,4 +264,4 @@ def test_a_route_file_cut_off_in_the_middle_is_one_line(tmp_path: Path, name: st
     content = gzip.compress(whole.encode()) if path.suffix == ".gz" else whole.encode()
     path.write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError, match=f"{name}: not XML"):
-        check_routes(path, ["ab"])
+        check_routes((path,), ["ab"])

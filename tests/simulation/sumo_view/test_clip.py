@@ -39,7 +39,7 @@ def settings_for(folder: Path, rsu: str, routes: str = "calm") -> SumoClipSettin
     """A short clip of the built-in avenue."""
     return SumoClipSettings(
         net=find_net("avenue"),
-        routes=find_routes(routes),
+        routes=(find_routes(routes),),
         additional=find_additional(routes, []),
         rsu=small_rsu(folder, rsu),
         seconds=1.2,

@@ -8,6 +8,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
+from simulation.rsus import SceneSettings
 from simulation.streetdrive.clip import PALETTE
 from simulation.streetdrive.rendering.camera import Camera
 from simulation.streetdrive.rendering.ground import view_ground
@@ -19,7 +20,6 @@ from simulation.sumo_view.lanes import Carriageway, Roads
 from simulation.sumo_view.polylines import at, distances, shifted, stretch
 from simulation.sumo_view.pose import Site
 from simulation.sumo_view.roadside import Plan, choose_objects
-from simulation.sumo_view.settings import SceneSettings
 from simulation.sumo_view.shapes import Kind, is_known, mesh_of
 from simulation.sumo_view.traffic import STEP_S, State, between
 from simulation.sumo_view.world import World, drive
