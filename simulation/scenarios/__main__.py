@@ -17,8 +17,8 @@ from simulation.scenarios.demand import DrawnBreakdown, draw_deliveries
 from simulation.scenarios.networks import (
     CorridorSettings,
     build_net,
-    convert_osm,
     corridor_plan,
+    import_osm,
     scenario_network,
     troy_plan,
     write_fixed_time,
@@ -50,7 +50,7 @@ def build(options: argparse.Namespace) -> int:
     if options.world == "osm":
         if options.extract is None:
             raise InputError("build osm", "no extract", "give --extract FILE", key="--extract")
-        convert_osm(options.extract, net)
+        import_osm(options.extract, net)
     elif options.world == "corridor":
         shape = (
             CorridorSettings() if options.shape is None else load(options.shape, CorridorSettings)

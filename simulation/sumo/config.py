@@ -79,7 +79,7 @@ def read_configuration(path: Path) -> SumoFiles:
         net,
         _files(path, "route-files", found["routes"]),
         _files(path, "additional-files", found.get("additional", "")),
-        _time_s(path, "begin", found.get("begin")),
+        _time_s(path, "begin", found.get("begin")) or 0.0,
         _time_s(path, "end", found.get("end")),
         tuple(ignored),
     )

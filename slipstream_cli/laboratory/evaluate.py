@@ -148,7 +148,12 @@ def _evaluate(
         evaluation = collect(store, world.provenance, seeds)
         if not evaluation.arms:
             raise InputError(out, "no arm of these seeds is stored", "run it without --stored")
-        exogenous = _exogenous(options, world, seeds, workers)
+        refused: InputError | None = None
+        exogenous: Mapping[Watched, Evaluation] = {}
+        try:
+            exogenous = _exogenous(options, world, seeds, workers)
+        except InputError as error:  # as of a background with a teleport: the other arms count
+            refused = error
         more = _further_tables(world, evaluation, exogenous)
         missing = write_results(out, evaluation, more, exogenous)
     if missing is not None:
@@ -159,6 +164,8 @@ def _evaluate(
         print(terminal_summary(evaluation))
         print(f"{out / 'report.md'}")
     _refuse_gridlock(evaluation)
+    if refused is not None:
+        raise refused
     return evaluation, whole_summary(evaluation, more, exogenous)
 
 
