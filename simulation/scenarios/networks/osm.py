@@ -96,7 +96,7 @@ def import_osm(extract: Path, path: Path) -> Import:
 
 def _ways_of(net: Path) -> frozenset[int]:
     """OpenStreetMap's ways that a net's lanes are made of."""
-    found = set()
+    found: set[int] = set()
     for element in elements(net):
         if element.tag == "param" and element.get("key") == "origId":
             numbers = element.get("value", "").split()

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final, cast
 from xml.etree import ElementTree
 
 from slipstream.errors import InputError
@@ -119,7 +119,7 @@ def _open(path: Path) -> Iterator[BoundedReader]:
             yield file
         return
     with bz2.open(path) as unpacked:
-        yield BoundedReader(unpacked, path, MAX_EXTRACT_BYTES)
+        yield BoundedReader(cast(BinaryIO, unpacked), path, MAX_EXTRACT_BYTES)
 
 
 def _read_xml(plain: Path, roads: Path, survey: Survey, source: Path) -> None:
