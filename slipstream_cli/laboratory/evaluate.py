@@ -165,7 +165,8 @@ def _evaluate(
         print(f"{out / 'report.md'}")
     _refuse_gridlock(evaluation)
     if refused is not None:
-        raise refused
+        problem = f"no exogenous evaluation: {refused.problem}"
+        raise InputError(refused.source, problem, refused.mend, key=refused.key)
     return evaluation, whole_summary(evaluation, more, exogenous)
 
 

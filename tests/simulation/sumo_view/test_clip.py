@@ -276,7 +276,7 @@ def test_a_failed_clip_leaves_nothing_behind(tmp_path, straight):
         '<routes><vType id="t" vClass="tram"/>'
         '<flow id="f" type="t" begin="0" end="99" period="3" from="east-1" to="east-3"/></routes>'
     )
-    settings = replace(straight.settings, routes=routes, additional=())
+    settings = replace(straight.settings, routes=(routes,), additional=())
     with pytest.raises(InputError, match="tram"):
         render_sumo_clip(settings, tmp_path / "clip")
     assert list((tmp_path / "clip").iterdir()) == []
