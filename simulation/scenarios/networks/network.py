@@ -83,6 +83,13 @@ def largest_part(network: RoadNetwork, source: str | Path) -> RoadNetwork:
         InputError: no two segments lead to each other.
     """
     names = tuple(name for name in network.segments if network.admits(name, _CAR))
+    apart = InputError(
+        source,
+        "a net in pieces: no two segments lead to each other by car",
+        "connect them (junctions, turns, permissions of lanes)",
+    )
+    if not names:
+        raise apart
     index = {name: i for i, name in enumerate(names)}
     follows = {
         a: tuple(
@@ -98,12 +105,8 @@ def largest_part(network: RoadNetwork, source: str | Path) -> RoadNetwork:
     sizes = np.bincount(part, weights=length_m, minlength=count)
     # One segment alone is no part to drive rounds in, however long it is.
     sizes[np.bincount(part, minlength=count) < _MIN_SEGMENTS] = 0.0
-    if not len(names) or sizes.max() <= 0:
-        raise InputError(
-            source,
-            "a net in pieces: no two segments lead to each other by car",
-            "connect them (junctions, turns, permissions of lanes)",
-        )
+    if sizes.max() <= 0:
+        raise apart
     kept = {name for name in names if part[index[name]] == int(sizes.argmax())}
     follows = {a: tuple(b for b in follows[a] if b in kept) for a in names if a in kept}
     if all(follows.get(name) == network.follows.get(name, ()) for name in network.segments):
