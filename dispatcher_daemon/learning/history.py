@@ -105,11 +105,15 @@ class History:
         driving at the limit is best only if time costs 2 (E − E_rolling) / T. A path with less
         time has that value: its vehicle may drive slower on the rest.
         """
-        passed = self.count.sum(axis=1)
-        length_m = np.array([network.segments[a].length_m for a, _ in self.movements])
+        # Others drive beyond the network too, where it is the connected part of a larger net.
+        inside = np.array([a in network.segments for a, _ in self.movements], dtype=np.bool_)
+        passed = self.count[inside].sum(axis=1)
+        length_m = np.array(
+            [network.segments[a].length_m for a, _ in self.movements if a in network.segments]
+        )
         rolling_j = PAPER_CAR.rolling_force_n * float(passed @ length_m)
-        beyond_kwh = float(self.loss_kwh.sum()) - PAPER_CAR.electrical_kwh(rolling_j)
-        hours = float(self.seconds.sum()) / 3600
+        beyond_kwh = float(self.loss_kwh[inside].sum()) - PAPER_CAR.electrical_kwh(rolling_j)
+        hours = float(self.seconds[inside].sum()) / 3600
         return 2 * max(0.0, beyond_kwh) / hours if hours > 0 else 0.0
 
     @staticmethod

@@ -11,12 +11,12 @@ from typing import Final
 
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult, Others, Service
+from simulation.rsus import Rsu
 from simulation.scenarios.day import DaySpec, sumo_options
 from simulation.scenarios.demand import draw_deliveries
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
-from simulation.scenarios.perception import Rsu
 from simulation.scenarios.record import read_statistics, read_trips
-from simulation.scenarios.scenario import load_scenario
+from simulation.scenarios.scenario import Scenario, load_scenario
 from simulation.sumo import TYPES, Progress, check_files, run_in_subprocess
 from vehicle_agent.agent import AgentParameters
 
@@ -33,12 +33,13 @@ class ArmSpec:
 
     Attributes:
         scenario: name of a built-in one, or of one's own around a net.
-        background: its route file of the seed.
+        background: its route files of the seed.
         rsus: whose views count.
         seed: of the fleet's orders, of perception's errors and of the dispatcher's searches.
         policy: of the arm.
         net: other than the built-in one.
         fleet: settings of the deliveries, other than the scenario's.
+        own_routes: whether the background is the user's: the default fleet is another one then.
         additional: further SUMO files, as another signal program.
         history: what movements cost on another day; the lever "routes" needs it.
         begin_s: simulated, s since midnight; a multiple of 300.
@@ -47,12 +48,13 @@ class ArmSpec:
     """
 
     scenario: str
-    background: Path
+    background: tuple[Path, ...]
     rsus: tuple[Rsu, ...]
     seed: int
     policy: Policy
     net: Path | None = None
     fleet: Path | None = None
+    own_routes: bool = False
     additional: tuple[Path, ...] = ()
     history: Path | None = None
     begin_s: float = 0.0
@@ -73,9 +75,9 @@ def run_arm(order: ArmSpec, progress: Progress | None = None) -> ArmResult:
         InputError: a file is no SUMO file or none that fits the net, or SUMO dies of it.
         ModuleNotFoundError: libsumo is not installed.
     """
-    net = load_scenario(order.scenario, net=order.net, fleet=order.fleet).net
-    check_files(net, (order.background, *order.additional))
-    source = f"{net.name}, {order.background.name}"
+    net = _scenario(order).net
+    check_files(net, (*order.background, *order.additional))
+    source = ", ".join(path.name for path in (net, *order.background))
     return run_in_subprocess(simulate_arm, order, source, order.end_s, progress)
 
 
@@ -99,7 +101,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     from simulation.signals import SignalController
     from simulation.sumo.session import Session
 
-    scenario = load_scenario(order.scenario, net=order.net, fleet=order.fleet)
+    scenario = _scenario(order)
     network, policy = scenario.network, order.policy
     lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
     deliveries = draw_deliveries(scenario.fleet, network, order.seed)
@@ -124,7 +126,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         ]
         legs = []
         gridlock = GridlockWatch()
-        with Session(options, (day.net, day.routes, *day.additional)) as session:
+        with Session(options, day.files) as session:
             parameters = AgentParameters(
                 length_m=TYPES["cav"].length_m,
                 interval_s=order.step_s,
@@ -198,6 +200,12 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         gridlock_s=gridlock.since_s,
         unfinished=world.unfinished,
         served_again=len(world.again),
+    )
+
+
+def _scenario(order: ArmSpec) -> Scenario:
+    return load_scenario(
+        order.scenario, net=order.net, fleet=order.fleet, own_routes=order.own_routes
     )
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from edge_daemon.settings import StabilitySettings
 from simulation.closed_loop.policy import Gating
 from simulation.ground_truth import TrueWindow
-from simulation.scenarios.perception import Observation, Observer, Reporter, Rsu, measured_errors
+from simulation.rsus import Rsu
+from simulation.scenarios.perception import Observation, Observer, Reporter, measured_errors
 from slipstream.messages import SegmentState
 
 WINDOW_S: Final = 60.0

@@ -53,7 +53,11 @@ def history_of(
         f"{scenario.name}-{seed}",
         signals,
         (begin_s, end_s),
-        (scenario.net.read_bytes(), scenario.demand.digest_text().encode()),
+        (
+            scenario.net.read_bytes(),
+            scenario.demand.digest_text().encode(),
+            *(path.read_bytes() for path in scenario.additional),
+        ),
     )
     if not path.exists():
         background = prepare(scenario, seed + OTHER_DAY, folder)
@@ -92,10 +96,9 @@ def record_history(day: DaySpec, network: RoadNetwork, progress: Progress | None
             ends in a gridlock.
         ModuleNotFoundError: libsumo is not installed.
     """
-    check_files(day.net, (day.routes, *day.additional))
+    check_files(day.net, day.files[1:])
     limits = {name: segment.speed_limit_mps for name, segment in network.segments.items()}
-    source = f"{day.net.name}, {day.routes.name}"
-    return run_in_subprocess(_simulate, HistorySpec(day, limits), source, day.end_s, progress)
+    return run_in_subprocess(_simulate, HistorySpec(day, limits), day.source, day.end_s, progress)
 
 
 def _simulate(spec: HistorySpec, report_time: Callable[[float], None]) -> History:
@@ -104,13 +107,13 @@ def _simulate(spec: HistorySpec, report_time: Callable[[float], None]) -> Histor
     day = spec.day
     passages = Passages(spec.limits_mps, day.step_s)
     gridlock = GridlockWatch()
-    with Session(sumo_options(day), (day.net, day.routes, *day.additional)) as session:
+    with Session(sumo_options(day), day.files) as session:
         traces: dict[str, Trace | None] = {}
         finished: list[Trace] = []
         while (now_s := session.time_s) < day.end_s:
             if now_s % CHECK_S == 0 and now_s > day.begin_s:
                 report_time(now_s)
-                gridlock.refuse(now_s, day.routes)
+                gridlock.refuse(now_s, day.source)
             session.advance()
             finished += _sample(traces, session.time_s)
             if len(finished) >= _AT_ONCE:

@@ -87,7 +87,7 @@ def exogenous_evaluation(
         spec = ExogenousSpec(
             world.files,
             background,
-            background.file.parent,
+            world.folder,
             watched,
             policy,
             seed,
@@ -96,7 +96,7 @@ def exogenous_evaluation(
         )
         with lock:  # the first arm of a seed records its background for all
             _recorded(spec)
-        source = f"{provenance.scenario}, {background.file.name}"
+        source = f"{provenance.scenario}, {background.files[0].name}"
         return run_in_subprocess(run_exogenous, spec, source, provenance.end_s, report)
 
     policies = [POLICIES[name] for name in ARMS[watched]]

@@ -12,10 +12,11 @@ from zipfile import BadZipFile
 import numpy as np
 
 from simulation.ground_truth import TrueWindow
+from simulation.rsus import Rsu, Stretch
 from simulation.scenarios.acceptance import AcceptanceLimits
 from simulation.scenarios.day import DaySpec, run_day
 from simulation.scenarios.demand import Array
-from simulation.scenarios.perception import Observation, Rsu, Stretch
+from simulation.scenarios.perception import Observation
 from simulation.scenarios.record import Traffic
 from simulation.scenarios.scenario import Background, Scenario, SignalControl, day_spec
 from simulation.sumo import Progress
@@ -68,7 +69,7 @@ def record_background(
     minute, an everywhere of them, for its size, once in each interval of traffic.
 
     Args:
-        background: its route file and its RSUs.
+        background: its route files and its RSUs.
         folder: for the record; one of another net, route file or time is replaced.
 
     Raises:
@@ -82,12 +83,12 @@ def record_background(
         window_s=WINDOW_S,
     )
     hours = f"{begin_s / 3600:g}-{end_s / 3600:g}"
-    path = folder / f"{background.file.name.partition('.')[0]}-{watched}-{signals}-{hours}.npz"
+    path = folder / f"{background.files[0].name.partition('.')[0]}-{watched}-{signals}-{hours}.npz"
     key = _fingerprint(spec)
     found = _read(path, key)
     if found is None:
         day = run_day(spec, progress)
-        AcceptanceLimits().check(day, background.file.name)
+        AcceptanceLimits().check(day, spec.source)
         found = RecordedTraffic(day.traffic, day.observations, spec.window_every_s)
         _write(path, key, found)
     return found
@@ -115,7 +116,7 @@ def rsus_everywhere(
 def _fingerprint(spec: DaySpec) -> str:
     """Cache key: changes with everything that the record depends on."""
     said = hashlib.sha256()
-    for path in (spec.net, spec.routes, *spec.additional):
+    for path in spec.files:
         said.update(path.read_bytes())
     rest = (spec.segments, spec.rsus, spec.begin_s, spec.end_s, spec.step_s, spec.rule)
     times = (spec.interval_s, spec.window_every_s, spec.window_s, spec.seed)

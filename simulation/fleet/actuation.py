@@ -12,15 +12,14 @@ from typing import Final
 
 import libsumo
 
-from simulation.sumo import TYPES
+from simulation.sumo import FLEET_TYPES, TYPES
 from slipstream.messages import VehicleAdvice
 
 SPEED_CHECKS: Final = 0b11011
 """SUMO's speed mode: all checks except the limit on deceleration. With that limit, a vehicle whose
 speed is set would brake no harder than comfortable, even for a red light or a cut-in."""
 
-ALONE: Final = "cav"
-FOLLOWER: Final = "cav-platoon"
+ALONE, FOLLOWER = FLEET_TYPES
 
 _LANE_S: Final = 3.0
 # Lanes are changed for the route and for others, not for speed nor to keep right.

@@ -6,10 +6,10 @@ from typing import Final
 
 import libsumo
 
+from simulation.sumo import FLEET_PREFIX
 from slipstream.messages import SensedVehicle, VehicleSensing
 
-PREFIX: Final = "cav/"
-"""SUMO ids of the fleet's vehicles begin with it; no id of the background does."""
+PREFIX: Final = FLEET_PREFIX
 
 _RANGE_M: Final = 120.0
 

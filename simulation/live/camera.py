@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from simulation.live.world_spec import CameraEndpoint
-from simulation.sumo_view import Pose, Roads, RsuSettings, SumoClipSettings, Vehicle
+from simulation.rsus import RsuSettings
+from simulation.sumo_view import Pose, Roads, SumoClipSettings, Vehicle
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 

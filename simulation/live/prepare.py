@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -12,10 +12,10 @@ import numpy as np
 
 from simulation.live.fleet_file import FleetFile
 from simulation.live.world_spec import WorldSpec
+from simulation.rsus import Rsu
+from simulation.scenarios.acceptance import clock
 from simulation.scenarios.demand import Deliveries, draw_deliveries
-from simulation.scenarios.perception import Rsu
-from simulation.scenarios.scenario import day_spec, load_scenario, own_background, prepare
-from simulation.sumo import TYPES
+from simulation.scenarios.scenario import day_spec, load_scenario, prepare
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 
@@ -34,47 +34,59 @@ def prepare_world(
     *,
     net: Path | None = None,
     demand: Path | None = None,
-    routes: Path | None = None,
+    routes: Sequence[Path] = (),
+    additional: Sequence[Path] = (),
     rsus: Path | None = None,
     fleet: Path | None = None,
+    from_s: float = 0.0,
     begin_s: float,
     cameras: int,
     fps: float,
     priority: bool = False,
     seed: int,
+    say: Callable[[str], None] = lambda _: None,
 ) -> WorldSpec:
     """Load a scenario and write the files that its world needs into a folder.
 
     Args:
         name: of the scenario; ``net`` to ``fleet`` as for `load_scenario`.
-        routes: a route file of the user's instead of any demand.
+        routes: route files of the user's instead of any demand.
+        additional: SUMO additional files of the user's.
+        from_s: simulated time before which the background has no vehicle.
         begin_s: simulated time that the world opens at, s since midnight.
         cameras: RSUs that get one, the first ones of the scenario.
         fps: pictures a second.
         priority: whether vehicles may ask signals for green.
         seed: of traffic, orders and scenery.
+        say: told what of a net is left out.
 
     Raises:
         InputError: an unknown scenario, files that are malformed or do not fit each other, fewer
             RSUs than cameras, or no order at that time of day.
     """
-    scenario = load_scenario(name, net=net, demand=demand, rsus=rsus, fleet=fleet)
+    scenario = load_scenario(
+        name,
+        net=net,
+        demand=demand,
+        rsus=rsus,
+        fleet=fleet,
+        routes=routes,
+        additional=additional,
+    )
     deliveries = named_anew(draw_deliveries(scenario.fleet, scenario.network, seed, name))
     folder.mkdir(parents=True, exist_ok=True)
     orders = folder / "fleet.json"
     if not FleetFile(orders, deliveries, begin_s).write(begin_s, ()):
-        raise InputError("--begin", "no order is open at this time of day", "begin in the daytime")
+        later = min((o.release_s for o in deliveries.orders if o.release_s > begin_s), default=None)
+        mend = "begin earlier" if later is None else f"the next comes at {clock(later + 60.0)}"
+        raise InputError("--begin", "no order is open at this time of day", mend)
+    if scenario.left_out is not None:
+        say(f"{scenario.net.name}: {scenario.left_out}")
     if scenario.rsus is not None:
         _check_count(name, scenario.rsus, cameras)
-    background = (
-        prepare(scenario, seed, folder) if routes is None else own_background(scenario, routes)
-    )
+    background = prepare(scenario, seed, folder)
     _check_count(name, background.rsus, cameras)
-    day = day_spec(scenario, background, folder, begin_s=max(0.0, begin_s - WARM_UP_S))
-    if routes is not None:
-        types = folder / "fleet.add.xml"
-        types.write_text(f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n", encoding="utf-8")
-        day = replace(day, additional=(*day.additional, types))
+    day = day_spec(scenario, background, folder, begin_s=max(from_s, begin_s - WARM_UP_S))
     return WorldSpec(
         day,
         begin_s,

@@ -46,7 +46,7 @@ class WorldProcess:
 
     def __init__(self, spec: WorldSpec) -> None:
         check_simulator()
-        check_files(spec.day.net, (spec.day.routes, *spec.day.additional))
+        check_files(spec.day.net, spec.day.files[1:])
         self.spec = spec
         self.counts: WorldCounts | None = None
         context = get_context("spawn")
@@ -116,9 +116,8 @@ class WorldProcess:
             kind, content = self._connection.recv()
         except (EOFError, OSError):
             self._process.join()
-            day = self.spec.day
             raise InputError(
-                f"{day.net.name}, {day.routes.name}",
+                self.spec.day.source,
                 f"SUMO crashes on them (exit status {self._process.exitcode})",
                 "look for edges without connections, or run sumo on them",
             ) from None

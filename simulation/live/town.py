@@ -53,5 +53,5 @@ def town(folder: Path, bus: BusSettings, seed: int = 1) -> WorldSpec:
     orders = folder / "fleet.json"
     FleetFile(orders, deliveries, _FULL_S).write(_FULL_S, ())
     with resources.as_file(resources.files("slipstream") / "data" / "demo.net.xml") as net:
-        day = DaySpec(net, types, tuple(network.segments), begin_s=_FULL_S)
+        day = DaySpec(net, (types,), tuple(network.segments), begin_s=_FULL_S)
     return WorldSpec(day, _FULL_S, (), deliveries, orders, bus, folder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -20,7 +20,6 @@ from simulation.live.camera import Camera, CameraSpec
 from simulation.live.fleet_file import FleetFile
 from simulation.live.pace import Pace
 from simulation.live.signals import LiveSignals
-from simulation.live.sites import camera_site
 from simulation.live.views import RADIUS_M, Views
 from simulation.live.world_spec import WorldCounts, WorldSpec
 from simulation.scenarios.day import sumo_options
@@ -28,7 +27,7 @@ from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.networks import largest_part
 from simulation.signals import SignalController
 from simulation.sumo.session import Session
-from simulation.sumo_view import SumoClipSettings, draw_pose
+from simulation.sumo_view import SumoClipSettings, camera_site, draw_pose
 from simulation.sumo_view.net import read_roads
 from slipstream.bus import Bus
 from slipstream.roads import RoadNetwork
@@ -52,14 +51,17 @@ def run_world(spec: WorldSpec, connection: Connection) -> None:
         # Without a duration vehicles jump sideways from lane to lane, which no camera believes.
         *("--lanechange.duration", "2.5"),
     ]
-    network = largest_part(load_network(day.net), day.net)
+    roads = load_network(day.net)
+    network = largest_part(roads, day.net)
     with ExitStack() as stack:
-        session = stack.enter_context(Session(options, (day.net, day.routes, *day.additional)))
+        session = stack.enter_context(Session(options, day.files))
         _warm_up(session, spec, lambda share: connection.send(("warm", share)))
         cameras, views = _open_cameras(spec, network, stack)
         connection.send(("cameras", [camera.place() for camera in cameras]))
         bus = stack.enter_context(Bus.open(spec.bus))
-        _World(spec, network, session, cameras, views, bus).run(connection)
+        # Of all roads: the dispatcher may lead over one outside the connected part.
+        lengths_m = {name: segment.length_m for name, segment in roads.segments.items()}
+        _World(spec, network, lengths_m, session, cameras, views, bus).run(connection)
 
 
 class _World:
@@ -69,6 +71,7 @@ class _World:
         self,
         spec: WorldSpec,
         network: RoadNetwork,
+        lengths_m: Mapping[str, float],
         session: Session,
         cameras: list[Camera],
         views: Views,
@@ -77,7 +80,6 @@ class _World:
         self._spec, self._session = spec, session
         self._cameras, self._views = cameras, views
         vehicles = spec.deliveries.vehicles
-        lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
         intersections = network.intersections
         self._signals = LiveSignals(
             bus, SignalController(intersections, spec.priority), intersections
@@ -128,7 +130,7 @@ class _World:
         now_s = self._session.time_s
         if now_s >= self._look_s:
             self._look_s += CHECK_S
-            self._gridlock.refuse(now_s, self._spec.day.routes)
+            self._gridlock.refuse(now_s, self._spec.day.source)
 
     def _report_time(self, connection: Connection) -> None:
         """What orders and the world itself have to say twice a second."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from simulation.rsus import Rsu
 from simulation.scenarios.day import DaySpec
 from simulation.scenarios.demand import Deliveries
-from simulation.scenarios.perception import Rsu
 from slipstream.config import BusSettings
 
 _MAX_STEP_S: Final = 0.1

@@ -17,14 +17,14 @@ from simulation.scenarios.demand import DrawnBreakdown, draw_deliveries
 from simulation.scenarios.networks import (
     CorridorSettings,
     build_net,
-    convert_osm,
     corridor_plan,
+    import_osm,
     scenario_network,
     troy_plan,
     write_fixed_time,
 )
 from simulation.scenarios.record import Day
-from simulation.scenarios.scenario import day_spec, load_scenario, own_background, prepare
+from simulation.scenarios.scenario import day_spec, load_scenario, prepare
 from slipstream.config import load
 from slipstream.errors import InputError
 
@@ -50,7 +50,7 @@ def build(options: argparse.Namespace) -> int:
     if options.world == "osm":
         if options.extract is None:
             raise InputError("build osm", "no extract", "give --extract FILE", key="--extract")
-        convert_osm(options.extract, net)
+        import_osm(options.extract, net)
     elif options.world == "corridor":
         shape = (
             CorridorSettings() if options.shape is None else load(options.shape, CorridorSettings)
@@ -78,12 +78,12 @@ def day(options: argparse.Namespace) -> int:
         demand=options.demand,
         rsus=options.rsus,
         fleet=options.fleet,
+        routes=options.routes,
+        additional=options.additional,
     )
-    if options.routes is None:
-        background = prepare(scenario, options.seed, options.out)
-    else:
-        background = own_background(scenario, options.routes)
-        options.out.mkdir(parents=True, exist_ok=True)
+    if scenario.left_out is not None:
+        print(f"{scenario.net}: {scenario.left_out}", file=sys.stderr)
+    background = prepare(scenario, options.seed, options.out)
     order = day_spec(
         scenario,
         background,
@@ -189,7 +189,13 @@ def _parser() -> argparse.ArgumentParser:
         ("fleet", "fleet (TOML)"),
     ):
         simulate.add_argument(f"--{part}", type=Path, help=f"{what} instead of the scenario's")
-    simulate.add_argument("--routes", type=Path, help="SUMO route file instead of the demand")
+    for part, what in (
+        ("routes", "SUMO route file instead of the demand"),
+        ("additional", "SUMO additional file"),
+    ):
+        simulate.add_argument(
+            f"--{part}", type=Path, action="append", default=[], help=f"{what}; more than one too"
+        )
     simulate.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
     simulate.add_argument("--begin", type=float, default=0.0, help="hour of the day")
     simulate.add_argument("--end", type=float, default=24.0, help="hour of the day")

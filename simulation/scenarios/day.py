@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edge_daemon.settings import StabilitySettings
+from simulation.rsus import Rsu
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
-from simulation.scenarios.perception import Rsu
 from simulation.scenarios.record import (
     Day,
     hours_of,
@@ -31,7 +31,7 @@ class DaySpec:
 
     Attributes:
         net: a SUMO net.
-        routes: its route file.
+        routes: its route files.
         segments: of the network, in the order of the record's tables.
         additional: further SUMO files, as another signal program.
         rsus: whose windows are recorded.
@@ -46,7 +46,7 @@ class DaySpec:
     """
 
     net: Path
-    routes: Path
+    routes: tuple[Path, ...]
     segments: tuple[str, ...]
     additional: tuple[Path, ...] = ()
     rsus: tuple[Rsu, ...] = ()
@@ -59,12 +59,22 @@ class DaySpec:
     seed: int = 1
     rule: StabilitySettings = field(default_factory=lambda: StabilitySettings().bare())
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All SUMO files, the net first."""
+        return (self.net, *self.routes, *self.additional)
+
+    @property
+    def source(self) -> str:
+        """Net and routes, for errors."""
+        return ", ".join(path.name for path in (self.net, *self.routes))
+
 
 def sumo_options(spec: DaySpec, additional: tuple[Path, ...] = ()) -> list[str]:
     """SUMO's options for a day, the same for every arm."""
     files = (*spec.additional, *additional)
     return [
-        *("--net-file", str(spec.net), "--route-files", str(spec.routes)),
+        *("--net-file", str(spec.net), "--route-files", ",".join(map(str, spec.routes))),
         *(("--additional-files", ",".join(map(str, files))) if files else ()),
         *("--begin", f"{spec.begin_s:g}", "--end", f"{spec.end_s:g}"),
         *("--step-length", f"{spec.step_s:g}", "--seed", str(spec.seed)),
@@ -80,9 +90,8 @@ def run_day(spec: DaySpec, progress: Progress | None = None) -> Day:
         InputError: a file is no SUMO file or none that fits the net, or SUMO dies of it.
         ModuleNotFoundError: libsumo is not installed.
     """
-    check_files(spec.net, (spec.routes, *spec.additional))
-    source = f"{spec.net.name}, {spec.routes.name}"
-    return run_in_subprocess(simulate, spec, source, spec.end_s, progress)
+    check_files(spec.net, spec.files[1:])
+    return run_in_subprocess(simulate, spec, spec.source, spec.end_s, progress)
 
 
 def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
@@ -111,7 +120,7 @@ def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
             *("--tripinfo-output", str(trips), "--statistic-output", str(statistics)),
         ]
         watch = _Watch(spec, report_time)
-        with Session(options, (spec.net, spec.routes, *spec.additional)) as session:
+        with Session(options, spec.files) as session:
             end_s = watch.run(session.advance)
         ended = read_trips(trips)
         traffic = read_traffic(edges, spec.segments, spec.begin_s, end_s, spec.interval_s)

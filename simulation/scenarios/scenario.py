@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Final, Literal
 
+from simulation.rsus import Rsu, load_rsus
 from simulation.scenarios.day import DaySpec
 from simulation.scenarios.demand import (
     DemandSettings,
@@ -22,8 +24,18 @@ from simulation.scenarios.demand import (
     gateways,
     write_routes,
 )
-from simulation.scenarios.networks import check_routes, scenario_network, write_fixed_time
-from simulation.scenarios.perception import Rsu, load_rsus, place_rsus
+from simulation.scenarios.networks import (
+    LeftOut,
+    check_additional,
+    check_routes,
+    count_passages,
+    cut_network,
+    has_fleet_type,
+    write_fixed_time,
+)
+from simulation.scenarios.perception import place_rsus
+from simulation.sumo import TYPES, without_output
+from slipstream.access import ALL_CLASSES
 from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
@@ -34,6 +46,7 @@ BUILT_IN: Final = ("troy", "corridor")
 SignalControl = Literal["actuated", "fixed"]
 
 _TRIPS_PER_KM: Final = 170
+_SHARES: Final = {"car": 0.9, "van": 0.06, "truck": 0.04}
 _ALL_DAY: Final = (
     *(0.5, 0.3, 0.2, 0.2, 0.4, 1.2, 3.0, 6.0, 6.0, 5.0, 5.0, 5.4),
     *(5.8, 5.6, 5.8, 6.6, 7.4, 7.2, 5.8, 4.4, 3.4, 2.6, 1.6, 0.8),
@@ -51,6 +64,9 @@ class Scenario:
         demand: of the background.
         rsus: where they stand; None: on the busiest approaches of the day's background.
         fleet: what is delivered.
+        routes: the user's own route files, instead of the demand.
+        additional: the user's further SUMO files.
+        left_out: what of the net is not in the network; None: nothing.
     """
 
     name: str
@@ -59,6 +75,9 @@ class Scenario:
     demand: DemandSettings
     rsus: tuple[Rsu, ...] | None
     fleet: FleetSettings
+    routes: tuple[Path, ...] = ()
+    additional: tuple[Path, ...] = ()
+    left_out: LeftOut | None = None
 
 
 @dataclass(frozen=True)
@@ -66,18 +85,20 @@ class Background:
     """One day's background traffic, ready to be simulated.
 
     Attributes:
-        file: SUMO's route file.
+        files: SUMO's route files.
         rsus: the scenario's, or those that were placed by this traffic.
-        trips: drawn from the seed; None where the file is the user's.
+        trips: drawn from the seed; None where the files are the user's.
         routes: theirs.
         breakdowns: drawn from the seed.
+        additional: further SUMO files that belong to it.
     """
 
-    file: Path
+    files: tuple[Path, ...]
     rsus: tuple[Rsu, ...]
     trips: Trips | None = None
     routes: Routes | None = None
     breakdowns: tuple[DrawnBreakdown, ...] = ()
+    additional: tuple[Path, ...] = ()
 
 
 def load_scenario(
@@ -87,11 +108,20 @@ def load_scenario(
     demand: Path | None = None,
     rsus: Path | None = None,
     fleet: Path | None = None,
+    routes: Sequence[Path] = (),
+    additional: Sequence[Path] = (),
+    own_routes: bool = False,
 ) -> Scenario:
     """A built-in scenario, parts of it replaced, or one of the user's own around a net.
 
     With another net, what is not given is made up: trips between random places, RSUs on the
-    busiest approaches, a fleet of delivery rounds from random depots.
+    busiest approaches, a fleet of delivery rounds from random depots. Around routes of the user's,
+    which may last for an hour at any time, orders come evenly, some in each five minutes.
+
+    Args:
+        routes: SUMO route files instead of any demand.
+        additional: SUMO additional files.
+        own_routes: whether there are routes of the user's, where they are not given here.
 
     Raises:
         InputError: an unknown name without a net, or a file that is malformed or does not fit the
@@ -103,7 +133,10 @@ def load_scenario(
     own = net is not None
     folder = Path(str(resources.files("simulation.scenarios") / "data" / name))
     net = net or folder / f"{name}.net.xml.gz"
-    network = scenario_network(net)
+    network, left_out = cut_network(net)
+    if routes:
+        check_routes(routes, load_network(net).segments)
+    check_additional(additional)
     demand = demand or (None if own else folder / "demand.toml")
     rsus = rsus or (None if own else folder / "rsus.toml")
     fleet = fleet or (None if own else folder / "fleet.toml")
@@ -113,41 +146,44 @@ def load_scenario(
         network,
         default_demand(network) if demand is None else load(demand, DemandSettings),
         None if rsus is None else load_rsus(rsus, network),
-        FleetSettings() if fleet is None else load(fleet, FleetSettings),
+        _default_fleet(own_routes or bool(routes)) if fleet is None else load(fleet, FleetSettings),
+        tuple(routes),
+        tuple(additional),
+        left_out,
     )
 
 
 def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
-    """Draw a day's background and write its route file.
+    """Draw a day's background and write its route file, or take the user's own.
 
     Args:
-        seed: the same one gives the same file, byte for byte.
+        seed: the same one gives the same file, byte for byte; the user's own is the same in all.
         folder: made if it does not exist.
 
     Raises:
         InputError: the demand does not fit the network.
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    additional = without_output(scenario.additional, folder)
+    rsus = scenario.rsus
+    if scenario.routes:
+        if not has_fleet_type((*scenario.routes, *scenario.additional)):
+            types = folder / "fleet.add.xml"
+            text = f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n"
+            types.write_text(text, encoding="utf-8")
+            additional = (*additional, types)
+        if rsus is None:
+            rsus = place_rsus(scenario.network, count_passages(scenario.routes, scenario.network))
+        return Background(scenario.routes, rsus, additional=additional)
     source = f"{scenario.name}: demand"
     trips = draw_trips(scenario.demand, scenario.network, seed, source)
     breakdowns = draw_breakdowns(scenario.demand.breakdowns, scenario.network, seed, source)
     routes = find_routes(trips, scenario.network, seed)
-    folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{scenario.name}-{seed}.rou.xml"
     write_routes(file, trips, routes, scenario.network, breakdowns)
-    rsus = scenario.rsus
     if rsus is None:
         rsus = place_rsus(scenario.network, routes.passages())
-    return Background(file, rsus, trips, routes, breakdowns)
-
-
-def own_background(scenario: Scenario, routes: Path) -> Background:
-    """The user's own route file as the background; RSUs stand only where the scenario has them.
-
-    Raises:
-        InputError: the file is no route file, or one of another net.
-    """
-    check_routes(routes, load_network(scenario.net).segments)
-    return Background(routes, scenario.rsus or ())
+    return Background((file,), rsus, trips, routes, breakdowns, additional)
 
 
 def day_spec(
@@ -164,14 +200,14 @@ def day_spec(
     Raises:
         InputError: fixed-time signals of a net that has none.
     """
-    additional: tuple[Path, ...] = ()
+    additional = background.additional
     if signals == "fixed":
         path = folder / f"{scenario.name}-fixed.add.xml"
         write_fixed_time(scenario.net, path)
-        additional = (path,)
+        additional = (*additional, path)  # SUMO runs the program that it has read last
     return DaySpec(
         scenario.net,
-        background.file,
+        background.files,
         tuple(scenario.network.segments),
         additional,
         background.rsus,
@@ -195,5 +231,18 @@ def default_demand(network: RoadNetwork) -> DemandSettings:
                 hours=_ALL_DAY,
             ),
         ),
-        types={"car": 0.9, "van": 0.06, "truck": 0.04},
+        types={name: share for name, share in _SHARES.items() if _is_open(network, name)},
     )
+
+
+def _is_open(network: RoadNetwork, kind: str) -> bool:
+    """Whether vehicles of a type may use every segment and turn, so that any route is theirs."""
+    vclass = TYPES[kind].vclass
+    classes = [segment.access.classes or ALL_CLASSES for segment in network.segments.values()]
+    return all(vclass in one for one in (*classes, *network.turn_classes.values()))
+
+
+def _default_fleet(own_routes: bool) -> FleetSettings:
+    if own_routes:
+        return FleetSettings(hours=(1.0,) * 24, orders=1200, wave_s=300.0)
+    return FleetSettings()

@@ -3,15 +3,22 @@
 `session` needs libsumo and is not exported here; who simulates in its own process imports it.
 """
 
+from simulation.sumo.additional import without_output
+from simulation.sumo.config import SumoFiles, read_configuration
 from simulation.sumo.files import check_files, check_vehicle_files, elements
 from simulation.sumo.subprocess import Progress, run_in_subprocess
-from simulation.sumo.vehicle_types import TYPES
+from simulation.sumo.vehicle_types import FLEET_PREFIX, FLEET_TYPES, TYPES
 
 __all__ = [
+    "FLEET_PREFIX",
+    "FLEET_TYPES",
     "TYPES",
     "Progress",
+    "SumoFiles",
     "check_files",
     "check_vehicle_files",
     "elements",
+    "read_configuration",
     "run_in_subprocess",
+    "without_output",
 ]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simulation.rsus import RsuSettings, SceneSettings
 from simulation.streetdrive import PALETTE, ClipSummary, Progress, make_folder, write_clip
 from simulation.streetdrive.rendering import (
     Backdrop,
@@ -29,10 +30,10 @@ from simulation.streetdrive.rendering import (
 from simulation.streetdrive.vehicles import CLASS_OF_SHAPE
 from simulation.sumo_view.ground import paint_roads
 from simulation.sumo_view.lanes import Roads
-from simulation.sumo_view.pose import Pose, Site, draw_pose
+from simulation.sumo_view.pose import Pose, Site, draw_pose, load_camera
 from simulation.sumo_view.process import Simulation, ViewSpec
 from simulation.sumo_view.roadside import Plan, choose_objects, tree_shadow_feet
-from simulation.sumo_view.settings import RsuSettings, SceneSettings, SumoClipSettings, load_rsu
+from simulation.sumo_view.settings import SumoClipSettings
 from simulation.sumo_view.shapes import mesh_of
 from simulation.sumo_view.traffic import Vehicle
 from simulation.sumo_view.watched_segments import Stretch, View, camera_text, choose_stretches
@@ -164,7 +165,7 @@ def render_sumo_clip(
             a vehicle that cannot be drawn, a folder that cannot be written.
         ModuleNotFoundError: libsumo is not installed.
     """
-    rsu = load_rsu(settings.rsu)
+    rsu = settings.camera or load_camera(settings.rsu, settings.net, settings.rsu_id)
     out_dir = Path(out_dir)
     make_folder(out_dir)
     pose = draw_pose(rsu, settings.seed, settings.rsu)
@@ -176,6 +177,7 @@ def render_sumo_clip(
         pose.x_m,
         pose.y_m,
         RADIUS_M,
+        settings.start_s,
         settings.begin_s,
         settings.fps,
         settings.frames,

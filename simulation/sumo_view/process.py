@@ -26,12 +26,13 @@ class ViewSpec:
     """What to simulate and what to hand over: frames around a point of the net."""
 
     net: Path
-    routes: Path
+    routes: tuple[Path, ...]
     additional: tuple[Path, ...]
     seed: int
     x_m: float
     y_m: float
     radius_m: float
+    start_s: float
     begin_s: float
     fps: float
     frames: int
@@ -53,7 +54,7 @@ class Simulation:
     def __init__(self, spec: ViewSpec) -> None:
         if find_spec("libsumo") is None:
             raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
-        check_files(spec.net, (spec.routes, *spec.additional))
+        check_files(spec.net, (*spec.routes, *spec.additional))
         self._spec = spec
         context = get_context("spawn")
         self._inbox, self._outbox = context.Pipe(duplex=False)
@@ -96,7 +97,7 @@ class Simulation:
             received = self._inbox.recv()
         except EOFError:
             self._process.join()
-            names = ", ".join(p.name for p in (self._spec.net, self._spec.routes))
+            names = ", ".join(p.name for p in (self._spec.net, *self._spec.routes))
             raise InputError(
                 names,
                 f"SUMO crashes on them (exit status {self._process.exitcode})",
@@ -121,7 +122,7 @@ def _serve(outbox: Connection, spec: ViewSpec) -> None:
     from simulation.sumo_view.world import World, drive
 
     try:
-        with World(spec.net, spec.routes, spec.additional, spec.seed) as world:
+        with World(spec.net, spec.routes, spec.additional, spec.seed, spec.start_s) as world:
             outbox.send(read_roads(spec.x_m, spec.y_m, spec.radius_m))
             world.subscribe_around(spec.x_m, spec.y_m, spec.radius_m)
             for vehicles in drive(world, spec.begin_s, spec.fps, spec.frames):

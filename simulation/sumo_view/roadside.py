@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from simulation.rsus import SceneSettings
 from simulation.streetdrive.rendering import RoadsideObject
 from simulation.sumo_view.ground import PAVEMENT_M, SHOULDER_M
 from simulation.sumo_view.lanes import Carriageway, Roads
 from simulation.sumo_view.polylines import Floats, at, distances, shifted
 from simulation.sumo_view.pose import Site
-from simulation.sumo_view.settings import SceneSettings
 
 _CELL_M = 0.5
 _BACK_M, _AHEAD_M, _ASIDE_M = 80.0, 400.0, 200.0

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from simulation.rsus import RsuSettings, WatchSettings
 from simulation.streetdrive import Point, SegmentText, calibration_text
 from simulation.streetdrive.rendering import Camera
 from simulation.sumo_view.lanes import Carriageway, Roads
 from simulation.sumo_view.polylines import Floats, at, distances
 from simulation.sumo_view.pose import Site
-from simulation.sumo_view.settings import RsuSettings, WatchSettings
 from slipstream.errors import InputError
 
 NEAR_M, FAR_M = 20.0, 80.0

@@ -36,18 +36,26 @@ class World:
         RuntimeError: a simulation already runs in this process.
     """
 
-    def __init__(self, net: Path, routes: Path, additional: tuple[Path, ...], seed: int) -> None:
-        self._routes = routes
+    def __init__(
+        self,
+        net: Path,
+        routes: tuple[Path, ...],
+        additional: tuple[Path, ...],
+        seed: int,
+        start_s: float = 0.0,
+    ) -> None:
+        self._routes = ", ".join(map(str, routes))
         options = [
-            *("--net-file", str(net), "--route-files", str(routes)),
+            *("--net-file", str(net), "--route-files", ",".join(map(str, routes))),
             *(("--additional-files", ",".join(map(str, additional))) if additional else ()),
+            *("--begin", f"{start_s:g}"),
             *("--step-length", str(STEP_S), "--step-method.ballistic", "true"),
             # Without a duration vehicles jump sideways from lane to lane.
             *("--lanechange.duration", "2.5"),
             *("--seed", str(seed), "--xml-validation", "never"),
             *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
         ]
-        self._session = Session(options, (net, routes, *additional))
+        self._session = Session(options, (net, *routes, *additional))
         self._kinds: dict[str, Kind] = {}
         self._stretch: dict[str, float] = {}
 

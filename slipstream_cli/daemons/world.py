@@ -21,11 +21,14 @@ from slipstream_cli.daemons.local import check_port_is_free, locked, watch
 from slipstream_cli.daemons.movement import Movement
 from slipstream_cli.daemons.supervisor import Supervisor
 from slipstream_cli.progress import Progress
+from slipstream_cli.sumo_files import add_options, scenario_name, sumo_files
 
 if TYPE_CHECKING:
     from simulation.live.process import WorldProcess
 
 _REPORT_S = 60.0
+_BEGIN_S = 27000.0
+_DAY_S = 86400.0
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -35,13 +38,17 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         help="the closed loop live: SUMO's traffic before cameras, plans that move vehicles",
         epilog="A world of your own: --net, and what belongs to it; see docs/world.md.",
     )
-    command.add_argument("--scenario", default="troy", help="troy (default), corridor, or a name")
+    command.add_argument("--scenario", help="troy (default), corridor, or a name")
     command.add_argument("--net", type=Path, help="another SUMO net than the scenario's")
     command.add_argument("--demand", type=Path, help="another demand (TOML)")
-    command.add_argument("--routes", type=Path, help="a SUMO route file instead of any demand")
+    add_options(command)
     command.add_argument("--fleet", type=Path, help="another fleet (TOML)")
     command.add_argument("--rsu-file", type=Path, help="other RSUs (TOML)")
-    command.add_argument("--begin", default="07:30", metavar="HH:MM", help="simulated time of day")
+    command.add_argument(
+        "--begin",
+        metavar="HH:MM",
+        help="simulated time of day (default 07:30; of a SUMO configuration: 5 min after its own)",
+    )
     command.add_argument(
         "--rsus", type=int, default=2, metavar="N", help="RSUs with a camera (default 2)"
     )
@@ -76,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
             raise InputError(f"--{name}", f"{value:g} is out of range", f"give {low:g} to {high:g}")
     if options.seconds is not None and not options.seconds > 0:
         raise InputError("--seconds", f"{options.seconds:g} is out of range", "give more than 0")
-    begin_s = time_of_day_s(options.begin)
+    begin_s = None if options.begin is None else time_of_day_s(options.begin)
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
@@ -97,38 +104,51 @@ def time_of_day_s(text: str) -> float:
     return 3600.0 * int(match[1]) + 60.0 * int(match[2])
 
 
-def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event) -> int:
-    from simulation.live.prepare import prepare_world
+def _run(options: argparse.Namespace, begin_s: float | None, stopping: threading.Event) -> int:
+    from simulation.live.prepare import WARM_UP_S, prepare_world
     from simulation.live.process import WorldProcess, check_simulator
     from slipstream_cli.daemons.world_daemons import write_world_settings
 
     check_simulator()
+    files = sumo_files(options)
+    name, from_s = scenario_name(options, files), files.begin_s or 0.0
+    if begin_s is None:
+        begin_s = _BEGIN_S if files.begin_s is None else from_s + WARM_UP_S
+    if not from_s <= begin_s < _DAY_S:
+        raise InputError(
+            "--begin",
+            f"{begin_s:g} s is not within the day's traffic",
+            f"give {from_s:g} s or more, within the day",
+        )
     supervisor = Supervisor(sys.stderr)
     with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
         prepared = prepare_world(
-            options.scenario,
+            name,
             options.state,
             BusSettings(connect=(router.endpoint,)),
-            net=options.net,
+            net=files.net,
             demand=options.demand,
-            routes=options.routes,
+            routes=files.routes,
+            additional=files.additional,
             rsus=options.rsu_file,
             fleet=options.fleet,
+            from_s=from_s,
             begin_s=begin_s,
             cameras=options.rsus,
             fps=options.fps,
             priority=options.priority,
             seed=options.seed,
+            say=lambda line: supervisor.say("slipstream", line),
         )
         bus_counts, movement = BusCounts(), Movement()
         bus_counts.listen(bus)
         movement.listen(bus)
-        supervisor.say("slipstream", f"filling the roads of {options.scenario}")
+        supervisor.say("slipstream", f"filling the roads of {name}")
         with WorldProcess(prepared) as world, Progress("filling the roads", sys.stderr) as bar:
             cameras = world.open(stopping.is_set, lambda share: bar.update(round(100 * share), 100))
             if stopping.is_set():
                 return 0
-            files = write_world_settings(
+            settings = write_world_settings(
                 options.state,
                 prepared,
                 cameras,
@@ -142,7 +162,7 @@ def _run(options: argparse.Namespace, begin_s: float, stopping: threading.Event)
                 )
             address = f"http://127.0.0.1:{options.port}"
             try:
-                for name, (command, path) in files.items():
+                for name, (command, path) in settings.items():
                     supervisor.start(name, (command, "--config", str(path)))
                 look = _world_monitor(world, supervisor)
                 status = watch(supervisor, address, options.seconds, stopping, look)

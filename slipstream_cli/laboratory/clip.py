@@ -6,13 +6,17 @@ import argparse
 import json
 import math
 import sys
+import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
+from slipstream_cli.sumo_files import add_options, sumo_files
 
 if TYPE_CHECKING:
+    from simulation.rsus import RsuSettings
     from simulation.streetdrive import ClipSummary
 
 
@@ -35,23 +39,22 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     sumo = worlds.add_parser(
         "sumo",
         help="the same view of traffic that SUMO simulates",
-        epilog="Without --net, --routes and --rsu it shows a built-in avenue.",
+        epilog="Without --net, --routes and --rsu it shows a built-in avenue; a net of your own "
+        "without --rsu is shown on its busiest approach.",
     )
     _add_common(sumo)
-    sumo.add_argument("--net", default="avenue", help="SUMO net; built in: avenue")
-    sumo.add_argument(
-        "--routes", default="calm", help="SUMO route file; built in: calm, mixed, rough"
-    )
-    sumo.add_argument(
-        "--additional", type=Path, action="append", default=[], help="SUMO additional file"
-    )
+    sumo.add_argument("--net", help="SUMO net; built in: avenue")
+    add_options(sumo, built_in="calm (default), mixed, rough")
     sumo.add_argument(
         "--rsu",
-        default="approach",
-        help="RSU file (TOML); built in: approach, bend, crossing, departure, opposite",
+        "--rsu-file",
+        help="RSU file (TOML); built in: approach (default), bend, crossing, departure, opposite",
     )
+    sumo.add_argument("--rsu-id", metavar="ID", help="which RSU of a file with several")
     sumo.add_argument(
-        "--begin", type=float, default=120.0, help="simulated second of the first frame"
+        "--begin",
+        type=float,
+        help="simulated second of the first frame (default: 120 s after the traffic begins)",
     )
     sumo.set_defaults(run=run_sumo)
 
@@ -111,6 +114,7 @@ def run_streetdrive(options: argparse.Namespace) -> int:
 
 def run_sumo(options: argparse.Namespace) -> int:
     """Render a SUMO view."""
+    from simulation.sumo import without_output
     from simulation.sumo_view import (
         SumoClipSettings,
         find_additional,
@@ -120,19 +124,48 @@ def run_sumo(options: argparse.Namespace) -> int:
         render_sumo_clip,
     )
 
-    settings = SumoClipSettings(
-        net=find_net(options.net),
-        routes=find_routes(options.routes),
-        additional=find_additional(options.routes, options.additional),
-        rsu=find_rsu(options.rsu),
-        seconds=options.seconds,
-        fps=options.fps,
-        begin_s=options.begin,
-        seed=options.seed,
-    )
-    with Progress("rendering", sys.stderr) as progress:
+    own = sumo_files(options)
+    net = find_net("avenue" if own.net is None else str(own.net))
+    names = [str(path) for path in own.routes] or ["calm"]
+    routes = tuple(map(find_routes, names))
+    begins_s = own.begin_s or 0.0
+    camera = None
+    if options.rsu is None and net != find_net("avenue"):
+        camera = _busiest(net, routes)
+    with tempfile.TemporaryDirectory() as folder, Progress("rendering", sys.stderr) as progress:
+        settings = SumoClipSettings(
+            net=net,
+            routes=routes,
+            additional=without_output(find_additional(names[0], [*own.additional]), Path(folder)),
+            rsu=net if camera is not None else find_rsu(options.rsu or "approach"),
+            seconds=options.seconds,
+            fps=options.fps,
+            begin_s=begins_s + 120.0 if options.begin is None else options.begin,
+            seed=options.seed,
+            rsu_id=options.rsu_id,
+            camera=camera,
+            start_s=begins_s,
+        )
         summary = render_sumo_clip(settings, options.out, progress.update)
     return _report(options, summary)
+
+
+def _busiest(net: Path, routes: tuple[Path, ...]) -> RsuSettings:
+    """A camera at the busiest approach of a net that has none."""
+    from simulation.scenarios.networks import check_routes, count_passages
+    from simulation.scenarios.perception import place_rsus
+    from simulation.sumo import check_files
+    from simulation.sumo_view import camera_site
+    from slipstream.sumo_net import load_network
+
+    check_files(net, routes)
+    network = load_network(net)
+    check_routes(routes, network.segments)
+    rsus = place_rsus(network, count_passages(routes, network), 1)
+    if not rsus:
+        raise InputError(net, "no road is long enough to choose a camera for", "give --rsu")
+    print(f"slipstream: the camera watches {rsus[0].watch[0].segment}", file=sys.stderr)
+    return camera_site(rsus[0], network)
 
 
 def _report(options: argparse.Namespace, summary: ClipSummary) -> int:

@@ -83,8 +83,9 @@ class Curve:
                 raise InputError("evaluate", "there is no curve to add to", mend, key="--drive")
             return None
         densities = parse_numbers("--density", options.density, 1, "20,50,100")
-        own = (options.net, options.demand, options.routes, options.rsus, options.fleet)
-        if options.scenario != "corridor" or any(part is not None for part in own):
+        own = (options.net, options.demand, options.rsus, options.fleet, options.sumocfg)
+        sumo = (*options.routes, *options.additional)
+        if options.scenario != "corridor" or any(part is not None for part in (*own, *sumo)):
             problem = "the law is of the corridor's roads and fleet"
             mend = "give --scenario corridor and no file of your own"
             raise InputError("evaluate", problem, mend, key="--density")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.errors import InputError
+from slipstream_cli import sumo_files
 from slipstream_cli.laboratory.curve import Curve, add_options, parse_numbers
 from slipstream_cli.progress import Progress
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from simulation.evaluation.report import Table
     from simulation.evaluation.runs import Store, World, WorldFiles
     from simulation.exogenous.recorded import Watched
+    from simulation.sumo import SumoFiles
 
 _EXIT_INTERRUPTED: Final = 130
 _GRID_S: Final = 300
@@ -35,9 +37,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "same command goes on where it was interrupted.",
     )
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="for all results")
-    command.add_argument("--hours", type=float, help="simulated (default: to midnight)")
+    command.add_argument("--hours", type=float, help="simulated (default: to the end)")
     command.add_argument(
-        "--begin", type=float, default=0.0, metavar="HOUR", help="of the day (default: 0)"
+        "--begin",
+        type=float,
+        metavar="HOUR",
+        help="of the day (default: 0, or when a SUMO configuration begins)",
     )
     command.add_argument(
         "--seeds", default="1,2,3", metavar="N,N", help="a day each (default: 1,2,3)"
@@ -50,21 +55,18 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument(
         "--scenario",
-        default="troy",
         help="troy, corridor, or a name of your own with --net (default: troy)",
     )
-    for part, what in (
-        ("net", "SUMO net"),
-        ("demand", "demand (TOML)"),
-        ("rsus", "RSUs (TOML)"),
-        ("fleet", "fleet (TOML)"),
+    for names, what in (
+        (("--net",), "SUMO net"),
+        (("--demand",), "demand (TOML)"),
+        (("--rsus", "--rsu-file"), "RSUs (TOML)"),
+        (("--fleet",), "fleet (TOML)"),
     ):
         command.add_argument(
-            f"--{part}", type=Path, metavar="FILE", help=f"{what} instead of the scenario's"
+            *names, type=Path, metavar="FILE", help=f"{what} instead of the scenario's"
         )
-    command.add_argument(
-        "--routes", type=Path, metavar="FILE", help="SUMO route file instead of the demand"
-    )
+    sumo_files.add_options(command)
     command.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
     add_options(command)
     command.add_argument(
@@ -84,14 +86,22 @@ def run(options: argparse.Namespace) -> int:
     curve = Curve.of(options)
     options.arms = options.arms or ("all" if curve is None else "B,C")
     policies, seeds = choose(options.arms), parse_numbers("--seeds", options.seeds, 0, "1,2,3")
-    span_s, workers = _span(options.begin, options.hours), _workers(options.workers)
+    own = sumo_files.sumo_files(options)
+    span_s, workers = _span(options, own), _workers(options.workers)
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
     from simulation.evaluation.report import as_json
     from simulation.evaluation.runs import WorldFiles
 
-    parts = (options.net, options.demand, options.routes, options.rsus, options.fleet)
-    files = WorldFiles(options.scenario, *parts)
+    files = WorldFiles(
+        sumo_files.scenario_name(options, own),
+        own.net,
+        options.demand,
+        own.routes,
+        options.rsus,
+        options.fleet,
+        own.additional,
+    )
 
     def evaluated(out: Path, of: WorldFiles) -> tuple[Evaluation, dict[str, Any]]:
         return _evaluate(options, out, of, policies, seeds, span_s, workers)
@@ -125,7 +135,10 @@ def _evaluate(
     from simulation.evaluation.runs import Store, World, code_stamp
 
     world = World(files, options.out / "background", options.signals, span_s)
-    if options.routes is not None and not world.scenario.rsus:
+    left_out = world.scenario.left_out
+    if left_out is not None:
+        print(f"slipstream: {world.scenario.net}: {left_out}", file=sys.stderr)
+    if files.routes and not options.stored and not world.background(seeds[0]).rsus:
         print(
             "slipstream: no RSU stands beside these roads, so no platoon will drive; give --rsus",
             file=sys.stderr,
@@ -135,7 +148,12 @@ def _evaluate(
         evaluation = collect(store, world.provenance, seeds)
         if not evaluation.arms:
             raise InputError(out, "no arm of these seeds is stored", "run it without --stored")
-        exogenous = _exogenous(options, world, seeds, workers)
+        refused: InputError | None = None
+        exogenous: Mapping[Watched, Evaluation] = {}
+        try:
+            exogenous = _exogenous(options, world, seeds, workers)
+        except InputError as error:  # as of a background with a teleport: the other arms count
+            refused = error
         more = _further_tables(world, evaluation, exogenous)
         missing = write_results(out, evaluation, more, exogenous)
     if missing is not None:
@@ -146,6 +164,9 @@ def _evaluate(
         print(terminal_summary(evaluation))
         print(f"{out / 'report.md'}")
     _refuse_gridlock(evaluation)
+    if refused is not None:
+        problem = f"no exogenous evaluation: {refused.problem}"
+        raise InputError(refused.source, problem, refused.mend, key=refused.key)
     return evaluation, whole_summary(evaluation, more, exogenous)
 
 
@@ -210,9 +231,15 @@ def _refuse_gridlock(evaluation: Evaluation) -> None:
             )
 
 
-def _span(begin_h: float, hours: float | None) -> tuple[float, float]:
+def _span(options: argparse.Namespace, own: SumoFiles) -> tuple[float, float]:
     """Begin and end of the simulated time, s since midnight."""
-    hours = 24 - begin_h if hours is None else hours
+    begin_h, hours = options.begin, options.hours
+    if begin_h is None:
+        begin_h = (own.begin_s or 0.0) / 3600
+    if hours is None:
+        # To the whole five minutes before a configuration ends.
+        end_h = 24.0 if own.end_s is None else own.end_s // _GRID_S * _GRID_S / 3600
+        hours = end_h - begin_h
     if not (begin_h >= 0 and hours > 0 and begin_h + hours <= 24):
         problem = f"{hours:g} hours from {begin_h:g} are no part of a day"
         raise InputError("evaluate", problem, "give hours from 0 to 24", key="--hours")

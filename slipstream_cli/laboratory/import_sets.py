@@ -1,4 +1,4 @@
-"""`slipstream import`: problems of the published sets as instance files."""
+"""`slipstream import vrplib|solomon`: problems of the published sets as instance files."""
 
 from __future__ import annotations
 
@@ -11,10 +11,8 @@ _FORMATS = {
 }
 
 
-def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
-    command = commands.add_parser("import", help="make instances of published problems")
-    kinds = command.add_subparsers(dest="kind", required=True, metavar="FORMAT")
+def add_formats(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the formats to those of `slipstream import`."""
     for name, what in _FORMATS.items():
         kind = kinds.add_parser(
             name, help=what, description=f"{what}. `slipstream solve --instance` takes the result."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -10,7 +11,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from simulation.scenarios.perception import Rsu, measured_errors
+from simulation.rsus import Rsu
+from simulation.scenarios.perception import measured_errors
 from simulation.scenarios.scenario import Scenario, SignalControl
 
 FORMAT: Final = 3
@@ -32,7 +34,8 @@ class Provenance:
     Attributes:
         scenario: its name.
         net: SHA-256 of the net's file.
-        demand: of the settings of the background; of its route file where that is the user's.
+        demand: of the settings of the background; of its route files where these are the user's,
+            and of the user's additional files.
         rsus: of the RSUs; empty where they are found by the traffic.
         fleet: of the delivery business.
         perception: of the errors that RSUs make.
@@ -58,7 +61,6 @@ class Provenance:
 
 def provenance_of(
     scenario: Scenario,
-    routes: Path | None,
     signals: SignalControl,
     span_s: tuple[float, float],
     step_s: float,
@@ -66,14 +68,15 @@ def provenance_of(
     """The provenance of a scenario's arms.
 
     Args:
-        routes: the user's own background, instead of the demand's.
         span_s: begin and end of the simulated time.
     """
     rsus = scenario.rsus
+    background = [path.read_bytes() for path in scenario.routes]
+    background = background or [scenario.demand.digest_text().encode()]
     return Provenance(
         scenario.name,
         _digest(scenario.net.read_bytes()),
-        _digest(scenario.demand.digest_text().encode() if routes is None else routes.read_bytes()),
+        _digest(_together([*background, *(path.read_bytes() for path in scenario.additional)])),
         "" if rsus is None else _digest(json.dumps([_rsu_data(rsu) for rsu in rsus]).encode()),
         _digest(scenario.fleet.model_dump_json().encode()),
         _digest(measured_errors().model_dump_json().encode()),
@@ -112,6 +115,11 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "?"
+
+
+def _together(parts: Sequence[bytes]) -> bytes:
+    """One part as it is; several by their digests, so that no two sets are alike."""
+    return parts[0] if len(parts) == 1 else "".join(map(_digest, parts)).encode()
 
 
 def _digest(data: bytes) -> str:

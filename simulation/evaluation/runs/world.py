@@ -12,7 +12,6 @@ from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.runs.provenance import Provenance, provenance_of
 from simulation.scenarios.demand import DAY_S
-from simulation.scenarios.networks import check_routes
 from simulation.scenarios.record import HOUR_S
 from simulation.scenarios.scenario import (
     Background,
@@ -20,11 +19,9 @@ from simulation.scenarios.scenario import (
     SignalControl,
     day_spec,
     load_scenario,
-    own_background,
     prepare,
 )
 from simulation.sumo import Progress
-from slipstream.sumo_net import load_network
 
 
 @dataclass(frozen=True)
@@ -35,17 +32,19 @@ class WorldFiles:
         name: of a built-in one, or any with a net.
         net: a SUMO net of the user's.
         demand: settings of the background.
-        routes: a route file instead of any demand, the same in all seeds.
+        routes: route files instead of any demand, the same in all seeds.
         rsus: where they stand.
         fleet: settings of the deliveries.
+        additional: further SUMO files.
     """
 
     name: str
     net: Path | None = None
     demand: Path | None = None
-    routes: Path | None = None
+    routes: tuple[Path, ...] = ()
     rsus: Path | None = None
     fleet: Path | None = None
+    additional: tuple[Path, ...] = ()
 
     def load(self) -> Scenario:
         """The scenario.
@@ -53,12 +52,15 @@ class WorldFiles:
         Raises:
             InputError: no such scenario, or a file that is malformed or does not fit the net.
         """
-        scenario = load_scenario(
-            self.name, net=self.net, demand=self.demand, rsus=self.rsus, fleet=self.fleet
+        return load_scenario(
+            self.name,
+            net=self.net,
+            demand=self.demand,
+            rsus=self.rsus,
+            fleet=self.fleet,
+            routes=self.routes,
+            additional=self.additional,
         )
-        if self.routes is not None:
-            check_routes(self.routes, load_network(scenario.net).segments)
-        return scenario
 
 
 class World:
@@ -89,9 +91,12 @@ class World:
     @property
     def provenance(self) -> Provenance:
         """What its arms' results depend on."""
-        return provenance_of(
-            self._scenario, self._files.routes, self._signals, self._span_s, STEP_S
-        )
+        return provenance_of(self._scenario, self._signals, self._span_s, STEP_S)
+
+    @property
+    def folder(self) -> Path:
+        """With the route files of the seeds."""
+        return self._folder
 
     @property
     def files(self) -> WorldFiles:
@@ -122,12 +127,13 @@ class World:
         begin_s, end_s = self._span_s
         order = ArmSpec(
             scenario=self._files.name,
-            background=background.file,
+            background=background.files,
             rsus=background.rsus,
             seed=seed,
             policy=policy,
             net=self._files.net,
             fleet=self._files.fleet,
+            own_routes=bool(self._files.routes),
             additional=additional,
             history=self._history(seed, progress) if "routes" in policy.levers else None,
             begin_s=begin_s,
@@ -143,7 +149,7 @@ class World:
         """
         begin_s, end_s = self._span_s
         hours_s = begin_s // HOUR_S * HOUR_S, min(-(-end_s // HOUR_S) * HOUR_S, DAY_S)
-        own = self._files.routes is not None
+        own = bool(self._files.routes)
         with self._lock:
             lock = self._recording.setdefault(0 if own else seed, threading.Lock())
 
@@ -162,7 +168,8 @@ class World:
                     progress=at_begin,
                 )
             background = self._background(seed)[0]
-            depends_on = (self._scenario.net.read_bytes(), background.file.read_bytes())
+            files = (self._scenario.net, *background.files, *self._scenario.additional)
+            depends_on = [path.read_bytes() for path in files]
             path = history_file(
                 self._folder, f"{self._files.name}-routes", self._signals, hours_s, depends_on
             )
@@ -183,11 +190,7 @@ class World:
         with self._lock:
             if seed not in self._backgrounds:
                 self._folder.mkdir(parents=True, exist_ok=True)
-                background = (
-                    prepare(self._scenario, seed, self._folder)
-                    if self._files.routes is None
-                    else own_background(self._scenario, self._files.routes)
-                )
+                background = prepare(self._scenario, seed, self._folder)
                 day = day_spec(self._scenario, background, self._folder, signals=self._signals)
                 self._backgrounds[seed] = background, day.additional
             return self._backgrounds[seed]

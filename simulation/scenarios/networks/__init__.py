@@ -2,16 +2,34 @@
 
 from simulation.scenarios.networks.corridor import CorridorSettings, corridor_plan
 from simulation.scenarios.networks.fixed_time import write_fixed_time
-from simulation.scenarios.networks.netconvert import build_net, convert_osm
-from simulation.scenarios.networks.network import check_routes, largest_part, scenario_network
+from simulation.scenarios.networks.netconvert import build_net
+from simulation.scenarios.networks.network import (
+    LeftOut,
+    cut_network,
+    largest_part,
+    scenario_network,
+)
+from simulation.scenarios.networks.osm import Import, import_osm
+from simulation.scenarios.networks.route_files import (
+    check_additional,
+    check_routes,
+    count_passages,
+    has_fleet_type,
+)
 from simulation.scenarios.networks.troy import troy_plan
 
 __all__ = [
     "CorridorSettings",
+    "Import",
+    "LeftOut",
     "build_net",
+    "check_additional",
     "check_routes",
-    "convert_osm",
     "corridor_plan",
+    "count_passages",
+    "cut_network",
+    "has_fleet_type",
+    "import_osm",
     "largest_part",
     "scenario_network",
     "troy_plan",

@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
 
+from simulation.rsus import Rsu, Stretch
 from simulation.scenarios.networks.plan import Junction, Plan, Road, Turn
-from simulation.scenarios.perception import Rsu, Stretch
 from slipstream.config import Settings
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork

@@ -1,4 +1,4 @@
-"""SUMO's netconvert: from a plan, or from an OpenStreetMap extract, to a net, byte for byte."""
+"""SUMO's netconvert: where it is, how it is run, and from a plan to a net, byte for byte."""
 
 from __future__ import annotations
 
@@ -15,24 +15,13 @@ from typing import Final
 from simulation.scenarios.networks.plan import Plan, write_plain
 from slipstream.errors import InputError
 
-_OPTIONS: Final = (
+OPTIONS: Final = (
     *("--tls.default-type", "actuated"),
     *("--tls.cycle.time", "80"),
     *("--tls.yellow.min-decel", "2"),
     *("--no-turnarounds.except-deadend", "true"),
     *("--output.street-names", "true"),
     *("--xml-validation", "never"),
-)
-_OSM_OPTIONS: Final = (
-    *("--geometry.remove", "true"),
-    *("--ramps.guess", "true"),
-    *("--junctions.join", "true"),
-    *("--tls.guess-signals", "true"),
-    *("--tls.discard-simple", "true"),
-    *("--tls.join", "true"),
-    *("--keep-edges.by-vclass", "passenger"),
-    *("--keep-edges.components", "1"),
-    *("--remove-edges.isolated", "true"),
 )
 
 
@@ -56,28 +45,27 @@ def build_net(plan: Plan, path: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        options = [*write_plain(plan, folder), *_OPTIONS]
+        options = [*write_plain(plan, folder), *OPTIONS]
         if plan.geographic:
             options += ["--proj.utm", "true"]
-        _convert(options, folder / "built.net.xml", plan.name)
-        _keep(folder / "built.net.xml", path)
+        convert(options, folder / "built.net.xml", plan.name)
+        keep(folder / "built.net.xml", path)
 
 
-def convert_osm(extract: Path, path: Path) -> None:
-    """Build a net from an OpenStreetMap extract: roads for cars, ramps and signals guessed.
+def convert(options: list[str], built: Path, source: str | Path) -> str:
+    """Run netconvert.
+
+    Args:
+        options: of netconvert, the output left out.
+        built: the net that it makes.
+        source: what errors name.
+
+    Returns:
+        Its warnings.
 
     Raises:
-        InputError: the extract does not exist, netconvert is not installed or refuses it.
+        InputError: it is not installed, or refuses its input.
     """
-    if not extract.is_file():
-        raise InputError(extract, "no such file", "give an OpenStreetMap extract (.osm, .osm.xml)")
-    with tempfile.TemporaryDirectory() as name:
-        built = Path(name) / "built.net.xml"
-        _convert(["--osm-files", str(extract), *_OPTIONS, *_OSM_OPTIONS], built, extract)
-        _keep(built, path)
-
-
-def _convert(options: list[str], built: Path, source: str | Path) -> None:
     tool = find_netconvert()
     if tool is None:
         raise InputError(
@@ -92,9 +80,10 @@ def _convert(options: list[str], built: Path, source: str | Path) -> None:
         said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
         reason = said[0].removeprefix("Error: ") if said else f"exit status {done.returncode}"
         raise InputError(source, f"netconvert refuses it: {reason}", "mend the network")
+    return done.stderr
 
 
-def _keep(built: Path, path: Path) -> None:
+def keep(built: Path, path: Path) -> None:
     """Store a net without what changes from run to run: the comment with date and paths."""
     text = re.sub(r"<!--.*?-->\s*", "", built.read_text(encoding="utf-8"), flags=re.DOTALL)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -7,16 +7,13 @@ from simulation.scenarios.perception.reporter import (
     measured_errors,
     write_errors,
 )
-from simulation.scenarios.perception.rsus import Rsu, Stretch, load_rsus, place_rsus
+from simulation.scenarios.perception.rsus import place_rsus
 
 __all__ = [
     "Observation",
     "Observer",
     "Reporter",
-    "Rsu",
-    "Stretch",
     "fit_errors",
-    "load_rsus",
     "measured_errors",
     "place_rsus",
     "write_errors",

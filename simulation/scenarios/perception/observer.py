@@ -12,7 +12,7 @@ import numpy as np
 from edge_daemon.camera import WatchedSegment
 from edge_daemon.settings import StabilitySettings
 from simulation.ground_truth import TrueWindow, Truth, true_window
-from simulation.scenarios.perception.rsus import Rsu, Stretch
+from simulation.rsus import Rsu, Stretch
 
 _LANE_M: Final = 3.2
 _NOBODY: Final = -1e6

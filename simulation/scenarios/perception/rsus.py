@@ -1,84 +1,12 @@
-"""Where roadside units stand: which stretches of which segments each one watches."""
+"""Where RSUs stand if nobody says: on the busiest approaches."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from math import hypot
-from pathlib import Path
-from typing import Annotated
 
-from pydantic import Field
-
-from slipstream.config import Settings, load
-from slipstream.errors import InputError
-from slipstream.messages import Identifier
+from simulation.rsus import Rsu, Stretch
 from slipstream.roads import RoadNetwork
-
-
-class Stretch(Settings):
-    """A watched part of a segment; distances from its beginning."""
-
-    segment: Identifier
-    from_m: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    to_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    from_lane: Annotated[int, Field(ge=0)] = Field(
-        default=0,
-        description="Rightmost lane that is watched, 0 is the road's; so lanes for leaving and "
-        "joining a motorway can be left out.",
-    )
-
-    def holds(self, middle_m: float, lane: int) -> bool:
-        """Whether a vehicle whose middle is there is watched."""
-        return lane >= self.from_lane and self.from_m <= middle_m < self.to_m
-
-
-class Rsu(Settings):
-    """One roadside unit."""
-
-    id: Identifier
-    watch: Annotated[tuple[Stretch, ...], Field(min_length=1)]
-    keep_s: Annotated[float, Field(ge=0, le=3600)] = Field(
-        default=0.0, description="As `stability.keep_s` of its edge daemon."
-    )
-
-
-class RsuFile(Settings):
-    """The content of an RSU file."""
-
-    rsus: Annotated[tuple[Rsu, ...], Field(min_length=1)]
-
-
-def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
-    """Read the RSUs of a scenario and check them against its network.
-
-    Raises:
-        InputError: the file is malformed, an id twice, a segment that the network has not, or a
-            stretch or a lane that does not lie on it.
-    """
-    rsus = load(path, RsuFile).rsus
-    twice = next((name for name, n in Counter(rsu.id for rsu in rsus).items() if n > 1), None)
-    if twice is not None:
-        raise InputError(path, "two RSUs with this id", "rename one", key=twice)
-    for rsu in rsus:
-        for stretch in rsu.watch:
-            segment = network.segments.get(stretch.segment)
-            key = f"{rsu.id}.watch.{stretch.segment}"
-            if segment is None:
-                problem = f"no segment {stretch.segment!r} in net {network.name!r}"
-                raise InputError(path, problem, "name one of the net", key=key)
-            if not stretch.from_m < stretch.to_m <= segment.length_m:
-                raise InputError(
-                    path,
-                    f"{stretch.from_m:g} to {stretch.to_m:g} m of a segment of "
-                    f"{segment.length_m:.0f} m",
-                    "mend from_m and to_m",
-                    key=key,
-                )
-            if stretch.from_lane >= segment.lanes:
-                problem = f"lane {stretch.from_lane} of a segment of {segment.lanes}"
-                raise InputError(path, problem, "lanes count from 0 at the right", key=key)
-    return rsus
 
 
 def place_rsus(

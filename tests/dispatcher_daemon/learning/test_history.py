@@ -115,6 +115,20 @@ def test_many_passages_are_believed_few_are_drawn_to_the_mean() -> None:
     assert at_night == pytest.approx(0.2, rel=1e-3)
 
 
+def test_passages_beyond_the_network_are_worth_nothing() -> None:
+    """Where the network is the connected part of a larger net, others' traffic leaves it."""
+    network = load_network("demo")
+    pair = next((a, b) for a in network.segments for b in network.follows[a])
+    own = known(network, [pair], 10.0)
+    both = History(
+        (*own.movements, ("elsewhere", pair[0])),
+        *(np.concatenate([t, 7 * t[:1] + 7]) for t in (own.count, own.loss_kwh)),
+        *(np.concatenate([t, 7 * t[:1] + 7]) for t in (own.seconds, own.stops)),
+    )
+    assert own.time_worth_kw(network) > 0
+    assert both.time_worth_kw(network) == own.time_worth_kw(network)
+
+
 def test_a_history_comes_back_from_its_file(tmp_path: Path) -> None:
     """What is saved is loaded, twice the same bytes; anything else is refused in one line."""
     drive = trace_of(

@@ -31,7 +31,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[ArmResult, ArmRes
 
     def order(policy: Policy) -> ArmSpec:
         return ArmSpec(
-            "troy", background.file, background.rsus, 1, policy, begin_s=BEGIN_S, end_s=END_S
+            "troy", background.files, background.rsus, 1, policy, begin_s=BEGIN_S, end_s=END_S
         )
 
     with ThreadPoolExecutor(2) as threads:
@@ -112,12 +112,12 @@ def test_every_lever_saves_energy(results: tuple[ArmResult, ...]) -> None:
 def test_an_arm_that_cannot_be_is_refused(tmp_path: Path) -> None:
     """Routes by history without a history, hours that are none, a route file of another net."""
     with pytest.raises(ValueError, match="needs a history"):
-        ArmSpec("troy", tmp_path / "r", (), 1, Policy("C", frozenset({"routes"})))
+        ArmSpec("troy", (tmp_path / "r",), (), 1, Policy("C", frozenset({"routes"})))
     with pytest.raises(ValueError, match="multiple of 300"):
-        ArmSpec("troy", tmp_path / "r", (), 1, Policy("B"), begin_s=100.0)
+        ArmSpec("troy", (tmp_path / "r",), (), 1, Policy("B"), begin_s=100.0)
     routes = tmp_path / "r.rou.xml"
     routes.write_text(
         '<routes><vehicle id="a" depart="0"><route edges="elsewhere"/></vehicle></routes>'
     )
     with pytest.raises(InputError, match="elsewhere"):
-        run_arm(ArmSpec("troy", routes, (), 1, Policy("B"), end_s=60.0))
+        run_arm(ArmSpec("troy", (routes,), (), 1, Policy("B"), end_s=60.0))

@@ -37,7 +37,7 @@ def test_a_day_is_recorded(tmp_path: Path) -> None:
     routes.write_text(
         f'<routes>{kinds}<route id="way" edges="{" ".join(way)}"/>{vehicles}</routes>'
     )
-    day = DaySpec(net, routes, tuple(network.segments), end_s=900.0)
+    day = DaySpec(net, (routes,), tuple(network.segments), end_s=900.0)
     history = record_history(day, network)
     assert history.movements == tuple(sorted(pairwise(way[1:])))
     assert history.count[:, 0].tolist() == [2.0, 2.0]
@@ -61,7 +61,7 @@ def test_a_recorded_history_is_not_recorded_again(
         return History((), *(np.zeros((0, HOURS)) for _ in range(4)))
 
     monkeypatch.setattr(recording, "record_history", record)
-    monkeypatch.setattr(recording, "prepare", lambda *_: Background(tmp_path / "r.xml", ()))
+    monkeypatch.setattr(recording, "prepare", lambda *_: Background((tmp_path / "r.xml",), ()))
     path = history_of(troy, 3, tmp_path, signals="fixed")
     assert history_of(troy, 3, tmp_path, signals="fixed") == path
     assert len(recorded) == 1

@@ -149,7 +149,7 @@ def test_a_background_is_simulated_once_and_read_back_as_it_was(
         return Day(0.0, 1800.0, counts, made.traffic, (), made.observations, None, 1.0)
 
     monkeypatch.setattr(recording, "run_day", simulated)
-    background = Background(routes, ())
+    background = Background((routes,), ())
     first = record_background(scenario, background, tmp_path, end_s=1800.0)
     again = record_background(scenario, background, tmp_path, end_s=1800.0)
     assert len(orders) == 1
@@ -319,12 +319,13 @@ def test_an_evaluations_exogenous_arms_are_kept_and_shown(
 ) -> None:
     """Each arm once, on a background that is there before it; a second call simulates nothing; the
     tables stand beside the paper's."""
-    background = Background(tmp_path / "town-1.rou.xml", ())
+    background = Background((tmp_path / "town-1.rou.xml",), ())
     seen: list[tuple[str, str]] = []
 
     class Town:
         provenance = GROUND
         files = WorldFiles("troy")
+        folder = tmp_path
 
         def background(self, seed: int) -> Background:
             return background

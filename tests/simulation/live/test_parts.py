@@ -17,11 +17,11 @@ import pytest
 from dispatcher_daemon.fleet import Depot
 from simulation.live.fleet_file import FleetFile
 from simulation.live.pace import SLIP_S, Pace
-from simulation.live.sites import camera_site
 from simulation.live.stream import LatestPicture, MjpegServer
 from simulation.live.world_spec import WorldSpec
+from simulation.rsus import Rsu, Stretch
 from simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
-from simulation.scenarios.perception.rsus import Rsu, Stretch
+from simulation.sumo_view import camera_site
 from slipstream.roads import Segment, build_network
 
 

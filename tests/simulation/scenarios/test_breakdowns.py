@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from simulation.rsus import Rsu, Stretch
 from simulation.scenarios.day import run_day
 from simulation.scenarios.demand.breakdowns import Breakdown, draw_breakdowns
 from simulation.scenarios.demand.trips import DemandSettings, Flow, Zone
-from simulation.scenarios.networks.network import check_routes
+from simulation.scenarios.networks.route_files import check_routes
 from simulation.scenarios.perception.observer import Observation
-from simulation.scenarios.perception.rsus import Rsu, Stretch
 from simulation.scenarios.record import Day
 from simulation.scenarios.scenario import Scenario, day_spec, prepare
 from slipstream.errors import InputError
@@ -57,7 +57,7 @@ def test_a_car_that_stands_makes_a_calm_road_turbulent(corridor: Scenario, tmp_p
     behind = [o.truth for o in _late(stopped) if o.truth is not None]
     assert sum(truth.y_e == 0 for truth in behind) > 0.7 * len(behind)
     assert min(truth.mean_speed_mps for truth in behind) < 15.0
-    check_routes(tmp_path / "corridor-1.rou.xml", corridor.network.segments)
+    check_routes((tmp_path / "corridor-1.rou.xml",), corridor.network.segments)
 
 
 @pytest.mark.parametrize(

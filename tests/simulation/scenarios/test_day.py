@@ -10,13 +10,14 @@ import pytest
 
 from edge_daemon.settings import StabilitySettings
 from simulation.closed_loop.history_recording import record_history
+from simulation.rsus import Stretch, load_rsus
 from simulation.scenarios.__main__ import main
 from simulation.scenarios.acceptance import AcceptanceLimits
 from simulation.scenarios.day import DaySpec, run_day
+from simulation.scenarios.perception import place_rsus
 from simulation.scenarios.perception.observer import ObservedVehicle, window_of
-from simulation.scenarios.perception.rsus import Stretch, load_rsus, place_rsus
 from simulation.scenarios.record import TripInfo, hours_of
-from simulation.scenarios.scenario import Scenario, day_spec, load_scenario, own_background
+from simulation.scenarios.scenario import Scenario, day_spec, load_scenario
 from slipstream.errors import InputError
 from tests.simulation.scenarios.conftest import BEGIN_S, END_S, Morning
 
@@ -152,7 +153,7 @@ def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
     )
     routes = tmp_path / "jam.rou.xml"
     routes.write_text(f"<routes>{kind}{vehicles.replace(kind, '')}{blocked}</routes>")
-    order = DaySpec(corridor.net, routes, tuple(corridor.network.segments), end_s=20_000.0)
+    order = DaySpec(corridor.net, (routes,), tuple(corridor.network.segments), end_s=20_000.0)
     day = run_day(order)
     assert day.gridlock_s is not None
     assert day.end_s == day.gridlock_s < 10_000.0
@@ -169,8 +170,8 @@ def test_route_file_of_another_net_is_one_line(troy: Scenario, tmp_path: Path) -
         '<routes><vehicle id="v" depart="0"><route edges="nowhere"/></vehicle></routes>'
     )
     with pytest.raises(InputError, match="a route over 'nowhere', which the net has not"):
-        own_background(troy, routes)
-    order = DaySpec(troy.net, routes, tuple(troy.network.segments), end_s=60.0)
+        load_scenario("troy", routes=(routes,))
+    order = DaySpec(troy.net, (routes,), tuple(troy.network.segments), end_s=60.0)
     with pytest.raises(InputError, match=r"other\.rou\.xml: SUMO refuses it: .*'nowhere'"):
         run_day(order)
 

@@ -12,7 +12,7 @@ import pytest
 
 from simulation.scenarios.demand.routes import find_routes
 from simulation.scenarios.demand.trips import DemandSettings, Flow, Zone, draw_trips, gateways
-from simulation.scenarios.networks.network import check_routes
+from simulation.scenarios.networks.route_files import check_routes
 from simulation.scenarios.scenario import Scenario, default_demand, prepare
 from simulation.sumo.vehicle_types import TYPES
 from slipstream.errors import InputError
@@ -112,12 +112,13 @@ def test_same_seed_same_route_file_byte_for_byte(corridor: Scenario, tmp_path: P
     """Trips, routes and speed factors come from the seed; nothing is left for SUMO to draw."""
     few = replace(corridor, demand=_small(corridor))
     files = [
-        prepare(few, seed, tmp_path / str(i)).file.read_bytes() for i, seed in enumerate((4, 4, 5))
+        prepare(few, seed, tmp_path / str(i)).files[0].read_bytes()
+        for i, seed in enumerate((4, 4, 5))
     ]
     assert files[0] == files[1]
     assert files[0] != files[2]
     path = tmp_path / "0" / "corridor-4.rou.xml"
-    check_routes(path, corridor.network.segments)
+    check_routes((path,), corridor.network.segments)
     root = ElementTree.parse(path).getroot()
     assert {kind.get("id") for kind in root.iter("vType")} == set(TYPES)
     assert {(kind.get("speedDev"), kind.get("carFollowModel")) for kind in root.iter("vType")} == {

@@ -21,9 +21,11 @@ from simulation.scenarios.networks.corridor import (
     mainline,
 )
 from simulation.scenarios.networks.fixed_time import write_fixed_time
-from simulation.scenarios.networks.netconvert import build_net, convert_osm, find_netconvert
-from simulation.scenarios.networks.network import check_routes, largest_part, scenario_network
+from simulation.scenarios.networks.netconvert import build_net, find_netconvert
+from simulation.scenarios.networks.network import largest_part, scenario_network
+from simulation.scenarios.networks.osm import import_osm
 from simulation.scenarios.networks.plan import Junction, Plan, Road
+from simulation.scenarios.networks.route_files import check_routes
 from simulation.scenarios.networks.troy import troy_plan
 from simulation.scenarios.scenario import Scenario
 from slipstream.errors import InputError
@@ -99,7 +101,7 @@ def test_an_openstreetmap_extract_becomes_a_net_that_a_day_can_run_on(tmp_path: 
         nodes.append(f'<way id="{number}">{refs}{tags}</way>')
     extract = tmp_path / "town.osm"
     extract.write_text(f'<osm version="0.6">{"".join(nodes)}</osm>')
-    convert_osm(extract, tmp_path / "town.net.xml.gz")
+    import_osm(extract, tmp_path / "town.net.xml.gz")
     network = scenario_network(tmp_path / "town.net.xml.gz")
     # Two directions of 40 blocks; at the four corners, which are no junctions, two become one.
     assert len(network.segments) == 2 * (2 * 5 * 4 - 4)
@@ -128,7 +130,7 @@ def test_netconverts_refusal_is_one_line(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(InputError, match="netconvert refuses it: no edges loaded"):
         build_net(corridor_plan(CorridorSettings()), tmp_path / "x.net.xml")
     with pytest.raises(InputError, match="no such file"):
-        convert_osm(tmp_path / "missing.osm", tmp_path / "x.net.xml")
+        import_osm(tmp_path / "missing.osm", tmp_path / "x.net.xml")
 
 
 def test_bad_sources_name_file_and_line(tmp_path: Path) -> None:
@@ -242,16 +244,16 @@ def test_route_file_of_another_net_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.rou.xml"
     path.write_text('<routes><route id="r" edges="ab nowhere"/></routes>')
     with pytest.raises(InputError, match="a route over 'nowhere', which the net has not"):
-        check_routes(path, ["ab"])
+        check_routes((path,), ["ab"])
     path.write_text('<routes><route id="r" edges="ab"/></routes>')
     with pytest.raises(InputError, match="no vehicle in it"):
-        check_routes(path, ["ab"])
+        check_routes((path,), ["ab"])
     whole = '<routes><vehicle id="v" depart="0"><route edges="ab"/></vehicle></routes>'
     path.write_text(whole)
-    check_routes(path, ["ab"])
+    check_routes((path,), ["ab"])
     packed = tmp_path / "x.rou.xml.gz"
     packed.write_bytes(gzip.compress(whole.encode()))
-    check_routes(packed, ["ab"])
+    check_routes((packed,), ["ab"])
 
 
 @pytest.mark.parametrize("name", ["x.rou.xml", "x.rou.xml.gz"])
@@ -263,4 +265,4 @@ def test_a_route_file_cut_off_in_the_middle_is_one_line(tmp_path: Path, name: st
     content = gzip.compress(whole.encode()) if path.suffix == ".gz" else whole.encode()
     path.write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError, match=f"{name}: not XML"):
-        check_routes(path, ["ab"])
+        check_routes((path,), ["ab"])

@@ -39,7 +39,7 @@ def settings_for(folder: Path, rsu: str, routes: str = "calm") -> SumoClipSettin
     """A short clip of the built-in avenue."""
     return SumoClipSettings(
         net=find_net("avenue"),
-        routes=find_routes(routes),
+        routes=(find_routes(routes),),
         additional=find_additional(routes, []),
         rsu=small_rsu(folder, rsu),
         seconds=1.2,
@@ -276,7 +276,7 @@ def test_a_failed_clip_leaves_nothing_behind(tmp_path, straight):
         '<routes><vType id="t" vClass="tram"/>'
         '<flow id="f" type="t" begin="0" end="99" period="3" from="east-1" to="east-3"/></routes>'
     )
-    settings = replace(straight.settings, routes=routes, additional=())
+    settings = replace(straight.settings, routes=(routes,), additional=())
     with pytest.raises(InputError, match="tram"):
         render_sumo_clip(settings, tmp_path / "clip")
     assert list((tmp_path / "clip").iterdir()) == []

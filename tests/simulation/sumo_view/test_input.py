@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from simulation.rsus import load_rsu
 from simulation.sumo_view import SumoClipSettings
 from simulation.sumo_view.examples import RSUS, find_net, find_routes, find_rsu
 from simulation.sumo_view.lanes import Roads
 from simulation.sumo_view.net import read_roads
 from simulation.sumo_view.pose import Site, draw_pose
-from simulation.sumo_view.settings import load_rsu
 from simulation.sumo_view.watched_segments import Stretch, View, choose_stretches
 from simulation.sumo_view.world import World
 from slipstream.errors import InputError
@@ -60,7 +60,8 @@ def test_bad_files_are_refused(tmp_path: Path, capfd, option, content, told):
     path = tmp_path / "file.xml"
     if content is not None:
         path.write_text(content)
-    line = refused(capfd, "--out", str(tmp_path / "clip"), option, str(path))
+    camera = ("--rsu", "approach") if option == "--net" else ()
+    line = refused(capfd, "--out", str(tmp_path / "clip"), option, str(path), *camera)
     assert "file.xml" in line
     assert told.lower() in line.lower()
 
@@ -68,7 +69,7 @@ def test_bad_files_are_refused(tmp_path: Path, capfd, option, content, told):
 @pytest.fixture(scope="module")
 def roads() -> Roads:
     """The built-in avenue around the RSU `approach`."""
-    with World(find_net("avenue"), find_routes("calm"), (), 1):
+    with World(find_net("avenue"), (find_routes("calm"),), (), 1):
         return read_roads(95.0, 9.2, 320.0)
 
 
@@ -139,7 +140,7 @@ def test_a_camera_cannot_look_at_its_own_foot(tmp_path: Path):
 )
 def test_settings_out_of_range_are_refused(change, key):
     """A wrong setting raises InputError that names its key."""
-    settings = SumoClipSettings(find_net("avenue"), find_routes("calm"), find_rsu("bend"))
+    settings = SumoClipSettings(find_net("avenue"), (find_routes("calm"),), find_rsu("bend"))
     with pytest.raises(InputError) as caught:
         replace(settings, **change)
     assert caught.value.key == key

@@ -8,6 +8,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
+from simulation.rsus import SceneSettings
 from simulation.streetdrive.clip import PALETTE
 from simulation.streetdrive.rendering.camera import Camera
 from simulation.streetdrive.rendering.ground import view_ground
@@ -19,7 +20,6 @@ from simulation.sumo_view.lanes import Carriageway, Roads
 from simulation.sumo_view.polylines import at, distances, shifted, stretch
 from simulation.sumo_view.pose import Site
 from simulation.sumo_view.roadside import Plan, choose_objects
-from simulation.sumo_view.settings import SceneSettings
 from simulation.sumo_view.shapes import Kind, is_known, mesh_of
 from simulation.sumo_view.traffic import STEP_S, State, between
 from simulation.sumo_view.world import World, drive
@@ -35,7 +35,7 @@ MAX_SPEED_CV, MAX_ACCELERATION_VARIANCE = 0.12, 0.5
 def test_built_in_routes_are_what_their_names_say(routes, begin_s, stable):
     """By the paper's rule the calm example is stable in each 10 s window, the rough one in none."""
     seen: dict[int, list[tuple[float, ...]]] = defaultdict(list)
-    with World(find_net("avenue"), find_routes(routes), find_additional(routes, []), 3) as world:
+    with World(find_net("avenue"), (find_routes(routes),), find_additional(routes, []), 3) as world:
         world.subscribe_around(140.0, 0.0, 60.0)
         for frame, vehicles in enumerate(drive(world, begin_s, 5.0, 75)):
             for vehicle in vehicles:

@@ -40,7 +40,7 @@ def test_a_breakdown_beside_flowing_traffic_is_one_event(tmp_path: Path) -> None
     file.write_text(routes.replace("</routes>", BROKEN))
     settings = SumoClipSettings(
         net=find_net("avenue"),
-        routes=file,
+        routes=(file,),
         additional=(),
         rsu=find_rsu("approach"),
         seconds=26.0,

@@ -125,7 +125,7 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
         "troy",
         tmp_path,
         BusSettings(),
-        routes=routes,
+        routes=(routes,),
         begin_s=27000.0,
         cameras=2,
         fps=10.0,
@@ -160,7 +160,7 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
         str(order.day.net),
         ("vand_campbell", "2nd_112th"),
     )
-    assert (order.day.begin_s, order.day.routes) == (26700.0, routes)
+    assert (order.day.begin_s, order.day.routes) == (26700.0, (routes,))
     (types,) = order.day.additional
     assert 'id="cav"' in types.read_text()
 

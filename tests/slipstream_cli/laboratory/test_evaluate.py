@@ -38,7 +38,7 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmSpec]:
         return make_arm(order.policy, order.seed)
 
     def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
-        return Background(folder / f"{scenario.name}-{seed}.rou.xml", scenario.rsus or ())
+        return Background((folder / f"{scenario.name}-{seed}.rou.xml",), scenario.rsus or ())
 
     monkeypatch.setattr(world, "run_arm", run_arm)
     monkeypatch.setattr(world, "prepare", prepare)
@@ -68,7 +68,7 @@ def test_arms_are_simulated_once_and_reported_again(
     assert {(o.policy.name, o.seed) for o in orders} == {("A", 1), ("A", 2), ("B", 1), ("B", 2)}
     for order in orders:
         assert (order.scenario, order.begin_s, order.end_s) == ("corridor", 21600.0, 32400.0)
-        assert order.background == tmp_path / "background" / f"corridor-{order.seed}.rou.xml"
+        assert order.background == (tmp_path / "background" / f"corridor-{order.seed}.rou.xml",)
         assert order.additional == ()
     assert list(first["arms"]) == ["A", "B"]
     assert first["arms"]["A"]["seeds"] == [1, 2]

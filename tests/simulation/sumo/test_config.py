@@ -1,0 +1,89 @@
+"""A SUMO configuration and additional files of the user's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from simulation.sumo import read_configuration, without_output
+from slipstream.errors import InputError
+
+INPUT = '<input><net-file value="a.net.xml"/><r v="b.rou.xml,c.rou.xml"/>{}</input>'
+
+
+def _configuration(folder: Path, text: str) -> Path:
+    for name in ("a.net.xml", "b.rou.xml", "c.rou.xml", "d.add.xml"):
+        (folder / name).touch()
+    path = folder / "x.sumocfg"
+    path.write_text(text)
+    return path
+
+
+def test_files_and_times_are_taken_and_the_rest_is_named(tmp_path: Path) -> None:
+    """Files stand relative to the configuration, also by SUMO's short names; times have colons."""
+    more = '<additional value="d.add.xml"/>'
+    path = _configuration(
+        tmp_path,
+        f"<sumoConfiguration>{INPUT.format(more)}"
+        '<time><begin value="1:07:30:00"/><end value="-1"/><step-length value="0.5"/></time>'
+        '<processing><scale value="2"/></processing><report><verbose value="true"/></report>'
+        "</sumoConfiguration>",
+    )
+    files = read_configuration(path)
+    assert files.net == tmp_path / "a.net.xml"
+    assert files.routes == (tmp_path / "b.rou.xml", tmp_path / "c.rou.xml")
+    assert files.additional == (tmp_path / "d.add.xml",)
+    assert (files.begin_s, files.end_s) == (113400.0, None)
+    assert files.ignored == ("scale",)
+    assert (
+        read_configuration(
+            _configuration(tmp_path, f"<configuration>{INPUT.format('')}</configuration>")
+        ).begin_s
+        == 0.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("<routes/>", "no SUMO configuration: a <routes>"),
+        ("<configuration/>", "net-file: it names no net-file"),
+        (f"<configuration>{INPUT.format('')}", "not XML"),
+        (
+            f"<configuration>{INPUT.format('<a value=' + chr(34) + 'gone.xml' + chr(34) + '/>')}"
+            "</configuration>",
+            "additional-files: it names 'gone.xml', which is not there",
+        ),
+        (
+            f'<configuration>{INPUT.format("")}<time><begin value="soon"/></time></configuration>',
+            "begin: 'soon' is no time",
+        ),
+    ],
+)
+def test_a_configuration_that_is_none_is_one_line(tmp_path: Path, text: str, told: str) -> None:
+    """What is missing or wrong is told with its option."""
+    path = _configuration(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        read_configuration(path)
+    assert str(caught.value).startswith(str(path))
+    assert told in str(caught.value)
+
+
+def test_additional_files_write_nothing_where_the_user_keeps_them(tmp_path: Path) -> None:
+    """A copy has no output and finds its input; a file without output is taken as it is."""
+    given, quiet, made = tmp_path / "given", tmp_path / "quiet.add.xml", tmp_path / "made"
+    given.mkdir()
+    loud = given / "loud.add.xml"
+    text = (
+        '<additional><e1Detector id="d" lane="a_0" pos="1" file="mine.xml"/>'
+        '<variableSpeedSign id="v" lanes="a_0" file="speeds.xml"/></additional>'
+    )
+    loud.write_text(text)
+    quiet.write_text('<additional><vType id="a"/></additional>')
+    copy, same = without_output((loud, quiet), made)
+    assert same == quiet
+    assert copy.parent == made
+    assert 'file="NUL"' in copy.read_text()
+    assert f'file="{given / "speeds.xml"}"' in copy.read_text()
+    assert loud.read_text() == text
