@@ -6,30 +6,19 @@ the router does; late subscribers get the last samples from the publishers' cach
 
 from __future__ import annotations
 
-import json
 import socket
 from collections.abc import Set
-from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Self
 
 import zenoh
 
-from slipstream.config import BusSettings, read_secret
+from slipstream.config import BusSettings
 from slipstream.errors import InputError
-from slipstream.files import check_file
 from slipstream.inbox import Handler, Inbox
 from slipstream.messages import Message
-
-RECEIVE_LIMIT_BYTES: Final = 24 * 2**20
-"""Above it zenoh discards a message while it arrives, without counting it.
-
-It is well above `slipstream.inbox.MAX_MESSAGE_BYTES`, so that an inbox sees and counts what is too
-large. What a sender can make a receiver hold grows with it.
-"""
+from slipstream.zenoh_config import client_config, router_config
 
 _HEARTBEAT_S = 1.0
-_RECEIVE_LIMIT = "transport/link/rx/max_message_size"
-_MAX_CONFIG_BYTES = 1_000_000
 
 
 class Publisher:
@@ -39,7 +28,7 @@ class Publisher:
         self._declared = declared
 
     def put(self, message: Message | bytes) -> None:
-        """Publish a message, or raw bytes for pictures; returns at once, dropping if congested."""
+        """Publish a message, or raw bytes for pictures; dropped if the link is full for 20 ms."""
         self._declared.put(message.to_bytes() if isinstance(message, Message) else message)
 
     def has_subscribers(self) -> bool:
@@ -101,7 +90,7 @@ class Bus:
         Raises:
             InputError: an endpoint or the configuration file is not understood by zenoh.
         """
-        return cls(_open_session(_client_config(settings), ", ".join(settings.connect)))
+        return cls(_open_session(client_config(settings), ", ".join(settings.connect)))
 
     def publisher(self, key: str, *, history: int = 1, best_effort: bool = False) -> Publisher:
         """Declare a publisher.
@@ -207,17 +196,7 @@ class Router:
             InputError: the port is taken.
         """
         self.endpoint = f"tcp/127.0.0.1:{port or free_port()}"
-        config = zenoh.Config()
-        for key, value in {
-            "mode": "router",
-            "listen/endpoints": [self.endpoint],
-            "listen/exit_on_failure": True,
-            "scouting/multicast/enabled": False,
-            "transport/shared_memory/enabled": False,
-            _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
-        self._session = _open_session(config, self.endpoint)
+        self._session = _open_session(router_config(self.endpoint), self.endpoint)
 
     def close(self) -> None:
         """Stop it; clients wait for the next one."""
@@ -235,56 +214,6 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
-
-
-def _client_config(settings: BusSettings) -> Any:
-    if settings.config_file is None:
-        config = _leaf_config(settings)
-    else:
-        config = _config_from(settings.config_file)
-    if settings.user is not None and settings.password_file is not None:
-        # Both at once: zenoh refuses one without the other.
-        identity = {"user": settings.user, "password": read_secret(settings.password_file)}
-        config.insert_json5("transport/auth/usrpwd", json.dumps(identity))
-    return config
-
-
-def _leaf_config(settings: BusSettings) -> Any:
-    config = zenoh.Config()
-    for key, value in {
-        # A client's open() blocks until a router answers, and a router does not pass messages
-        # between peers; a router that listens nowhere is a leaf that does neither.
-        "mode": "router",
-        "listen/endpoints": [],
-        "connect/endpoints": list(settings.connect),
-        "connect/timeout_ms": -1,
-        "connect/exit_on_failure": False,
-        "connect/retry": {"period_init_ms": 500, "period_max_ms": 4000},
-        "scouting/multicast/enabled": False,
-        "timestamping/enabled": True,
-        # It locks memory, which a sandboxed service may not, and a process that is killed leaves
-        # 18 MB in /dev/shm.
-        "transport/shared_memory/enabled": False,
-        _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
-    }.items():
-        try:
-            config.insert_json5(key, json.dumps(value))
-        except zenoh.ZError:
-            raise InputError(
-                "bus", f"{value!r} is not understood", "give tcp/HOST:PORT", key="connect"
-            ) from None
-    return config
-
-
-def _config_from(path: Path) -> Any:
-    check_file(path, _MAX_CONFIG_BYTES)
-    try:
-        config = zenoh.Config.from_file(str(path))
-        limit = min(RECEIVE_LIMIT_BYTES, int(config.get_json(_RECEIVE_LIMIT)))
-        config.insert_json5(_RECEIVE_LIMIT, json.dumps(limit))
-    except zenoh.ZError as error:
-        raise InputError(path, f"not a zenoh configuration: {error}", "mend the file") from None
-    return config
 
 
 def _open_session(config: Any, where: str) -> Any:

@@ -1,11 +1,14 @@
-"""What has arrived on a subscription and waits for its handler: bounded and counted."""
+"""What has arrived on a subscription and waits for its handler: bounded and counted.
+
+The newest sample of a key is dropped only where nothing else waits.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from typing import Any, Final, Literal, get_args
 
@@ -21,7 +24,8 @@ MAX_MESSAGE_BYTES: Final = 4 * 2**20
 """Largest payload that is taken; the CycleReport of a city of 10,000 segments has 1.2 MB."""
 INBOX_BYTES: Final = 16 * 2**20
 INBOX_SAMPLES: Final = 16_384
-"""Limits of what waits for one handler; beyond them the oldest sample is dropped."""
+"""Limits of what waits for one handler. Beyond them the oldest sample that another one of its key
+has followed is dropped; if each is the newest of its key, the oldest of all."""
 BUSY_BATCH: Final = 16
 PAUSE_S: Final = 0.01
 """After so many samples at once the handler pauses: zenoh's thread needs the interpreter's lock for
@@ -61,6 +65,8 @@ class Inbox:
         self._handler = handler
         self._every = every
         self._waiting: OrderedDict[object, tuple[str, bytes]] = OrderedDict()
+        self._newest: dict[str, int] = {}
+        self._followed: deque[int] = deque()
         self._bytes = 0
         self._arrived = 0
         self._closed = False
@@ -78,14 +84,12 @@ class Inbox:
             return
         payload = sample.payload.to_bytes()
         with self._changed:
-            self._arrived += 1
-            name = self._arrived if self._every else key
-            previous = self._waiting.get(name)
-            self._waiting[name] = (key, payload)
+            previous = None if self._every else self._waiting.get(key)
+            self._waiting[self._name_of_next(key)] = (key, payload)
             self._bytes += size - (0 if previous is None else len(previous[1]))
             dropped = 0
             while len(self._waiting) > INBOX_SAMPLES or self._bytes > INBOX_BYTES:
-                self._take()
+                self._drop()
                 dropped += 1
             self._changed.notify()
         if previous is not None:
@@ -98,10 +102,24 @@ class Inbox:
         if self._limiter.allow(outcome):
             log.warning("%s (and %d before)", line, self._limiter.suppressed(outcome))
 
-    def _take(self) -> tuple[str, bytes]:
-        _, item = self._waiting.popitem(last=False)
-        self._bytes -= len(item[1])
-        return item
+    def _name_of_next(self, key: str) -> object:
+        """What the next sample waits under: its key, or its number where every one is wanted."""
+        if not self._every:
+            return key
+        self._arrived += 1
+        before = self._newest.get(key)
+        if before is not None:
+            self._followed.append(before)
+        self._newest[key] = self._arrived
+        return self._arrived
+
+    def _drop(self) -> None:
+        if self._followed:
+            key, payload = self._waiting.pop(self._followed.popleft())
+        else:
+            _, (key, payload) = self._waiting.popitem(last=False)
+            self._newest.pop(key, None)
+        self._bytes -= len(payload)
 
     def _run(self) -> None:
         while True:
@@ -110,6 +128,8 @@ class Inbox:
                 if self._closed:
                     return
                 batch, self._waiting, self._bytes = self._waiting, OrderedDict(), 0
+                self._newest.clear()
+                self._followed.clear()
             for key, payload in batch.values():
                 self._handle(key, payload)
             if len(batch) >= BUSY_BATCH:
