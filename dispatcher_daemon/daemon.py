@@ -18,7 +18,7 @@ from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
-from dispatcher_daemon.reports import error_text, failed_report, idle_report
+from dispatcher_daemon.reports import error_text, failed_report, idle_report, worst_receptions
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
@@ -30,6 +30,7 @@ from dispatcher_daemon.traffic import take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
+from slipstream.freshness import age_s
 from slipstream.inbox import lost
 from slipstream.messages import (
     ALL_STATES,
@@ -117,6 +118,7 @@ class Dispatcher:
             stale_after_s=settings.stale_after_s,
             future_tolerance_s=settings.future_tolerance_s,
         )
+        metrics.RECEPTION.figures = self._latest_states.reception.figures
         self._limiter = LogLimiter()
         vehicles = () if fleet is None else fleet.vehicles
         self._plan_publishers = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
@@ -147,8 +149,11 @@ class Dispatcher:
             self._refuse(error)
             return
         self.states_received += 1
-        verdict = self._latest_states.accept(state, time.time_ns())
+        now_ns = time.time_ns()
+        verdict = self._latest_states.accept(state, now_ns)
         metrics.STATES.labels(verdict.value).inc()
+        if verdict is Verdict.ACCEPTED:
+            metrics.STATE_AGE.observe(max(0.0, age_s(state.time_ns, now_ns)))
         if verdict not in HARMLESS:
             self.states_refused += 1
             what = verdict.value.replace("_", " ")
@@ -334,6 +339,7 @@ class Dispatcher:
                 bad_messages=self.bad_messages,
                 states_refused=self.states_refused,
                 messages_lost=lost(),
+                rsus=worst_receptions(self._latest_states.reception.figures()),
                 next_cycle_ns=next_cycle_ns,
                 rss_mb=rss_mb(),
                 hardware=None if self._job_manager is None else self._job_manager.health(),

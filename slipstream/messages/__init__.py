@@ -15,6 +15,7 @@ from slipstream.messages.dispatch import (
     Gate,
     HardwareHealth,
     OrderState,
+    RsuReception,
     SolverReport,
     Unserved,
 )
@@ -139,6 +140,7 @@ __all__ = [
     "PlatoonMode",
     "RequestStatus",
     "RsuHealth",
+    "RsuReception",
     "SegmentState",
     "SensedVehicle",
     "SignalPhaseAndTiming",
