@@ -6,9 +6,12 @@ the router does; late subscribers get the last samples from the publishers' cach
 
 from __future__ import annotations
 
+import contextlib
 import socket
+import threading
+import time
 from collections.abc import Set
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import zenoh
 
@@ -19,6 +22,10 @@ from slipstream.messages import Message
 from slipstream.zenoh_config import client_config, router_config
 
 _HEARTBEAT_S = 1.0
+_CHANNEL_SAMPLES: Final = 512
+"""Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link."""
+_GATHER_S: Final = 0.002
+"""Samples gather for so long, so that a thread wakes up 500 times a second at most."""
 
 
 class Publisher:
@@ -60,15 +67,7 @@ class Listener:
             self._subscribers[key] = self._declare(key, history=history)
 
     def _declare(self, key: str, *, history: bool) -> Any:
-        if not history:
-            return self._session.declare_subscriber(key, self._samples.accept)
-        return zenoh.ext.declare_advanced_subscriber(
-            self._session,
-            key,
-            self._samples.accept,
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-        )
+        return _declare_subscriber(self._session, key, self._samples.accept, history=history)
 
     def close(self) -> None:
         """Receive no more; no handler runs once it has returned."""
@@ -76,12 +75,59 @@ class Listener:
         self._samples.close()
 
 
+class _Subscription:
+    """One key expression's samples, taken from a channel of zenoh's by a thread.
+
+    A callback needs the interpreter's lock for each sample, which beside a busy thread it gets 200
+    times a second; links drop what waits meanwhile. One turn of this thread empties the channel.
+    """
+
+    def __init__(self, session: Any, key: str, samples: Inbox, *, history: bool) -> None:
+        self._samples = samples
+        channel = zenoh.handlers.FifoChannel(_CHANNEL_SAMPLES)
+        self._declared = _declare_subscriber(session, key, channel, history=history)
+        self._channel = self._declared.handler
+        self._thread = threading.Thread(target=self._run, name=f"bus {key} in", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        # zenoh raises once the channel is closed and empty.
+        with contextlib.suppress(zenoh.ZError):
+            while True:
+                sample = self._channel.recv()
+                taken = 0
+                while sample is not None:
+                    self._samples.accept(sample)
+                    taken += 1
+                    sample = self._channel.try_recv()
+                if taken < _CHANNEL_SAMPLES // 2:
+                    time.sleep(_GATHER_S)
+
+    def close(self) -> None:
+        """Receive no more; no handler runs once it has returned."""
+        self._declared.undeclare()
+        self._thread.join(timeout=2.0)
+        self._samples.close()
+
+
+def _declare_subscriber(session: Any, key: str, to: Any, *, history: bool) -> Any:
+    if not history:
+        return session.declare_subscriber(key, to)
+    return zenoh.ext.declare_advanced_subscriber(
+        session,
+        key,
+        to,
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+        recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+    )
+
+
 class Bus:
     """A zenoh session; open it with `Bus.open`, close it or use it as a context manager."""
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._listeners: list[Listener] = []
+        self._receivers: list[Listener | _Subscription] = []
 
     @classmethod
     def open(cls, settings: BusSettings) -> Self:
@@ -142,7 +188,7 @@ class Bus:
     ) -> None:
         """Call ``handler(key, payload)`` for samples, on a thread of the bus's own.
 
-        zenoh's callbacks must not block or call zenoh again; this thread may. What the handler
+        zenoh's own threads must not block or call zenoh again; this thread may. What the handler
         raises is logged and survived. What waits for the handler is bounded by `slipstream.inbox`,
         which also counts what became of each sample.
 
@@ -151,8 +197,10 @@ class Bus:
             every: each sample is wanted; otherwise a later one of the same key replaces one that
                 still waits.
         """
-        listener = self.listener(key_expression, handler, every=every)
-        listener.listen({key_expression}, history=history)
+        samples = Inbox(key_expression, handler, every=every)
+        self._receivers.append(
+            _Subscription(self._session, key_expression, samples, history=history)
+        )
 
     def listener(self, name: str, handler: Handler, *, every: bool = False) -> Listener:
         """One handler, as of `subscribe`, for key expressions that change.
@@ -162,7 +210,7 @@ class Bus:
             handler: as for `subscribe`, with `every`.
         """
         listener = Listener(self._session, Inbox(name, handler, every=every))
-        self._listeners.append(listener)
+        self._receivers.append(listener)
         return listener
 
     def put(self, key: str, message: Message) -> None:
@@ -171,8 +219,8 @@ class Bus:
 
     def close(self) -> None:
         """Close the session; no handler runs once it has returned."""
-        for listener in self._listeners:
-            listener.close()
+        for receiver in self._receivers:
+            receiver.close()
         self._session.close()
 
     def __enter__(self) -> Self:
