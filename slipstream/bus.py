@@ -84,7 +84,7 @@ class _Subscription:
 
     def __init__(self, session: Any, key: str, samples: Inbox, *, history: bool) -> None:
         self._samples = samples
-        channel = zenoh.handlers.FifoChannel(_CHANNEL_SAMPLES)
+        channel: Any = zenoh.handlers.FifoChannel(_CHANNEL_SAMPLES)
         self._declared = _declare_subscriber(session, key, channel, history=history)
         self._channel = self._declared.handler
         self._thread = threading.Thread(target=self._run, name=f"bus {key} in", daemon=True)
