@@ -37,7 +37,12 @@ class Subscriber(Protocol):
     """The part of `slipstream.bus.Bus` that is used here."""
 
     def subscribe(
-        self, key_expression: str, handler: Callable[[str, bytes], None], *, history: bool = True
+        self,
+        key_expression: str,
+        handler: Callable[[str, bytes], None],
+        *,
+        history: bool = True,
+        every: bool = False,
     ) -> None:
         """Call a handler for samples."""
         ...
@@ -98,7 +103,7 @@ class FleetWatch:
     def subscribe(self, bus: Subscriber) -> None:
         """Listen to the fleet."""
         bus.subscribe(ALL_POSITIONS, self.on_position, history=False)
-        bus.subscribe(ALL_ACKNOWLEDGEMENTS, self.on_acknowledgement)
+        bus.subscribe(ALL_ACKNOWLEDGEMENTS, self.on_acknowledgement, every=True)
         bus.subscribe(ALL_PROGRESS, self.on_progress)
 
     def situation(

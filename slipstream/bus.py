@@ -10,7 +10,8 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Set
+from collections.abc import Callable, Mapping, Set
+from types import MappingProxyType
 from typing import Any, Final, Self
 
 import zenoh
@@ -20,6 +21,13 @@ from slipstream.errors import InputError
 from slipstream.inbox import Handler, Inbox
 from slipstream.messages import Message
 from slipstream.zenoh_config import client_config, router_config
+
+KEPT: Final[Mapping[str, int]] = MappingProxyType({"plan": 2, "acknowledgement": 8, "cycle": 8})
+"""Messages that a publisher keeps for those whom a router's outage cut off, by the end of its key.
+
+Each answer to a plan and each cycle is news of its own. Of plans the one before the last is kept
+too, which others may wait for. All else, as progress, repeats or replaces what came before: one.
+"""
 
 _HEARTBEAT_S = 1.0
 _CHANNEL_SAMPLES: Final = 512
@@ -52,7 +60,7 @@ class Listener:
 
     def __init__(self, session: Any, samples: Inbox) -> None:
         self._session, self._samples = session, samples
-        self._subscribers: dict[str, Any] = {}
+        self._subscribers: dict[str, _Declared] = {}
 
     def listen(self, key_expressions: Set[str], *, history: bool = False) -> None:
         """Receive samples of these key expressions, and of no others from now on.
@@ -66,8 +74,9 @@ class Listener:
         for key in sorted(key_expressions - self._subscribers.keys()):
             self._subscribers[key] = self._declare(key, history=history)
 
-    def _declare(self, key: str, *, history: bool) -> Any:
-        return _declare_subscriber(self._session, key, self._samples.accept, history=history)
+    def _declare(self, key: str, *, history: bool) -> _Declared:
+        samples = self._samples
+        return _Declared(self._session, key, samples.accept, samples.count_missed, history=history)
 
     def close(self) -> None:
         """Receive no more; no handler runs once it has returned."""
@@ -85,8 +94,8 @@ class _Subscription:
     def __init__(self, session: Any, key: str, samples: Inbox, *, history: bool) -> None:
         self._samples = samples
         channel: Any = zenoh.handlers.FifoChannel(_CHANNEL_SAMPLES)
-        self._declared = _declare_subscriber(session, key, channel, history=history)
-        self._channel = self._declared.handler
+        self._declared = _Declared(session, key, channel, samples.count_missed, history=history)
+        self._channel = self._declared.subscriber.handler
         self._thread = threading.Thread(target=self._run, name=f"bus {key} in", daemon=True)
         self._thread.start()
 
@@ -110,16 +119,29 @@ class _Subscription:
         self._samples.close()
 
 
-def _declare_subscriber(session: Any, key: str, to: Any, *, history: bool) -> Any:
-    if not history:
-        return session.declare_subscriber(key, to)
-    return zenoh.ext.declare_advanced_subscriber(
-        session,
-        key,
-        to,
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-        recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-    )
+class _Declared:
+    """A declared subscriber, with the listener for what could not be recovered."""
+
+    def __init__(
+        self, session: Any, key: str, to: Any, missed: Callable[[int], None], *, history: bool
+    ) -> None:
+        if not history:
+            self.subscriber, self._misses = session.declare_subscriber(key, to), None
+            return
+        self.subscriber = zenoh.ext.declare_advanced_subscriber(
+            session,
+            key,
+            to,
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+        )
+        self._misses = self.subscriber.sample_miss_listener(lambda miss: missed(miss.nb))
+
+    def undeclare(self) -> None:
+        """Receive no more."""
+        if self._misses is not None:
+            self._misses.undeclare()
+        self.subscriber.undeclare()
 
 
 class Bus:
@@ -138,13 +160,16 @@ class Bus:
         """
         return cls(_open_session(client_config(settings), ", ".join(settings.connect)))
 
-    def publisher(self, key: str, *, history: int = 1, best_effort: bool = False) -> Publisher:
+    def publisher(
+        self, key: str, *, history: int | None = None, best_effort: bool = False
+    ) -> Publisher:
         """Declare a publisher.
 
         Args:
             key: a concrete key, from `slipstream.messages`.
-            history: samples kept for subscribers that come late or lost some; 0 for what is
-                published each second anyway: a router needs minutes to learn of 10,000 caches.
+            history: samples kept for subscribers that come late or were cut off; None: as `KEPT`
+                says for the key. 0 for what is published each second anyway: a router needs minutes
+                to learn of 10,000 caches.
             best_effort: no cache, no repair, low priority: for pictures.
         """
         if best_effort:
@@ -156,6 +181,8 @@ class Bus:
                     reliability=zenoh.Reliability.BEST_EFFORT,
                 )
             )
+        if history is None:
+            history = KEPT.get(key.rpartition("/")[2], 1)
         if history == 0:
             return Publisher(
                 self._session.declare_publisher(

@@ -40,6 +40,12 @@ SAMPLES = Counter(
     ["subscription", "outcome"],
 )
 
+MISSED = Counter(
+    "slipstream_bus_missed_samples",
+    "Samples that publishers had kept for too short a time to be recovered, by subscription.",
+    ["subscription"],
+)
+
 
 def lost() -> int:
     """Number of samples that this process dropped or refused as oversized, since its start."""
@@ -73,6 +79,7 @@ class Inbox:
         self._changed = threading.Condition()
         self._limiter = LogLimiter()
         self._outcomes = {outcome: SAMPLES.labels(name, outcome) for outcome in OUTCOMES}
+        self._missed = MISSED.labels(name)
         self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
         self._thread.start()
 
@@ -96,6 +103,10 @@ class Inbox:
             self._outcomes["superseded"].inc()
         for _ in range(dropped):
             self._count("dropped", f"messages on {self._name} arrive faster than they are handled")
+
+    def count_missed(self, number: int) -> None:
+        """Count samples that were published and did not come."""
+        self._missed.inc(number)
 
     def _count(self, outcome: Outcome, line: str) -> None:
         self._outcomes[outcome].inc()
