@@ -393,7 +393,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     Raises:
         InputError: the network, list of RSUs, fleet, database, bus or metrics port cannot be used.
     """
-    configure_logging("dispatcher", settings.service.log_level)
+    configure_logging("dispatcher", settings.service)
     # The scheduler's own faults are counted and logged by CycleScheduler.
     logging.getLogger("apscheduler").setLevel(logging.CRITICAL)
     network = load_network(settings.network)

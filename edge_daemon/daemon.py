@@ -51,7 +51,7 @@ def run_edge(settings: EdgeSettings) -> None:
         InputError: the camera file, the model, the clip or the bus settings are unusable.
     """
     configure_allocator()
-    configure_logging(f"edge {settings.rsu}", settings.service.log_level)
+    configure_logging(f"edge {settings.rsu}", settings.service)
     camera = load_camera(settings.camera)
     reference = read_reference(camera)
     watch = Watch(camera, settings.watch, reference)

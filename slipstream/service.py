@@ -18,6 +18,7 @@ from prometheus_client import start_http_server
 
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
+from slipstream.logs import JsonFormatter, log_uncaught
 
 log = logging.getLogger(__name__)
 
@@ -27,16 +28,22 @@ SUPERVISED = "SLIPSTREAM_SUPERVISED"
 _PR_SET_PDEATHSIG = 1
 
 
-def configure_logging(name: str, level: str) -> None:
+def configure_logging(name: str, settings: ServiceSettings) -> None:
     """Send log lines to standard error; the journal and the supervisor add their own time stamps.
 
     Args:
         name: the daemon's name, shown in each line.
-        level: DEBUG, INFO, WARNING or ERROR.
+        settings: with level and format.
     """
+    if settings.log_format == "json":
+        handler = logging.StreamHandler(sys.stderr)
+        handler.setFormatter(JsonFormatter(name))
+        logging.basicConfig(level=settings.log_level, handlers=[handler], force=True)
+        log_uncaught()
+        return
     stamped = "JOURNAL_STREAM" not in os.environ and SUPERVISED not in os.environ
     logging.basicConfig(
-        level=level,
+        level=settings.log_level,
         format=("%(asctime)s " if stamped else "") + f"{name} %(levelname)s %(message)s",
         stream=sys.stderr,
         force=True,

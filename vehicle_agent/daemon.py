@@ -176,7 +176,7 @@ def run_agents(settings: AgentSettings) -> None:
     Raises:
         InputError: the bus, the state folder or the metrics port cannot be used.
     """
-    configure_logging("agent", settings.service.log_level)
+    configure_logging("agent", settings.service)
     with Service("agent", settings.service) as service, Bus.open(settings.bus) as bus:
         daemon = AgentDaemon(settings, bus)
         service.ready()
