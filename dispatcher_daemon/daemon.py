@@ -27,7 +27,7 @@ from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
 from dispatcher_daemon.store import CyclePruner, CycleStore, open_checked_database
-from dispatcher_daemon.traffic import take_snapshot
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
@@ -50,10 +50,13 @@ from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
+from slipstream.tracing import is_on, note, span, sparse_span, traced
 
 log = logging.getLogger(__name__)
 
 HEALTH_EVERY_S = 1.0
+_NAMED_STATES = 1000
+"""States that a trace names."""
 HEARD_AFTER_S = 2.5
 """By then vehicles that the run before knew have said where they are: they do so each second."""
 
@@ -151,7 +154,8 @@ class Dispatcher:
             return
         self.states_received += 1
         now_ns = time.time_ns()
-        verdict = self._latest_states.accept(state, now_ns)
+        with sparse_span("receive", rsu=state.rsu, segment=state.segment, sequence=state.sequence):
+            verdict = self._latest_states.accept(state, now_ns)
         metrics.STATES.labels(verdict.value).inc()
         if verdict is Verdict.ACCEPTED:
             metrics.STATE_AGE.observe(max(0.0, age_s(state.time_ns, now_ns)))
@@ -172,7 +176,8 @@ class Dispatcher:
         """One cycle: snapshot, solve, store, publish. Errors end the cycle, not the dispatcher."""
         self.cycle_began = time.monotonic()
         try:
-            self._run_cycle()
+            with span("cycle", cycle=self._cycle):
+                self._run_cycle()
         except Exception as error:
             self.cycles_failed += 1
             metrics.CYCLES.labels("lost").inc()
@@ -193,15 +198,7 @@ class Dispatcher:
         if self._job_manager is not None:
             self._job_manager.begin_cycle(number)
         try:
-            snapshot = take_snapshot(
-                self._network,
-                self._latest_states.latest(),
-                now_ns,
-                stale_after_s=self._settings.stale_after_s,
-                future_tolerance_s=self._settings.future_tolerance_s,
-                stops_at_signals=self._settings.stops_at_signals,
-            )
-            snapshot = self.fleet_watch.expected(snapshot)
+            snapshot = self._snapshot(now_ns)
             states = snapshot.states
             metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
             situation = self.fleet_watch.situation(
@@ -252,11 +249,32 @@ class Dispatcher:
             self._report_storage_fault(report, error)
             return
         report = report.model_copy(update={"plans": len(plans)})
+        note(status=report.status, plans=len(plans))
+        self._publish(plans, report)
+        self._count(report)
+        self._pruner.after_cycle(now_ns)
+
+    @traced("snapshot")
+    def _snapshot(self, now_ns: int) -> TrafficSnapshot:
+        snapshot = take_snapshot(
+            self._network,
+            self._latest_states.latest(),
+            now_ns,
+            stale_after_s=self._settings.stale_after_s,
+            future_tolerance_s=self._settings.future_tolerance_s,
+            stops_at_signals=self._settings.stops_at_signals,
+        )
+        if is_on():
+            # What the spans of the edge that published them are found by.
+            named = [f"{s.rsu} {s.segment} {s.sequence}" for s in snapshot.states[:_NAMED_STATES]]
+            note(states=named)
+        return self.fleet_watch.expected(snapshot)
+
+    @traced("publish")
+    def _publish(self, plans: tuple[VehiclePlan, ...], report: CycleReport) -> None:
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
-        self._count(report)
-        self._pruner.after_cycle(now_ns)
 
     def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
         """The problem of a cycle's fleet; None: nothing to dispatch."""

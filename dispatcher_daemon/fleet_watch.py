@@ -28,6 +28,7 @@ from slipstream.messages import (
 )
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
+from slipstream.tracing import traced
 
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
@@ -114,6 +115,7 @@ class FleetWatch:
             self._tracker.list_fleet(fleet, now_ns)
             return self._tracker.situation(fleet, cycle, now_ns, reference_s)
 
+    @traced("store")
     def store(
         self,
         plans: tuple[VehiclePlan, ...],

@@ -130,6 +130,12 @@ class ServiceSettings(Settings):
         description="Of log lines: `json` is one object a line, with time, level, daemon, message "
         "and, for a fault, exception.",
     )
+    traces: str | None = Field(
+        default=None,
+        pattern=r"^https?://[^\s/]+(/\S*)?$",
+        description="Collector that OpenTelemetry traces are sent to (OTLP over HTTP), such as "
+        "`http://127.0.0.1:4318`; needs slipstream[tracing].",
+    )
 
 
 def read_secret(path: Path) -> str:

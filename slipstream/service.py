@@ -19,6 +19,7 @@ from prometheus_client import start_http_server
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 from slipstream.logs import JsonFormatter, log_uncaught
+from slipstream.tracing import Tracing
 
 log = logging.getLogger(__name__)
 
@@ -102,12 +103,13 @@ class Service:
         self.name = name
         self.stopping = threading.Event()
         self._settings = settings
+        self._tracing = Tracing(name, settings.traces)
         self._watchdog_s = int(os.environ.get("WATCHDOG_USEC", "0")) / 1e6 / 4
         self._last_progress = 0.0
         self._previous: dict[int, object] = {}
 
     def __enter__(self) -> Self:
-        """Raises InputError if the metrics port is taken."""
+        """Raises InputError if the metrics port is taken, or traces are asked for in vain."""
         for number in (signal.SIGTERM, signal.SIGINT):
             self._previous[number] = signal.signal(number, self._stop)
         port = self._settings.metrics_port
@@ -121,11 +123,13 @@ class Service:
                     "choose a free port",
                     key="service.metrics_port",
                 ) from None
+        self._tracing.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
         if not self.stopping.is_set():
             notify("STOPPING=1")
+        self._tracing.__exit__()
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 

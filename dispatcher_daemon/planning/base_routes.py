@@ -33,6 +33,7 @@ from dispatcher_daemon.planning.pyvrp_search import (
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel
 from dispatcher_daemon.settings import SearchSettings
+from slipstream.tracing import traced
 
 log = logging.getLogger(__name__)
 
@@ -66,6 +67,7 @@ class BaseRoutes:
     timed_out: bool
 
 
+@traced("base routes")
 def base_routes(
     problem: RoutingProblem,
     travel: Travel,
