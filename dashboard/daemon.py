@@ -32,7 +32,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
             bus is not usable.
         OSError: another process took the port during a restart of the server.
     """
-    configure_logging("dashboard", settings.service.log_level)
+    configure_logging("dashboard", settings.service)
     network = load_network(settings.network)
     limiter = LogLimiter()
     check_rsus(settings.rsus, network, "dashboard")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import threading
 import time
@@ -23,7 +24,13 @@ from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.replay import InputEncoder, Recorder
-from dispatcher_daemon.reports import error_text, failed_report, idle_report, insertion_report
+from dispatcher_daemon.reports import (
+    error_text,
+    failed_report,
+    idle_report,
+    insertion_report,
+    worst_receptions,
+)
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
@@ -41,6 +48,7 @@ from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
 from slipstream.errors import InputError
+from slipstream.freshness import age_s
 from slipstream.inbox import lost
 from slipstream.messages import (
     ALL_RSU_HEALTH,
@@ -60,6 +68,7 @@ from slipstream.orders import FleetRecords, OrderChange
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
+from slipstream.tracing import is_on, note, span, sparse_span, traced
 from storage import CycleInputs, Reader, open_reader
 
 if TYPE_CHECKING:
@@ -70,6 +79,8 @@ log = logging.getLogger(__name__)
 HEALTH_EVERY_S = 1.0
 INSERTION_S = 2.0
 """From the begin of an insertion between cycles to the first departure by its plans."""
+_NAMED_STATES = 1000
+"""States that a trace names."""
 HEARD_AFTER_S = 2.5
 """By then vehicles that the run before knew have said where they are: they do so each second."""
 
@@ -156,6 +167,7 @@ class Dispatcher:
             future_tolerance_s=settings.future_tolerance_s,
         )
         self.feeds = Feeds(network, settings, self.latest_states.latest, self._refuse)
+        metrics.RECEPTION.figures = self.latest_states.reception.figures
         self._limiter = LogLimiter()
         vehicles = () if fleet is None else fleet.vehicles
         self._plan_publishers = {v.id: bus.publisher(plan_key(v.id)) for v in vehicles}
@@ -194,9 +206,12 @@ class Dispatcher:
             self._refuse(error)
             return
         self.states_received += 1
-        verdict = self.latest_states.accept(state, time.time_ns())
+        now_ns = time.time_ns()
+        with sparse_span("receive", rsu=state.rsu, segment=state.segment, sequence=state.sequence):
+            verdict = self.latest_states.accept(state, now_ns)
         metrics.STATES.labels(verdict.value).inc()
         if verdict is Verdict.ACCEPTED:
+            metrics.STATE_AGE.observe(max(0.0, age_s(state.time_ns, now_ns)))
             self._announce("state", state)
         if verdict not in HARMLESS:
             self.states_refused += 1
@@ -219,7 +234,8 @@ class Dispatcher:
     def _run_one_cycle(self) -> None:
         self.cycle_began = time.monotonic()
         try:
-            self._run_cycle()
+            with span("cycle", cycle=self._cycle):
+                self._run_cycle()
         except Exception as error:
             self.cycles_failed += 1
             metrics.CYCLES.labels("lost").inc()
@@ -283,13 +299,14 @@ class Dispatcher:
             return
         self._cycle += 1
         stops = {} if problem is None else problem.fleet.stop_by_id
-        stored = self._publish(report, plans, states, stops, reference_s, made_from)
+        stored = self._store_and_send(report, plans, states, stops, reference_s, made_from)
         if stored is not None:
             self._count(stored)
             self._pruner.after_cycle(now_ns)
 
+    @traced("snapshot")
     def _snapshot(self, now_ns: int) -> TrafficSnapshot:
-        return take_snapshot(
+        snapshot = take_snapshot(
             self._network,
             self.latest_states.latest(),
             now_ns,
@@ -297,6 +314,11 @@ class Dispatcher:
             future_tolerance_s=self._settings.future_tolerance_s,
             stops_at_signals=self._settings.stops_at_signals,
         )
+        if is_on():
+            # What the spans of the edge that published them are found by.
+            named = [f"{s.rsu} {s.segment} {s.sequence}" for s in snapshot.states[:_NAMED_STATES]]
+            note(states=named)
+        return snapshot
 
     def insert(self, orders: Collection[str]) -> None:
         """Put new orders into tours that have not begun, as soon as no cycle runs. Those for which
@@ -328,13 +350,13 @@ class Dispatcher:
             self._cycle += 1
             wall_s = time.monotonic() - began
             report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
-            stored = self._publish(report, found.plans, (), joined.stop_by_id, INSERTION_S)
+            stored = self._store_and_send(report, found.plans, (), joined.stop_by_id, INSERTION_S)
             if stored is not None:
                 self.fleet_watch.skip_number(number)
                 metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
                 log.info("orders inserted between cycles: %d plans", stored.plans)
 
-    def _publish(
+    def _store_and_send(
         self,
         report: CycleReport,
         plans: tuple[VehiclePlan, ...],
@@ -359,6 +381,17 @@ class Dispatcher:
             self._report_storage_fault(report, error)
             return None
         report = report.model_copy(update={"plans": len(plans)})
+        note(status=report.status, plans=len(plans))
+        self._send(report, plans, changes)
+        return report
+
+    @traced("publish")
+    def _send(
+        self,
+        report: CycleReport,
+        plans: tuple[VehiclePlan, ...],
+        changes: tuple[OrderChange, ...],
+    ) -> None:
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
@@ -367,7 +400,6 @@ class Dispatcher:
         for plan in plans:
             self._announce("plan", plan)
         self._announce("cycle", report)
-        return report
 
     def _made_from(
         self, cycle: Cycle, recorder: Recorder, result: CycleResult
@@ -462,6 +494,7 @@ class Dispatcher:
                 bad_messages=self.bad_messages,
                 states_refused=self.states_refused,
                 messages_lost=lost(),
+                rsus=worst_receptions(self.latest_states.reception.figures()),
                 next_cycle_ns=next_cycle_ns,
                 rss_mb=rss_mb(),
                 hardware=None if self._job_manager is None else self._job_manager.health(),
@@ -546,6 +579,16 @@ def _services(
     )
 
 
+def _collect_garbage_less() -> None:
+    """Keep full collections out of cycles: one stops all threads for tenths of a second.
+
+    By default a cycle of 10,000 segments has half a dozen of them. What is loaded by now stays.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 50)
+
+
 def run_dispatcher(settings: DispatcherSettings) -> None:
     """Run until SIGTERM or SIGINT.
 
@@ -553,7 +596,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         InputError: the network, list of RSUs, fleet, database, bus, metrics port, or the API's
             port or file of tokens cannot be used.
     """
-    configure_logging("dispatcher", settings.service.log_level)
+    configure_logging("dispatcher", settings.service)
     # The scheduler's own faults are counted and logged by CycleScheduler.
     logging.getLogger("apscheduler").setLevel(logging.CRITICAL)
     network = load_network(settings.network)
@@ -625,6 +668,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             services = _services(settings, network, dispatcher, scheduler, bus, reader, orders, api)
             api.start(services)
             log.info("API on http://127.0.0.1:%d", api.port)
+        _collect_garbage_less()
         service.ready()
         try:
             while not service.wait(HEALTH_EVERY_S):

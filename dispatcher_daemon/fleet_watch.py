@@ -28,6 +28,7 @@ from slipstream.messages import (
 )
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
+from slipstream.tracing import traced
 
 T = TypeVar("T")
 M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
@@ -40,7 +41,12 @@ class Subscriber(Protocol):
     """The part of `slipstream.bus.Bus` that is used here."""
 
     def subscribe(
-        self, key_expression: str, handler: Callable[[str, bytes], None], *, history: bool = True
+        self,
+        key_expression: str,
+        handler: Callable[[str, bytes], None],
+        *,
+        history: bool = True,
+        every: bool = False,
     ) -> None:
         """Call a handler for samples."""
         ...
@@ -142,7 +148,7 @@ class FleetWatch:
     def subscribe(self, bus: Subscriber) -> None:
         """Listen to the fleet."""
         bus.subscribe(ALL_POSITIONS, self.on_position, history=False)
-        bus.subscribe(ALL_ACKNOWLEDGEMENTS, self.on_acknowledgement)
+        bus.subscribe(ALL_ACKNOWLEDGEMENTS, self.on_acknowledgement, every=True)
         bus.subscribe(ALL_PROGRESS, self.on_progress)
 
     def situation(
@@ -154,6 +160,7 @@ class FleetWatch:
             self._tracker.list_fleet(fleet, now_ns)
             return self._tracker.situation(fleet, cycle, now_ns, reference_s)
 
+    @traced("store")
     def store(
         self,
         plans: tuple[VehiclePlan, ...],

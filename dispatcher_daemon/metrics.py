@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
-from prometheus_client import Counter, Gauge, Histogram
+from collections.abc import Callable, Iterable, Iterator
+
+from prometheus_client import REGISTRY, Counter, Gauge, Histogram
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from dispatcher_daemon.reception import Reception
 
 STATES = Counter(
     "slipstream_dispatcher_states", "Segment states received, by verdict.", ["verdict"]
+)
+STATE_AGE = Histogram(
+    "slipstream_dispatcher_state_age_seconds",
+    "From a state's time to its place among the latest states.",
+    buckets=(0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5),
 )
 BAD_MESSAGES = Counter(
     "slipstream_dispatcher_bad_messages", "Messages that were not what their key promises."
@@ -83,3 +94,43 @@ API_STREAMS = Gauge("slipstream_dispatcher_api_streams", "Event streams that are
 API_STREAMS_DROPPED = Counter(
     "slipstream_dispatcher_api_streams_dropped", "Event streams of clients that read too slowly."
 )
+
+
+class ReceptionCollector(Collector):
+    """Each RSU's reception, computed when it is asked for.
+
+    Attributes:
+        figures: (RSU, its reception) of all.
+    """
+
+    def __init__(self) -> None:
+        self.figures: Callable[[], Iterable[tuple[str, Reception]]] = tuple
+
+    def collect(self) -> Iterator[Metric]:
+        """The metrics, labelled by RSU."""
+        states = CounterMetricFamily(
+            "slipstream_dispatcher_rsu_states",
+            "Segment states of an RSU: received, duplicate, out of order.",
+            labels=["rsu", "kind"],
+        )
+        missed, delay, spread = (
+            GaugeMetricFamily(f"slipstream_dispatcher_rsu_{name}", text, labels=["rsu"])
+            for name, text in (
+                ("missed", "Sequence numbers of an RSU that have not come."),
+                ("delay_seconds", "Median of arrival less the state's time, latest states."),
+                ("delay_spread_seconds", "Interquartile range of the same."),
+            )
+        )
+        for rsu, found in self.figures():
+            states.add_metric([rsu, "received"], found.received)
+            states.add_metric([rsu, "duplicate"], found.duplicates)
+            states.add_metric([rsu, "out_of_order"], found.out_of_order)
+            missed.add_metric([rsu], found.missed)
+            if found.delay_s is not None and found.delay_spread_s is not None:
+                delay.add_metric([rsu], found.delay_s)
+                spread.add_metric([rsu], found.delay_spread_s)
+        yield from (states, missed, delay, spread)
+
+
+RECEPTION = ReceptionCollector()
+REGISTRY.register(RECEPTION)

@@ -1,12 +1,18 @@
-"""Reports of cycles that made no plan."""
+"""Reports of cycles that made no plan, and of RSUs that are badly received."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import heapq
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Final
 
 from dispatcher_daemon.plans import Candidate
+from dispatcher_daemon.reception import Reception
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.messages import CycleReport, Unserved
+from slipstream.messages import CycleReport, RsuReception, Unserved
+
+_MAX_REPORTED: Final = 20
 
 
 def idle_report(
@@ -62,3 +68,11 @@ def failed_report(cycle: int, started_ns: int, wall_s: float, reason: str) -> Cy
 def error_text(error: Exception) -> str:
     """An exception in one line of at most 500 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:500]
+
+
+def worst_receptions(receptions: Iterable[tuple[str, Reception]]) -> tuple[RsuReception, ...]:
+    """The 20 RSUs with the most states missed, then with the clock furthest off."""
+    worst = heapq.nlargest(
+        _MAX_REPORTED, receptions, key=lambda found: (found[1].missed, abs(found[1].delay_s or 0.0))
+    )
+    return tuple(RsuReception(rsu=rsu, **asdict(found)) for rsu, found in worst)

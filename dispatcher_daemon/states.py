@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
+from dispatcher_daemon.reception import ReceptionTable
 from slipstream import freshness
 from slipstream.admission import refusal
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
@@ -34,6 +35,9 @@ class Verdict(StrEnum):
 HARMLESS: Final = frozenset({Verdict.ACCEPTED, Verdict.DUPLICATE, Verdict.OUT_OF_ORDER})
 """Verdicts on states that are in order, or that a repair of the bus has sent again."""
 
+_OF_ITS_RSU: Final = frozenset({Verdict.ACCEPTED, Verdict.OUT_OF_ORDER, Verdict.FUTURE})
+"""Verdicts on states that count for their RSU; the others may be anybody's."""
+
 
 class LatestStates:
     """Latest state of each (segment, rsu); written by the bus's thread, read by the cycle's.
@@ -45,6 +49,9 @@ class LatestStates:
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
         stale_after_s: age limit of a state.
         future_tolerance_s: see `slipstream.freshness.is_ahead`.
+
+    Attributes:
+        reception: counts of each RSU's states.
     """
 
     def __init__(
@@ -59,11 +66,26 @@ class LatestStates:
         self._rsus = rsus
         self._forgotten_after_s = FORGOTTEN_AFTER * stale_after_s
         self._future_tolerance_s = future_tolerance_s
+        self.reception = ReceptionTable()
         self._lock = threading.Lock()
         self._latest: dict[str, dict[str, SegmentState]] = {}
 
     def accept(self, state: SegmentState, now_ns: int) -> Verdict:
-        """Take in one state, unless a verdict speaks against it."""
+        """Take in one state, unless a verdict speaks against it; count it for its RSU."""
+        verdict = self._take(state, now_ns)
+        if verdict is Verdict.DUPLICATE:
+            self.reception.count_duplicate(state.rsu, state.sequence, state.time_ns)
+        elif verdict in _OF_ITS_RSU:
+            self.reception.count(
+                state.rsu,
+                state.sequence,
+                state.time_ns,
+                freshness.age_s(state.time_ns, now_ns),
+                out_of_order=verdict is Verdict.OUT_OF_ORDER,
+            )
+        return verdict
+
+    def _take(self, state: SegmentState, now_ns: int) -> Verdict:
         refused = refusal(state, self._network, self._rsus)
         if refused is not None:
             return Verdict(refused.kind)

@@ -36,6 +36,7 @@ from slipstream.messages import (
     stopped_key,
 )
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
+from slipstream.tracing import span
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +52,7 @@ def run_edge(settings: EdgeSettings) -> None:
         InputError: the camera file, the model, the clip or the bus settings are unusable.
     """
     configure_allocator()
-    configure_logging(f"edge {settings.rsu}", settings.service.log_level)
+    configure_logging(f"edge {settings.rsu}", settings.service)
     camera = load_camera(settings.camera)
     reference = read_reference(camera)
     watch = Watch(camera, settings.watch, reference)
@@ -114,6 +115,7 @@ class EdgeDaemon:
         )
         self._started_ns = time.time_ns()
         self._frames = 0
+        self._published_ns, self._published_frames = self._started_ns, 0
         self._repeated = 0
         self._boxes: npt.NDArray[np.float32] | None = None
         self._all_boxes: npt.NDArray[np.float32] | None = None
@@ -243,9 +245,17 @@ class EdgeDaemon:
         now = time.monotonic()
         idle_s = now - last.captured_s if last and status != "ok" else 0.0
         time_ns = last.captured_ns if last and status == "ok" else time.time_ns()
-        for state in self._pipeline.iter_states(time_ns, idle_s, fault):
-            self._state_publishers[state.segment].put(state)
-            self._publish_stopped(state)
+        began_ns, self._published_ns = self._published_ns, time.time_ns()
+        frames, self._published_frames = self._frames - self._published_frames, self._frames
+        states = self._pipeline.iter_states(time_ns, idle_s, fault)
+        for _ in self._camera.segments:
+            # No span is open while frames are taken in between.
+            with span("frames", began_ns, rsu=self._settings.rsu, frames=frames):
+                with span("window"):
+                    state = next(states)
+                with span("publish", segment=state.segment, sequence=state.sequence):
+                    self._state_publishers[state.segment].put(state)
+                    self._publish_stopped(state)
             self._latest[state.segment] = state
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()

@@ -6,31 +6,35 @@ the router does; late subscribers get the last samples from the publishers' cach
 
 from __future__ import annotations
 
-import json
+import contextlib
 import socket
-from collections.abc import Set
-from pathlib import Path
+import threading
+import time
+from collections.abc import Callable, Mapping, Set
+from types import MappingProxyType
 from typing import Any, Final, Self
 
 import zenoh
 
 from slipstream.answers import Answerer, Answers
-from slipstream.config import BusSettings, read_secret
+from slipstream.config import BusSettings
 from slipstream.errors import InputError
-from slipstream.files import check_file
 from slipstream.inbox import Handler, Inbox
 from slipstream.messages import Message
+from slipstream.zenoh_config import client_config, router_config
 
-RECEIVE_LIMIT_BYTES: Final = 24 * 2**20
-"""Above it zenoh discards a message while it arrives, without counting it.
+KEPT: Final[Mapping[str, int]] = MappingProxyType({"plan": 2, "acknowledgement": 8, "cycle": 8})
+"""Messages that a publisher keeps for those whom a router's outage cut off, by the end of its key.
 
-It is well above `slipstream.inbox.MAX_MESSAGE_BYTES`, so that an inbox sees and counts what is too
-large. What a sender can make a receiver hold grows with it.
+Each answer to a plan and each cycle is news of its own. Of plans the one before the last is kept
+too, which others may wait for. All else, as progress, repeats or replaces what came before: one.
 """
 
 _HEARTBEAT_S = 1.0
-_RECEIVE_LIMIT = "transport/link/rx/max_message_size"
-_MAX_CONFIG_BYTES = 1_000_000
+_CHANNEL_SAMPLES: Final = 512
+"""Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link."""
+_GATHER_S: Final = 0.002
+"""Samples gather for so long, so that a thread wakes up 500 times a second at most."""
 
 
 class Publisher:
@@ -40,7 +44,7 @@ class Publisher:
         self._declared = declared
 
     def put(self, message: Message | bytes) -> None:
-        """Publish a message, or raw bytes for pictures; returns at once, dropping if congested."""
+        """Publish a message, or raw bytes for pictures; dropped if the link is full for 20 ms."""
         self._declared.put(message.to_bytes() if isinstance(message, Message) else message)
 
     def has_subscribers(self) -> bool:
@@ -57,7 +61,7 @@ class Listener:
 
     def __init__(self, session: Any, samples: Inbox) -> None:
         self._session, self._samples = session, samples
-        self._subscribers: dict[str, Any] = {}
+        self._subscribers: dict[str, _Declared] = {}
 
     def listen(self, key_expressions: Set[str], *, history: bool = False) -> None:
         """Receive samples of these key expressions, and of no others from now on.
@@ -71,16 +75,9 @@ class Listener:
         for key in sorted(key_expressions - self._subscribers.keys()):
             self._subscribers[key] = self._declare(key, history=history)
 
-    def _declare(self, key: str, *, history: bool) -> Any:
-        if not history:
-            return self._session.declare_subscriber(key, self._samples.accept)
-        return zenoh.ext.declare_advanced_subscriber(
-            self._session,
-            key,
-            self._samples.accept,
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-        )
+    def _declare(self, key: str, *, history: bool) -> _Declared:
+        samples = self._samples
+        return _Declared(self._session, key, samples.accept, samples.count_missed, history=history)
 
     def close(self) -> None:
         """Receive no more; no handler runs once it has returned."""
@@ -88,12 +85,72 @@ class Listener:
         self._samples.close()
 
 
+class _Subscription:
+    """One key expression's samples, taken from a channel of zenoh's by a thread.
+
+    A callback needs the interpreter's lock for each sample, which beside a busy thread it gets 200
+    times a second; links drop what waits meanwhile. One turn of this thread empties the channel.
+    """
+
+    def __init__(self, session: Any, key: str, samples: Inbox, *, history: bool) -> None:
+        self._samples = samples
+        channel: Any = zenoh.handlers.FifoChannel(_CHANNEL_SAMPLES)
+        self._declared = _Declared(session, key, channel, samples.count_missed, history=history)
+        self._channel = self._declared.subscriber.handler
+        self._thread = threading.Thread(target=self._run, name=f"bus {key} in", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        # zenoh raises once the channel is closed and empty.
+        with contextlib.suppress(zenoh.ZError):
+            while True:
+                sample = self._channel.recv()
+                taken = 0
+                while sample is not None:
+                    self._samples.accept(sample)
+                    taken += 1
+                    sample = self._channel.try_recv()
+                if taken < _CHANNEL_SAMPLES // 2:
+                    time.sleep(_GATHER_S)
+
+    def close(self) -> None:
+        """Receive no more; no handler runs once it has returned."""
+        self._declared.undeclare()
+        self._thread.join(timeout=2.0)
+        self._samples.close()
+
+
+class _Declared:
+    """A declared subscriber, with the listener for what could not be recovered."""
+
+    def __init__(
+        self, session: Any, key: str, to: Any, missed: Callable[[int], None], *, history: bool
+    ) -> None:
+        if not history:
+            self.subscriber, self._misses = session.declare_subscriber(key, to), None
+            return
+        self.subscriber = zenoh.ext.declare_advanced_subscriber(
+            session,
+            key,
+            to,
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+        )
+        self._misses = self.subscriber.sample_miss_listener(lambda miss: missed(miss.nb))
+
+    def undeclare(self) -> None:
+        """Receive no more."""
+        if self._misses is not None:
+            self._misses.undeclare()
+        self.subscriber.undeclare()
+
+
 class Bus:
     """A zenoh session; open it with `Bus.open`, close it or use it as a context manager."""
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._listeners: list[Listener] = []
+        self._receivers: list[Listener | _Subscription] = []
         self._answers: list[Answers] = []
 
     @classmethod
@@ -103,15 +160,18 @@ class Bus:
         Raises:
             InputError: an endpoint or the configuration file is not understood by zenoh.
         """
-        return cls(_open_session(_client_config(settings), ", ".join(settings.connect)))
+        return cls(_open_session(client_config(settings), ", ".join(settings.connect)))
 
-    def publisher(self, key: str, *, history: int = 1, best_effort: bool = False) -> Publisher:
+    def publisher(
+        self, key: str, *, history: int | None = None, best_effort: bool = False
+    ) -> Publisher:
         """Declare a publisher.
 
         Args:
             key: a concrete key, from `slipstream.messages`.
-            history: samples kept for subscribers that come late or lost some; 0 for what is
-                published each second anyway: a router needs minutes to learn of 10,000 caches.
+            history: samples kept for subscribers that come late or were cut off; None: as `KEPT`
+                says for the key. 0 for what is published each second anyway: a router needs minutes
+                to learn of 10,000 caches.
             best_effort: no cache, no repair, low priority: for pictures.
         """
         if best_effort:
@@ -123,6 +183,8 @@ class Bus:
                     reliability=zenoh.Reliability.BEST_EFFORT,
                 )
             )
+        if history is None:
+            history = KEPT.get(key.rpartition("/")[2], 1)
         if history == 0:
             return Publisher(
                 self._session.declare_publisher(
@@ -155,7 +217,7 @@ class Bus:
     ) -> None:
         """Call ``handler(key, payload)`` for samples, on a thread of the bus's own.
 
-        zenoh's callbacks must not block or call zenoh again; this thread may. What the handler
+        zenoh's own threads must not block or call zenoh again; this thread may. What the handler
         raises is logged and survived. What waits for the handler is bounded by `slipstream.inbox`,
         which also counts what became of each sample.
 
@@ -164,8 +226,10 @@ class Bus:
             every: each sample is wanted; otherwise a later one of the same key replaces one that
                 still waits.
         """
-        listener = self.listener(key_expression, handler, every=every)
-        listener.listen({key_expression}, history=history)
+        samples = Inbox(key_expression, handler, every=every)
+        self._receivers.append(
+            _Subscription(self._session, key_expression, samples, history=history)
+        )
 
     def listener(self, name: str, handler: Handler, *, every: bool = False) -> Listener:
         """One handler, as of `subscribe`, for key expressions that change.
@@ -175,7 +239,7 @@ class Bus:
             handler: as for `subscribe`, with `every`.
         """
         listener = Listener(self._session, Inbox(name, handler, every=every))
-        self._listeners.append(listener)
+        self._receivers.append(listener)
         return listener
 
     def put(self, key: str, message: Message) -> None:
@@ -217,8 +281,8 @@ class Bus:
 
     def close(self) -> None:
         """Close the session; no handler runs once it has returned."""
-        for listener in self._listeners:
-            listener.close()
+        for receiver in self._receivers:
+            receiver.close()
         for answers in self._answers:
             answers.close()
         self._session.close()
@@ -244,17 +308,7 @@ class Router:
             InputError: the port is taken.
         """
         self.endpoint = f"tcp/127.0.0.1:{port or free_port()}"
-        config = zenoh.Config()
-        for key, value in {
-            "mode": "router",
-            "listen/endpoints": [self.endpoint],
-            "listen/exit_on_failure": True,
-            "scouting/multicast/enabled": False,
-            "transport/shared_memory/enabled": False,
-            _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
-        self._session = _open_session(config, self.endpoint)
+        self._session = _open_session(router_config(self.endpoint), self.endpoint)
 
     def close(self) -> None:
         """Stop it; clients wait for the next one."""
@@ -272,56 +326,6 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
-
-
-def _client_config(settings: BusSettings) -> Any:
-    if settings.config_file is None:
-        config = _leaf_config(settings)
-    else:
-        config = _config_from(settings.config_file)
-    if settings.user is not None and settings.password_file is not None:
-        # Both at once: zenoh refuses one without the other.
-        identity = {"user": settings.user, "password": read_secret(settings.password_file)}
-        config.insert_json5("transport/auth/usrpwd", json.dumps(identity))
-    return config
-
-
-def _leaf_config(settings: BusSettings) -> Any:
-    config = zenoh.Config()
-    for key, value in {
-        # A client's open() blocks until a router answers, and a router does not pass messages
-        # between peers; a router that listens nowhere is a leaf that does neither.
-        "mode": "router",
-        "listen/endpoints": [],
-        "connect/endpoints": list(settings.connect),
-        "connect/timeout_ms": -1,
-        "connect/exit_on_failure": False,
-        "connect/retry": {"period_init_ms": 500, "period_max_ms": 4000},
-        "scouting/multicast/enabled": False,
-        "timestamping/enabled": True,
-        # It locks memory, which a sandboxed service may not, and a process that is killed leaves
-        # 18 MB in /dev/shm.
-        "transport/shared_memory/enabled": False,
-        _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
-    }.items():
-        try:
-            config.insert_json5(key, json.dumps(value))
-        except zenoh.ZError:
-            raise InputError(
-                "bus", f"{value!r} is not understood", "give tcp/HOST:PORT", key="connect"
-            ) from None
-    return config
-
-
-def _config_from(path: Path) -> Any:
-    check_file(path, _MAX_CONFIG_BYTES)
-    try:
-        config = zenoh.Config.from_file(str(path))
-        limit = min(RECEIVE_LIMIT_BYTES, int(config.get_json(_RECEIVE_LIMIT)))
-        config.insert_json5(_RECEIVE_LIMIT, json.dumps(limit))
-    except zenoh.ZError as error:
-        raise InputError(path, f"not a zenoh configuration: {error}", "mend the file") from None
-    return config
 
 
 def _open_session(config: Any, where: str) -> Any:

@@ -13,7 +13,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Final, Self, TypeVar, get_args
+from typing import Any, ClassVar, Final, Literal, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -124,6 +124,17 @@ class ServiceSettings(Settings):
         default="INFO",
         pattern="^(DEBUG|INFO|WARNING|ERROR)$",
         description="Lowest level of messages that are logged.",
+    )
+    log_format: Literal["text", "json"] = Field(
+        default="text",
+        description="Of log lines: `json` is one object a line, with time, level, daemon, message "
+        "and, for a fault, exception.",
+    )
+    traces: str | None = Field(
+        default=None,
+        pattern=r"^https?://[^\s/]+(/\S*)?$",
+        description="Collector that OpenTelemetry traces are sent to (OTLP over HTTP), such as "
+        "`http://127.0.0.1:4318`; needs slipstream[tracing].",
     )
 
 

@@ -1,11 +1,14 @@
-"""What has arrived on a subscription and waits for its handler: bounded and counted."""
+"""What has arrived on a subscription and waits for its handler: bounded and counted.
+
+The newest sample of a key is dropped only where nothing else waits.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from typing import Any, Final, Literal, get_args
 
@@ -21,7 +24,8 @@ MAX_MESSAGE_BYTES: Final = 4 * 2**20
 """Largest payload that is taken; the CycleReport of a city of 10,000 segments has 1.2 MB."""
 INBOX_BYTES: Final = 16 * 2**20
 INBOX_SAMPLES: Final = 16_384
-"""Limits of what waits for one handler; beyond them the oldest sample is dropped."""
+"""Limits of what waits for one handler. Beyond them the oldest sample that another one of its key
+has followed is dropped; if each is the newest of its key, the oldest of all."""
 BUSY_BATCH: Final = 16
 PAUSE_S: Final = 0.01
 """After so many samples at once the handler pauses: zenoh's thread needs the interpreter's lock for
@@ -34,6 +38,12 @@ SAMPLES = Counter(
     "Samples received, by what became of them: taken by the handler, superseded by a later one of "
     "their key before that, dropped as too many waited, or refused as oversized.",
     ["subscription", "outcome"],
+)
+
+MISSED = Counter(
+    "slipstream_bus_missed_samples",
+    "Samples that publishers had kept for too short a time to be recovered, by subscription.",
+    ["subscription"],
 )
 
 
@@ -61,12 +71,15 @@ class Inbox:
         self._handler = handler
         self._every = every
         self._waiting: OrderedDict[object, tuple[str, bytes]] = OrderedDict()
+        self._newest: dict[str, int] = {}
+        self._followed: deque[int] = deque()
         self._bytes = 0
         self._arrived = 0
         self._closed = False
         self._changed = threading.Condition()
         self._limiter = LogLimiter()
         self._outcomes = {outcome: SAMPLES.labels(name, outcome) for outcome in OUTCOMES}
+        self._missed = MISSED.labels(name)
         self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
         self._thread.start()
 
@@ -78,14 +91,12 @@ class Inbox:
             return
         payload = sample.payload.to_bytes()
         with self._changed:
-            self._arrived += 1
-            name = self._arrived if self._every else key
-            previous = self._waiting.get(name)
-            self._waiting[name] = (key, payload)
+            previous = None if self._every else self._waiting.get(key)
+            self._waiting[self._name_of_next(key)] = (key, payload)
             self._bytes += size - (0 if previous is None else len(previous[1]))
             dropped = 0
             while len(self._waiting) > INBOX_SAMPLES or self._bytes > INBOX_BYTES:
-                self._take()
+                self._drop()
                 dropped += 1
             self._changed.notify()
         if previous is not None:
@@ -93,15 +104,33 @@ class Inbox:
         for _ in range(dropped):
             self._count("dropped", f"messages on {self._name} arrive faster than they are handled")
 
+    def count_missed(self, number: int) -> None:
+        """Count samples that were published and did not come."""
+        self._missed.inc(number)
+
     def _count(self, outcome: Outcome, line: str) -> None:
         self._outcomes[outcome].inc()
         if self._limiter.allow(outcome):
             log.warning("%s (and %d before)", line, self._limiter.suppressed(outcome))
 
-    def _take(self) -> tuple[str, bytes]:
-        _, item = self._waiting.popitem(last=False)
-        self._bytes -= len(item[1])
-        return item
+    def _name_of_next(self, key: str) -> object:
+        """What the next sample waits under: its key, or its number where every one is wanted."""
+        if not self._every:
+            return key
+        self._arrived += 1
+        before = self._newest.get(key)
+        if before is not None:
+            self._followed.append(before)
+        self._newest[key] = self._arrived
+        return self._arrived
+
+    def _drop(self) -> None:
+        if self._followed:
+            key, payload = self._waiting.pop(self._followed.popleft())
+        else:
+            _, (key, payload) = self._waiting.popitem(last=False)
+            self._newest.pop(key, None)
+        self._bytes -= len(payload)
 
     def _run(self) -> None:
         while True:
@@ -110,6 +139,8 @@ class Inbox:
                 if self._closed:
                     return
                 batch, self._waiting, self._bytes = self._waiting, OrderedDict(), 0
+                self._newest.clear()
+                self._followed.clear()
             for key, payload in batch.values():
                 self._handle(key, payload)
             if len(batch) >= BUSY_BATCH:

@@ -21,6 +21,8 @@ from prometheus_client import make_wsgi_app
 
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
+from slipstream.logs import JsonFormatter, log_uncaught
+from slipstream.tracing import Tracing
 
 if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
@@ -36,16 +38,22 @@ SUPERVISED = "SLIPSTREAM_SUPERVISED"
 _PR_SET_PDEATHSIG = 1
 
 
-def configure_logging(name: str, level: str) -> None:
+def configure_logging(name: str, settings: ServiceSettings) -> None:
     """Send log lines to standard error; the journal and the supervisor add their own time stamps.
 
     Args:
         name: the daemon's name, shown in each line.
-        level: DEBUG, INFO, WARNING or ERROR.
+        settings: with level and format.
     """
+    if settings.log_format == "json":
+        handler = logging.StreamHandler(sys.stderr)
+        handler.setFormatter(JsonFormatter(name))
+        logging.basicConfig(level=settings.log_level, handlers=[handler], force=True)
+        log_uncaught()
+        return
     stamped = "JOURNAL_STREAM" not in os.environ and SUPERVISED not in os.environ
     logging.basicConfig(
-        level=level,
+        level=settings.log_level,
         format=("%(asctime)s " if stamped else "") + f"{name} %(levelname)s %(message)s",
         stream=sys.stderr,
         force=True,
@@ -144,13 +152,14 @@ class Service:
         self.name = name
         self.stopping = threading.Event()
         self._settings = settings
+        self._tracing = Tracing(name, settings.traces)
         self._watchdog_s = int(os.environ.get("WATCHDOG_USEC", "0")) / 1e6 / 4
         self._fed_at = 0.0
         self._progress_at: float | None = None
         self._previous: dict[int, object] = {}
 
     def __enter__(self) -> Self:
-        """Raises InputError if the metrics port is taken."""
+        """Raises InputError if the metrics port is taken, or traces are asked for in vain."""
         for number in (signal.SIGTERM, signal.SIGINT):
             self._previous[number] = signal.signal(number, self._stop)
         port = self._settings.metrics_port
@@ -164,11 +173,13 @@ class Service:
                     "choose a free port",
                     key="service.metrics_port",
                 ) from None
+        self._tracing.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
         if not self.stopping.is_set():
             notify("STOPPING=1")
+        self._tracing.__exit__()
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 

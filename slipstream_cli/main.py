@@ -12,6 +12,7 @@ from typing import Final, NoReturn
 
 from slipstream import __version__
 from slipstream.errors import InputError
+from slipstream.logs import complain
 from slipstream.service import follow_supervisor
 
 COMMANDS: Final = {
@@ -108,20 +109,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(options.run(options))
     except InputError as error:
-        print(f"slipstream: {error}", file=sys.stderr)
+        complain(f"slipstream: {error}")
         return EXIT_BAD_INPUT
     except ModuleNotFoundError as error:
         missing = (error.name or "").split(".")[0]
         if missing == "research":
-            print("slipstream: this needs `research`: run it in a source checkout", file=sys.stderr)
+            complain("slipstream: this needs `research`: run it in a source checkout")
             return EXIT_BAD_INPUT
         extra = _EXTRA_OF.get(missing)
         if extra is None:
             raise
-        print(
-            f"slipstream: {error.name} is not installed; pip install 'slipstream[{extra}]'",
-            file=sys.stderr,
-        )
+        complain(f"slipstream: {error.name} is not installed; pip install 'slipstream[{extra}]'")
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         return _EXIT_INTERRUPTED
@@ -130,5 +128,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:  # a full disk, a locked database: nobody's bad input, and no riddle
-        print(f"slipstream: {' '.join(str(error).split())}", file=sys.stderr)
+        complain(f"slipstream: {' '.join(str(error).split())}")
         return 1

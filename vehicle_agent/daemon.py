@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 INTERVAL_S: Final = 0.1
 _WAITING: Final = 20_000
-"""Messages that may wait for the agents; beyond them the oldest go: they are old by then."""
+"""Messages that may wait for the agents; beyond them the oldest, too old by then, are dropped."""
 _LATE_NS: Final = round(1.5 * INTERVAL_S * 1e9)
 _PATIENCE_NS: Final = 5_000_000_000
 
@@ -82,6 +82,8 @@ class AgentDaemon:
         self._plan_keys = frozenset(plan_key(name) for name in parameters)
 
     def _on_message(self, key: str, payload: bytes) -> None:
+        if len(self._waiting) == _WAITING:
+            metrics.DROPPED.inc()
         self._waiting.append((key, payload))
         self._arrived.set()
 
@@ -174,7 +176,7 @@ def run_agents(settings: AgentSettings) -> None:
     Raises:
         InputError: the bus, the state folder or the metrics port cannot be used.
     """
-    configure_logging("agent", settings.service.log_level)
+    configure_logging("agent", settings.service)
     with Service("agent", settings.service) as service, Bus.open(settings.bus) as bus:
         daemon = AgentDaemon(settings, bus)
         service.ready()

@@ -46,7 +46,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("config", type=Path, help="zenoh configuration (JSON5)")
     path: Path = parser.parse_args().config
-    configure_logging("router", "INFO")
+    configure_logging("router", ServiceSettings())
     zenoh.init_log_from_env_or("warn")
     try:
         with Service("router", ServiceSettings()) as service, open_router(path):

@@ -34,6 +34,7 @@ from dispatcher_daemon.planning.pyvrp_search import (
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Ways
 from dispatcher_daemon.settings import SearchSettings
+from slipstream.tracing import traced
 
 log = logging.getLogger(__name__)
 
@@ -67,6 +68,7 @@ class BaseRoutes:
     timed_out: bool
 
 
+@traced("base routes")
 def base_routes(
     problem: RoutingProblem,
     travel: Ways,

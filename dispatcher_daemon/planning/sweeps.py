@@ -30,6 +30,7 @@ from dispatcher_daemon.roads import Route
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers.execution.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome
+from slipstream.tracing import traced
 
 _BETTER_KWH = 1e-9
 _LEAST_S = 0.05
@@ -147,6 +148,7 @@ class BlockDescent:
         self._objective_kwh += self._apply(accounts.present)
         self._accounts = accounts
 
+    @traced("blocks")
     def run(
         self, seed: int, ends: float, clock: Callable[[], float]
     ) -> tuple[tuple[Sweep, ...], bool]:

@@ -20,11 +20,13 @@ from dispatcher_daemon.plans.verify_vehicles import (
 )
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
+from slipstream.tracing import traced
 
 _TOLERANCE_NS = 1_000_000
 _SPEED_TOLERANCE = 1e-3
 
 
+@traced("verify")
 def verify_plans(
     plans: Sequence[VehiclePlan],
     network: RoadNetwork,

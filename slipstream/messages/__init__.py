@@ -1,10 +1,20 @@
 """Messages on the bus: one pydantic model each, JSON in UTF-8, and the key expressions.
 
 All models refuse unknown fields and wrong types, so that a message that is not what its key
-promises is noticed where it arrives. Times are UTC in nanoseconds since 1970; units are in names.
+promises is noticed where it arrives; `decode` reads newer minor versions too. Times are UTC in
+nanoseconds since 1970; units are in names.
 """
 
-from slipstream.messages.base import ROOT, Count, Identifier, Message, NonNegative, TimeNs, decode
+from slipstream.messages.base import (
+    ROOT,
+    SCHEMA,
+    Count,
+    Identifier,
+    Message,
+    NonNegative,
+    TimeNs,
+    decode,
+)
 from slipstream.messages.dispatch import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
@@ -15,6 +25,7 @@ from slipstream.messages.dispatch import (
     Gate,
     HardwareHealth,
     OrderState,
+    RsuReception,
     SolverReport,
     Unserved,
 )
@@ -122,6 +133,7 @@ __all__ = [
     "DISPATCHER_HEALTH_KEY",
     "MAY_GO",
     "ROOT",
+    "SCHEMA",
     "AdviceMode",
     "CameraFault",
     "CarrierSummary",
@@ -158,6 +170,7 @@ __all__ = [
     "RefusalKind",
     "RequestStatus",
     "RsuHealth",
+    "RsuReception",
     "SegmentState",
     "SensedVehicle",
     "SignalPhaseAndTiming",

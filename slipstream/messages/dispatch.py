@@ -120,6 +120,24 @@ class HardwareHealth(Message):
     line: str | None = Field(description="Why no job would be submitted now; null: one would.")
 
 
+class RsuReception(Message):
+    """How the states of one RSU have arrived since the dispatcher first heard it."""
+
+    rsu: Identifier
+    received: Count
+    missed: Count = Field(
+        description="Sequence numbers that have not come, or whose state a later one superseded "
+        "before it was handled."
+    )
+    duplicates: Count
+    out_of_order: Count
+    delay_s: Finite | None = Field(
+        description="Median of arrival less the state's time, of its latest states; below 0: its "
+        "clock is ahead. Null: none was in order."
+    )
+    delay_spread_s: NonNegative | None = Field(description="Interquartile range of the same.")
+
+
 class DispatcherHealth(Message):
     """How the dispatcher is doing; counters run from its start."""
 
@@ -134,6 +152,11 @@ class DispatcherHealth(Message):
     )
     messages_lost: Count = Field(
         default=0, description="Messages too large, or too many to handle; senders before: 0."
+    )
+    rsus: Annotated[tuple[RsuReception, ...], Field(max_length=20)] = Field(
+        default=(),
+        description="Those with the most states missed, then with the clock furthest off; senders "
+        "before: none.",
     )
     next_cycle_ns: TimeNs | None
     rss_mb: NonNegative

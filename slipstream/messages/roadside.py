@@ -77,7 +77,9 @@ class SegmentState(Message):
 
     rsu: Identifier
     segment: Identifier
-    sequence: Count
+    sequence: Count = Field(
+        description="Number among all states of its RSU since that started; receivers count gaps."
+    )
     time_ns: TimeNs = Field(description="UTC at the end of the window.")
     window_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     features: KinematicFeatures | None

@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, TextIO
 
+from slipstream.logs import readable
 from slipstream.service import SUPERVISED
 
 RESTARTS_A_MINUTE: Final = 5
@@ -162,7 +163,8 @@ class Supervisor:
     def _print(self, name: str, process: subprocess.Popen[str]) -> None:
         assert process.stdout is not None
         for line in process.stdout:
-            self.say(name, line.rstrip())
+            for text in readable(line.rstrip()):
+                self.say(name, text)
 
     def _reap(self, child: _Child) -> None:
         """Forget a process that has ended, and end what it may have left in its session."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from slipstream.bus import RECEIVE_LIMIT_BYTES, Bus, free_port
+from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -45,6 +45,7 @@ from slipstream.messages import (
     stopped_key,
 )
 from slipstream.sumo_net import load_network
+from slipstream.zenoh_config import RECEIVE_LIMIT_BYTES, TRANSMIT_QUEUE
 
 from .conftest import DEPLOY
 
@@ -124,6 +125,7 @@ def test_what_a_session_sends_is_limited(path: Path) -> None:
     config = zenoh.Config.from_file(str(path))
     assert int(config.get_json("transport/unicast/max_sessions")) == 64
     assert int(config.get_json("transport/link/rx/max_message_size")) == RECEIVE_LIMIT_BYTES
+    assert {key: int(config.get_json(key)) for key in TRANSMIT_QUEUE} == TRANSMIT_QUEUE
     assert f"{CREDENTIALS}/bus-users" in config.get_json("transport/auth/usrpwd/dictionary_file")
     assert config.get_json("access_control/default_permission") == '"deny"'
 

@@ -10,6 +10,7 @@ import pytest
 from slipstream import messages
 from slipstream.messages import (
     ROOT,
+    SCHEMA,
     Message,
     MovementEvent,
     MovementState,
@@ -46,6 +47,12 @@ KEYS = {
     messages.CYCLE_KEY,
     messages.DISPATCHER_HEALTH_KEY,
 }
+
+
+def test_the_schema_version_is_the_one_that_is_sent() -> None:
+    """The page names it, and the keys carry its major part."""
+    assert f"`{SCHEMA}`" in PAGE
+    assert ROOT.endswith(f"/v{SCHEMA.partition('.')[0]}")
 
 
 @pytest.mark.parametrize("key", sorted(KEYS))

@@ -24,6 +24,7 @@ from slipstream.messages import (
     SegmentState,
     decode,
 )
+from tests.slipstream.collector import collector
 
 
 class Ears:
@@ -81,6 +82,36 @@ def end(process: subprocess.Popen[str]) -> str:
     process.send_signal(signal.SIGTERM)
     _, log = process.communicate(timeout=20)
     return log
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_each_state_is_traced_from_its_frames_to_its_publication(
+    tmp_path: Path, street_clips: dict[str, Path], router: Router
+) -> None:
+    """The spans follow each other in time; the last carries what the dispatcher's spans carry."""
+    folder = street_clips["stable"]
+    with collector() as found:
+        source = {"clip": str(folder / "video.mp4"), "loop": True}
+        config = edge_toml(tmp_path, folder / "camera.toml", router, source)
+        with config.open("a") as file:
+            file.write(f'[service]\ntraces = "{found.endpoint}"\n')
+        process = start(config)
+        try:
+            assert found.wait_for(lambda spans: sum(s.name == "frames" for s in spans) >= 3)
+        finally:
+            log = end(process)
+        assert process.returncode == 0, log
+        roots = sorted((s for s in found.spans if not s.parent), key=lambda s: s.began_ns)
+        assert {root.name for root in roots} == {"frames"}
+        for root in roots:
+            assert found.tree(root) == {"window": {}, "publish": {}}
+            assert root.attributes["rsu"] == "r1"
+        assert any(root.attributes["frames"] > 0 for root in roots)
+        told = [s.attributes for s in found.spans if s.name == "publish"]
+        assert sorted(t["sequence"] for t in told) == list(range(1, len(told) + 1))
+        assert {t["segment"] for t in told} == {"stable_road"}
+    assert all(root.began_ns < root.ended_ns for root in roots)
 
 
 @pytest.mark.process

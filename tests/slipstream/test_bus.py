@@ -84,6 +84,32 @@ def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
 
 
 @pytest.mark.slow
+def test_a_burst_is_not_dropped_on_its_way(router: Router) -> None:
+    """10,000 messages of a state's size at once; by zenoh's defaults some half of them is lost."""
+    received, changed = 0, threading.Condition()
+
+    def count(key: str, payload: bytes) -> None:
+        nonlocal received
+        with changed:
+            received += 1
+            changed.notify()
+
+    settings = BusSettings(connect=(router.endpoint,))
+    with Bus.open(settings) as sender, Bus.open(settings) as receiver:
+        receiver.subscribe("slipstream/v1/x/*", count, history=False, every=True)
+        publishers = [sender.publisher(f"slipstream/v1/x/{n}", history=0) for n in range(100)]
+        deadline = time.monotonic() + 30
+        while not all(publisher.has_subscribers() for publisher in publishers):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        for _ in range(100):
+            for publisher in publishers:
+                publisher.put(bytes(600))
+        with changed:
+            assert changed.wait_for(lambda: received == 10_000, 30), received
+
+
+@pytest.mark.slow
 def test_a_handler_that_raises_does_not_end_delivery(bus: Bus) -> None:
     """A fault in one message leaves the next ones alone."""
     inbox = Inbox()

@@ -120,6 +120,31 @@ def test_every_sample_is_kept_where_each_one_counts(slow: Open) -> None:
 
 @pytest.mark.attack
 @pytest.mark.parametrize("every", [True, False])
+def test_the_newest_of_each_key_outlives_a_burst(slow: Open, every: bool) -> None:
+    """10,000 messages of 1,000 keys in a quarter of their room, some keys early only."""
+    inbox, room = slow(every), INBOX_BYTES // 2500
+    newest = {}
+    for number in range(10_000):
+        key = f"key {number % 1000 if number < 2000 else number % 900}"
+        newest[key] = str(number).encode().ljust(room)
+        inbox.put(key, newest[key])
+    kept = 2500 if every else 1000
+    taken = inbox.release(kept)
+    assert dict(taken) == newest
+    if every:
+        numbers = [int(content) for _, content in taken]
+        assert numbers == sorted(numbers)
+    dropped, superseded = (7500, 0) if every else (0, 9000)
+    assert inbox.counts() == {
+        "taken": kept,
+        "superseded": superseded,
+        "dropped": dropped,
+        "oversized": 0,
+    }
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("every", [True, False])
 def test_bytes_that_wait_are_bounded(slow: Open, every: bool) -> None:
     """The oldest go first, and each one is counted."""
     inbox = slow(every)

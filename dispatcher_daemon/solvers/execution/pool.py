@@ -21,6 +21,7 @@ from typing import Literal, Protocol, Self
 from dispatcher_daemon.problem import Problem
 from dispatcher_daemon.solvers.execution.processes import Processes
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
+from slipstream.tracing import traced
 
 log = logging.getLogger(__name__)
 
@@ -135,6 +136,7 @@ class SolverPool:
                 faults[name] = error_line(error)
         return faults
 
+    @traced("solve")
     def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
         """Run the jobs in parallel, as many of one solver at once as it has workers.
 

@@ -174,6 +174,21 @@ def test_a_machine_that_stalls_is_no_reason_to_restart(
         supervisor.stop()
 
 
+def test_json_lines_are_shown_as_text(started: Callable[..., object]) -> None:
+    """With the stack of a fault below, each line under the daemon's name."""
+    line = (
+        '{"time": "2026-11-23T08:00:00.000Z", "level": "ERROR", "daemon": "edge", '
+        '"message": "no picture", "exception": "Traceback\\n  ValueError"}'
+    )
+    supervisor, log = started(f"print({line!r}, flush=True); import time; time.sleep(60)")  # type: ignore[misc]
+    try:
+        assert poll_until(supervisor, lambda: "ValueError" in log.getvalue())
+    finally:
+        supervisor.stop()
+    shown = [text.partition("| ")[2] for text in log.getvalue().splitlines()]
+    assert shown[:3] == ["edge ERROR no picture", "Traceback", "  ValueError"]
+
+
 def runs(pid: int) -> bool:
     """True unless the process is gone or only waits to be reaped."""
     try:

@@ -1,0 +1,121 @@
+"""What the dispatcher counts for each RSU: missed, twice, late, clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from prometheus_client import REGISTRY
+
+from dispatcher_daemon import metrics
+from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.reception import MAX_JUMP, MAX_RSUS, Reception, ReceptionTable
+from dispatcher_daemon.reports import worst_receptions
+from dispatcher_daemon.states import LatestStates, Verdict
+from slipstream.messages import SegmentState
+
+SECOND = 1_000_000_000
+State = Callable[..., SegmentState]
+
+
+def counted(sequences: Sequence[int], times_s: Sequence[int] | None = None) -> Reception:
+    """The reception of an RSU whose states come in this order; by default dated by their number."""
+    table = ReceptionTable()
+    for sequence, second in zip(sequences, times_s or sequences, strict=True):
+        table.count("r", sequence, second * SECOND, 0.1, out_of_order=False)
+    ((_, found),) = table.figures()
+    return found
+
+
+@given(st.sets(st.integers(1, 200), min_size=1), st.randoms())
+def test_missed_are_the_gaps_whatever_the_order(arrived: set[int], random: object) -> None:
+    """A late state fills its gap; the first and the last that came bound what is counted."""
+    first, *rest = sorted(arrived)
+    random.shuffle(rest)  # type: ignore[attr-defined]
+    found = counted([first, *rest], [0] * len(arrived))
+    assert found.missed == max(arrived) - first + 1 - len(arrived)
+    assert found.received == len(arrived)
+
+
+def test_a_restart_misses_nothing() -> None:
+    """Numbers that begin again at a later time are of another run; gaps of the one before stay."""
+    assert counted([7, 9, 1, 2, 4], [7, 9, 20, 21, 22]).missed == 1 + 1
+    assert counted([7, 9, 1, 2, 4], [7, 9, 20, 21, 22]).received == 5
+
+
+def test_an_absurd_jump_is_no_gap() -> None:
+    """One number out of nowhere does not make millions missed."""
+    assert counted([1, 2, 2 + MAX_JUMP]).missed == MAX_JUMP - 1
+    assert counted([1, 2, 3 + MAX_JUMP]).missed == 0
+
+
+def test_each_rsu_is_counted_by_what_its_states_are(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """Duplicates, disorder and delay of admitted senders; strangers count for nobody."""
+    states = LatestStates(demo.network, rsus={"rsu-1": ("avenue_east",), "ahead": ("avenue_east",)})
+
+    def arrive(sequence: int, second: int, rsu: str, delay_s: float) -> Verdict:
+        time_ns = now_ns + second * SECOND
+        message = state("avenue_east", 1, rsu=rsu, sequence=sequence, time_ns=time_ns)
+        return states.accept(message, time_ns + round(delay_s * SECOND))
+
+    for number, delay_s in enumerate((0.1, 0.2, 0.3, 0.4, 0.5)):
+        assert arrive(10 + number, number, "rsu-1", delay_s) is Verdict.ACCEPTED
+    assert arrive(14, 4, "rsu-1", 0.9) is Verdict.DUPLICATE
+    assert arrive(9, 3, "rsu-1", 9.0) is Verdict.OUT_OF_ORDER
+    assert arrive(20, 5, "rsu-1", 0.3) is Verdict.ACCEPTED
+    assert arrive(1, 0, "ahead", -30.0) is Verdict.FUTURE
+    assert arrive(1, 0, "stranger", 0.1) is Verdict.UNLISTED
+    found = dict(states.reception.figures())
+    assert set(found) == {"ahead", "rsu-1"}
+    assert found["ahead"].delay_s == pytest.approx(-30.0)
+    own = found["rsu-1"]
+    assert (own.received, own.missed, own.duplicates, own.out_of_order) == (6, 5, 1, 1)
+    assert own.delay_s == pytest.approx(0.3)
+    assert own.delay_spread_s == pytest.approx(0.15)
+    assert [row.rsu for row in worst_receptions(found.items())] == ["rsu-1", "ahead"]
+
+
+def test_metrics_carry_the_name_of_the_rsu() -> None:
+    """Prometheus sees each figure of each RSU."""
+    before = metrics.RECEPTION.figures
+    found = Reception(
+        received=9, missed=3, duplicates=2, out_of_order=1, delay_s=-0.5, delay_spread_s=0.25
+    )
+    metrics.RECEPTION.figures = lambda: [("r", found)]
+    try:
+        rows = {
+            (sample.name.removeprefix("slipstream_dispatcher_rsu_"), sample.labels.get("kind")): (
+                sample.value
+            )
+            for family in REGISTRY.collect()
+            for sample in family.samples
+            if sample.labels.get("rsu") == "r"
+        }
+    finally:
+        metrics.RECEPTION.figures = before
+    assert rows == {
+        ("states_total", "received"): 9,
+        ("states_total", "duplicate"): 2,
+        ("states_total", "out_of_order"): 1,
+        ("missed", None): 3,
+        ("delay_seconds", None): -0.5,
+        ("delay_spread_seconds", None): 0.25,
+    }
+
+
+@pytest.mark.attack
+def test_made_up_rsus_are_bounded() -> None:
+    """The one that has been silent for longest is forgotten first."""
+    table = ReceptionTable()
+    for number in range(MAX_RSUS):
+        table.count(f"rsu-{number}", 1, 0, 0.0, out_of_order=False)
+    table.count("rsu-0", 2, SECOND, 0.0, out_of_order=False)
+    table.count("one more", 1, 0, 0.0, out_of_order=False)
+    names = {rsu for rsu, _ in table.figures()}
+    assert len(names) == MAX_RSUS
+    assert {"rsu-0", "one more"} <= names
+    assert "rsu-1" not in names
