@@ -16,6 +16,7 @@ from dispatcher_daemon.api import (
     segments,
     solve,
     vehicles,
+    vroom,
 )
 from dispatcher_daemon.api.body import collect_definitions
 from dispatcher_daemon.api.parameters import refuse_unknown_parameters
@@ -31,6 +32,7 @@ ROUTERS: Final[tuple[APIRouter, ...]] = (
     feeds.router,
     events.router,
     solve.router,
+    vroom.router,
     health.router,
 )
 """A further room of the API is a module with a `router`, and its line here. Operations name the

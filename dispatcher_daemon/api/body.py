@@ -48,11 +48,17 @@ def body_of(model: type[S]) -> Any:
     return Depends(read)
 
 
-def describe_body(model: type[BaseModel]) -> dict[str, Any]:
-    """The `openapi_extra` of an operation whose body is read by `body_of` or `json_body`."""
-    schema = model.model_json_schema(ref_template=f"{_COMPONENTS}{{model}}")
-    definitions = {**schema.pop("$defs", {}), model.__name__: schema}
-    reference = {"$ref": _COMPONENTS + model.__name__}
+def describe_body(model: type[BaseModel], prefix: str = "") -> dict[str, Any]:
+    """The `openapi_extra` of an operation whose body is read by `body_of` or `json_body`.
+
+    Args:
+        model: of the body.
+        prefix: of its definitions' names, where others have the same.
+    """
+    schema = model.model_json_schema(ref_template=f"{_COMPONENTS}{prefix}{{model}}")
+    found = {**schema.pop("$defs", {}), model.__name__: schema}
+    definitions = {prefix + name: definition for name, definition in found.items()}
+    reference = {"$ref": _COMPONENTS + prefix + model.__name__}
     return {
         "requestBody": {"required": True, "content": {"application/json": {"schema": reference}}},
         _DEFINITIONS: definitions,

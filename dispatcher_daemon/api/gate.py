@@ -22,8 +22,8 @@ log = logging.getLogger(__name__)
 OPEN_PATHS: Final = frozenset({"/healthz", "/readyz", "/metrics"})
 """For probes: no token, no rate."""
 MAX_BODY_BYTES: Final = 1_000_000
-LARGE_BODIES: Final = {"/v1/solve": MAX_JSON_BYTES}
-"""Paths that take whole fleets."""
+LARGE_BODIES: Final = {"/v1/solve": MAX_JSON_BYTES, "/v1/vroom": MAX_JSON_BYTES}
+"""Paths that take whole fleets, or matrices."""
 BODY_WITHIN_S: Final = 15.0
 RATE_PER_S: Final = 200.0
 BURST: Final = 400.0

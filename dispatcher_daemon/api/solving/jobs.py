@@ -12,7 +12,7 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, Timeo
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from dispatcher_daemon.api.solving.worker import SolveTask, plan
+from dispatcher_daemon.api.solving.worker import Task, run_task
 from dispatcher_daemon.solvers.execution.pool import error_line
 from dispatcher_daemon.solvers.execution.processes import Processes
 from slipstream.errors import InputError
@@ -31,8 +31,8 @@ OVERHEAD_S: Final = 120.0
 
 _STOP_WITHIN_S: Final = 5.0
 
-MakeTask = Callable[[], SolveTask]
-Run = Callable[[SolveTask], bytes]
+MakeTask = Callable[[], Task]
+Run = Callable[[Task], bytes]
 
 
 class FullError(Exception):
@@ -77,7 +77,7 @@ class SolveJobs:
 
     def __init__(
         self,
-        run: Run = plan,
+        run: Run = run_task,
         overhead_s: float = OVERHEAD_S,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -114,6 +114,11 @@ class SolveJobs:
         with self._condition:
             self._forget()
             return self._jobs.get(name)
+
+    def wait(self, job: Job, within_s: float) -> bool:
+        """Wait for a job's end, whatever it is; False: it has not ended in time."""
+        with self._condition:
+            return self._condition.wait_for(lambda: self._closed or job.state in ENDED, within_s)
 
     def cancel(self, name: str) -> Job | None:
         """End a job, whatever it is doing; one that has ended stays as it is."""
@@ -157,7 +162,7 @@ class SolveJobs:
             else:
                 self._finish(job, "done", result=result)
 
-    def _plan(self, job: Job, task: SolveTask) -> bytes:
+    def _plan(self, job: Job, task: Task) -> bytes:
         with self._condition:
             if self._closed or job.state != "running":
                 raise CancelledError
@@ -180,6 +185,7 @@ class SolveJobs:
     def _end(self, job: Job, state: JobState, reason: str | None) -> None:
         job.state, job.reason, job.ended_ns, job.make_task = state, reason, self._clock(), None
         self._jobs.move_to_end(job.id)
+        self._condition.notify_all()
 
     def _next(self) -> Job | None:
         return next((job for job in self._jobs.values() if job.state == "waiting"), None)

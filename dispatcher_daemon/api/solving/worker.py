@@ -1,4 +1,4 @@
-"""One cycle's planning of a caller's fleet, as the worker process runs it."""
+"""What the worker process of jobs runs: one cycle's planning of a caller's fleet."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, Protocol
 
 from pydantic import BaseModel, Field
 
@@ -19,7 +19,7 @@ from dispatcher_daemon.problem import routing_problem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.execution.executor import executor_solve
 from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.traffic import Expectations, take_snapshot
+from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.roads import RoadNetwork
@@ -27,6 +27,20 @@ from slipstream.sumo_net import load_network
 
 NICENESS: Final = 10
 """The dispatcher's own cycles come first."""
+
+
+class Task(Protocol):
+    """What a worker runs; it can be pickled."""
+
+    def run(self) -> bytes:
+        """The result, as JSON."""
+        ...
+
+
+def run_task(task: Task) -> bytes:
+    """Run a task in this process; the dispatcher's own cycles come first."""
+    os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    return task.run()
 
 
 @dataclass(frozen=True)
@@ -50,6 +64,10 @@ class SolveTask:
     learned: Learned
     now_ns: int
     seed: int
+
+    def run(self) -> bytes:
+        """See `plan`."""
+        return plan(self)
 
 
 class SolveResult(BaseModel):
@@ -89,24 +107,11 @@ def plan(task: SolveTask) -> bytes:
         InputError: the network's file has changed since the dispatcher read it, or the settings
             do not fit the fleet.
     """
-    os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     settings = task.settings
-    network, found = _network(settings.network)
-    if found != task.roads:
-        _network.cache_clear()
-        problem = "the file has changed since the dispatcher read it"
-        raise InputError(settings.network, problem, "restart the dispatcher")
-    snapshot = take_snapshot(
-        network,
-        task.states,
-        task.now_ns,
-        stale_after_s=settings.stale_after_s,
-        future_tolerance_s=settings.future_tolerance_s,
-        stops_at_signals=settings.stops_at_signals,
-    )
+    network, snapshot = traffic_on(settings, task.roads, task.states, task.learned, task.now_ns)
     cycle = Cycle(
         routing_problem(network, task.fleet, settings),
-        task.learned.onto(snapshot),
+        snapshot,
         settings,
         0,
         task.now_ns,
@@ -123,6 +128,34 @@ def plan(task: SolveTask) -> bytes:
         threads.shutdown(wait=False, cancel_futures=True)
     answer = SolveResult(report=result.report, plans=list(result.plans))
     return answer.model_dump_json().encode()
+
+
+def traffic_on(
+    settings: DispatcherSettings,
+    roads: str,
+    states: tuple[SegmentState, ...],
+    learned: Learned,
+    now_ns: int,
+) -> tuple[RoadNetwork, TrafficSnapshot]:
+    """The dispatcher's roads, and their traffic at a moment; arguments as in `SolveTask`.
+
+    Raises:
+        InputError: the network's file has changed since the dispatcher read it.
+    """
+    network, found = _network(settings.network)
+    if found != roads:
+        _network.cache_clear()
+        problem = "the file has changed since the dispatcher read it"
+        raise InputError(settings.network, problem, "restart the dispatcher")
+    snapshot = take_snapshot(
+        network,
+        states,
+        now_ns,
+        stale_after_s=settings.stale_after_s,
+        future_tolerance_s=settings.future_tolerance_s,
+        stops_at_signals=settings.stops_at_signals,
+    )
+    return network, learned.onto(snapshot)
 
 
 @lru_cache(maxsize=1)

@@ -35,6 +35,7 @@ NEEDS = {
     ("POST", "/v1/solve"): "control",
     ("GET", "/v1/solve/{job}"): "control",
     ("DELETE", "/v1/solve/{job}"): "control",
+    ("POST", "/v1/vroom"): "control",
     ("GET", "/healthz"): None,
     ("GET", "/readyz"): None,
     ("GET", "/metrics"): None,

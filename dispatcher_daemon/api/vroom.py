@@ -1,0 +1,84 @@
+"""Requests in VROOM's format, answered while the caller waits."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Depends, Query
+from fastapi.responses import JSONResponse, Response
+
+from dispatcher_daemon.api.auth import requires
+from dispatcher_daemon.api.body import describe_body, json_body
+from dispatcher_daemon.api.problems import FAULT, MEDIA_TYPE, Problem
+from dispatcher_daemon.api.services import Dispatch
+from dispatcher_daemon.api.solving import FullError
+from dispatcher_daemon.api.solving.vroom import VroomTask
+from dispatcher_daemon.api.solving.worker import fingerprint, picklable
+from dispatcher_daemon.vroom import INTERNAL_ERROR
+from dispatcher_daemon.vroom.schema import Request as VroomRequest
+
+DEADLINE_S: Final = 10.0
+MAX_DEADLINE_S: Final = 50.0
+"""Below what proxies wait for an answer."""
+WAIT_S: Final = 8.0
+"""Beyond the deadline, for jobs before it and the start of a process, s."""
+
+router = APIRouter(prefix="/v1/vroom", tags=["solve"], dependencies=[requires("control")])
+
+
+@router.post(
+    "",
+    responses={200: {"model": dict[str, Any], "description": "VROOM's response."}},
+    openapi_extra=describe_body(VroomRequest, "Vroom"),
+)
+def solve_vroom_request(
+    dispatch: Dispatch,
+    body: Annotated[object, Depends(json_body)],
+    geometry: Annotated[bool, Query(description="Each route's way, as VROOM's -g.")] = False,
+    choose_eta: Annotated[
+        bool, Query(description="Only times are chosen, for the given steps, as VROOM's -c.")
+    ] = False,
+    deadline_s: Annotated[
+        float, Query(gt=0, le=MAX_DEADLINE_S, description="For the answer, s.")
+    ] = DEADLINE_S,
+    seed: Annotated[int, Query(ge=0, lt=2**32, description="Of everything random.")] = 1,
+) -> Response:
+    """Solve a request in VROOM's format, by its matrices or by the roads in the traffic of now.
+
+    A refusal has VROOM's `code` and `error` beside the members of a problem document.
+    """
+    jobs = dispatch.solve_jobs
+
+    def make_task() -> VroomTask:
+        now_ns = time.time_ns()
+        return VroomTask(
+            request=body,
+            deadline_s=deadline_s,
+            geometry=geometry,
+            choose_eta=choose_eta,
+            settings=dispatch.settings,
+            roads=fingerprint(dispatch.network),
+            states=dispatch.states.latest(),
+            learned=picklable(dispatch.fleet.learned(now_ns)),
+            now_ns=now_ns,
+            seed=seed,
+        )
+
+    busy = Problem(503, "other jobs are solved", "try again later", headers={"Retry-After": "10"})
+    try:
+        job = jobs.submit(deadline_s, make_task)
+    except FullError:
+        raise busy from None
+    jobs.wait(job, deadline_s + WAIT_S)
+    if job.result is None:
+        jobs.cancel(job.id)
+        raise FAULT if job.state == "failed" else busy
+    answer = json.loads(job.result)
+    if answer["code"] == 0:
+        return Response(job.result, media_type="application/json")
+    if answer["code"] == INTERNAL_ERROR:
+        raise FAULT
+    refusal = Problem(422, answer["error"]).document
+    return JSONResponse({**refusal, **answer}, 422, media_type=MEDIA_TYPE)
