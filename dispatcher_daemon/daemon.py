@@ -48,6 +48,7 @@ from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
+from storage import RollUpBuffer
 
 log = logging.getLogger(__name__)
 
@@ -124,6 +125,7 @@ class Dispatcher:
         self._health_publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._cycle = store.next_cycle_number()
         self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
+        self._rollups = RollUpBuffer()
         self._storage_fault = False
         self.stopping = threading.Event()
         self.cycle_began: float | None = None
@@ -149,6 +151,8 @@ class Dispatcher:
         self.states_received += 1
         verdict = self._latest_states.accept(state, time.time_ns())
         metrics.STATES.labels(verdict.value).inc()
+        if verdict is Verdict.ACCEPTED:
+            self._rollups.add(state)
         if verdict not in HARMLESS:
             self.states_refused += 1
             what = verdict.value.replace("_", " ")
@@ -250,7 +254,23 @@ class Dispatcher:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
         self._count(report)
+        self.store_rollups(now_ns)
         self._pruner.after_cycle(now_ns)
+
+    def store_rollups(self, now_ns: int | None = None) -> None:
+        """Store what was reported in the minutes that have ended; None: in those begun, too.
+
+        Plans do not wait for it, and what cannot be stored is tried again after the next cycle.
+        """
+        minutes = self._rollups.take(now_ns)
+        if not minutes:
+            return
+        try:
+            self._store.add_rollups(minutes)
+        except Exception as error:
+            dropped = self._rollups.give_back(minutes)
+            more = f", {dropped} of them are dropped" if dropped else ""
+            self._warn("rollups", f"{len(minutes)} roll-ups could not be stored{more}: {error}")
 
     def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
         """The problem of a cycle's fleet; None: nothing to dispatch."""
@@ -441,3 +461,4 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
                 job_manager.close()
             executor.shutdown()
             scheduler.stop()
+            dispatcher.store_rollups()

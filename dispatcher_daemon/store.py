@@ -11,13 +11,15 @@ from dispatcher_daemon import metrics
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
 from slipstream.service import LogLimiter, notify
-from storage import Database, UntrustedClockError, open_database
+from storage import Database, RollUp, UntrustedClockError, open_database
 
 log = logging.getLogger(__name__)
 
 PRUNE_EVERY_S = 3600.0
 PRUNE_BATCH = 50
 """Maximum number of cycles deleted at once; a backlog is deleted in several cycles."""
+TIDY_S = 0.05
+"""Time after which no further step of deleting old traffic begins after a cycle, s."""
 CHECK_LIMIT_S = 3600.0
 """How long the check of the database may hold up the start, s; it takes some seconds a GB."""
 START_LIMIT_S = 180.0
@@ -49,6 +51,14 @@ class CycleStore(Protocol):
         """Delete the oldest cycles until the others fit, at most about ``limit``."""
         ...
 
+    def add_rollups(self, minutes: Sequence[RollUp]) -> None:
+        """Store what was reported of segments, by minute."""
+        ...
+
+    def tidy(self, now_ns: int, *, budget_s: float) -> None:
+        """Delete states, roll-ups and gates that are too old, in small steps."""
+        ...
+
 
 class CyclePruner:
     """Deletes cycles while the dispatcher runs: what is too much after each one, what is too old
@@ -74,6 +84,7 @@ class CyclePruner:
             trimmed = self._store.trim(self._keep_mb, limit=PRUNE_BATCH)
             if trimmed and self._limiter.allow("trim"):
                 log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
+            self._store.tidy(now_ns, budget_s=TIDY_S)
             if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
                 return
             pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from dataclasses import asdict
 
@@ -39,9 +40,14 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def upgrade(options: argparse.Namespace) -> int:
     """Create or upgrade the schema."""
-    from storage import open_database
+    from storage import UntrustedClockError, open_database
 
-    open_database(options.url).close()
+    with open_database(options.url) as database:
+        try:
+            # What versions before stored of each cycle is converted here at once.
+            database.tidy(time.time_ns())
+        except UntrustedClockError as error:
+            print(f"slipstream: {error}", file=sys.stderr)
     _report(options, {"url": options.url, "upgraded": True}, f"{options.url}: up to date")
     return 0
 
@@ -67,6 +73,7 @@ def prune(options: argparse.Namespace) -> int:
             database.trust_clock(time.time_ns())
         if options.keep_days is not None:
             count += database.prune(options.keep_days, time.time_ns())
+            database.tidy(time.time_ns())
         if options.keep_mb is not None:
             count += database.trim(options.keep_mb)
         problem = database.shrink()

@@ -11,6 +11,8 @@ from storage.jobs import LedgerState, QuantumJob
 from storage.ownership import check_free
 from storage.reader import Reader, open_reader
 from storage.retention import UntrustedClockError, headroom
+from storage.traffic.history import SegmentAt
+from storage.traffic.rollups import RollUp, RollUpBuffer, Spread
 
 __all__ = [
     "CheckReport",
@@ -18,6 +20,10 @@ __all__ = [
     "LedgerState",
     "QuantumJob",
     "Reader",
+    "RollUp",
+    "RollUpBuffer",
+    "SegmentAt",
+    "Spread",
     "StorageError",
     "UntrustedClockError",
     "check",

@@ -149,6 +149,12 @@ def tool() -> Callable[[str], str]:
 
     def find(name: str) -> str:
         path = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
+        if name == "postgresql":
+            # Debian keeps the server's programs out of the path.
+            found = sorted(
+                str(pg_ctl) for pg_ctl in Path("/usr/lib/postgresql").glob("*/bin/pg_ctl")
+            )
+            path = found[-1] if found else shutil.which("pg_ctl")
         if path is None and name in os.environ.get(REQUIRED, "").split():
             pytest.fail(f"{name} is not installed, but {REQUIRED} names it")
         if path is None:
