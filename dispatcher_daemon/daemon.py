@@ -25,7 +25,12 @@ from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
-from dispatcher_daemon.store import CyclePruner, CycleStore, open_checked_database
+from dispatcher_daemon.store import (
+    CyclePruner,
+    CycleStore,
+    open_checked_database,
+    open_in_turn,
+)
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.admission import check_rsus, implausibility
 from slipstream.bus import Bus
@@ -48,7 +53,7 @@ from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
-from storage import RollUpBuffer
+from storage import Database, RollUpBuffer
 
 log = logging.getLogger(__name__)
 
@@ -390,8 +395,12 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         service.progress(f"{dispatcher.cycles} cycles")
 
 
-def run_dispatcher(settings: DispatcherSettings) -> None:
+def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> None:
     """Run until SIGTERM or SIGINT.
+
+    Args:
+        settings: checked settings.
+        standby: wait, with all that takes time done, until no other dispatcher writes the database.
 
     Raises:
         InputError: the network, list of RSUs, fleet, database, bus or metrics port cannot be used.
@@ -413,17 +422,25 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
-        open_checked_database(settings.database_url) as database,
-        Bus.open(settings.bus) as bus,
-        SolverPool(configured_solvers(settings), workers) as pool,
-        executor,
         ExitStack() as stack,
     ):
+        database: Database | None = None
+        if not standby:
+            database = stack.enter_context(open_checked_database(settings.database_url))
+        bus = stack.enter_context(Bus.open(settings.bus))
+        pool = stack.enter_context(SolverPool(configured_solvers(settings), workers))
+        stack.enter_context(executor)
         not_ready = pool.warm_up(stopping=service.stopping)
         if service.stopping.is_set():
             return
         for name, reason in not_ready.items():
             log.warning("solver %s is not ready: %s", name, reason)
+        if database is None:
+            log.info("standby: waiting for the end of the dispatcher that writes the database")
+            database = open_in_turn(settings.database_url, service)
+            if database is None:
+                return
+            stack.enter_context(database)
         records = database.load_fleet(time.time_ns())
         job_manager = open_job_manager(settings, pool, database)
         if job_manager is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import time
 from collections.abc import Sequence
 from typing import Protocol
@@ -10,8 +11,15 @@ from typing import Protocol
 from dispatcher_daemon import metrics
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
-from slipstream.service import LogLimiter, notify
-from storage import Database, RollUp, UntrustedClockError, open_database
+from slipstream.service import LogLimiter, Service, notify
+from storage import (
+    Database,
+    OwnedError,
+    RollUp,
+    StorageError,
+    UntrustedClockError,
+    open_database,
+)
 
 log = logging.getLogger(__name__)
 
@@ -22,6 +30,8 @@ TIDY_S = 0.05
 """Time after which no further step of deleting old traffic begins after a cycle, s."""
 CHECK_LIMIT_S = 3600.0
 """How long the check of the database may hold up the start, s; it takes some seconds a GB."""
+TURN_PERIOD_S = 1.0
+"""Time between two looks of a standby for the database, s."""
 START_LIMIT_S = 180.0
 """Time to be ready after that, s: as TimeoutStartSec= of the unit."""
 
@@ -117,3 +127,43 @@ def open_checked_database(url: str) -> Database:
     database = open_database(url, owned=True)
     notify(f"EXTEND_TIMEOUT_USEC={START_LIMIT_S * 1e6:.0f}")
     return database
+
+
+def open_in_turn(url: str, service: Service) -> Database | None:
+    """Wait until no other dispatcher writes the database, and open it.
+
+    Args:
+        url: the database.
+        service: gives the time to stop; it is ready while it waits.
+
+    Returns:
+        The database; None: the service was stopped meanwhile.
+
+    Raises:
+        InputError: it cannot be used.
+    """
+    watchdog = os.environ.get("WATCHDOG_USEC")
+    if watchdog:
+        # The check of a large file is one call.
+        notify(f"WATCHDOG_USEC={CHECK_LIMIT_S * 1e6:.0f}")
+    service.ready()
+    limiter = LogLimiter()
+    metrics.STANDBY.set(1)
+    try:
+        while True:
+            try:
+                database = open_checked_database(url)
+            except OwnedError:
+                service.progress("standby")
+            except StorageError as error:
+                if limiter.allow("standby"):
+                    log.warning("standby: %s", error)
+            else:
+                log.warning("the database is free: this dispatcher is the active one now")
+                return database
+            if service.wait(TURN_PERIOD_S):
+                return None
+    finally:
+        metrics.STANDBY.set(0)
+        if watchdog:
+            notify(f"WATCHDOG_USEC={watchdog}")

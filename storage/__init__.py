@@ -8,7 +8,8 @@ from storage.database import Database, open_database
 from storage.engine import StorageError
 from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
-from storage.ownership import check_free
+from storage.opening import DamagedError
+from storage.ownership import OwnedError, check_free
 from storage.reader import Reader, open_reader
 from storage.retention import UntrustedClockError, headroom
 from storage.traffic.history import SegmentAt
@@ -16,8 +17,10 @@ from storage.traffic.rollups import RollUp, RollUpBuffer, Spread
 
 __all__ = [
     "CheckReport",
+    "DamagedError",
     "Database",
     "LedgerState",
+    "OwnedError",
     "QuantumJob",
     "Reader",
     "RollUp",

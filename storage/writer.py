@@ -18,7 +18,7 @@ from slipstream.errors import InputError
 from storage import retention
 from storage.engine import DAMAGED, NO_DATABASE, StorageError, sqlite_path
 from storage.models import CycleRow
-from storage.ownership import FileOwner, Owner
+from storage.ownership import WRITE_LOCK, FileOwner, Owner
 
 log = logging.getLogger(__name__)
 
@@ -91,6 +91,9 @@ class Writer:
             self._check_place()
             try:
                 with Session(self._engine) as session, session.begin():
+                    if not self._is_sqlite:
+                        # As SQLite's transactions do: commands write beside the dispatcher.
+                        session.execute(select(func.pg_advisory_xact_lock(WRITE_LOCK)))
                     yield session
                     session.flush()
                     self._check_place()

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, Phase, settings
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
+from tests.postgres_server import PostgresServer
 
 # Shared machines are slow at times, and a suite has to say the same thing twice.
 settings.register_profile(
@@ -162,6 +163,25 @@ def tool() -> Callable[[str], str]:
         return path
 
     return find
+
+
+@pytest.fixture(scope="session")
+def postgres(tool: Callable[[str], str]) -> Iterator[PostgresServer]:
+    """A server for all tests of a session."""
+    pg_ctl = tool("postgresql")
+    pytest.importorskip("psycopg")
+    server = PostgresServer(pg_ctl)
+    try:
+        yield server
+        server.stop()
+    finally:
+        server.remove()
+
+
+@pytest.fixture
+def postgres_url(postgres: PostgresServer) -> str:
+    """An empty database of the server."""
+    return postgres.new_database()
 
 
 _CHROMIUM_ARGUMENTS = [

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import socket
-import subprocess
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from sqlalchemy import create_engine, text
 
 from slipstream.messages import (
     CarrierSummary,
@@ -166,86 +160,6 @@ def make_cycle() -> Callable[[int], Cycle]:
 def url(tmp_path: Path) -> str:
     """Where a database may be made; its folder does not exist yet."""
     return f"sqlite:///{tmp_path}/state/slipstream.db"
-
-
-class PostgresServer:
-    """A PostgreSQL server of its own on a free port of the loopback interface."""
-
-    def __init__(self, pg_ctl: str) -> None:
-        self._pg_ctl = pg_ctl
-        # It refuses to run as root, and its socket needs a short path.
-        self._user = "postgres" if os.geteuid() == 0 else None
-        self._folder = Path(tempfile.mkdtemp(prefix="slipstream-pg-"))
-        if self._user is not None:
-            shutil.chown(self._folder, self._user)
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self._port = free.getsockname()[1]
-        self._made = 0
-        self._control("-o", "-A trust -U postgres --no-sync", "initdb")
-        self.start()
-
-    def start(self) -> None:
-        """Start it, and wait until it answers."""
-        options = f"-p {self._port} -k {self._folder} -c listen_addresses=127.0.0.1 -c fsync=off"
-        self._control("-o", options, "-l", str(self._folder / "log"), "-w", "start")
-
-    def stop(self) -> None:
-        """Stop it at once, as a crash does."""
-        self._control("-m", "immediate", "-w", "stop")
-
-    def remove(self) -> None:
-        """Delete its files."""
-        shutil.rmtree(self._folder, ignore_errors=True)
-
-    def new_database(self) -> str:
-        """URL of an empty database."""
-        self._made += 1
-        name = f"test_{self._made}"
-        self.execute(f"CREATE DATABASE {name}")
-        return self._url(name)
-
-    def execute(self, statement: str) -> None:
-        """Execute a statement as the server's administrator."""
-        engine = create_engine(self._url("postgres"), isolation_level="AUTOCOMMIT")
-        with engine.connect() as connection:
-            connection.execute(text(statement))
-        engine.dispose()
-
-    def cut_sessions(self, url: str) -> None:
-        """End all connections to a database."""
-        name = url.rpartition("/")[2]
-        self.execute(
-            f"SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = '{name}'"
-        )
-
-    def _url(self, database: str) -> str:
-        return f"postgresql://postgres@127.0.0.1:{self._port}/{database}"
-
-    def _control(self, *arguments: str) -> None:
-        command = [self._pg_ctl, "-D", str(self._folder / "data"), *arguments]
-        subprocess.run(
-            command, user=self._user, check=True, stdout=subprocess.DEVNULL, cwd=self._folder
-        )
-
-
-@pytest.fixture(scope="session")
-def postgres(tool: Callable[[str], str]) -> Iterator[PostgresServer]:
-    """A server for all tests of a session."""
-    pg_ctl = tool("postgresql")
-    pytest.importorskip("psycopg")
-    server = PostgresServer(pg_ctl)
-    try:
-        yield server
-        server.stop()
-    finally:
-        server.remove()
-
-
-@pytest.fixture
-def postgres_url(postgres: PostgresServer) -> str:
-    """An empty database of the server."""
-    return postgres.new_database()
 
 
 @pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.process)])
