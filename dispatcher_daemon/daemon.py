@@ -131,6 +131,7 @@ class Dispatcher:
         self._cycle = store.next_cycle_number()
         self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._rollups = RollUpBuffer()
+        self.database_set_aside: str | None = None
         self._storage_fault = False
         self.stopping = threading.Event()
         self.cycle_began: float | None = None
@@ -367,6 +368,7 @@ class Dispatcher:
                 vehicles_reporting=reporting,
                 vehicles_silent=silent,
                 orders=orders,
+                database_set_aside=self.database_set_aside,
             )
         )
 
@@ -457,6 +459,8 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             fleet_file,
             records,
         )
+        if database.set_aside is not None:
+            dispatcher.database_set_aside = database.set_aside.name
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
         scheduler = CycleScheduler(

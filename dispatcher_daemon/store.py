@@ -18,7 +18,7 @@ from storage import (
     RollUp,
     StorageError,
     UntrustedClockError,
-    open_database,
+    open_or_set_aside,
 )
 
 log = logging.getLogger(__name__)
@@ -120,11 +120,13 @@ class CyclePruner:
 def open_checked_database(url: str) -> Database:
     """Open the database as its one dispatcher; systemd gives the check of a large one its time.
 
+    A damaged file is set aside, and a new database begins.
+
     Raises:
         InputError: it cannot be used, or another dispatcher writes it.
     """
     notify(f"EXTEND_TIMEOUT_USEC={CHECK_LIMIT_S * 1e6:.0f}")
-    database = open_database(url, owned=True)
+    database = open_or_set_aside(url)
     notify(f"EXTEND_TIMEOUT_USEC={START_LIMIT_S * 1e6:.0f}")
     return database
 

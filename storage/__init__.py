@@ -11,6 +11,8 @@ from storage.jobs import LedgerState, QuantumJob
 from storage.opening import DamagedError
 from storage.ownership import OwnedError, check_free
 from storage.reader import Reader, open_reader
+from storage.recovery.backup import backup, restore
+from storage.recovery.damaged import open_or_set_aside
 from storage.retention import UntrustedClockError, headroom
 from storage.traffic.history import SegmentAt
 from storage.traffic.rollups import RollUp, RollUpBuffer, Spread
@@ -29,9 +31,12 @@ __all__ = [
     "Spread",
     "StorageError",
     "UntrustedClockError",
+    "backup",
     "check",
     "check_free",
     "headroom",
     "open_database",
+    "open_or_set_aside",
     "open_reader",
+    "restore",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
@@ -26,6 +27,8 @@ class Database(Upkeep):
 
     _gates: Mapping[str, GateState] | None = None
     """Gates as they are stored; None: not read yet."""
+    set_aside: Path | None = None
+    """Where a damaged file is that was in its place when it was opened."""
 
     def record_cycle(
         self,
