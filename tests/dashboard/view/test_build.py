@@ -248,7 +248,7 @@ def test_a_failed_cycle_is_shown(world, now_ns):
     ],
 )
 def test_what_was_refused_lost_or_set_aside_is_shown(world, now_ns, changes, shown):
-    """Somebody floods the bus or speaks for a road not theirs, a file was damaged: the page says so."""
+    """Somebody floods the bus, or a file was damaged: the page says so."""
     health = world.dispatcher(now_ns).model_copy(update=changes)
     view = _view(Snapshot(dispatcher=health, cycles=(world.cycle(1, now_ns),)), now_ns)
     assert view.dispatcher == f"Next cycle in 18 s · {shown}"
