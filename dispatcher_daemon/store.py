@@ -53,8 +53,8 @@ class CycleStore(Protocol):
         """Number of the next cycle; opens the database anew where it was replaced."""
         ...
 
-    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
-        """Delete old cycles, at most ``limit``."""
+    def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
+        """Delete old cycles, at most ``limit``, and begin no deletion after a time."""
         ...
 
     def trim(self, keep_mb: float, *, limit: int) -> int:
@@ -97,7 +97,7 @@ class CyclePruner:
             self._store.tidy(now_ns, budget_s=TIDY_S)
             if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
                 return
-            pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH)
+            pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S)
         except UntrustedClockError as error:
             if self._clock_trusted:
                 log.warning("%s", error)
@@ -113,7 +113,7 @@ class CyclePruner:
         metrics.CLOCK_UNTRUSTED.set(0)
         if pruned:
             log.info("%d old cycles deleted", pruned)
-        if pruned < PRUNE_BATCH:
+        else:
             self._pruned_at = time.monotonic()
 
 

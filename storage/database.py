@@ -74,7 +74,7 @@ class Database(Upkeep):
         self._gates = known
 
     def add_rollups(self, minutes: Sequence[RollUp]) -> None:
-        """Store roll-ups of minutes, and merge them into their hours.
+        """Store roll-ups of minutes, and make those of the hours that have ended with them.
 
         Raises:
             StorageError: the database cannot be written; nothing of them is stored.

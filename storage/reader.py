@@ -108,8 +108,8 @@ class Reader:
     ) -> tuple[RollUp, ...]:
         """What was reported of a segment in a range of time, by minute or hour, oldest first.
 
-        Periods without a state are missing. Minutes are kept for
-        `storage.upkeep.MINUTES_KEPT_H`.
+        Periods without a state are missing, and so is an hour that has not ended. Minutes are kept
+        for `storage.upkeep.MINUTES_KEPT_H`.
 
         Args:
             segment: its id.

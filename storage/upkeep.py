@@ -52,6 +52,7 @@ class Upkeep(Writer):
         now_ns: int,
         *,
         limit: int | None = None,
+        budget_s: float | None = None,
     ) -> int:
         """Delete cycles that began more than ``keep_days`` before ``now_ns``.
 
@@ -63,6 +64,7 @@ class Upkeep(Writer):
             keep_days: age limit, days.
             now_ns: UTC.
             limit: maximum number of cycles to delete, oldest first; None: no maximum.
+            budget_s: no transaction begins after this time; None: until all is done.
 
         Returns:
             Number of cycles deleted.
@@ -79,6 +81,7 @@ class Upkeep(Writer):
                 "give a number of days, 0 or more",
                 key="keep_days",
             )
+        ends = math.inf if budget_s is None else time.monotonic() + budget_s
         # No cycle began before 1970, and SQLite takes no number beyond 64 bits.
         before_ns = max(0, now_ns - int(min(keep_days * 86_400e9, 2.0**63)))
         jobs_before_ns = min(before_ns, max(0, now_ns - int(MIN_JOB_DAYS * 86_400e9)))
@@ -88,7 +91,7 @@ class Upkeep(Writer):
             fleet.prune(session, before_ns)
             below = retention.first_kept(session, before_ns, now_ns)
         pruned, batch = 0, self._batch()
-        while below is not None and pruned != limit:
+        while below is not None and pruned != limit and time.monotonic() < ends:
             wanted = batch if limit is None else min(batch, limit - pruned)
             with self._write_session() as session:
                 count = retention.delete_cycles(session, wanted, below, before_ns)

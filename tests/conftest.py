@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
+from benchmarks.postgres_server import PostgresServer, find_pg_ctl
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
-from tests.postgres_server import PostgresServer
 
 # Shared machines are slow at times, and a suite has to say the same thing twice.
 settings.register_profile(
@@ -151,11 +151,7 @@ def tool() -> Callable[[str], str]:
     def find(name: str) -> str:
         path = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
         if name == "postgresql":
-            # Debian keeps the server's programs out of the path.
-            found = sorted(
-                str(pg_ctl) for pg_ctl in Path("/usr/lib/postgresql").glob("*/bin/pg_ctl")
-            )
-            path = found[-1] if found else shutil.which("pg_ctl")
+            path = find_pg_ctl()
         if path is None and name in os.environ.get(REQUIRED, "").split():
             pytest.fail(f"{name} is not installed, but {REQUIRED} names it")
         if path is None:

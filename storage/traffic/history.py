@@ -55,10 +55,10 @@ def segments_at(session: Session, time_ns: int) -> tuple[SegmentAt, ...]:
     )
     if cycle is None:
         return ()
-    known = {
-        part.segment: part
-        for period_s in (HOUR_S, MINUTE_S)
-        for part in rollup_table.at(session, period_s, begin(time_ns, period_s))
-    }
     of_cycle = sorted(gates_of(session, [cycle])[cycle], key=lambda gate: gate.segment)
+    known: dict[str, RollUp] = {}
+    for period_s in (MINUTE_S, HOUR_S):
+        if any(gate.segment not in known for gate in of_cycle):
+            found = rollup_table.at(session, period_s, begin(time_ns, period_s))
+            known = {part.segment: part for part in found} | known
     return tuple(SegmentAt(gate, known.get(gate.segment)) for gate in of_cycle)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from slipstream.messages import SegmentState
@@ -69,10 +69,6 @@ class RollUp:
     def samples(self, feature: str) -> int:
         """Number of states that a feature's mean is of."""
         return self.gaps if feature == "mean_gap_m" else self.measured
-
-    def over(self, period_s: int) -> RollUp:
-        """The same as part of the longer period that it lies in."""
-        return replace(self, period_s=period_s, began_ns=begin(self.began_ns, period_s))
 
 
 def begin(time_ns: int, period_s: int) -> int:

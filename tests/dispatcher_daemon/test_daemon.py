@@ -75,7 +75,7 @@ class Log:
         """Six cycles came before."""
         return 7
 
-    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
+    def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
         """Delete of what is old as much as is allowed."""
         deleted = min(self.old, limit)
         self.old -= deleted
@@ -333,7 +333,7 @@ def test_a_backlog_of_old_cycles_goes_bit_by_bit(demo: RoutingProblem) -> None:
     dispatcher = make(demo, log)
     for _ in range(5):
         dispatcher.run_cycle()
-    assert log.pruned == [PRUNE_BATCH, PRUNE_BATCH, 5]
+    assert log.pruned == [PRUNE_BATCH, PRUNE_BATCH, 5, 0]
 
 
 def test_each_cycle_has_a_seed_of_its_own() -> None:

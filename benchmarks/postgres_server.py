@@ -1,4 +1,4 @@
-"""A PostgreSQL server that tests start."""
+"""A PostgreSQL server that tests and benchmarks start."""
 
 from __future__ import annotations
 
@@ -12,11 +12,23 @@ from pathlib import Path
 from sqlalchemy import create_engine, text
 
 
-class PostgresServer:
-    """A PostgreSQL server of its own on a free port of the loopback interface."""
+def find_pg_ctl() -> str | None:
+    """The program that starts a server; Debian keeps it out of the path."""
+    found = sorted(str(path) for path in Path("/usr/lib/postgresql").glob("*/bin/pg_ctl"))
+    return found[-1] if found else shutil.which("pg_ctl")
 
-    def __init__(self, pg_ctl: str) -> None:
+
+class PostgresServer:
+    """A PostgreSQL server of its own on a free port of the loopback interface.
+
+    Args:
+        pg_ctl: the program that starts it; see `find_pg_ctl`.
+        fsync: as a server in use has it; False: it need not survive the machine.
+    """
+
+    def __init__(self, pg_ctl: str, *, fsync: bool = False) -> None:
         self._pg_ctl = pg_ctl
+        self._fsync = "on" if fsync else "off"
         # It refuses to run as root, and its socket needs a short path.
         self._user = "postgres" if os.geteuid() == 0 else None
         self._folder = Path(tempfile.mkdtemp(prefix="slipstream-pg-"))
@@ -31,7 +43,10 @@ class PostgresServer:
 
     def start(self) -> None:
         """Start it, and wait until it answers."""
-        options = f"-p {self._port} -k {self._folder} -c listen_addresses=127.0.0.1 -c fsync=off"
+        options = (
+            f"-p {self._port} -k {self._folder} "
+            f"-c listen_addresses=127.0.0.1 -c fsync={self._fsync}"
+        )
         self._control("-o", options, "-l", str(self._folder / "log"), "-w", "start")
 
     def stop(self) -> None:
@@ -51,7 +66,10 @@ class PostgresServer:
 
     def execute(self, statement: str) -> None:
         """Execute a statement as the server's administrator."""
-        engine = create_engine(self._url("postgres"), isolation_level="AUTOCOMMIT")
+        engine = create_engine(
+            self._url("postgres").replace("postgresql", "postgresql+psycopg", 1),
+            isolation_level="AUTOCOMMIT",
+        )
         with engine.connect() as connection:
             connection.execute(text(statement))
         engine.dispose()
