@@ -56,6 +56,8 @@ def parse_url(url: str) -> URL:
         raise InputError(
             url, "not a database URL", "write it like sqlite:////var/lib/slipstream/slipstream.db"
         ) from None
+    if parsed.port is not None and not 0 < parsed.port < 2**16:
+        raise InputError(display_name(parsed), "no such port", "give one from 1 to 65535")
     if parsed.drivername in ("postgres", "postgresql"):
         # The driver of `slipstream[postgres]`; SQLAlchemy's default is another one.
         parsed = parsed.set(drivername="postgresql+psycopg")
