@@ -71,8 +71,8 @@ class CycleStore(Protocol):
 
 
 class CyclePruner:
-    """Deletes cycles while the dispatcher runs: what is too much after each one, what is too old
-    once an hour. A fault is logged and does not stop the dispatcher.
+    """Deletes while the dispatcher runs: after each cycle what is too much and traffic that is too
+    old, once an hour cycles that are too old. A fault is logged and does not stop the dispatcher.
 
     Args:
         store: the database.
@@ -89,12 +89,14 @@ class CyclePruner:
         self._clock_trusted = True
 
     def after_cycle(self, now_ns: int) -> None:
-        """Delete what is too much after each cycle, and what is too old once an hour."""
+        """Delete what is due after this cycle."""
         try:
             trimmed = self._store.trim(self._keep_mb, limit=PRUNE_BATCH)
             if trimmed and self._limiter.allow("trim"):
                 log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
             self._store.tidy(now_ns, budget_s=TIDY_S)
+            self._clock_trusted = True
+            metrics.CLOCK_UNTRUSTED.set(0)
             if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
                 return
             pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S)
@@ -109,8 +111,6 @@ class CyclePruner:
                 log.warning("old cycles could not be deleted: %s", error)
             self._pruned_at = time.monotonic()
             return
-        self._clock_trusted = True
-        metrics.CLOCK_UNTRUSTED.set(0)
         if pruned:
             log.info("%d old cycles deleted", pruned)
         else:

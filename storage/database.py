@@ -53,6 +53,16 @@ class Database(Upkeep):
         if misplaced:
             raise ValueError(f"plans of another cycle than {report.cycle}: {misplaced}")
         row = cycle_row(report, plans)
+        with self._lock:
+            self._record(row, report, states, records)
+
+    def _record(
+        self,
+        row: CycleRow,
+        report: CycleReport,
+        states: Sequence[SegmentState],
+        records: FleetRecords | None,
+    ) -> None:
         # A commit that fails may have been made all the same: then they are read anew.
         known, self._gates = self._gates, None
         try:

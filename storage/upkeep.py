@@ -64,7 +64,7 @@ class Upkeep(Writer):
             keep_days: age limit, days.
             now_ns: UTC.
             limit: maximum number of cycles to delete, oldest first; None: no maximum.
-            budget_s: no transaction begins after this time; None: until all is done.
+            budget_s: after this time no transaction but the first begins; None: until all is done.
 
         Returns:
             Number of cycles deleted.
@@ -91,7 +91,8 @@ class Upkeep(Writer):
             fleet.prune(session, before_ns)
             below = retention.first_kept(session, before_ns, now_ns)
         pruned, batch = 0, self._batch()
-        while below is not None and pruned != limit and time.monotonic() < ends:
+        # One batch at least, so that none deleted means none left.
+        while below is not None and pruned != limit and (not pruned or time.monotonic() < ends):
             wanted = batch if limit is None else min(batch, limit - pruned)
             with self._write_session() as session:
                 count = retention.delete_cycles(session, wanted, below, before_ns)
