@@ -49,10 +49,13 @@ def test_the_short_form_measures(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert 0 < figures["gb"] < 0.1
 
 
-def test_aims_of_size_need_thirty_days() -> None:
-    """What was fast enough and small enough is said so only for the size that the aim names."""
+def test_aims_of_size_need_a_lasting_growth() -> None:
+    """Sizes of later days follow from the growth, but not from days in which minutes pile up."""
     short = Figures("SQLite", 1, 1000, 0.4, 0.4, (1, 2), (1, 2), (1, 2), 3, {"one": 4.0})
     assert [check.reached for check in checks(short)] == [None, None, True, True]
+    some = replace(short, days=5, gb=0.8, gb_a_day=0.04)
+    assert some.gb_after(30) == pytest.approx(1.8)
+    assert [check.reached for check in checks(some)] == [True] * 4
     whole = replace(short, days=30, gb=1.9, gb_a_day=0.01)
     assert [check.reached for check in checks(whole)] == [True] * 4
     slow = replace(whole, gb=2.1, gb_a_day=0.1, backlog_ms=101.0, queries_ms={"one": 51.0})
