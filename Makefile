@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-coordination bench-real
+.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-storage bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
@@ -141,6 +141,11 @@ bench-service: setup
 # hours, gone on with if interrupted. `SHORT=1`: a minute or two.
 bench-coordination: setup
 	$(BIN)/python -m benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short)
+
+# Thirty days of 1,000 watched segments in SQLite and in a PostgreSQL server of its own: size,
+# queries, deletion; an hour. `SHORT=1`: one day.
+bench-storage: setup
+	$(BIN)/python -m benchmarks.storage $(if $(SHORT),--short)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv

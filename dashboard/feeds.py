@@ -106,7 +106,7 @@ class HistoryFeed(threading.Thread):
         try:
             latest = self._reader.latest_cycle()
             if latest is not None and (latest.cycle, latest.started_ns) != self._latest:
-                history = self._reader.cycles(limit=self._cycles_to_read(latest))
+                history = self._reader.cycles(self._cycles_to_read(latest), gates=False)
                 self._live.add_history(history, self._reader.latest_plans())
                 self._latest = (latest.cycle, latest.started_ns)
             self._live.set_history_problem(None)

@@ -42,6 +42,7 @@ from dispatcher_daemon.store import (
     CycleStore,
     database_fault,
     open_checked_database,
+    open_in_turn,
 )
 from dispatcher_daemon.tracking import fleet_of
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
@@ -69,7 +70,7 @@ from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
 from slipstream.tracing import is_on, note, span, sparse_span, traced
-from storage import CycleInputs, Reader, open_reader
+from storage import CycleInputs, Database, Reader, RollUpBuffer, open_reader
 
 if TYPE_CHECKING:
     from dispatcher_daemon.api import ApiServer, Services
@@ -176,6 +177,8 @@ class Dispatcher:
         self._cycle = store.next_cycle_number()
         self._inputs = InputEncoder()
         self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
+        self._rollups = RollUpBuffer()
+        self.database_set_aside: str | None = None
         self._storage_fault = False
         self.stopping = threading.Event()
         self._turn = threading.Lock()
@@ -213,6 +216,7 @@ class Dispatcher:
         if verdict is Verdict.ACCEPTED:
             metrics.STATE_AGE.observe(max(0.0, age_s(state.time_ns, now_ns)))
             self._announce("state", state)
+            self._rollups.add(state)
         if verdict not in HARMLESS:
             self.states_refused += 1
             what = verdict.value.replace("_", " ")
@@ -302,6 +306,7 @@ class Dispatcher:
         stored = self._store_and_send(report, plans, states, stops, reference_s, made_from)
         if stored is not None:
             self._count(stored)
+            self.store_rollups(now_ns)
             self._pruner.after_cycle(now_ns)
 
     @traced("snapshot")
@@ -412,6 +417,21 @@ class Dispatcher:
                 log.exception("the inputs of cycle %d are not stored: %s", cycle.number, error)
             return None
 
+    def store_rollups(self, now_ns: int | None = None) -> None:
+        """Store what was reported in the minutes that have ended; None: in those begun, too.
+
+        Plans do not wait for it, and what cannot be stored is tried again after the next cycle.
+        """
+        minutes = self._rollups.take(now_ns)
+        if not minutes:
+            return
+        try:
+            self._store.add_rollups(minutes)
+        except Exception as error:
+            dropped = self._rollups.give_back(minutes)
+            more = f", {dropped} of them are dropped" if dropped else ""
+            self._warn("rollups", f"{len(minutes)} roll-ups could not be stored{more}: {error}")
+
     def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
         """The problem of a cycle's fleet; None: nothing to dispatch."""
         if fleet is None:
@@ -503,6 +523,7 @@ class Dispatcher:
                 vehicles_reporting=reporting,
                 vehicles_silent=silent,
                 orders=orders,
+                database_set_aside=self.database_set_aside,
             )
         )
 
@@ -589,8 +610,12 @@ def _collect_garbage_less() -> None:
     gc.set_threshold(20_000, 20, 50)
 
 
-def run_dispatcher(settings: DispatcherSettings) -> None:
+def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> None:
     """Run until SIGTERM or SIGINT.
+
+    Args:
+        settings: checked settings.
+        standby: wait, with all that takes time done, until no other dispatcher writes the database.
 
     Raises:
         InputError: the network, list of RSUs, fleet, database, bus, metrics port, or the API's
@@ -613,18 +638,29 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     executor = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
-        _open_api(settings.api) as api,
-        open_checked_database(settings.database_url) as database,
-        Bus.open(settings.bus) as bus,
-        SolverPool(configured_solvers(settings), workers) as pool,
-        executor,
         ExitStack() as stack,
     ):
+        api: ApiServer | None = None
+        database: Database | None = None
+        if not standby:
+            api = stack.enter_context(_open_api(settings.api))
+            database = stack.enter_context(open_checked_database(settings.database_url))
+        bus = stack.enter_context(Bus.open(settings.bus))
+        pool = stack.enter_context(SolverPool(configured_solvers(settings), workers))
+        stack.enter_context(executor)
         not_ready = pool.warm_up(stopping=service.stopping)
         if service.stopping.is_set():
             return
         for name, reason in not_ready.items():
             log.warning("solver %s is not ready: %s", name, reason)
+        if database is None:
+            log.info("standby: waiting for the end of the dispatcher that writes the database")
+            database = open_in_turn(settings.database_url, service)
+            if database is None:
+                return
+            stack.enter_context(database)
+            # The active dispatcher on this machine had its port until now.
+            api = stack.enter_context(_open_api(settings.api))
         records = database.load_fleet(time.time_ns())
         job_manager = open_job_manager(settings, pool, database)
         if job_manager is not None:
@@ -643,6 +679,8 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             records,
             announce,
         )
+        if database.set_aside is not None:
+            dispatcher.database_set_aside = database.set_aside.name
         bus.subscribe(ALL_STATES, dispatcher.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
         scheduler = CycleScheduler(
@@ -683,3 +721,4 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
                 job_manager.close()
             executor.shutdown()
             scheduler.stop()
+            dispatcher.store_rollups()

@@ -69,6 +69,7 @@ CLOCK_UNTRUSTED = Gauge(
     "slipstream_dispatcher_clock_untrusted",
     "1 while no cycle is deleted by age: the clock is far ahead of the cycles stored.",
 )
+STANDBY = Gauge("slipstream_dispatcher_standby", "1 while it waits for another dispatcher's end.")
 QUANTUM_JOBS = Gauge(
     "slipstream_dispatcher_quantum_jobs",
     "Jobs of the quantum device that are open or ended within a day, by state.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import time
 from collections.abc import Sequence
 from typing import Protocol
@@ -10,14 +11,16 @@ from typing import Protocol
 from dispatcher_daemon import metrics
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
-from slipstream.service import LogLimiter, notify
+from slipstream.service import LogLimiter, Service, notify
 from storage import (
     CycleInputs,
     Database,
+    OwnedError,
     Reader,
+    RollUp,
     StorageError,
     UntrustedClockError,
-    open_database,
+    open_or_set_aside,
 )
 
 log = logging.getLogger(__name__)
@@ -25,8 +28,12 @@ log = logging.getLogger(__name__)
 PRUNE_EVERY_S = 3600.0
 PRUNE_BATCH = 50
 """Maximum number of cycles deleted at once; a backlog is deleted in several cycles."""
+TIDY_S = 0.05
+"""Time after which no further step of deleting old traffic begins after a cycle, s."""
 CHECK_LIMIT_S = 3600.0
 """How long the check of the database may hold up the start, s; it takes some seconds a GB."""
+TURN_PERIOD_S = 1.0
+"""Time between two looks of a standby for the database, s."""
 START_LIMIT_S = 180.0
 """Time to be ready after that, s: as TimeoutStartSec= of the unit."""
 
@@ -49,12 +56,20 @@ class CycleStore(Protocol):
         """Number of the next cycle; opens the database anew where it was replaced."""
         ...
 
-    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
-        """Delete old cycles, at most ``limit``."""
+    def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
+        """Delete old cycles, at most ``limit``, and begin no deletion after a time."""
         ...
 
     def trim(self, keep_mb: float, *, limit: int) -> int:
         """Delete the oldest cycles until the others fit, at most about ``limit``."""
+        ...
+
+    def add_rollups(self, minutes: Sequence[RollUp]) -> None:
+        """Store what was reported of segments, by minute."""
+        ...
+
+    def tidy(self, now_ns: int, *, budget_s: float) -> None:
+        """Delete states, roll-ups and gates that are too old, in small steps."""
         ...
 
 
@@ -67,8 +82,8 @@ def database_fault(reader: Reader) -> str | None:
 
 
 class CyclePruner:
-    """Deletes cycles while the dispatcher runs: what is too much after each one, what is too old
-    once an hour. A fault is logged and does not stop the dispatcher.
+    """Deletes while the dispatcher runs: after each cycle what is too much and traffic that is too
+    old, once an hour cycles that are too old. A fault is logged and does not stop the dispatcher.
 
     Args:
         store: the database.
@@ -85,14 +100,17 @@ class CyclePruner:
         self._clock_trusted = True
 
     def after_cycle(self, now_ns: int) -> None:
-        """Delete what is too much after each cycle, and what is too old once an hour."""
+        """Delete what is due after this cycle."""
         try:
             trimmed = self._store.trim(self._keep_mb, limit=PRUNE_BATCH)
             if trimmed and self._limiter.allow("trim"):
                 log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
+            self._store.tidy(now_ns, budget_s=TIDY_S)
+            self._clock_trusted = True
+            metrics.CLOCK_UNTRUSTED.set(0)
             if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
                 return
-            pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH)
+            pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S)
         except UntrustedClockError as error:
             if self._clock_trusted:
                 log.warning("%s", error)
@@ -104,21 +122,61 @@ class CyclePruner:
                 log.warning("old cycles could not be deleted: %s", error)
             self._pruned_at = time.monotonic()
             return
-        self._clock_trusted = True
-        metrics.CLOCK_UNTRUSTED.set(0)
         if pruned:
             log.info("%d old cycles deleted", pruned)
-        if pruned < PRUNE_BATCH:
+        else:
             self._pruned_at = time.monotonic()
 
 
 def open_checked_database(url: str) -> Database:
     """Open the database as its one dispatcher; systemd gives the check of a large one its time.
 
+    A damaged file is set aside, and a new database begins.
+
     Raises:
         InputError: it cannot be used, or another dispatcher writes it.
     """
     notify(f"EXTEND_TIMEOUT_USEC={CHECK_LIMIT_S * 1e6:.0f}")
-    database = open_database(url, owned=True)
+    database = open_or_set_aside(url)
     notify(f"EXTEND_TIMEOUT_USEC={START_LIMIT_S * 1e6:.0f}")
     return database
+
+
+def open_in_turn(url: str, service: Service) -> Database | None:
+    """Wait until no other dispatcher writes the database, and open it.
+
+    Args:
+        url: the database.
+        service: gives the time to stop; it is ready while it waits.
+
+    Returns:
+        The database; None: the service was stopped meanwhile.
+
+    Raises:
+        InputError: it cannot be used.
+    """
+    watchdog = os.environ.get("WATCHDOG_USEC")
+    if watchdog:
+        # The check of a large file is one call.
+        notify(f"WATCHDOG_USEC={CHECK_LIMIT_S * 1e6:.0f}")
+    service.ready()
+    limiter = LogLimiter()
+    metrics.STANDBY.set(1)
+    try:
+        while True:
+            try:
+                database = open_checked_database(url)
+            except OwnedError:
+                service.progress("standby")
+            except StorageError as error:
+                if limiter.allow("standby"):
+                    log.warning("standby: %s", error)
+            else:
+                log.warning("the database is free: this dispatcher is the active one now")
+                return database
+            if service.wait(TURN_PERIOD_S):
+                return None
+    finally:
+        metrics.STANDBY.set(0)
+        if watchdog:
+            notify(f"WATCHDOG_USEC={watchdog}")

@@ -1,11 +1,13 @@
-"""`slipstream db`: upgrade, check and prune the dispatcher's database."""
+"""`slipstream db`: upgrade, check, prune, back up and restore the dispatcher's database."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from dataclasses import asdict
+from pathlib import Path
 
 from slipstream.errors import InputError
 
@@ -20,8 +22,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         ("upgrade", "create the database or bring its schema up to date", upgrade),
         ("check", "check that it is sound and up to date; exit status 1 if not", check),
         ("prune", "delete old cycles and make the file smaller, on a full disk too", prune),
+        ("backup", "copy the database to a new file while it is written, and check it", backup),
+        ("restore", "put a backup in its place, and keep what was there; no dispatcher", restore),
     ):
         action = actions.add_parser(name, help=text)
+        if name in ("backup", "restore"):
+            action.add_argument("file", type=Path, metavar="FILE", help="the backup")
         action.add_argument("--url", default=_DEFAULT, help=f"database URL (default: {_DEFAULT})")
         if name == "prune":
             action.add_argument("--keep-days", type=float, help="delete cycles older than this")
@@ -39,9 +45,14 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def upgrade(options: argparse.Namespace) -> int:
     """Create or upgrade the schema."""
-    from storage import open_database
+    from storage import UntrustedClockError, open_database
 
-    open_database(options.url).close()
+    with open_database(options.url) as database:
+        try:
+            # What versions before stored of each cycle is converted here at once.
+            database.tidy(time.time_ns())
+        except UntrustedClockError as error:
+            print(f"slipstream: {error}", file=sys.stderr)
     _report(options, {"url": options.url, "upgraded": True}, f"{options.url}: up to date")
     return 0
 
@@ -67,12 +78,34 @@ def prune(options: argparse.Namespace) -> int:
             database.trust_clock(time.time_ns())
         if options.keep_days is not None:
             count += database.prune(options.keep_days, time.time_ns())
+            database.tidy(time.time_ns())
         if options.keep_mb is not None:
             count += database.trim(options.keep_mb)
         problem = database.shrink()
     line = f"{count} cycles deleted" + (f"; {problem}" if problem else "")
     data = {"url": options.url, "deleted_cycles": count, "not_shrunk": problem}
     _report(options, data, line)
+    return 0
+
+
+def backup(options: argparse.Namespace) -> int:
+    """Copy the database while the dispatcher writes it."""
+    import storage
+
+    report = storage.backup(options.url, options.file)
+    line = f"{options.file}: {report.cycles} cycles, {(report.size_bytes or 0) / 1e6:.1f} MB, sound"
+    _report(options, asdict(report) | {"file": str(options.file)}, line)
+    return 0
+
+
+def restore(options: argparse.Namespace) -> int:
+    """Put a backup in place of the database."""
+    import storage
+
+    aside = storage.restore(options.url, options.file)
+    kept = "" if aside is None else f"; the former database is {aside}"
+    data = {"url": options.url, "file": str(options.file), "former": aside and str(aside)}
+    _report(options, data, f"{options.url}: restored from {options.file}{kept}")
     return 0
 
 

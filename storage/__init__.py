@@ -9,28 +9,42 @@ from storage.engine import StorageError
 from storage.inputs import CycleInputs, Part
 from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
-from storage.ownership import check_free
+from storage.opening import DamagedError
+from storage.ownership import OwnedError, check_free
 from storage.reader import Reader, StoredCycle, open_reader
+from storage.recovery.backup import backup, restore
+from storage.recovery.damaged import open_or_set_aside
 from storage.retention import UntrustedClockError, headroom
 from storage.tables import TableColumn, Tables, table_names
+from storage.traffic.history import SegmentAt
+from storage.traffic.rollups import RollUp, RollUpBuffer, Spread
 
 __all__ = [
     "CheckReport",
     "CycleInputs",
+    "DamagedError",
     "Database",
     "LedgerState",
+    "OwnedError",
     "Part",
     "QuantumJob",
     "Reader",
+    "RollUp",
+    "RollUpBuffer",
+    "SegmentAt",
+    "Spread",
     "StorageError",
     "StoredCycle",
     "TableColumn",
     "Tables",
     "UntrustedClockError",
+    "backup",
     "check",
     "check_free",
     "headroom",
     "open_database",
+    "open_or_set_aside",
     "open_reader",
+    "restore",
     "table_names",
 ]

@@ -21,6 +21,14 @@ LOG_LIMIT_BYTES: Final = 4 * 2**20
 DAMAGED: Final = "database disk image is malformed"
 NO_DATABASE: Final = "file is not a database"
 """What SQLite says of a damaged file."""
+_POSTGRESQL_OPTIONS: Final = {
+    "connect_timeout": "5",
+    "keepalives_idle": "3",
+    "keepalives_interval": "1",
+    "keepalives_count": "3",
+    "tcp_user_timeout": "6000",
+}
+"""Options of libpq: times in s, but the last one in ms."""
 MAX_FAULTS: Final = 100
 """Number of faults after which a check stops to look for more."""
 
@@ -48,6 +56,11 @@ def parse_url(url: str) -> URL:
         raise InputError(
             url, "not a database URL", "write it like sqlite:////var/lib/slipstream/slipstream.db"
         ) from None
+    if parsed.port is not None and not 0 < parsed.port < 2**16:
+        raise InputError(display_name(parsed), "no such port", "give one from 1 to 65535")
+    if parsed.drivername in ("postgres", "postgresql"):
+        # The driver of `slipstream[postgres]`; SQLAlchemy's default is another one.
+        parsed = parsed.set(drivername="postgresql+psycopg")
     if is_sqlite(parsed) and (
         not parsed.database or parsed.database == ":memory:" or parsed.database.startswith("file:")
     ):
@@ -151,8 +164,12 @@ def sqlite_faults(connection: Connection) -> list[str]:
 
 
 def _create(url: URL) -> Engine:
+    if url.drivername == "postgresql+psycopg":
+        # A server that is gone without a word is noticed; options in the URL come first.
+        url = url.update_query_dict({**_POSTGRESQL_OPTIONS, **url.query})
     try:
-        return create_engine(url)
+        # A file's connection cannot be cut.
+        return create_engine(url, pool_pre_ping=not is_sqlite(url))
     except (NoSuchModuleError, ModuleNotFoundError) as error:
         raise InputError(
             display_name(url),

@@ -1,5 +1,5 @@
-"""The tables: cycles with their solver runs, gates, plans, segment states and inputs; orders,
-vehicles; jobs; the clock.
+"""The tables: cycles with their solver runs, plans and inputs; orders, vehicles; jobs; the clock.
+Those of traffic are in `storage.traffic.models`.
 
 Times are UTC nanoseconds. Parts that are only read together with their row (a plan's stops and
 segments, a state's features, a cycle's unserved stops) are JSON as in `slipstream.messages`.
@@ -67,14 +67,8 @@ class CycleRow(Base):
     solver_runs: Mapped[list[SolverRunRow]] = relationship(
         cascade="all, delete-orphan", order_by="SolverRunRow.position", passive_deletes=True
     )
-    gates: Mapped[list[GateRow]] = relationship(
-        cascade="all, delete-orphan", order_by="GateRow.position", passive_deletes=True
-    )
     plans: Mapped[list[PlanRow]] = relationship(
         cascade="all, delete-orphan", order_by="PlanRow.vehicle", passive_deletes=True
-    )
-    states: Mapped[list[StateRow]] = relationship(
-        cascade="all, delete-orphan", order_by="StateRow.segment", passive_deletes=True
     )
 
 
@@ -103,7 +97,7 @@ class SolverRunRow(Base):
 
 
 class GateRow(Base):
-    """One segment's platooning gate in one cycle (a Gate)."""
+    """One segment's platooning gate in one cycle (a Gate), as versions before 0013 stored it."""
 
     __tablename__ = "gates"
 
@@ -139,7 +133,7 @@ class PlanRow(Base):
 
 
 class StateRow(Base):
-    """An RSU's latest SegmentState of a segment at the start of a cycle."""
+    """A SegmentState that a cycle used, as versions before 0013 stored it."""
 
     __tablename__ = "segment_states"
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from typing import Final
 
 from sqlalchemy import Connection, Engine
 from sqlalchemy.engine import URL
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import DBAPIError, OperationalError
 
 from slipstream.errors import InputError
 from storage import schema
@@ -23,6 +25,10 @@ from storage.engine import (
     writer_engine,
 )
 from storage.ownership import FileOwner, Owner, ServerOwner
+
+_RESTORE: Final = "restore it from a backup, or move it away"
+_MISTAKES: Final = ("authentication failed", "does not exist", "no pg_hba.conf entry")
+"""What a PostgreSQL server says of a wrong URL; its other refusals may be temporary."""
 
 
 def open_path(url: URL, *, create: bool, owned: bool) -> tuple[Engine, Owner | None]:
@@ -84,9 +90,13 @@ def _read_connection(url: URL) -> Iterator[Connection]:
         engine.dispose()
 
 
-def damaged(source: str, fault: str) -> InputError:
+class DamagedError(InputError):
+    """The file of a database is damaged."""
+
+
+def damaged(source: str, fault: str) -> DamagedError:
     """The error for a database with faults, with its remedy."""
-    return InputError(source, f"is damaged: {fault}", "restore it from a backup, or move it away")
+    return DamagedError(source, f"is damaged: {fault}", _RESTORE)
 
 
 def open_error(source: str, error: DBAPIError) -> InputError | StorageError:
@@ -95,9 +105,14 @@ def open_error(source: str, error: DBAPIError) -> InputError | StorageError:
     if reason in ("database or disk is full", "disk I/O error"):
         # SQLite has the second one for its log's index on a full disk.
         return StorageError(f"{source}: {reason}; is there room on the disk?")
+    if isinstance(error, OperationalError) and not isinstance(error.orig, sqlite3.Error):
+        if any(mistake in reason for mistake in _MISTAKES):
+            return InputError(source, " ".join(reason.split()), "check the URL and the server")
+        return StorageError(f"{source}: {reason}")
+    if reason in (NO_DATABASE, DAMAGED):
+        mend = "give another file, or move this one away"
+        return DamagedError(source, reason, mend if reason == NO_DATABASE else _RESTORE)
     mend = {
-        NO_DATABASE: "give another file, or move this one away",
-        DAMAGED: "restore it from a backup, or move it away",
         "unable to open database file": "check the path and its permissions",
         "attempt to write a readonly database": "make the file and its folder writable",
         "database is locked": "stop the other program that is writing to it",

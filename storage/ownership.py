@@ -20,7 +20,19 @@ from storage.engine import is_sqlite, parse_url, sqlite_path
 
 _ADVISORY_LOCK: Final = 0x51195712EA4
 """Key of the PostgreSQL lock; such locks belong to one database of a server."""
+WRITE_LOCK: Final = _ADVISORY_LOCK + 1
+"""Key of the lock that a transaction that writes holds for its length."""
 _MEND: Final = "stop that one, or give this one a database of its own"
+_DEAD_AFTER: Final = (
+    "tcp_keepalives_idle=3",
+    "tcp_keepalives_interval=1",
+    "tcp_keepalives_count=3",
+)
+"""Server's settings, s: the lock of a machine that is gone is free after some 6 s."""
+
+
+class OwnedError(InputError):
+    """Another process owns the database."""
 
 
 class Owner(Protocol):
@@ -50,7 +62,8 @@ class FileOwner:
         path: the database; a symbolic link is followed, as SQLite does.
 
     Raises:
-        InputError: another process owns it, or the lock file cannot be made.
+        OwnedError: another process owns it.
+        InputError: the lock file cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
@@ -124,7 +137,7 @@ class ServerOwner:
     """Owner of a PostgreSQL database, by an advisory lock of a connection kept open for it.
 
     Raises:
-        InputError: another process owns it.
+        OwnedError: another process owns it.
     """
 
     def __init__(self, engine: Engine, source: str) -> None:
@@ -134,7 +147,9 @@ class ServerOwner:
         query = text("SELECT pg_try_advisory_lock(:key)")
         if not self._connection.scalar(query, {"key": _ADVISORY_LOCK}):
             self._connection.close()
-            raise InputError(source, "is written by another dispatcher", _MEND)
+            raise OwnedError(source, "is written by another dispatcher", _MEND)
+        for setting in _DEAD_AFTER:
+            self._connection.execute(text(f"SET {setting}"))
 
     def watch(self) -> None:
         """Nothing to remember: the connection is the database's."""
@@ -189,7 +204,7 @@ def _take(descriptor: int, path: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         holder = os.pread(descriptor, 20, 0).decode(errors="replace").strip()
-        raise InputError(
+        raise OwnedError(
             path, f"is written by another dispatcher (process {holder})", _MEND
         ) from None
     except OSError as error:

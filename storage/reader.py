@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from sqlalchemy import Engine, Select, func, or_, select
 from sqlalchemy.exc import DBAPIError
@@ -25,9 +25,12 @@ from storage.engine import (
 )
 from storage.inputs import CycleInputs
 from storage.jobs import QuantumJob
-from storage.models import CycleRow, PlanRow, StateRow
-from storage.rows import cycle_report, segment_state, vehicle_plan
+from storage.models import CycleRow, PlanRow
+from storage.rows import cycle_report, vehicle_plan
 from storage.tables import Tables
+from storage.traffic import history, rollup_table
+from storage.traffic.history import SegmentAt
+from storage.traffic.rollups import MINUTE_S, RollUp
 
 
 @dataclass(frozen=True)
@@ -37,13 +40,13 @@ class StoredCycle:
     Attributes:
         report: of it.
         plans: that it sent, by vehicle.
-        states: that it used.
+        states: that it used; None: they are not kept any more.
         inputs: None: they are not stored, or not any more.
     """
 
     report: CycleReport
     plans: tuple[VehiclePlan, ...]
-    states: tuple[SegmentState, ...]
+    states: tuple[SegmentState, ...] | None
     inputs: CycleInputs | None
 
 
@@ -77,18 +80,33 @@ class Reader:
             plans = {row.vehicle: row for row in _all(session, query)}
             return tuple(vehicle_plan(row) for row in plans.values())
 
-    def cycles(self, limit: int, before: int | None = None) -> tuple[CycleReport, ...]:
-        """The last ``limit`` cycles, or the last ones before a number; oldest first."""
+    def cycles(
+        self, limit: int, before: int | None = None, *, gates: bool = True
+    ) -> tuple[CycleReport, ...]:
+        """The last ``limit`` cycles, or the last ones before a number; oldest first.
+
+        Gates of cycles that are older than `storage.upkeep.STATES_KEPT_H` have no age and no speed.
+
+        Args:
+            limit: maximum number of cycles.
+            before: number that theirs are below; None: of all.
+            gates: False: only the last cycle has its gates.
+        """
         query = (
             select(CycleRow)
-            .options(selectinload(CycleRow.solver_runs), selectinload(CycleRow.gates))
+            .options(selectinload(CycleRow.solver_runs))
             .order_by(CycleRow.cycle.desc())
             .limit(limit)
         )
         if before is not None:
             query = query.where(CycleRow.cycle < before)
         with self._read_session() as session:
-            return tuple(cycle_report(row) for row in reversed(_all(session, query)))
+            rows = list(reversed(_all(session, query)))
+            if session is None or not rows:
+                return ()
+            with_gates = [row.cycle for row in (rows if gates else rows[-1:])]
+            of_cycles = history.gates_of(session, with_gates)
+            return tuple(cycle_report(row, of_cycles.get(row.cycle, ())) for row in rows)
 
     def stored_cycle(self, cycle: int) -> StoredCycle | None:
         """One cycle; None: it is not stored."""
@@ -96,11 +114,11 @@ class Reader:
             row = None if session is None else session.get(CycleRow, cycle)
             if session is None or row is None:
                 return None
-            states = sorted(row.states, key=lambda state: (state.segment, state.rsu))
+            gates = history.gates_of(session, [cycle]).get(cycle, ())
             return StoredCycle(
-                cycle_report(row),
+                cycle_report(row, gates),
                 tuple(vehicle_plan(plan) for plan in row.plans),
-                tuple(segment_state(state) for state in states),
+                history.states_of(session, cycle) if history.is_recent(session, cycle) else None,
                 inputs.load(session, cycle),
             )
 
@@ -131,12 +149,44 @@ class Reader:
             return () if session is None else tuple(fleet.plans(session, vehicle, limit, before))
 
     def states(self, cycle: int) -> tuple[SegmentState, ...]:
-        """The segment states that a cycle used, ordered by segment."""
-        query = (
-            select(StateRow).where(StateRow.cycle == cycle).order_by(StateRow.segment, StateRow.rsu)
-        )
+        """The segment states that a cycle used, by segment and RSU.
+
+        Empty for cycles older than `storage.upkeep.STATES_KEPT_H`; see `segments_at`.
+        """
         with self._read_session() as session:
-            return tuple(segment_state(row) for row in _all(session, query))
+            return () if session is None else history.states_of(session, cycle)
+
+    def segments_at(self, time_ns: int) -> tuple[SegmentAt, ...]:
+        """Gate and features of every watched segment at a moment of the kept past.
+
+        Args:
+            time_ns: UTC.
+
+        Returns:
+            By segment; empty before the first cycle that is kept.
+        """
+        with self._read_session() as session:
+            return () if session is None else history.segments_at(session, time_ns)
+
+    def rollups(
+        self, segment: str, begin_ns: int, end_ns: int, *, period_s: Literal[60, 3600] = MINUTE_S
+    ) -> tuple[RollUp, ...]:
+        """What was reported of a segment in a range of time, by minute or hour, oldest first.
+
+        Periods without a state are missing, and so is an hour that has not ended. Minutes are kept
+        for `storage.upkeep.MINUTES_KEPT_H`.
+
+        Args:
+            segment: its id.
+            begin_ns: UTC; periods that begin earlier are left out.
+            end_ns: UTC; so are those that begin then or later.
+            period_s: 60 or 3600.
+        """
+        with self._read_session() as session:
+            if session is None:
+                return ()
+            found = rollup_table.of_segment(session, segment, begin_ns, end_ns, period_s)
+            return tuple(found)
 
     def jobs(self, limit: int) -> tuple[QuantumJob, ...]:
         """The last ``limit`` quantum jobs, latest first."""

@@ -31,7 +31,7 @@ _STATE_FIELDS = tuple(SegmentState.model_fields)
 
 
 def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
-    """Build the row of a cycle with its child rows but the states: see `state_rows`."""
+    """Build the row of a cycle with its solver runs and plans; its gates are stored as traffic."""
     energy = report.energy.model_dump() if report.energy else {}
     return CycleRow(
         **report.model_dump(include=set(_CYCLE_FIELDS)),
@@ -43,10 +43,6 @@ def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
             SolverRunRow(position=position, **run.model_dump())
             for position, run in enumerate(report.solvers)
         ],
-        gates=[
-            GateRow(position=position, **gate.model_dump())
-            for position, gate in enumerate(report.gates)
-        ],
         plans=[
             PlanRow(**plan.model_dump(mode="json"), status="published", status_ns=report.started_ns)
             for plan in plans
@@ -54,13 +50,8 @@ def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
     )
 
 
-def state_rows(cycle: int, states: Sequence[SegmentState]) -> list[dict[str, object]]:
-    """The rows of a cycle's states as plain values: a city has 10,000 of them each cycle."""
-    return [{"cycle": cycle, **state.model_dump(mode="json")} for state in states]
-
-
-def cycle_report(row: CycleRow) -> CycleReport:
-    """Read a CycleReport back from its row."""
+def cycle_report(row: CycleRow, gates: Sequence[Gate] = ()) -> CycleReport:
+    """Read a CycleReport back from its row and its gates."""
     energy = None
     if row.baseline is not None:
         energy = EnergySummary.model_validate(_fields(row, _ENERGY_FIELDS))
@@ -71,7 +62,7 @@ def cycle_report(row: CycleRow) -> CycleReport:
             "solvers": tuple(
                 SolverReport.model_validate(_fields(run, _SOLVER_FIELDS)) for run in row.solver_runs
             ),
-            "gates": tuple(Gate.model_validate(_fields(gate, _GATE_FIELDS)) for gate in row.gates),
+            "gates": tuple(gates),
             "energy": energy,
             "unserved": tuple(Unserved.model_validate(stop) for stop in row.unserved),
             "carriers": tuple(CarrierSummary.model_validate(of_one) for of_one in row.carriers),
@@ -83,6 +74,11 @@ def vehicle_plan(row: PlanRow) -> VehiclePlan:
     """Read a VehiclePlan back from its row."""
     # Not strict: JSON has lists where the message has tuples.
     return VehiclePlan.model_validate(_fields(row, _PLAN_FIELDS), strict=False)
+
+
+def gate(row: GateRow) -> Gate:
+    """Read a Gate back from its row."""
+    return Gate.model_validate(_fields(row, _GATE_FIELDS))
 
 
 def segment_state(row: StateRow) -> SegmentState:

@@ -8,25 +8,34 @@ from typing import Any, Final, Literal
 
 from sqlalchemy import (
     JSON,
+    REAL,
     BigInteger,
     Boolean,
     Column,
     ColumnElement,
     Connection,
     Double,
+    LargeBinary,
+    SmallInteger,
     Table,
     Text,
     cast,
     select,
 )
+from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
-from storage.models import Base, CycleRow
+from storage.models import Base, CycleRow, GateRow, StateRow
+from storage.traffic import recent
+from storage.traffic.models import cycle_traffic
 
 BATCH: Final = 5_000
 """Rows that are held in memory at once: some 10 MB of plans."""
-_TIMES: Final = ("started_ns", "time_ns", "submitted_ns", "since_ns")
+_TIMES: Final = ("started_ns", "began_ns", "time_ns", "submitted_ns", "since_ns")
 """What a row's time is, in a table whose rows belong to no cycle."""
+
+_RECENT: Final = (GateRow.__tablename__, StateRow.__tablename__)
+"""Tables that recent cycles have one compressed row for."""
 
 Kind = Literal["integer", "real", "boolean", "text", "json", "time"]
 
@@ -45,8 +54,8 @@ class TableColumn:
 
 
 def table_names() -> tuple[str, ...]:
-    """All tables, by name."""
-    return tuple(sorted(Base.metadata.tables))
+    """The tables that can be read, by name: all but those of compressed parts."""
+    return tuple(sorted(name for name, table in Base.metadata.tables.items() if _is_plain(table)))
 
 
 class Tables:
@@ -73,7 +82,7 @@ class Tables:
         """The rows of a table in the order of its primary key, `batch` at a time.
 
         Those of a cycle count by its start, others by their own time; a table without times is
-        given whole.
+        given whole. Gates and states of recent cycles come after those of the versions before.
 
         Args:
             table: its name.
@@ -97,11 +106,42 @@ class Tables:
         options = {"yield_per": batch}
         with self._connection.execute(query, execution_options=options) as found:
             yield from found.partitions()
+        if table in _RECENT:
+            yield from self._recent(table, from_ns, to_ns)
+
+    def _recent(
+        self, table: str, from_ns: int | None, to_ns: int | None
+    ) -> Iterator[Sequence[Sequence[Any]]]:
+        """The rows that recent cycles have in place of rows of a table, a cycle at a time."""
+        query = select(cycle_traffic.c.cycle).order_by(cycle_traffic.c.cycle)
+        condition = _between(cycle_traffic, from_ns, to_ns)
+        if condition is not None:
+            query = query.where(condition)
+        names = [column.name for column in _table(table).columns]
+        with Session(self._connection) as session:
+            for cycle in self._connection.execute(query).scalars().all():
+                rows = [[row[name] for name in names] for row in _expanded(session, table, cycle)]
+                if rows:
+                    yield rows
+
+
+def _expanded(session: Session, table: str, cycle: int) -> Iterator[dict[str, Any]]:
+    if table == GateRow.__tablename__:
+        for position, gate in enumerate(recent.gates(session, cycle, cycle).get(cycle, ())):
+            yield {**gate.model_dump(), "cycle": cycle, "position": position}
+        return
+    for state in recent.states(session, cycle):
+        features = None if state.features is None else state.features.model_dump_json()
+        yield {**state.model_dump(), "cycle": cycle, "features": features}
+
+
+def _is_plain(table: Table) -> bool:
+    return not any(isinstance(column.type, LargeBinary) for column in table.columns)
 
 
 def _table(name: str) -> Table:
     table = Base.metadata.tables.get(name)
-    if table is None:
+    if table is None or not _is_plain(table):
         raise InputError("export", f"no table {name!r}", f"use one of: {', '.join(table_names())}")
     return table
 
@@ -135,8 +175,8 @@ def _kind(column: Column[Any]) -> Kind:
         return "json"
     if isinstance(column.type, Boolean):
         return "boolean"
-    if isinstance(column.type, Double):
+    if isinstance(column.type, Double | REAL):
         return "real"
-    if isinstance(column.type, BigInteger):
+    if isinstance(column.type, BigInteger | SmallInteger):
         return "time" if column.name.endswith("_ns") else "integer"
     return "text"

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
+from benchmarks.postgres_server import PostgresServer, find_pg_ctl
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 
@@ -149,6 +150,8 @@ def tool() -> Callable[[str], str]:
 
     def find(name: str) -> str:
         path = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
+        if name == "postgresql":
+            path = find_pg_ctl()
         if path is None and name in os.environ.get(REQUIRED, "").split():
             pytest.fail(f"{name} is not installed, but {REQUIRED} names it")
         if path is None:
@@ -156,6 +159,25 @@ def tool() -> Callable[[str], str]:
         return path
 
     return find
+
+
+@pytest.fixture(scope="session")
+def postgres(tool: Callable[[str], str]) -> Iterator[PostgresServer]:
+    """A server for all tests of a session."""
+    pg_ctl = tool("postgresql")
+    pytest.importorskip("psycopg")
+    server = PostgresServer(pg_ctl)
+    try:
+        yield server
+        server.stop()
+    finally:
+        server.remove()
+
+
+@pytest.fixture
+def postgres_url(postgres: PostgresServer) -> str:
+    """An empty database of the server."""
+    return postgres.new_database()
 
 
 _CHROMIUM_ARGUMENTS = [

@@ -57,7 +57,10 @@ def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) ->
         lines.append(f"{labels.plural(health.states_refused, 'state')} refused")
     if health.messages_lost:
         lines.append(f"{labels.plural(health.messages_lost, 'message')} lost")
-    told: Level = "warn" if health.states_refused or health.messages_lost else "ok"
+    if health.database_set_aside is not None:
+        lines.append(f"A damaged database was set aside as {health.database_set_aside}")
+    warn = health.states_refused or health.messages_lost or health.database_set_aside
+    told: Level = "warn" if warn else "ok"
     return " · ".join(lines), "bad" if problem else told
 
 

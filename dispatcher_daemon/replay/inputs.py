@@ -157,6 +157,8 @@ def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
     inputs = stored.inputs
     if inputs is None:
         raise ValueError("its inputs are not stored")
+    if stored.states is None:
+        raise ValueError("the states that it used are not kept any more, only their roll-ups")
     own = _own(inputs)
     try:
         parts = {name: json.loads(part.content) for name, part in inputs.parts.items()}

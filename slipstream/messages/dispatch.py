@@ -178,6 +178,11 @@ class DispatcherHealth(Message):
     orders: dict[OrderState, Count] = Field(
         default_factory=dict, description="Number of orders by state; senders before: none."
     )
+    database_set_aside: str | None = Field(
+        default=None,
+        description="File that a damaged database became when this dispatcher started; senders "
+        "before: null.",
+    )
 
 
 CYCLE_KEY: Final = f"{ROOT}/dispatcher/cycle"

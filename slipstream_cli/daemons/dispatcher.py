@@ -12,6 +12,11 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser("dispatcher", help="route the fleet on a schedule")
     command.add_argument("--config", type=Path, required=True, help="settings (TOML)")
+    command.add_argument(
+        "--standby",
+        action="store_true",
+        help="wait while another dispatcher writes the database, and take over when it ends",
+    )
     command.set_defaults(run=run)
 
 
@@ -21,9 +26,10 @@ def run(options: argparse.Namespace) -> int:
     from storage import check_free
 
     settings = load(options.config, DispatcherSettings)
-    # A second dispatcher ends before it loads the solvers, which takes seconds.
-    check_free(settings.database_url)
+    if not options.standby:
+        # A second dispatcher ends before it loads the solvers, which takes seconds.
+        check_free(settings.database_url)
     from dispatcher_daemon.daemon import run_dispatcher
 
-    run_dispatcher(settings)
+    run_dispatcher(settings, standby=options.standby)
     return 0

@@ -3,6 +3,7 @@
 from alembic import context
 
 from storage.models import Base
+from storage.traffic import models as _of_traffic  # noqa: F401 (their tables join those of Base)
 
 context.configure(
     connection=context.config.attributes["connection"],

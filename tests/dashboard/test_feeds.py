@@ -75,9 +75,9 @@ def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
     limits = []
     cycles = storage.Reader.cycles
 
-    def spied(self, limit):
+    def spied(self, limit, **options):
         limits.append(limit)
-        return cycles(self, limit)
+        return cycles(self, limit, **options)
 
     monkeypatch.setattr(storage.Reader, "cycles", spied)
     path = tmp_path / "x.db"

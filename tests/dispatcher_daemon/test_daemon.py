@@ -39,7 +39,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.orders import FleetRecords
-from storage import CycleInputs, StorageError, open_reader
+from storage import CycleInputs, RollUp, StorageError, open_reader
 
 State = Callable[..., SegmentState]
 SETTINGS = DispatcherSettings(solvers=("exact",))
@@ -53,6 +53,7 @@ class Log:
     broken: bool = False
     old: int = 0
     pruned: list[int] = field(default_factory=list)
+    rollups: list[RollUp] = field(default_factory=list)
 
     def publisher(self, key: str) -> _Outlet:
         """A publisher that writes down."""
@@ -75,7 +76,7 @@ class Log:
         """Six cycles came before."""
         return 7
 
-    def prune(self, keep_days: float, now_ns: int, *, limit: int) -> int:
+    def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
         """Delete of what is old as much as is allowed."""
         deleted = min(self.old, limit)
         self.old -= deleted
@@ -85,6 +86,15 @@ class Log:
     def trim(self, keep_mb: float, *, limit: int) -> int:
         """Nothing is too much."""
         return 0
+
+    def add_rollups(self, minutes: Sequence[RollUp]) -> None:
+        """Store, or fail as a full disk does."""
+        if self.broken:
+            raise StorageError("x.db: disk full")
+        self.rollups += minutes
+
+    def tidy(self, now_ns: int, *, budget_s: float) -> None:
+        """No traffic is old."""
 
     def published(self, kind: type[Message]) -> list[object]:
         """Messages of one type, in order."""
@@ -157,6 +167,28 @@ def test_a_cycle_that_cannot_be_stored_sends_no_plan(
     dispatcher.run_cycle()
     assert dispatcher.cycles == 1
     assert len(log.published(VehiclePlan)) == 2
+
+
+def test_every_admitted_state_is_rolled_up(
+    demo: RoutingProblem, state: State, caplog: pytest.LogCaptureFixture
+) -> None:
+    """States between two cycles count too, once each; a full disk delays their minutes."""
+    log = Log()
+    dispatcher = make(demo, log)
+    old_ns = time.time_ns() - 120 * 10**9
+    for sequence in range(5):
+        seen = state("avenue_east", 1, time_ns=old_ns + sequence * 10**6, sequence=sequence)
+        for _ in range(2):
+            dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+    log.broken = True
+    with caplog.at_level(logging.WARNING):
+        dispatcher.store_rollups(time.time_ns())
+    assert "roll-ups could not be stored" in caplog.text
+    assert log.rollups == []
+    log.broken = False
+    dispatcher.run_cycle()
+    assert sum(part.count for part in log.rollups) == 5
+    assert {part.segment for part in log.rollups} == {"avenue_east"}
 
 
 def test_a_cycle_that_raises_is_recorded_with_its_reason(demo: RoutingProblem) -> None:
@@ -302,7 +334,7 @@ def test_a_backlog_of_old_cycles_goes_bit_by_bit(demo: RoutingProblem) -> None:
     dispatcher = make(demo, log)
     for _ in range(5):
         dispatcher.run_cycle()
-    assert log.pruned == [PRUNE_BATCH, PRUNE_BATCH, 5]
+    assert log.pruned == [PRUNE_BATCH, PRUNE_BATCH, 5, 0]
 
 
 def test_each_cycle_has_a_seed_of_its_own() -> None:

@@ -160,3 +160,11 @@ def make_cycle() -> Callable[[int], Cycle]:
 def url(tmp_path: Path) -> str:
     """Where a database may be made; its folder does not exist yet."""
     return f"sqlite:///{tmp_path}/state/slipstream.db"
+
+
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.process)])
+def any_url(request: pytest.FixtureRequest) -> str:
+    """A database of each kind: what holds for one holds for the other."""
+    name = "url" if request.param == "sqlite" else "postgres_url"
+    found: str = request.getfixturevalue(name)
+    return found

@@ -14,7 +14,6 @@ import storage
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, DrivingAdvice, Unserved
 from storage.engine import parse_url, writer_engine
-from storage.models import StateRow
 
 DAY_NS = 86_400_000_000_000
 
@@ -31,10 +30,10 @@ def _count(url: str, table: str) -> int:
         connection.close()
 
 
-def test_round_trip(url, make_cycle):
+def test_round_trip(any_url, make_cycle):
     """Reports, plans and states come back equal to what was recorded, field by field."""
     first, second = make_cycle(1), make_cycle(2)
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(*first)
         database.record_cycle(*second)
         assert reader.cycles(limit=10) == (first[0], second[0])
@@ -43,7 +42,7 @@ def test_round_trip(url, make_cycle):
         assert reader.states(1) == tuple(first[2])
 
 
-def test_a_thousand_unserved_stops_round_trip(url, make_cycle):
+def test_a_thousand_unserved_stops_round_trip(any_url, make_cycle):
     """A cycle that serves next to nothing of a city is stored with each stop, in their order."""
     report, plans, states = make_cycle(1)
     stops = tuple(
@@ -51,12 +50,12 @@ def test_a_thousand_unserved_stops_round_trip(url, make_cycle):
         for n in range(1000, 0, -1)
     )
     report = report.model_copy(update={"unserved": stops})
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(report, plans, states)
         assert reader.latest_cycle() == report
 
 
-def test_failed_cycle_round_trip(url, make_cycle):
+def test_failed_cycle_round_trip(any_url, make_cycle):
     """A cycle without energy, solver or plans is stored as such; older plans stay the latest."""
     report, plans, _ = make_cycle(1)
     failed = CycleReport(
@@ -73,7 +72,7 @@ def test_failed_cycle_round_trip(url, make_cycle):
         energy=None,
         plans=0,
     )
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(report, plans, [])
         database.record_cycle(failed, [], [])
         assert reader.latest_cycle() == failed
@@ -87,32 +86,32 @@ def test_a_fault_in_the_middle_leaves_nothing(url, make_cycle):
 
         @event.listens_for(database._engine, "before_cursor_execute", retval=True)
         def _break_the_last_table(_c, _cursor, statement, parameters, _context, _many):
-            if statement.startswith(f"INSERT INTO {StateRow.__tablename__}"):
-                statement = statement.replace(StateRow.__tablename__, "no_such_table")
+            if statement.startswith("INSERT INTO cycle_traffic"):
+                statement = statement.replace("cycle_traffic", "no_such_table")
             return statement, parameters
 
         with pytest.raises(storage.StorageError, match="no such table"):
             database.record_cycle(*make_cycle(2))
         event.remove(database._engine, "before_cursor_execute", _break_the_last_table)
-        for table, rows in (("cycles", 1), ("plans", 2), ("solver_runs", 2), ("gates", 2)):
+        for table, rows in (("cycles", 1), ("plans", 2), ("solver_runs", 2), ("cycle_traffic", 1)):
             assert _count(url, table) == rows
         database.record_cycle(*make_cycle(2))
-        assert _count(url, "segment_states") == 4
+        assert _count(url, "cycle_traffic") == 2
 
 
-def test_numbers_go_on(url, make_cycle):
+def test_numbers_go_on(any_url, make_cycle):
     """Cycle numbers start at 1 and go on above the highest stored one after a restart."""
-    with storage.open_database(url) as database:
+    with storage.open_database(any_url) as database:
         assert database.next_cycle_number() == 1
         database.record_cycle(*make_cycle(1))
         database.record_cycle(*make_cycle(7))
-    with storage.open_database(url) as database:
+    with storage.open_database(any_url) as database:
         assert database.next_cycle_number() == 8
 
 
-def test_a_cycle_is_recorded_once(url, make_cycle):
+def test_a_cycle_is_recorded_once(any_url, make_cycle):
     """A number that is taken, and plans of another cycle, are refused and change nothing."""
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(*make_cycle(1))
         with pytest.raises(ValueError, match="cycle 1 is refused"):
             database.record_cycle(*make_cycle(1))
@@ -123,15 +122,15 @@ def test_a_cycle_is_recorded_once(url, make_cycle):
 
 def test_prune_in_batches(url, make_cycle, monkeypatch):
     """Old cycles go with all that hangs under them; newer ones and the very latest stay."""
-    monkeypatch.setattr("storage.database.PRUNE_BATCH", 3)
+    monkeypatch.setattr("storage.writer.PRUNE_BATCH", 3)
     with storage.open_database(url) as database:
         for number in range(1, 11):
             database.record_cycle(*make_cycle(number))
         now_ns = make_cycle(8)[0].started_ns + DAY_NS
         assert database.prune(keep_days=1.0, now_ns=now_ns) == 7
         assert database.prune(keep_days=1.0, now_ns=now_ns) == 0
-        for table in ("plans", "solver_runs", "gates", "segment_states"):
-            assert _count(url, table) == 6
+        for table, rows in (("plans", 6), ("solver_runs", 6), ("cycle_traffic", 3)):
+            assert _count(url, table) == rows
         assert database.prune(keep_days=0.0, now_ns=now_ns + DAY_NS) == 2
         assert database.next_cycle_number() == 11
 
@@ -149,10 +148,10 @@ def test_prune_refuses_ages_that_are_none(url, make_cycle, keep_days):
     assert _count(url, "cycles") == 2
 
 
-def test_prune_can_be_limited(url, make_cycle, monkeypatch):
+def test_prune_can_be_limited(any_url, make_cycle, monkeypatch):
     """A limited prune deletes the oldest so many, over several batches, and leaves the rest."""
-    monkeypatch.setattr("storage.database.PRUNE_BATCH", 3)
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    monkeypatch.setattr("storage.writer.PRUNE_BATCH", 3)
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         for number in range(1, 11):
             database.record_cycle(*make_cycle(number))
         database.trust_clock(2**62)
@@ -309,11 +308,11 @@ def test_locked_by_another_writer(url, monkeypatch):
     storage.open_database(url).close()
 
 
-def test_plans_keep_their_advice(url, make_cycle):
+def test_plans_keep_their_advice(any_url, make_cycle):
     """How to drive is stored with where to drive."""
     report, plans, states = make_cycle(1)
     advice = DrivingAdvice(eco_approach=True, coasting_budget=0.06)
     advised = tuple(plan.model_copy(update={"advice": advice}) for plan in plans)
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(report, advised, states)
         assert {plan.advice for plan in reader.latest_plans()} == {advice}

@@ -60,17 +60,17 @@ VEHICLE = VehicleRecord(
 )
 
 
-def test_what_is_stored_with_a_cycle_is_loaded(url, make_cycle):
+def test_what_is_stored_with_a_cycle_is_loaded(any_url, make_cycle):
     """Orders, vehicles and the plans in force come back as they were; others do not."""
     report, plans, states = make_cycle(1)
     orders = (make_order("s1"), make_order("s2", state="open", vehicle=None, cycle=None))
-    with storage.open_database(url) as database:
+    with storage.open_database(any_url) as database:
         assert database.load_fleet(NOW_NS) == FleetRecords()
         records = FleetRecords(
             orders=orders, changes=tuple(map(change_of, orders)), vehicles=(VEHICLE,)
         )
         database.record_cycle(report, plans, states, records)
-    with storage.open_database(url) as database:
+    with storage.open_database(any_url) as database:
         loaded = database.load_fleet(NOW_NS)
         assert (loaded.orders, loaded.vehicles) == (orders, (VEHICLE,))
         assert [(r.plan, r.status) for r in loaded.plans] == [(p, "published") for p in plans]
@@ -81,9 +81,9 @@ def test_what_is_stored_with_a_cycle_is_loaded(url, make_cycle):
         assert database.load_fleet(NOW_NS + DAY_NS).plans == (accepted,)
 
 
-def test_a_plan_in_force_is_shown_until_a_later_one_is(url, make_cycle):
+def test_a_plan_in_force_is_shown_until_a_later_one_is(any_url, make_cycle):
     """A vehicle that got none in the latest cycle still follows its last one."""
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         report, (first, second), states = make_cycle(1)
         database.record_cycle(report, (first, second), states)
         report, (later, _), states = make_cycle(2)
@@ -94,11 +94,11 @@ def test_a_plan_in_force_is_shown_until_a_later_one_is(url, make_cycle):
         assert reader.latest_plans() == (later,)
 
 
-def test_sums_of_movements_add_up(url):
+def test_sums_of_movements_add_up(any_url):
     """What is stored of a movement and hour is added to what is there."""
     first = MovementSum("a", "b", 8, 2.0, 0.5, 60.0, 1.0)
     other = MovementSum("a", "b", 9, 1.0, 0.25, 30.0, 0.0)
-    with storage.open_database(url) as database:
+    with storage.open_database(any_url) as database:
         database.save_fleet(FleetRecords(movements=(first,)))
         database.save_fleet(FleetRecords(movements=(first, other)))
         assert database.load_fleet(NOW_NS).movements == (
@@ -107,23 +107,23 @@ def test_sums_of_movements_add_up(url):
         )
 
 
-def test_sums_of_speeds_add_up(url):
+def test_sums_of_speeds_add_up(any_url):
     """What is stored of a segment and hour is added to what is there."""
     first, other = SpeedSum("a", 8, 2.0, 20.0, 3.0, 1.0), SpeedSum("a", 9, 1.0, 5.0)
-    with storage.open_database(url) as database:
+    with storage.open_database(any_url) as database:
         database.save_fleet(FleetRecords(speeds=(first,)))
         database.save_fleet(FleetRecords(speeds=(first, other)))
         assert database.load_fleet(NOW_NS).speeds == (SpeedSum("a", 8, 4.0, 40.0, 6.0, 2.0), other)
 
 
-def test_the_life_of_an_order_is_kept(url):
+def test_the_life_of_an_order_is_kept(any_url):
     """Each change is a row, in order, numbered on from transaction to transaction."""
     order = make_order("s1")
     steps = [
         replace(order, state=state, since_ns=NOW_NS + at, reason=f"step {at}")
         for at, state in enumerate(("open", "planned", "under_way", "served"))
     ]
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         for some in (steps[:1], steps[1:3], steps[3:]):
             database.save_fleet(FleetRecords((some[-1],), tuple(map(change_of, some))))
         assert reader.order_changes("s1") == tuple(map(change_of, steps))
@@ -132,7 +132,7 @@ def test_the_life_of_an_order_is_kept(url):
         assert reader.orders(("open", "planned")) == ()
 
 
-def test_an_ended_order_is_forgotten_only_when_no_file_has_it(url, make_cycle):
+def test_an_ended_order_is_forgotten_only_when_no_file_has_it(any_url, make_cycle):
     """One that is still listed would be planned and delivered again."""
     old = NOW_NS - 9 * DAY_NS
     orders = (
@@ -142,7 +142,7 @@ def test_an_ended_order_is_forgotten_only_when_no_file_has_it(url, make_cycle):
         make_order("gone-yesterday", state="failed", since_ns=NOW_NS - 2 * DAY_NS, listed=False),
         make_order("under-way", state="under_way", since_ns=old, listed=False),
     )
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(*make_cycle(1), FleetRecords(orders, tuple(map(change_of, orders))))
         assert {o.order for o in database.load_fleet(NOW_NS).orders} == {
             "listed",

@@ -51,8 +51,8 @@ def test_inputs_that_cannot_be_stored_leave_no_cycle(url, make_cycle):
         assert database.next_cycle_number() == 1
 
 
-@pytest.mark.parametrize("limit", [None, 50])
-def test_inputs_go_after_their_own_days_and_the_cycles_stay(url, make_cycle, limit):
+@pytest.mark.parametrize("budget_s", [None, 60.0])
+def test_inputs_go_after_their_own_days_and_the_cycles_stay(url, make_cycle, budget_s):
     """Of 50 cycles six hours apart those of the last week keep theirs; unused parts are gone."""
     with storage.open_database(url) as database, storage.open_reader(url) as reader:
         for number in range(1, 51):
@@ -60,7 +60,7 @@ def test_inputs_go_after_their_own_days_and_the_cycles_stay(url, make_cycle, lim
             plans = [plan.model_copy(update={"cycle": number}) for plan in plans]
             report = report.model_copy(update={"cycle": number, "started_ns": number * DAY_NS // 4})
             database.record_cycle(report, plans, states, made_from=_of(number))
-        assert database.prune(90.0, 50 * DAY_NS // 4, limit=limit) == 0
+        database.tidy(50 * DAY_NS // 4, budget_s=budget_s)
         kept = [n for n in range(1, 51) if reader.stored_cycle(n).inputs is not None]
         assert kept == list(range(50 - round(4 * inputs.KEEP_DAYS), 51))
     assert _count(url, "cycles") == 50

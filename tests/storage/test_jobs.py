@@ -39,9 +39,9 @@ def make_job(tag: str, **changes: object) -> QuantumJob:
     return replace(job, **changes)
 
 
-def test_a_job_is_brought_up_to_date(url):
+def test_a_job_is_brought_up_to_date(any_url):
     """What is saved last of a job is what is read, after a restart too; readers see it."""
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         assert reader.jobs(limit=5) == ()
         database.save_job(make_job("a"))
         assert reader.jobs(limit=5) == (make_job("a"),)
@@ -58,14 +58,14 @@ def test_a_job_is_brought_up_to_date(url):
             two_qubit_gates=48,
         )
         database.save_job(done)
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         assert database.jobs_since(0) == [done]
         assert reader.jobs(limit=5) == (done,)
 
 
-def test_what_a_restart_needs(url):
+def test_what_a_restart_needs(any_url):
     """Open jobs of any age and those over within the window are found, oldest first."""
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         old = make_job("old", state="failed", finished_ns=NOW_NS - DAY_NS - 1)
         recent = make_job("recent", state="lost", finished_ns=NOW_NS - DAY_NS, submitted_ns=NOW_NS)
         queued = make_job("queued", state="queued", job_id="j", submitted_ns=NOW_NS - 9 * DAY_NS)
@@ -75,9 +75,9 @@ def test_what_a_restart_needs(url):
         assert [job.tag for job in reader.jobs(limit=2)] == ["old", "recent"]
 
 
-def test_jobs_of_the_budget_are_not_pruned(url, make_cycle):
+def test_jobs_of_the_budget_are_not_pruned(any_url, make_cycle):
     """Old jobs go with old cycles; open ones and those of the last two days never do."""
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(*make_cycle(1))
         for tag, days in (("ancient", 9), ("yesterday", 1)):
             over_ns = NOW_NS - days * DAY_NS

@@ -26,9 +26,9 @@ def test_waits_for_the_file(url, make_cycle):
         assert reader.latest_cycle() == make_cycle(1)[0]
 
 
-def test_last_cycles_oldest_first(url, make_cycle):
+def test_last_cycles_oldest_first(any_url, make_cycle):
     """A limited history holds the newest cycles in their order."""
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         for number in range(1, 6):
             database.record_cycle(*make_cycle(number))
         assert [cycle.cycle for cycle in reader.cycles(limit=3)] == [3, 4, 5]

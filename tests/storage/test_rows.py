@@ -7,12 +7,10 @@ import pytest
 from slipstream.messages import (
     CycleReport,
     EnergySummary,
-    Gate,
-    SegmentState,
     SolverReport,
     VehiclePlan,
 )
-from storage.models import CycleRow, GateRow, PlanRow, SolverRunRow, StateRow
+from storage.models import CycleRow, PlanRow, SolverRunRow
 
 
 @pytest.mark.parametrize(
@@ -20,8 +18,6 @@ from storage.models import CycleRow, GateRow, PlanRow, SolverRunRow, StateRow
     [
         (CycleReport, CycleRow, {"energy", "gates", "plans", "solvers"}),
         (EnergySummary, CycleRow, set()),
-        (Gate, GateRow, set()),
-        (SegmentState, StateRow, set()),
         (SolverReport, SolverRunRow, set()),
         (VehiclePlan, PlanRow, set()),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from pathlib import Path
 
@@ -18,10 +19,10 @@ from storage.engine import parse_url, writer_engine
 from storage.models import Base
 
 
-def test_head_equals_the_models(url):
+def test_head_equals_the_models(any_url):
     """Upgrading an empty database gives the tables, columns and indexes of the models."""
-    storage.open_database(url).close()
-    engine = writer_engine(parse_url(url))
+    storage.open_database(any_url).close()
+    engine = writer_engine(parse_url(any_url))
     with engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
         assert compare_metadata(context, Base.metadata) == []
@@ -61,6 +62,11 @@ def test_a_broken_upgrade_leaves_nothing(url, monkeypatch):
 TABLES = ("cycles", "solver_runs", "gates", "plans", "segment_states")
 
 
+def _insert(connection, table: str, row) -> None:
+    marks = ", ".join(f":{name}" for name in row)
+    connection.execute(f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", row)
+
+
 def _at_0001(url, tmp_path, cycles) -> None:
     """Make a database as the first version left it: its schema, and rows in its columns only."""
     newest = tmp_path / "newest.db"
@@ -77,9 +83,16 @@ def _at_0001(url, tmp_path, cycles) -> None:
     engine.dispose()
     old = sqlite3.connect(url.removeprefix("sqlite:///"))
     old.execute("ATTACH ? AS newest", (str(newest),))
-    for table in TABLES:
+    for table in ("cycles", "solver_runs", "plans"):
         names = ", ".join(row[1] for row in old.execute(f"PRAGMA main.table_info({table})"))
         old.execute(f"INSERT INTO main.{table} ({names}) SELECT {names} FROM newest.{table}")
+    for report, _, states in cycles:
+        for place, gate in enumerate(report.gates):
+            _insert(old, "gates", {"cycle": report.cycle, "position": place, **gate.model_dump()})
+        for state in states:
+            row = {"cycle": report.cycle, **state.model_dump(mode="json")}
+            row["features"] = None if state.features is None else json.dumps(row["features"])
+            _insert(old, "segment_states", row)
     old.commit()
     old.close()
 

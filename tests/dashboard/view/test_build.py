@@ -241,10 +241,14 @@ def test_a_failed_cycle_is_shown(world, now_ns):
     [
         ({"states_refused": 3}, "3 states refused"),
         ({"messages_lost": 1}, "1 message lost"),
+        (
+            {"database_set_aside": "x.db-corrupt-1"},
+            "A damaged database was set aside as x.db-corrupt-1",
+        ),
     ],
 )
-def test_refused_and_lost_messages_are_shown(world, now_ns, changes, shown):
-    """Somebody floods the bus, or speaks for a road that is not theirs: the page says so."""
+def test_what_was_refused_lost_or_set_aside_is_shown(world, now_ns, changes, shown):
+    """Somebody floods the bus, or a file was damaged: the page says so."""
     health = world.dispatcher(now_ns).model_copy(update=changes)
     view = _view(Snapshot(dispatcher=health, cycles=(world.cycle(1, now_ns),)), now_ns)
     assert view.dispatcher == f"Next cycle in 18 s · {shown}"

@@ -1,0 +1,1 @@
+"""Backup and restore, and what becomes of a damaged file."""

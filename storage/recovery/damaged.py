@@ -1,0 +1,102 @@
+"""A damaged file at a dispatcher's start: it is set aside, and a new database takes its place.
+
+Vehicles refuse plans of lower cycles than they know, so that numbers go on above those of before.
+Orders, vehicles and plans in force are taken over if all of them can still be read.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from itertools import groupby
+from pathlib import Path
+
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session
+
+from slipstream.orders import FleetRecords
+from storage import fleet, schema
+from storage.database import Database, open_database
+from storage.engine import is_sqlite, parse_url, reader_engine, sqlite_path
+from storage.opening import DamagedError
+from storage.ownership import FileOwner
+from storage.recovery import files
+from storage.recovery.backup import NUMBERS_LEFT_OUT, empty_report
+from storage.retention import reserve_path
+
+log = logging.getLogger(__name__)
+
+
+def open_or_set_aside(url: str) -> Database:
+    """Open the database as its one dispatcher; a damaged file is kept as ``{name}-corrupt-{UTC}``.
+
+    `Database.set_aside` says where it is. Only a file that a dispatcher has written is set aside:
+    its reserve file tells. The path may be wrong otherwise.
+
+    Raises:
+        InputError: as `open_database`.
+        StorageError: likewise.
+    """
+    try:
+        return open_database(url, owned=True)
+    except DamagedError as error:
+        parsed = parse_url(url)
+        if not is_sqlite(parsed) or not reserve_path(sqlite_path(parsed)).exists():
+            raise
+        aside = _set_aside(sqlite_path(parsed), error)
+    database = open_database(url, owned=True)
+    database.set_aside = aside
+    return database
+
+
+def _set_aside(path: Path, error: DamagedError) -> Path:
+    owner = FileOwner(path)
+    try:
+        place = path.resolve()
+        now_ns = time.time_ns()
+        highest = files.highest_cycle(place)
+        # No dispatcher has made more cycles than seconds have passed since 1970.
+        number = now_ns // 10**9 if highest is None else highest + NUMBERS_LEFT_OUT
+        records = _readable_fleet(place, now_ns)
+        with files.new_file(place) as part:
+            with open_database(f"sqlite:///{part}") as database:
+                if records is not None:
+                    _take_over(database, records)
+                line = f"the database of before {error.problem}"[:500]
+                database.record_cycle(empty_report(number, now_ns, line), [], [])
+            aside = files.replace(place, part, "corrupt")
+    finally:
+        owner.close()
+    assert aside is not None
+    log.error(
+        "%s: it was set aside as %s, and a new database begins with cycle %d; orders, vehicles "
+        "and plans in force %s",
+        error,
+        aside.name,
+        number + 1,
+        "could not be read" if records is None else "were taken over",
+    )
+    return aside
+
+
+def _readable_fleet(path: Path, now_ns: int) -> FleetRecords | None:
+    """Orders, vehicles and plans in force of a damaged file; None if not all can be read."""
+    engine = reader_engine(parse_url(f"sqlite:///{path}"))
+    try:
+        with Session(engine) as session:
+            if schema.current(session.connection()) != schema.head():
+                return None
+            return fleet.load(session, now_ns)
+    except (DBAPIError, ValueError, TypeError):
+        return None
+    finally:
+        engine.dispose()
+
+
+def _take_over(database: Database, records: FleetRecords) -> None:
+    plans = sorted((record.plan for record in records.plans), key=lambda plan: plan.cycle)
+    for cycle, of_cycle in groupby(plans, key=lambda plan: plan.cycle):
+        some = list(of_cycle)
+        report = empty_report(cycle, some[0].issued_ns, "taken over from a damaged file", len(some))
+        database.record_cycle(report, some, [])
+    database.save_fleet(records)

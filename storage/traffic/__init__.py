@@ -1,0 +1,1 @@
+"""Traffic that RSUs reported: gates as changes, states as roll-ups, the newest as they came."""

@@ -1,0 +1,239 @@
+"""What keeps the database small: deletion by age and size, and the newest states made roll-ups."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Final
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from slipstream.errors import InputError
+from storage import fleet, inputs, jobs, retention
+from storage.models import CycleRow
+from storage.traffic import conversion, gates, recent, rollup_table
+from storage.traffic.rollups import MINUTE_S
+from storage.writer import Writer
+
+MIN_JOB_DAYS: Final = 2.0
+"""Quantum jobs are kept for at least this long, days: a day's budget is computed from them."""
+MAX_STEPS: Final = 4
+"""Steps of `retention.BATCH_BYTES` in which the running dispatcher's file shrinks after a cycle."""
+STATES_KEPT_H: Final = 24.0
+"""States and gates of cycles are kept as they came for this long, h; then only as roll-ups of the
+states and changes of the gates."""
+MINUTES_KEPT_H: Final = 48.0
+"""Roll-ups of minutes are kept for this long, h; those of hours as long as cycles."""
+
+_HOUR_NS: Final = 3600e9
+
+
+class Upkeep(Writer):
+    """The part of the database that deletes."""
+
+    _used_pages: int | None = None
+    _segment = 0
+    """Number of the last segment whose old gates were deleted."""
+
+    def trust_clock(self, now_ns: int) -> None:
+        """Take ``now_ns``, UTC, for the time, however far ahead of the cycles it is.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        with self._write_session() as session:
+            retention.set_time(session, now_ns)
+
+    def prune(
+        self,
+        keep_days: float,
+        now_ns: int,
+        *,
+        limit: int | None = None,
+        budget_s: float | None = None,
+    ) -> int:
+        """Delete cycles that began more than ``keep_days`` before ``now_ns``.
+
+        The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
+        finished before then are deleted too, but none of the last `MIN_JOB_DAYS`; so are orders
+        that ended before then and are in no fleet file any more.
+
+        Args:
+            keep_days: age limit, days.
+            now_ns: UTC.
+            limit: maximum number of cycles to delete, oldest first; None: no maximum.
+            budget_s: after this time no transaction but the first begins; None: until all is done.
+
+        Returns:
+            Number of cycles deleted.
+
+        Raises:
+            InputError: ``keep_days`` is negative or not finite.
+            UntrustedClockError: ``now_ns`` is too far ahead of the cycles; nothing is deleted.
+            StorageError: the database cannot be written; batches already deleted stay deleted.
+        """
+        if not (math.isfinite(keep_days) and keep_days >= 0):
+            raise InputError(
+                self._source,
+                f"cycles cannot be kept for {keep_days} days",
+                "give a number of days, 0 or more",
+                key="keep_days",
+            )
+        ends = math.inf if budget_s is None else time.monotonic() + budget_s
+        # No cycle began before 1970, and SQLite takes no number beyond 64 bits.
+        before_ns = max(0, now_ns - int(min(keep_days * 86_400e9, 2.0**63)))
+        jobs_before_ns = min(before_ns, max(0, now_ns - int(MIN_JOB_DAYS * 86_400e9)))
+        with self._write_session() as session:
+            retention.check_clock(session, now_ns, self._source)
+            jobs.prune(session, jobs_before_ns)
+            fleet.prune(session, before_ns)
+            below = retention.first_kept(session, before_ns, now_ns)
+        pruned, batch = 0, self._batch()
+        # One batch at least, so that none deleted means none left.
+        while below is not None and pruned != limit and (not pruned or time.monotonic() < ends):
+            wanted = batch if limit is None else min(batch, limit - pruned)
+            with self._write_session() as session:
+                count = retention.delete_cycles(session, wanted, below, before_ns)
+            pruned += count
+            if limit is None:
+                self._give_all_back()
+            if count < wanted:
+                break
+        return pruned
+
+    def trim(self, keep_mb: float, *, limit: int | None = None) -> int:
+        """Delete the oldest cycles until an SQLite database fits into ``keep_mb``.
+
+        What counts is the file, a full write-ahead log and the reserve file. The latest cycle
+        always stays. The file itself shrinks in a few small steps a call if ``limit`` is given,
+        else by `shrink`. A PostgreSQL database is left as it is.
+
+        Args:
+            keep_mb: limit of size, MB (10^6 bytes).
+            limit: maximum number of cycles to delete; None: no maximum. More are deleted where that
+                is less than twice of what was added since the last call.
+
+        Returns:
+            Number of cycles deleted.
+
+        Raises:
+            InputError: ``keep_mb`` is negative or not finite.
+            StorageError: the database cannot be written; batches already deleted stay deleted.
+        """
+        if not (math.isfinite(keep_mb) and keep_mb >= 0):
+            raise InputError(
+                self._source,
+                f"cycles cannot be kept in {keep_mb} MB",
+                "give a number of MB, 0 or more",
+                key="keep_mb",
+            )
+        if not self._is_sqlite:
+            return 0
+        pages = began = self._pages()
+        grown = 0 if self._used_pages is None else began.used - self._used_pages
+        wanted = int(began.limit(keep_mb) * (1 - retention.FREE_SHARE))
+        trimmed, periods, batch = 0, 0, 0.0
+        while pages.used > wanted:
+            enough = limit is not None and max(trimmed, periods) >= limit
+            if enough and began.used - pages.used >= 2 * grown:
+                break
+            with self._write_session() as session:
+                outlived = _delete_before_first_cycle(session)
+            periods += outlived
+            if not outlived:
+                batch = batch or min(self._batch(), math.inf if limit is None else limit)
+                with self._write_session() as session:
+                    latest = session.scalar(select(func.max(CycleRow.cycle))) or 0
+                    count = retention.delete_cycles(session, int(batch), latest)
+                if count == 0:
+                    break
+                trimmed += count
+            if limit is None:
+                self._give_all_back()
+            pages = self._pages()
+        self._used_pages = pages.used
+        if limit is not None:
+            for _ in range(MAX_STEPS):
+                few_free = pages.free <= 2 * retention.FREE_SHARE * pages.count
+                if (few_free and pages.count <= began.limit(keep_mb)) or not self._give_back():
+                    break
+                pages = self._pages()
+        return trimmed
+
+    def shrink(self) -> str | None:
+        """Give the free pages of an SQLite file back to the file system.
+
+        A file of a version before is made able to do so first, which takes a lock on it for its
+        length and room for twice its contents.
+
+        Returns:
+            Why the file could not shrink; None if it has.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        if not self._is_sqlite:
+            return None
+        with self._raw() as cursor:
+            incremental = cursor.execute("PRAGMA auto_vacuum").fetchone()[0]
+        if not incremental:
+            return self._convert()
+        self._give_all_back()
+        return None
+
+    def tidy(self, now_ns: int, *, budget_s: float | None = None) -> None:
+        """Delete traffic that is too old, in small transactions.
+
+        States as they came go after `STATES_KEPT_H`, minutes after `MINUTES_KEPT_H`, hours and
+        changes of gates with the cycles, inputs of cycles after `inputs.KEEP_DAYS`. What versions
+        before stored of cycles is converted.
+
+        Args:
+            now_ns: UTC.
+            budget_s: no transaction begins after this time; None: until all is done.
+
+        Raises:
+            UntrustedClockError: ``now_ns`` is too far ahead of the cycles; nothing is deleted.
+            StorageError: the database cannot be written; what is deleted stays deleted.
+        """
+        ends = math.inf if budget_s is None else time.monotonic() + budget_s
+        with self._write_session() as session:
+            retention.check_clock(session, now_ns, self._source)
+        states_ns = max(0, now_ns - round(STATES_KEPT_H * _HOUR_NS))
+        minutes_ns = max(0, now_ns - round(MINUTES_KEPT_H * _HOUR_NS))
+        inputs_ns = max(0, now_ns - round(inputs.KEEP_DAYS * 24 * _HOUR_NS))
+        steps: tuple[Callable[[Session], bool], ...] = (
+            lambda session: rollup_table.delete_oldest(session, MINUTE_S, minutes_ns),
+            _delete_before_first_cycle,
+            lambda session: self._prune_gates(session) and budget_s is None,
+            lambda session: recent.prune(session, states_ns),
+            lambda session: inputs.prune(session, inputs_ns) == inputs.BATCH,
+            lambda session: conversion.convert_oldest(session, states_ns),
+        )
+        for step in steps:
+            more = True
+            while more and time.monotonic() < ends:
+                with self._write_session() as session:
+                    more = step(session)
+
+    def _prune_gates(self, session: Session) -> bool:
+        """Delete what is too old of some segments; False after the last ones.
+
+        The running dispatcher does so for some segments after each cycle.
+        """
+        first = session.scalar(select(func.min(CycleRow.cycle)))
+        if first is not None:
+            self._segment = gates.prune(session, first, self._segment)
+        return self._segment != 0 and first is not None
+
+    def _forget(self) -> None:
+        self._used_pages = None
+        self._segment = 0
+
+
+def _delete_before_first_cycle(session: Session) -> bool:
+    """Delete the roll-ups of an hour and a minute before all cycles; False if there are none."""
+    first_ns = session.scalar(select(func.min(CycleRow.started_ns)))
+    return first_ns is not None and rollup_table.delete_all_oldest(session, first_ns)

@@ -1,0 +1,131 @@
+"""A standby waits without taking part, and takes over soon after the active dispatcher's death."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+from dispatcher_daemon.store import open_in_turn
+from slipstream.bus import Router
+from slipstream.config import ServiceSettings
+from slipstream.errors import InputError
+from slipstream.service import Service
+from storage import StorageError, open_database, open_reader
+
+MAX_TAKEOVER_S = 10.0
+
+
+def test_a_standby_opens_what_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It waits as long as another one writes, ends when it is stopped, and refuses a bad URL."""
+    monkeypatch.setattr("dispatcher_daemon.store.TURN_PERIOD_S", 0.01)
+    url = f"sqlite:///{tmp_path}/cycles.db"
+    service = Service("dispatcher", ServiceSettings())
+    active = open_database(url, owned=True)
+    taken = []
+    waiting = threading.Thread(target=lambda: taken.append(open_in_turn(url, service)))
+    waiting.start()
+    waiting.join(0.2)
+    assert waiting.is_alive()
+    active.close()
+    waiting.join(60)
+    (database,) = taken
+    assert database is not None
+    with database:
+        service.stopping.set()
+        assert open_in_turn(url, service) is None
+    with pytest.raises(InputError, match="is a directory"):
+        open_in_turn(f"sqlite:///{tmp_path}", service)
+
+
+@contextmanager
+def dispatcher(config: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """A real dispatcher, which does not outlive the block; its lines go to a file."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "slipstream_cli", "dispatcher", "--config", str(config)]
+    log = config.with_name(f"dispatcher{''.join(options)}.log")
+    with (
+        log.open("w") as lines,
+        subprocess.Popen([*command, *options], env=environment, stderr=lines, text=True) as process,
+    ):
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float = 120.0) -> None:
+    """Poll until it is true."""
+    ends = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.05)
+
+
+def numbers(url: str) -> list[int]:
+    """Numbers of the cycles stored."""
+    try:
+        with open_reader(url) as reader:
+            return [report.cycle for report in reader.cycles(limit=1000)]
+    except StorageError:
+        return []  # Its writer is being replaced.
+
+
+@pytest.mark.attack
+@pytest.mark.process
+@pytest.mark.slow(long=True)
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+def test_a_standby_takes_over(
+    kind: str,
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+    full_size: bool,
+    figure: Callable[[str], None],
+) -> None:
+    """SIGKILL of the active one: the standby's first cycle is stored soon, numbered on."""
+    url = (
+        f"sqlite:///{tmp_path / 'cycles.db'}"
+        if kind == "sqlite"
+        else request.getfixturevalue("postgres_url")
+    )
+    config = tmp_path / "dispatcher.toml"
+    with Router() as router:
+        config.write_text(
+            tomli_w.dumps(
+                {
+                    "bus": {"connect": [router.endpoint]},
+                    "database_url": url,
+                    "solvers": ["exact"],
+                    "interval_s": 2.0,
+                    "deadline_s": 1.0,
+                }
+            )
+        )
+        with dispatcher(config) as active, dispatcher(config, "--standby") as standby:
+            log = tmp_path / "dispatcher--standby.log"
+            wait_until(lambda: "standby: waiting" in log.read_text())
+            wait_until(lambda: len(numbers(url)) >= 2)
+            assert standby.poll() is None
+            active.send_signal(signal.SIGKILL)
+            active.wait()
+            killed = time.monotonic()
+            before = numbers(url)
+            wait_until(lambda: len(numbers(url)) > len(before))
+            took_s = time.monotonic() - killed
+            standby.terminate()
+            assert standby.wait(60) == 0
+    after = numbers(url)
+    assert after == list(range(1, len(after) + 1))
+    assert "active one now" in log.read_text()
+    assert "Traceback" not in log.read_text()
+    figure(f"{kind}: the first cycle {took_s:.1f} s after the death, at one cycle in 2 s")
+    assert took_s < (MAX_TAKEOVER_S if full_size else 60.0)

@@ -1,0 +1,292 @@
+"""Gates and states in little room: the past of every segment, and what versions before stored."""
+
+from __future__ import annotations
+
+import json
+import random
+import sqlite3
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+import storage
+from slipstream.messages import Estimate
+from storage import RollUpBuffer, upkeep
+from storage.traffic.rollups import HOUR_S, MAX_MINUTES, MINUTE_S, merge, rollup
+
+MINUTE_NS = 60 * 10**9
+HOUR_NS = 60 * MINUTE_NS
+DAY_NS = 24 * HOUR_NS
+START_NS = 1_790_000_000 * 10**9 // HOUR_NS * HOUR_NS
+"""On the hour."""
+
+
+def _gate(report, name, *, is_open):
+    return report.gates[0].model_copy(
+        update={
+            "segment": name,
+            "y_e": int(is_open),
+            "open": is_open,
+            "reason": None if is_open else "turbulent",
+        }
+    )
+
+
+def _cycle(cycle, number, started_ns, gates):
+    """A cycle of a number and time with these gates, open or not, by segment."""
+    report, plans, states = cycle
+    told = tuple(_gate(report, name, is_open=is_open) for name, is_open in sorted(gates.items()))
+    return (
+        report.model_copy(update={"cycle": number, "started_ns": started_ns, "gates": told}),
+        [plan.model_copy(update={"cycle": number}) for plan in plans],
+        [states[0].model_copy(update={"segment": name}) for name in sorted(gates)],
+    )
+
+
+def _state(cycle, segment, time_ns, speed_mps, y_e=1):
+    """A measured state with a speed."""
+    state = cycle[2][0]
+    features = state.features.model_copy(update={"mean_speed_mps": Estimate(value=speed_mps)})
+    return state.model_copy(
+        update={"segment": segment, "time_ns": time_ns, "features": features, "y_e": y_e}
+    )
+
+
+def _unknown(cycle, segment, time_ns):
+    return cycle[2][1].model_copy(update={"segment": segment, "time_ns": time_ns})
+
+
+def _open(gates):
+    return {gate.segment: gate.open for gate in gates}
+
+
+def test_the_gates_of_every_cycle_that_is_kept(any_url, make_cycle):
+    """Recent ones are whole; older ones say what was open and why not, from changes alone; a
+    segment that nobody watches any more has no gate.
+    """
+    shown = [
+        {"a": True, "b": True},
+        {"a": True, "b": False},
+        {"a": True, "b": False},
+        {"b": True},
+        {"a": False, "b": True},
+    ]
+    times = [START_NS + number * HOUR_NS for number in range(5)]
+    cycles = [
+        _cycle(make_cycle(1), number, times[number - 1], gates)
+        for number, gates in enumerate(shown, start=1)
+    ]
+    with storage.open_database(any_url) as database:
+        for cycle in cycles[:3]:
+            database.record_cycle(*cycle)
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        for cycle in cycles[3:]:
+            database.record_cycle(*cycle)
+        assert reader.cycles(9) == tuple(report for report, _, _ in cycles)
+        only_last = reader.cycles(9, gates=False)
+        assert [len(report.gates) for report in only_last] == [0, 0, 0, 0, 2]
+        # Two hours more than states are kept after the second cycle.
+        database.trust_clock(times[4])
+        database.tidy(times[1] + round(upkeep.STATES_KEPT_H * HOUR_NS) + 1)
+        stored = reader.cycles(9)
+        assert [_open(report.gates) for report in stored] == shown
+        assert stored[1].gates[1].reason == "turbulent"
+        assert stored[1].gates[1].speed_mps is None
+        assert stored[2:] == tuple(report for report, _, _ in cycles[2:])
+        assert [len(reader.states(number)) for number in range(1, 6)] == [0, 0, 2, 1, 2]
+        for moment, gates in zip(times, shown, strict=True):
+            assert _open(part.gate for part in reader.segments_at(moment + 1)) == gates
+        assert reader.segments_at(times[0] - 1) == ()
+        # Cycles go, and with them the changes that none of those that stay needs.
+        assert database.prune(0.0, times[2]) == 2
+        database.tidy(times[4])
+        assert [_open(report.gates) for report in reader.cycles(9)] == shown[2:]
+        with database._write_session() as session:
+            changes = session.connection().exec_driver_sql("SELECT count(*) FROM gate_changes")
+            assert changes.scalar() == 5
+
+
+def test_changes_of_a_cycle_that_was_not_stored_are_not_missed(url, make_cycle, monkeypatch):
+    """After a fault the next cycle's changes are told from what is stored."""
+    from storage.traffic import recent
+
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        database.record_cycle(*_cycle(make_cycle(1), 1, START_NS, {"a": True}))
+        with monkeypatch.context() as patch:
+            patch.setattr(recent, "save", lambda *_: 1 / 0)
+            with pytest.raises(ZeroDivisionError):
+                database.record_cycle(*_cycle(make_cycle(1), 2, START_NS + 1, {"a": False}))
+        database.record_cycle(*_cycle(make_cycle(1), 3, START_NS + 2, {"a": False}))
+        database.trust_clock(START_NS + 9 * DAY_NS)
+        database.record_cycle(*_cycle(make_cycle(1), 4, START_NS + 9 * DAY_NS, {"a": False}))
+        database.tidy(START_NS + 9 * DAY_NS)
+        assert [_open(report.gates)["a"] for report in reader.cycles(9)] == [True, False, False]
+
+
+def test_rollups_are_those_of_all_states(any_url, make_cycle):
+    """Minutes and hours have counts, shares, mean and extremes, however states come: in several
+    goes, late, or from a run before.
+    """
+    cycle = make_cycle(1)
+    states = [
+        _state(cycle, "a", START_NS + 1, 10.0),
+        _state(cycle, "a", START_NS + 2, 20.0, y_e=0),
+        _unknown(cycle, "a", START_NS + 3),
+        _state(cycle, "a", START_NS + MINUTE_NS, 5.0),
+        _state(cycle, "b", START_NS + 2, 7.0),
+    ]
+    late = _state(cycle, "a", START_NS + 4, 30.0)
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        assert reader.rollups("a", 0, 2**62) == ()
+        buffer = RollUpBuffer()
+        for state in states:
+            buffer.add(state)
+        # The second minute has not ended.
+        database.add_rollups(buffer.take(START_NS + MINUTE_NS + 11 * 10**9))
+        assert len(reader.rollups("a", 0, 2**62)) == 1
+        database.add_rollups(buffer.take())
+        assert reader.rollups("a", 0, 2**62, period_s=HOUR_S) == ()
+        # A state of the next hour ends this one, and one that comes late is counted in.
+        for state in (_state(cycle, "b", START_NS + HOUR_NS, 7.0), late):
+            buffer.add(state)
+            database.add_rollups(buffer.take())
+        first, second = reader.rollups("a", START_NS, START_NS + HOUR_NS)
+        (hour,) = reader.rollups("a", 0, 2**62, period_s=HOUR_S)
+        assert (first.count, first.stable, first.turbulent, first.measured) == (4, 2, 1, 3)
+        assert first.stable_share == 0.5
+        assert first.features["mean_speed_mps"] == pytest.approx((20.0, 10.0, 30.0))
+        assert second.began_ns == START_NS + MINUTE_NS
+        assert hour.count == 5
+        assert hour.features["mean_speed_mps"] == pytest.approx((16.25, 5.0, 30.0))
+        assert "mean_gap_m" not in hour.features
+        expected = merge([rollup(state, HOUR_S) for state in [*states[:4], late]])
+        for name, spread in expected.features.items():
+            assert hour.features[name] == pytest.approx(spread, rel=1e-6)
+        assert hour.vehicles_mean == expected.vehicles_mean
+        # The range is open at its end; a moment shows its minute, later ones the hour.
+        assert reader.rollups("a", START_NS + 1, START_NS + MINUTE_NS) == ()
+        database.record_cycle(*_cycle(cycle, 1, START_NS, {"a": True, "b": False}))
+        shown = {part.gate.segment: part.rollup for part in reader.segments_at(START_NS + 5)}
+        assert shown["a"] == first
+        assert shown["b"].features["mean_speed_mps"].mean == pytest.approx(7.0)
+        assert shown["b"].began_ns == START_NS
+        now_ns = START_NS + MINUTE_NS + round(upkeep.MINUTES_KEPT_H * HOUR_NS)
+        database.tidy(now_ns)
+        assert reader.rollups("a", 0, 2**62) == (second,)
+        assert reader.segments_at(START_NS + 5)[0].rollup == hour
+
+
+def test_hours_go_with_the_cycles(any_url, make_cycle):
+    """A roll-up that ended before the first cycle that is kept goes; the others stay."""
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        for number in range(1, 6):
+            time_ns = START_NS + number * HOUR_NS
+            database.record_cycle(*_cycle(make_cycle(1), number, time_ns, {"a": True}))
+            buffer = RollUpBuffer()
+            buffer.add(_state(make_cycle(1), "a", time_ns, 9.0))
+            database.add_rollups(buffer.take())
+        now_ns = START_NS + 5 * HOUR_NS
+        database.prune(2.5 / 24, now_ns)
+        database.tidy(now_ns)
+        hours = reader.rollups("a", 0, 2**62, period_s=HOUR_S)
+        assert [part.began_ns for part in hours] == [START_NS + n * HOUR_NS for n in (3, 4)]
+
+
+def test_rollups_that_cannot_be_stored_are_kept_for_an_hour(make_cycle):
+    """What is given back is taken again with what has come meanwhile; only too old ones go."""
+    cycle = make_cycle(1)
+    buffer = RollUpBuffer()
+    for minute in range(MAX_MINUTES + 10):
+        buffer.add(_state(cycle, "a", START_NS + minute * MINUTE_NS, 9.0))
+    taken = buffer.take()
+    assert len(taken) == MAX_MINUTES + 10
+    assert buffer.give_back(taken) == 10
+    buffer.add(_state(cycle, "b", START_NS, 9.0))
+    again = buffer.take()
+    assert len(again) == MAX_MINUTES + 1
+    assert {part.period_s for part in again} == {MINUTE_S}
+    assert buffer.take() == []
+
+
+def _store_as_before(url, cycle) -> None:
+    """Move a cycle's gates and states to where versions before 0013 stored them."""
+    report, _, states = cycle
+    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as old:
+        old.execute("DELETE FROM cycle_traffic WHERE cycle = ?", (report.cycle,))
+        old.execute("DELETE FROM gate_changes WHERE cycle = ?", (report.cycle,))
+        rows = [
+            ("gates", {"cycle": report.cycle, "position": place, **gate.model_dump()})
+            for place, gate in enumerate(report.gates)
+        ]
+        for state in states:
+            row = {"cycle": report.cycle, **state.model_dump(mode="json")}
+            rows.append(("segment_states", row | {"features": json.dumps(row["features"])}))
+        for table, row in rows:
+            marks = ", ".join(f":{name}" for name in row)
+            old.execute(f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", row)
+        old.commit()
+
+
+def test_what_versions_before_stored_is_converted_in_steps(url, make_cycle):
+    """It reads the same until it is a day old; then gates are changes and states hours, oldest
+    first, and cycles stored meanwhile are not touched.
+    """
+    shown = [{"a": True}, {"a": True}, {"a": False}, {"a": True, "b": True}]
+    times = [START_NS + number * HOUR_NS for number in range(4)]
+    before = [
+        _cycle(make_cycle(1), number, times[number - 1], gates)
+        for number, gates in enumerate(shown, start=1)
+    ]
+    before = [
+        (report, plans, [state.model_copy(update={"time_ns": time_ns}) for state in states])
+        for (report, plans, states), time_ns in zip(before, times, strict=True)
+    ]
+    with storage.open_database(url) as database:
+        for cycle in before:
+            database.record_cycle(*cycle)
+    for cycle in before:
+        _store_as_before(url, cycle)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        new = _cycle(make_cycle(1), 5, START_NS + 4 * HOUR_NS, {"a": False, "b": True})
+        database.record_cycle(*new)
+        assert reader.cycles(9) == tuple(report for report, _, _ in [*before, new])
+        assert reader.states(3) == tuple(before[2][2])
+        # Nothing is old yet; then one cycle a call, as far as the time allows.
+        database.tidy(times[0] + DAY_NS)
+        assert reader.states(1) == tuple(before[0][2])
+        database.tidy(times[2] + DAY_NS + 1, budget_s=1e9)
+        assert [len(reader.states(number)) for number in range(1, 6)] == [0, 0, 0, 2, 2]
+        stored = reader.cycles(9)
+        assert [_open(report.gates) for report in stored] == [*shown, {"a": False, "b": True}]
+        assert stored[3:] == (before[3][0], new[0])
+        hours = reader.rollups("a", 0, 2**62, period_s=HOUR_S)
+        assert [(hour.began_ns, hour.count) for hour in hours] == [(ns, 1) for ns in times[:3]]
+        assert storage.check(url).ok
+        database.tidy(times[3] + 2 * DAY_NS)
+        connection = sqlite3.connect(url.removeprefix("sqlite:///"))
+        for table in ("gates", "segment_states"):
+            assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (0,)
+        connection.close()
+        assert [_open(report.gates) for report in reader.cycles(9)][:4] == shown
+
+
+def test_a_thousand_segments_take_little_room(url, make_cycle, figure):
+    """Gates and states of a cycle, of their own figures each, take a tenth of what they did."""
+    measured = random.Random(7)
+    base = make_cycle(1)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        for number in range(1, 21):
+            gates = {f"segment_{n:04d}": measured.random() < 0.9 for n in range(1000)}
+            report, _, states = _cycle(base, number, START_NS + number * MINUTE_NS, gates)
+            states = [
+                _state(base, state.segment, START_NS, measured.uniform(0, 30)) for state in states
+            ]
+            database.record_cycle(report, [], states)
+        began = time.monotonic()
+        assert len(reader.cycles(200, gates=False)[-1].gates) == 1000
+        took_s = time.monotonic() - began
+    size = Path(url.removeprefix("sqlite:///")).stat().st_size / 20
+    figure(f"{size / 1e3:.0f} kB a cycle; 20 cycles read in {took_s * 1e3:.0f} ms")
+    assert size < 200_000
