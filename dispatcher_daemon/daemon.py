@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
 from typing import Protocol
@@ -16,6 +16,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
+from dispatcher_daemon.planning import search_within
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.reports import error_text, failed_report, idle_report
@@ -23,6 +24,7 @@ from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
+from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
 from dispatcher_daemon.store import CyclePruner, CycleStore, open_checked_database
@@ -390,13 +392,14 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
     in_routes = form != "arc"
     parallel = settings.city.search.workers if in_routes else 1
     workers: dict[str, int] = dict.fromkeys(settings.city.solvers, parallel)
-    executor = WorkerExecutor(settings.city.search.workers)
+    solvers = configured_solvers(settings)
+    own_processes = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
         open_checked_database(settings.database_url) as database,
         Bus.open(settings.bus) as bus,
-        SolverPool(configured_solvers(settings), workers) as pool,
-        executor,
+        SolverPool(solvers, workers) as pool,
+        own_processes,
         ExitStack() as stack,
     ):
         not_ready = pool.warm_up(stopping=service.stopping)
@@ -405,7 +408,9 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         for name, reason in not_ready.items():
             log.warning("solver %s is not ready: %s", name, reason)
         records = database.load_fleet(time.time_ns())
-        job_manager = open_job_manager(settings, pool, database)
+        solve, executor = _with_cluster(settings, solvers, pool, own_processes)
+        stack.enter_context(executor)
+        job_manager = open_job_manager(settings, solve, database)
         if job_manager is not None:
             stack.enter_context(job_manager)
         dispatcher = Dispatcher(
@@ -414,7 +419,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             fleet,
             bus,
             database,
-            pool,
+            solve,
             executor,
             job_manager,
             fleet_file,
@@ -441,3 +446,20 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
                 job_manager.close()
             executor.shutdown()
             scheduler.stop()
+
+
+def _with_cluster(
+    settings: DispatcherSettings,
+    solvers: Sequence[Solver],
+    pool: SolverPool,
+    executor: WorkerExecutor,
+) -> tuple[Solve, Executor]:
+    """What the settings' cluster solves with these processes behind it; without one, these."""
+    if settings.cluster.address is None:
+        return pool, executor
+    from dispatcher_daemon.solvers.execution.cluster import client, fallback
+
+    workers = settings.city.search.workers
+    cluster = client.Cluster(settings.cluster, workers, solvers, (search_within,))
+    solve = fallback.cluster_solve(cluster, solvers, pool)
+    return solve, fallback.ClusterExecutor(cluster, executor, workers)

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from dispatcher_daemon.cluster_settings import ClusterSettings
 from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
@@ -510,6 +511,9 @@ class DispatcherSettings(Settings):
     qaoa: QaoaSettings = Field(default=QaoaSettings(), description="The solver qaoa.")
     hardware: HardwareSettings = Field(
         default=HardwareSettings(), description="A quantum device beside the solvers."
+    )
+    cluster: ClusterSettings = Field(
+        default=ClusterSettings(), description="Other machines that solve."
     )
     seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of everything random.")
 

@@ -7,6 +7,7 @@ from dispatcher_daemon.planning.cycle import route_cycle
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, initial_plans, plan_fleet
 from dispatcher_daemon.planning.form import RouteForm, route_form
 from dispatcher_daemon.planning.itineraries import Planner
+from dispatcher_daemon.planning.pyvrp_search import search_within
 from dispatcher_daemon.planning.servability import servable_part, unservable
 from dispatcher_daemon.planning.sweeps import Choice, initial_choices
 
@@ -20,6 +21,7 @@ __all__ = [
     "plan_fleet",
     "route_cycle",
     "route_form",
+    "search_within",
     "servable_part",
     "unservable",
 ]

@@ -29,10 +29,12 @@ from dispatcher_daemon.planning.pyvrp_search import (
     Job,
     low_penalties,
     search_in_turn,
+    search_within,
 )
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel
 from dispatcher_daemon.settings import SearchSettings
+from dispatcher_daemon.solvers.execution.executor import TimedExecutor
 
 log = logging.getLogger(__name__)
 
@@ -171,9 +173,9 @@ class _Search:
             (model,) = models
             found, cut = search_in_turn(self._first_job(model, start, limit_s, seed))
             return ({} if found is None else model.read(found.visits)), cut
-        limit_s = self._each(limit_s, len(parts))
-        jobs = ((model, self._first_job(model, start, limit_s, seed)) for model in models)
-        return self._side_by_side(jobs)
+        each_s = self._each(limit_s, len(parts))
+        jobs = ((model, self._first_job(model, start, each_s, seed)) for model in models)
+        return self._side_by_side(jobs, limit_s)
 
     def _first_job(
         self,
@@ -227,15 +229,21 @@ class _Search:
                 (model, Job([attempt], model.visits(routes), each_s, seed + _SEED_STEP * i))
                 for i in range(max(1, seeds))
             ]
-        return self._side_by_side(jobs)
+        return self._side_by_side(jobs, limit_s)
 
     def _each(self, limit_s: float, parts: int) -> float:
         """Time of each part, if all have a limit together, s."""
         return limit_s / math.ceil(parts / self._settings.workers)
 
-    def _side_by_side(self, jobs: Iterable[tuple[VrpModel, Job]]) -> tuple[StopsByVehicle, bool]:
-        """The cheapest routes of each model, whether time ran out."""
-        running = [(model, _submit(self._executor, job)) for model, job in jobs]
+    def _side_by_side(
+        self, jobs: Iterable[tuple[VrpModel, Job]], limit_s: float
+    ) -> tuple[StopsByVehicle, bool]:
+        """The cheapest routes of each model, whether time ran out.
+
+        Args:
+            limit_s: of one attempt, for all jobs together.
+        """
+        running = [(model, _submit(self._executor, job, limit_s)) for model, job in jobs]
         best: dict[VrpModel, Found] = {}
         timed_out = False
         for model, job in running:
@@ -269,9 +277,12 @@ def _known(
     return known
 
 
-def _submit(executor: Executor, job: Job) -> Future[tuple[Found | None, bool]]:
+def _submit(executor: Executor, job: Job, limit_s: float) -> Future[tuple[Found | None, bool]]:
     """A search on an executor; what keeps it from being taken on is raised with its result."""
     try:
+        if isinstance(executor, TimedExecutor):
+            within_s = limit_s * len(job.attempts)
+            return executor.submit_within(within_s, job.total_s, search_within, job)
         return executor.submit(search_in_turn, job)
     except Exception as error:
         refused: Future[tuple[Found | None, bool]] = Future()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import pyvrp
@@ -71,6 +71,17 @@ class Job:
     start: Visits | None
     limit_s: float
     seed: int
+
+    @property
+    def total_s(self) -> float:
+        """Limit of all attempts together."""
+        return self.limit_s * len(self.attempts)
+
+
+def search_within(job: Job, limit_s: float) -> tuple[Found | None, bool]:
+    """As `search_in_turn`, with at most so much time for all attempts together."""
+    each_s = min(job.limit_s, limit_s / len(job.attempts))
+    return search_in_turn(replace(job, limit_s=each_s))
 
 
 def search_in_turn(job: Job) -> tuple[Found | None, bool]:
