@@ -38,9 +38,10 @@ _HEAD: Final = """\
 Generated from the settings models; do not edit. `make settings-doc` writes this page and a test
 holds it to the models.
 
-A daemon reads one TOML file: `slipstream edge|dispatcher|agent|dashboard|scheduler|worker --config FILE.toml`.
-`slipstream check FILE.toml` validates it. Unknown keys are refused by name. A former name of a key
-is read for one more version, with a warning in the log; a key may not be given under both names.
+A daemon reads one TOML file: `slipstream COMMAND --config FILE.toml` with edge, dispatcher, agent,
+dashboard, scheduler or worker. `slipstream check FILE.toml` validates it. Unknown keys are refused
+by name. A former name of a key is read for one more version, with a warning in the log; a key may
+not be given under both names.
 "required" stands for a key that has to be given, "–" for no default value or no bound.
 """
 

@@ -24,11 +24,11 @@ class SentArrays:
         self._sent: OrderedDict[str, tuple[Any, int]] = OrderedDict()
         self._kept_bytes = 0
 
-    async def send(self, arrays: Sequence[bytes]) -> tuple[list[Any], int]:
+    async def send(self, arrays: Sequence[bytes], workers: Sequence[str]) -> tuple[list[Any], int]:
         """(for each array what stands for it in a call, number of bytes sent).
 
-        Small arrays go with the call. A large one goes to one worker; others fetch it from there
-        when they get a call with it.
+        Small arrays go with the call. A large one goes to one of the workers; others fetch it from
+        there when they get a call with it.
         """
         standing: list[Any] = []
         sent = 0
@@ -40,7 +40,9 @@ class SentArrays:
             name = name_of(array)
             known = self._sent.get(name)
             if known is None or known[0].status not in ("finished", "pending"):
-                scattered = await self._client.scatter({name: array}, hash=False)
+                scattered = await self._client.scatter(
+                    {name: array}, workers=list(workers), hash=False
+                )
                 if known is None:
                     self._kept_bytes += len(array)
                 known = self._sent[name] = (scattered[name], len(array))

@@ -151,6 +151,7 @@ class Cluster:
         try:
             self._loop.run_forever()
         finally:
+            self._complained = True
             self._end("the connection is closed")
             keeper.cancel()
             left = [task for task in asyncio.all_tasks(self._loop) if task is not keeper]
@@ -186,8 +187,7 @@ class Cluster:
             self._arrays = SentArrays(self._client)
             self._asked.clear()
             while self._client.status == "running":
-                look = self._client.scheduler.identity(n_workers=-1)
-                found = await asyncio.wait_for(look, _LOOK_S)
+                found = await asyncio.wait_for(self._client.scheduler.identity(), _LOOK_S)
                 self._look({w: info["nthreads"] for w, info in found["workers"].items()})
                 await asyncio.sleep(_LOOK_EVERY_S)
             raise ClusterLost("the scheduler has closed the connection")
@@ -332,7 +332,7 @@ class Cluster:
             raise ClusterLost("no worker is ready")
         written = write_call(call.function, call.args)
         client = self._client
-        arrays, sent = await self._arrays.send(written.arrays)
+        arrays, sent = await self._arrays.send(written.arrays, workers)
         metrics.CLUSTER_BYTES.inc(len(written.text) + sent)
         future = client.submit(
             run_call,

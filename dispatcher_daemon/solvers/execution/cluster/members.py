@@ -69,7 +69,7 @@ def run_worker(settings: WorkerSettings) -> None:
     """Run calls of the cluster in processes of this machine until SIGTERM or SIGINT.
 
     Raises:
-        InputError: a file cannot be used, or the port is not free.
+        InputError: a file cannot be used.
     """
     configure_logging("worker", settings.service.log_level)
     distributed, security = import_distributed(), security_of(settings.cluster)
@@ -90,13 +90,28 @@ async def _work(
     settings: WorkerSettings, distributed: Any, security: Any, service: Service, folder: str
 ) -> None:
     """Join the cluster, again and again where the scheduler is away."""
-    reachable = True
+    known = ""
     service.ready()
     while not service.stopping.is_set():
+        reason = await _member(settings, distributed, security, service, folder)
+        if service.stopping.is_set():
+            return
+        if reason != known:
+            known = reason
+            log.warning("%s: %s; trying again", settings.cluster.address, reason)
+        await asyncio.sleep(_RETRY_S)
+
+
+async def _member(
+    settings: WorkerSettings, distributed: Any, security: Any, service: Service, folder: str
+) -> str:
+    """One membership; why it is over."""
+    try:
+        own = distributed.utils.get_ip(settings.cluster.host)
         worker = distributed.Worker(
             settings.cluster.url,
             nthreads=settings.processes,
-            host=distributed.utils.get_ip(settings.cluster.host),
+            host=f"[{own}]" if ":" in own else own,
             port=settings.port,
             security=security,
             dashboard=False,
@@ -105,26 +120,26 @@ async def _work(
             memory_limit=0,
             death_timeout=_CONNECT_S,
         )
-        joining = asyncio.ensure_future(worker.start())
+    except (OSError, ValueError) as error:
+        return error_line(error)
+    joining = asyncio.ensure_future(worker.start())
+    try:
         while not joining.done() and not service.stopping.is_set():
             await asyncio.wait((joining,), timeout=_BEAT_S)
             service.progress("joining")
-        error = joining.exception() if joining.done() else None
-        if error is None and joining.done():
-            log.info("joined %s", settings.cluster.address)
-            reachable = True
-            while not service.stopping.is_set() and worker.status.name == "running":
-                await asyncio.sleep(_BEAT_S)
-                service.progress("working")
+        if not joining.done():
+            return "stopping"
+        failed = joining.exception()
+        if failed is not None:
+            return error_line(failed)
+        log.info("joined %s", settings.cluster.address)
+        while not service.stopping.is_set() and worker.status.name == "running":
+            await asyncio.sleep(_BEAT_S)
+            service.progress("working")
+        return "the scheduler is gone"
+    finally:
         joining.cancel()
         await _closed(worker)
-        if service.stopping.is_set():
-            return
-        if reachable:
-            reachable = False
-            reason = "left the cluster" if error is None else error_line(error)
-            log.warning("%s: %s; trying again", settings.cluster.address, reason)
-        await asyncio.sleep(_RETRY_S)
 
 
 async def _closed(worker: Any) -> None:

@@ -4,8 +4,9 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,14 @@ from slipstream_cli.main import main
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
 """
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    """Poll a condition."""
+    ends = time.monotonic() + READY_S
+    while not holds():
+        assert time.monotonic() < ends
+        time.sleep(0.05)
 
 
 class Members:
@@ -106,7 +115,7 @@ def members(tmp_path: Path) -> Iterator[Members]:
 
 
 @pytest.fixture
-def connected() -> Callable[..., object]:
+def connected() -> Callable[[ClusterSettings, int], AbstractContextManager[Cluster]]:
     """A connection for a with statement."""
 
     @contextmanager

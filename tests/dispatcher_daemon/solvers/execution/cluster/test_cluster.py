@@ -31,7 +31,7 @@ from dispatcher_daemon.solvers.protocol import Outcome
 from research.cities.generator import CityShape, generate_city
 from research.instances.forms import instance_cycle
 
-from .conftest import READY_S, Members
+from .conftest import READY_S, Members, wait_until
 
 pytestmark = pytest.mark.process
 Connect = Callable[[ClusterSettings, int], AbstractContextManager[Cluster]]
@@ -243,11 +243,3 @@ def test_every_cycle_is_on_time_while_workers_are_killed(
 def sent_bytes() -> float:
     """By the metric."""
     return metrics.CLUSTER_BYTES._value.get()
-
-
-def wait_until(holds: Callable[[], bool]) -> None:
-    """Poll a condition."""
-    ends = time.monotonic() + READY_S
-    while not holds():
-        assert time.monotonic() < ends
-        time.sleep(0.05)
