@@ -408,7 +408,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
         for name, reason in not_ready.items():
             log.warning("solver %s is not ready: %s", name, reason)
         records = database.load_fleet(time.time_ns())
-        solve, executor = _with_cluster(settings, solvers, pool, own_processes)
+        solve, executor = with_cluster(settings, solvers, pool, own_processes)
         stack.enter_context(executor)
         job_manager = open_job_manager(settings, solve, database)
         if job_manager is not None:
@@ -448,7 +448,7 @@ def run_dispatcher(settings: DispatcherSettings) -> None:
             scheduler.stop()
 
 
-def _with_cluster(
+def with_cluster(
     settings: DispatcherSettings,
     solvers: Sequence[Solver],
     pool: SolverPool,

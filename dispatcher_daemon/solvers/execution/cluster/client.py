@@ -38,6 +38,7 @@ _LOOK_EVERY_S: Final = 0.5
 _LOOK_S: Final = 2.0
 """The scheduler answers within this time, or counts as lost."""
 _WARM_UP_S: Final = 120.0
+_END_S: Final = 8.0
 _RETRY_S: Final = (1.0, 30.0)
 """First and longest wait before the cluster is tried again."""
 
@@ -92,7 +93,7 @@ class Cluster:
         self._asked: set[str] = set()
         self._refused: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._complained = False
+        self._complained, self._wait_s = False, _RETRY_S[0]
         self._changed = threading.Condition()
         self._closing, self._closed = threading.Lock(), False
         self._loop = asyncio.new_event_loop()
@@ -131,7 +132,7 @@ class Cluster:
             first, self._closed = not self._closed, True
         if first:
             self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(10.0)
+        self._thread.join(_END_S + 2.0)
         if self._own is not None:
             self._own.shutdown()
 
@@ -155,21 +156,18 @@ class Cluster:
             self._end("the connection is closed")
             keeper.cancel()
             left = [task for task in asyncio.all_tasks(self._loop) if task is not keeper]
-            self._loop.run_until_complete(asyncio.wait([keeper, *left], timeout=5.0))
+            self._loop.run_until_complete(asyncio.wait([keeper, *left], timeout=_END_S))
             self._loop.close()
 
     async def _keep(self) -> None:
-        wait_s, longest_s = _RETRY_S
         while True:
             try:
                 await self._connected()
             except Exception as error:
                 self._end(str(error) if isinstance(error, ClusterLost) else error_line(error))
-            if self._ready:
-                wait_s = _RETRY_S[0]
             self._set_ready({})
-            await asyncio.sleep(wait_s)
-            wait_s = min(longest_s, 2 * wait_s)
+            await asyncio.sleep(self._wait_s)
+            self._wait_s = min(_RETRY_S[1], 2 * self._wait_s)
 
     async def _connected(self) -> None:
         """One connection, from its beginning to its loss, of which it tells by raising."""
@@ -185,7 +183,9 @@ class Cluster:
                 name="slipstream-dispatcher",
             )
             self._arrays = SentArrays(self._client)
+            self._wait_s = _RETRY_S[0]
             self._asked.clear()
+            self._refused.clear()
             while self._client.status == "running":
                 found = await asyncio.wait_for(self._client.scheduler.identity(), _LOOK_S)
                 self._look({w: info["nthreads"] for w, info in found["workers"].items()})

@@ -16,6 +16,7 @@ import pytest
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cluster_settings import ClusterSettings
+from dispatcher_daemon.daemon import with_cluster
 from dispatcher_daemon.planning import FleetPlan, plan_fleet
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -25,7 +26,13 @@ from dispatcher_daemon.solvers.execution.cluster.fallback import (
     ClusterExecutor,
     cluster_solve,
 )
-from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, Solve, solve_in_process
+from dispatcher_daemon.solvers.execution.pool import (
+    GRACE_S,
+    Job,
+    Solve,
+    SolverPool,
+    solve_in_process,
+)
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.protocol import Outcome
 from research.cities.generator import CityShape, generate_city
@@ -211,6 +218,21 @@ def test_a_cluster_in_this_process_plans_the_same(connected: Connect, expected: 
 
 
 @pytest.mark.slow(long=True)
+@pytest.mark.parametrize("address", ["local", "tcp://127.0.0.1:1"])
+def test_a_dispatcher_plans_by_its_setting(address: str, expected: Any) -> None:
+    """By the settings' cluster if there is one; alone if nobody is at its address."""
+    settings = DispatcherSettings(city=CITY, cluster=ClusterSettings(address=address))
+    solvers, before = [ExactSolver()], answered()
+    with SolverPool(solvers, 2) as pool:
+        solve, executor = with_cluster(settings, solvers, pool, WorkerExecutor(2))
+        with executor:
+            if address == "local":
+                wait_until(lambda: metrics.CLUSTER_PROCESSES._value.get() == 2)
+            assert stops_of(plan(executor, solve, 600.0)) == expected
+    assert (answered() > before) == (address == "local")
+
+
+@pytest.mark.slow(long=True)
 @pytest.mark.attack
 def test_every_cycle_is_on_time_while_workers_are_killed(
     members: Members, connected: Connect, full_size: bool, figure: Callable[[str], None]
@@ -238,6 +260,11 @@ def test_every_cycle_is_on_time_while_workers_are_killed(
     figure(f"{cycles} cycles, the longest took {max(walls):.1f} of {deadline_s:.0f} s")
     assert max(walls) <= deadline_s
     assert all(math.isfinite(objective) for objective in plans)
+
+
+def answered() -> float:
+    """Calls that workers have answered, by the metric."""
+    return metrics.CLUSTER_CALLS.labels("value")._value.get()
 
 
 def sent_bytes() -> float:
