@@ -1,5 +1,7 @@
 """Solving on other machines by dask.distributed; nothing imports it unless the settings name one.
 
-`client` talks to the cluster, `fallback` puts this machine's processes behind it, `members` are the
-scheduler's and the workers' processes, `calls` is what both ends of a call share.
+- `client`: the dispatcher's end; `fallback` puts this machine's processes behind it
+- `connection`, `arrays`, `security`: connecting, what was sent already, TLS
+- `calls`: both ends of a call
+- `members`: the processes of the scheduler and of the workers
 """

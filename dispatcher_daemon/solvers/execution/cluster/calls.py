@@ -47,6 +47,23 @@ def _version(name: str) -> str:
 
 
 @dataclass(frozen=True)
+class Call:
+    """What a worker is asked for.
+
+    Attributes:
+        timeout_s: its process is killed then.
+        within_s: how long the answer is awaited.
+        workers: addresses of those that may do it; none: all that are ready.
+    """
+
+    function: Callable[..., Any]
+    args: Sequence[Any]
+    timeout_s: float
+    within_s: float
+    workers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class WrittenCall:
     """A pickled call; its arrays stand apart.
 
@@ -71,6 +88,14 @@ def name_of(array: bytes) -> str:
     return f"slipstream-{sha256(array).hexdigest()}"
 
 
+class ClusterLost(Exception):
+    """A call has no answer from the cluster: worker or scheduler lost, or silent for too long."""
+
+
+class CallFailed(Exception):
+    """The called function raised; the text is its error's class and message."""
+
+
 @dataclass(frozen=True)
 class Answer:
     """What became of a call.
@@ -85,6 +110,20 @@ class Answer:
     kind: Literal["value", "raised", "late", "refused"]
     value: Any = None
     reason: str = ""
+
+    def result(self) -> Any:
+        """The value.
+
+        Raises:
+            CallFailed, TimeoutError, ClusterLost: of the kinds "raised", "late", "refused".
+        """
+        if self.kind == "value":
+            return self.value
+        if self.kind == "late":
+            raise TimeoutError(self.reason)
+        if self.kind == "refused":
+            raise ClusterLost(f"a worker is {self.reason}")
+        raise CallFailed(self.reason)
 
 
 _executors: Final[list[WorkerExecutor]] = []

@@ -9,7 +9,6 @@ import logging
 import threading
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import Any, Final
 
 from dispatcher_daemon import metrics
@@ -17,23 +16,20 @@ from dispatcher_daemon.cluster_settings import LOCAL, ClusterSettings
 from dispatcher_daemon.solvers.execution.cluster.arrays import SentArrays
 from dispatcher_daemon.solvers.execution.cluster.calls import (
     Answer,
+    Call,
+    ClusterLost,
     build,
     run_call,
-    use_processes,
     warm_up,
     write_call,
 )
-from dispatcher_daemon.solvers.execution.cluster.security import (
-    ANY_LOOPBACK_PORT,
-    import_distributed,
-    security_of,
-)
+from dispatcher_daemon.solvers.execution.cluster.connection import connected
+from dispatcher_daemon.solvers.execution.cluster.security import security_of
 from dispatcher_daemon.solvers.execution.pool import error_line
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 
 log = logging.getLogger(__name__)
 
-_CONNECT_S: Final = 5.0
 _LOOK_EVERY_S: Final = 0.5
 _LOOK_S: Final = 2.0
 """The scheduler answers within this time, or counts as lost."""
@@ -41,23 +37,6 @@ _WARM_UP_S: Final = 120.0
 _END_S: Final = 8.0
 _RETRY_S: Final = (1.0, 30.0)
 """First and longest wait before the cluster is tried again."""
-
-
-class ClusterLost(Exception):
-    """A call has no answer from the cluster: worker or scheduler lost, or silent for too long."""
-
-
-class CallFailed(Exception):
-    """The called function raised; the text is its error's class and message."""
-
-
-@dataclass(frozen=True)
-class _Call:
-    function: Callable[..., Any]
-    args: Sequence[Any]
-    timeout_s: float
-    within_s: float
-    workers: tuple[str, ...] = ()
 
 
 class Cluster:
@@ -81,7 +60,6 @@ class Cluster:
         functions: Sequence[Callable[..., Any]] = (),
     ) -> None:
         self._settings = settings
-        self._distributed = import_distributed()
         self._security = security_of(settings)
         self._own = WorkerExecutor(processes) if settings.address == LOCAL else None
         self._processes = processes
@@ -124,7 +102,7 @@ class Cluster:
             a future that ends within that time: with the value, `CallFailed`, `TimeoutError` (its
             process was killed), or `ClusterLost`.
         """
-        return self._start(self._counted(_Call(function, args, timeout_s, within_s)))
+        return self._start(self._counted(Call(function, args, timeout_s, within_s)))
 
     def close(self) -> None:
         """Give up the connection; calls end with `ClusterLost`."""
@@ -162,56 +140,28 @@ class Cluster:
     async def _keep(self) -> None:
         while True:
             try:
-                await self._connected()
+                await self._keep_connected()
             except Exception as error:
                 self._end(str(error) if isinstance(error, ClusterLost) else error_line(error))
             self._set_ready({})
             await asyncio.sleep(self._wait_s)
             self._wait_s = min(_RETRY_S[1], 2 * self._wait_s)
 
-    async def _connected(self) -> None:
+    async def _keep_connected(self) -> None:
         """One connection, from its beginning to its loss, of which it tells by raising."""
-        own = await self._local_cluster() if self._own is not None else None
-        try:
-            address = self._settings.url if own is None else own.scheduler_address
-            self._client = await self._distributed.Client(
-                address,
-                asynchronous=True,
-                set_as_default=False,
-                security=self._security,
-                timeout=_CONNECT_S,
-                name="slipstream-dispatcher",
-            )
-            self._arrays = SentArrays(self._client)
+        async with connected(self._settings, self._security, self._own, self._processes) as client:
+            self._client, self._arrays = client, SentArrays(client)
             self._wait_s = _RETRY_S[0]
             self._asked.clear()
             self._refused.clear()
-            while self._client.status == "running":
-                found = await asyncio.wait_for(self._client.scheduler.identity(), _LOOK_S)
-                self._look({w: info["nthreads"] for w, info in found["workers"].items()})
-                await asyncio.sleep(_LOOK_EVERY_S)
-            raise ClusterLost("the scheduler has closed the connection")
-        finally:
-            client, self._client, self._arrays = self._client, None, None
-            for closing in (client, own):
-                if closing is not None:
-                    await _closed(closing)
-
-    async def _local_cluster(self) -> Any:
-        assert self._own is not None
-        use_processes(self._own)
-        return await self._distributed.LocalCluster(
-            n_workers=1,
-            threads_per_worker=self._processes,
-            processes=False,
-            protocol="tcp",
-            host="127.0.0.1",
-            dashboard_address=None,
-            scheduler_kwargs={"dashboard_address": ANY_LOOPBACK_PORT},
-            worker_dashboard_address=ANY_LOOPBACK_PORT,
-            memory_limit=0,
-            asynchronous=True,
-        )
+            try:
+                while client.status == "running":
+                    found = await asyncio.wait_for(client.scheduler.identity(), _LOOK_S)
+                    self._look({w: info["nthreads"] for w, info in found["workers"].items()})
+                    await asyncio.sleep(_LOOK_EVERY_S)
+            finally:
+                self._client, self._arrays = None, None
+        raise ClusterLost("the scheduler has closed the connection")
 
     def _look(self, present: dict[str, int]) -> None:
         """Note which workers are there; new ones are warmed up and get work after it."""
@@ -229,7 +179,7 @@ class Cluster:
             task.add_done_callback(self._tasks.discard)
 
     async def _admit(self, worker: str, processes: int) -> None:
-        call = _Call(warm_up, self._warm_up_args, _WARM_UP_S, _WARM_UP_S, (worker,))
+        call = Call(warm_up, self._warm_up_args, _WARM_UP_S, _WARM_UP_S, (worker,))
         answers = await asyncio.gather(
             *(self._answer(call) for _ in range(processes)), return_exceptions=True
         )
@@ -279,22 +229,16 @@ class Cluster:
         before, self._lost = self._lost, self._loop.create_future()
         before.set_result(reason)
 
-    async def _counted(self, call: _Call) -> Any:
+    async def _counted(self, call: Call) -> Any:
         try:
             answer = await self._answer(call)
         except ClusterLost:
             metrics.CLUSTER_CALLS.labels("lost").inc()
             raise
         metrics.CLUSTER_CALLS.labels(answer.kind).inc()
-        if answer.kind == "value":
-            return answer.value
-        if answer.kind == "late":
-            raise TimeoutError(answer.reason)
-        if answer.kind == "refused":
-            raise ClusterLost(f"a worker is {answer.reason}")
-        raise CallFailed(answer.reason)
+        return answer.result()
 
-    async def _answer(self, call: _Call) -> Answer:
+    async def _answer(self, call: Call) -> Answer:
         """The answer of a worker.
 
         Raises:
@@ -326,7 +270,7 @@ class Cluster:
             self._end(f"no answer within {call.within_s:.3g} s")
         raise ClusterLost("no answer in time")
 
-    async def _ask(self, call: _Call) -> Answer:
+    async def _ask(self, call: Call) -> Answer:
         workers = call.workers or tuple(self._ready)
         if self._client is None or self._arrays is None or not workers:
             raise ClusterLost("no worker is ready")
@@ -352,10 +296,3 @@ class Cluster:
         if not isinstance(answer, Answer):
             raise ClusterLost(f"answered with a {type(answer).__name__}")
         return answer
-
-
-async def _closed(what: Any) -> None:
-    try:
-        await asyncio.wait_for(what.close(), 2.0)
-    except Exception as error:
-        log.debug("closing: %s", error_line(error))

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Any, Final, ParamSpec, TypeVar
 
-from dispatcher_daemon.solvers.execution.cluster.client import Cluster, ClusterLost
+from dispatcher_daemon.solvers.execution.cluster.calls import ClusterLost
+from dispatcher_daemon.solvers.execution.cluster.client import Cluster
 from dispatcher_daemon.solvers.execution.executor import TimedExecutor
 from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, Solve, error_line, run_job
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from dispatcher_daemon.cluster_settings import SchedulerSettings, WorkerSettings
 from dispatcher_daemon.solvers.execution.cluster.calls import build, use_processes
+from dispatcher_daemon.solvers.execution.cluster.connection import closed
 from dispatcher_daemon.solvers.execution.cluster.security import (
     ANY_LOOPBACK_PORT,
     import_distributed,
@@ -24,6 +25,7 @@ log = logging.getLogger(__name__)
 _BEAT_S: Final = 0.5
 _CONNECT_S: Final = 10.0
 _RETRY_S: Final = 2.0
+_CLOSE_S: Final = 3.0
 
 
 def run_scheduler(settings: SchedulerSettings) -> None:
@@ -139,11 +141,4 @@ async def _member(
         return "the scheduler is gone"
     finally:
         joining.cancel()
-        await _closed(worker)
-
-
-async def _closed(worker: Any) -> None:
-    try:
-        await asyncio.wait_for(worker.close(timeout=1), 3.0)
-    except Exception as error:
-        log.debug("closing: %s", error_line(error))
+        await closed(worker.close(timeout=1), _CLOSE_S)

@@ -20,7 +20,8 @@ from dispatcher_daemon.daemon import with_cluster
 from dispatcher_daemon.planning import FleetPlan, plan_fleet
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.cluster.client import CallFailed, Cluster
+from dispatcher_daemon.solvers.execution.cluster.calls import CallFailed
+from dispatcher_daemon.solvers.execution.cluster.client import Cluster
 from dispatcher_daemon.solvers.execution.cluster.fallback import (
     CLUSTER_SHARE,
     ClusterExecutor,
