@@ -5,11 +5,12 @@ set -eu
 
 usage() {
     cat <<'TEXT'
-usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] edge|agent|server|all
+usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] edge|agent|server|worker|all
 
   edge        for an RSU box: edge daemons and a zenoh router
   agent       for a vehicle's box, or for the agents of a depot: vehicle agents and a zenoh router
   server      for the server: dispatcher, dashboard and a zenoh router
+  worker      for a machine that solves for the dispatcher of the server
   all         all of them, for one machine
 
   --dry-run   print what would be done, change nothing
@@ -70,7 +71,7 @@ while [ $# -gt 0 ]; do
             shift
             ;;
         -h | --help) usage; exit 0 ;;
-        edge | agent | server | all)
+        edge | agent | server | worker | all)
             [ -z "$role" ] || fail "one role only; see --help"
             role=$1
             ;;
@@ -78,7 +79,7 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
-[ -n "$role" ] || fail "say what this machine is: edge, agent, server or all"
+[ -n "$role" ] || fail "say what this machine is: edge, agent, server, worker or all"
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 source=$(dirname -- "$here")
@@ -96,15 +97,16 @@ case $role in
     # Agents need nothing but what all daemons need.
     agent) extras='' units='slipstream-agent@ slipstream-router' settings=agent-depot-1 ;;
     server)
-        extras=dispatcher,dashboard
-        units='slipstream-dispatcher slipstream-dashboard slipstream-router'
-        settings='dispatcher dashboard'
+        extras=dispatcher,dashboard,cluster
+        units='slipstream-dispatcher slipstream-dashboard slipstream-router slipstream-scheduler'
+        settings='dispatcher dashboard scheduler'
         ;;
+    worker) extras=dispatcher,cluster units=slipstream-worker settings=worker ;;
     all)
-        extras=edge,dispatcher,dashboard
+        extras=edge,dispatcher,dashboard,cluster
         units='slipstream-edge@ slipstream-agent@ slipstream-dispatcher slipstream-dashboard'
-        units="$units slipstream-router"
-        settings='edge-rsu-1 camera-rsu-1 agent-depot-1 dispatcher dashboard'
+        units="$units slipstream-router slipstream-scheduler slipstream-worker"
+        settings='edge-rsu-1 camera-rsu-1 agent-depot-1 dispatcher dashboard scheduler worker'
         ;;
 esac
 
@@ -177,7 +179,7 @@ for name in $settings; do
         *) run install -m 600 "$here/config/$name.toml" "$etc/$name.toml" ;;
     esac
 done
-if [ ! -e "$etc/router.json5" ]; then
+if [ "$role" != worker ] && [ ! -e "$etc/router.json5" ]; then
     run install -m 600 "$here/zenoh/router.json5" "$etc/router.json5"
 fi
 
@@ -228,6 +230,13 @@ case $role in agent | all)
   router-vehicle.json5), then
     /opt/slipstream/current/bin/slipstream check /etc/slipstream/agent-NAME.toml
     systemctl enable --now slipstream-router slipstream-agent@NAME
+TEXT
+;; esac
+case $role in worker | all)
+    cat <<'TEXT'
+- To solve for a dispatcher: put the scheduler's address and certificates into worker.toml, then
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/worker.toml
+    systemctl enable --now slipstream-worker
 TEXT
 ;; esac
 case $role in server | all)

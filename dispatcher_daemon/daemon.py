@@ -6,7 +6,7 @@ import gc
 import logging
 import threading
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Literal, Protocol
@@ -20,7 +20,7 @@ from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager, open_job_manager
 from dispatcher_daemon.intake import OrderAnswers, OrderIntake
 from dispatcher_daemon.on_demand import Gathering
-from dispatcher_daemon.planning import insert_stops
+from dispatcher_daemon.planning import insert_stops, search_within
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.replay import InputEncoder, Recorder
@@ -35,6 +35,7 @@ from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
+from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.states import HARMLESS, LatestStates, Verdict
 from dispatcher_daemon.store import (
@@ -635,7 +636,8 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
     in_routes = form != "arc"
     parallel = settings.city.search.workers if in_routes else 1
     workers: dict[str, int] = dict.fromkeys(settings.city.solvers, parallel)
-    executor = WorkerExecutor(settings.city.search.workers)
+    solvers = configured_solvers(settings)
+    own_processes = WorkerExecutor(settings.city.search.workers)
     with (
         Service("dispatcher", settings.service) as service,
         ExitStack() as stack,
@@ -646,8 +648,8 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             api = stack.enter_context(_open_api(settings.api))
             database = stack.enter_context(open_checked_database(settings.database_url))
         bus = stack.enter_context(Bus.open(settings.bus))
-        pool = stack.enter_context(SolverPool(configured_solvers(settings), workers))
-        stack.enter_context(executor)
+        pool = stack.enter_context(SolverPool(solvers, workers))
+        stack.enter_context(own_processes)
         not_ready = pool.warm_up(stopping=service.stopping)
         if service.stopping.is_set():
             return
@@ -662,7 +664,9 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             # The active dispatcher on this machine had its port until now.
             api = stack.enter_context(_open_api(settings.api))
         records = database.load_fleet(time.time_ns())
-        job_manager = open_job_manager(settings, pool, database)
+        solve, executor = with_cluster(settings, solvers, pool, own_processes)
+        stack.enter_context(executor)
+        job_manager = open_job_manager(settings, solve, database)
         if job_manager is not None:
             stack.enter_context(job_manager)
         announce: Announce = _announce_nothing if api is None else api.events.publish
@@ -672,7 +676,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             fleet,
             bus,
             database,
-            pool,
+            solve,
             executor,
             job_manager,
             fleet_file,
@@ -722,3 +726,20 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             executor.shutdown()
             scheduler.stop()
             dispatcher.store_rollups()
+
+
+def with_cluster(
+    settings: DispatcherSettings,
+    solvers: Sequence[Solver],
+    pool: SolverPool,
+    executor: WorkerExecutor,
+) -> tuple[Solve, Executor]:
+    """What the settings' cluster solves with these processes behind it; without one, these."""
+    if settings.cluster.address is None:
+        return pool, executor
+    from dispatcher_daemon.solvers.execution.cluster import client, fallback
+
+    workers = settings.city.search.workers
+    cluster = client.Cluster(settings.cluster, workers, solvers, (search_within,))
+    solve = fallback.cluster_solve(cluster, solvers, pool)
+    return solve, fallback.ClusterExecutor(cluster, executor, workers)

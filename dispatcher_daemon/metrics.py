@@ -135,3 +135,15 @@ class ReceptionCollector(Collector):
 
 RECEPTION = ReceptionCollector()
 REGISTRY.register(RECEPTION)
+CLUSTER_PROCESSES = Gauge(
+    "slipstream_dispatcher_cluster_processes", "Processes of the cluster's workers that are ready."
+)
+CLUSTER_CALLS = Counter(
+    "slipstream_dispatcher_cluster_calls",
+    "Calls sent to the cluster, by how they ended; lost ones were made up for on this machine.",
+    ["result"],
+)
+CLUSTER_BYTES = Counter("slipstream_dispatcher_cluster_bytes", "Bytes sent to the cluster.")
+CLUSTER_OUTAGES = Counter(
+    "slipstream_dispatcher_cluster_outages", "Times that the cluster stopped answering."
+)

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from dispatcher_daemon.cluster_settings import ClusterSettings
 from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
@@ -567,6 +568,9 @@ class DispatcherSettings(Settings):
     )
     feeds: FeedSettings = Field(
         default=FeedSettings(), description="The feeds for road authorities."
+    )
+    cluster: ClusterSettings = Field(
+        default=ClusterSettings(), description="Other machines that solve."
     )
     seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of everything random.")
 

@@ -138,11 +138,19 @@ class ServiceSettings(Settings):
     )
 
 
-def read_secret(path: Path) -> str:
-    """The text of a file with a secret, without blanks at its ends.
+def credential_path(path: Path) -> Path:
+    """Where a file for one service is.
 
-    A plain name is first looked for in ``$CREDENTIALS_DIRECTORY``, where systemd puts files for
-    one service only.
+    A plain name is first looked for in ``$CREDENTIALS_DIRECTORY``, where systemd puts such files.
+    """
+    folder = os.environ.get("CREDENTIALS_DIRECTORY")
+    if folder and path.name == str(path) and (Path(folder) / path).exists():
+        return Path(folder) / path
+    return path
+
+
+def read_secret(path: Path) -> str:
+    """The text of a file with a secret, without blanks at its ends; see `credential_path`.
 
     Raises:
         InputError: the file is missing, not readable or empty.
@@ -152,14 +160,6 @@ def read_secret(path: Path) -> str:
     if not secret:
         raise InputError(path, "empty", "write the secret into it")
     return secret
-
-
-def credential_path(path: Path) -> Path:
-    """The path of a file that may be one of systemd's credentials; see `read_secret`."""
-    folder = os.environ.get("CREDENTIALS_DIRECTORY")
-    if folder and path.name == str(path) and (Path(folder) / path).exists():
-        return Path(folder) / path
-    return path
 
 
 def read_toml(path: Path) -> dict[str, object]:

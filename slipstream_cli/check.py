@@ -56,6 +56,7 @@ def _kind_of(path: Path) -> str:
         ("dispatcher", "fleet"),
         ("dashboard", "port"),
         ("agent", "vehicles"),
+        ("worker", "processes"),
     ):
         if key in keys:
             return kind
@@ -118,6 +119,20 @@ def _check_dashboard(path: Path, _: str) -> Mapping[str, str]:
     return {}
 
 
+def _check_scheduler(path: Path, _: str) -> Mapping[str, str]:
+    from dispatcher_daemon.cluster_settings import SchedulerSettings
+
+    load(path, SchedulerSettings)
+    return {}
+
+
+def _check_worker(path: Path, _: str) -> Mapping[str, str]:
+    from dispatcher_daemon.cluster_settings import WorkerSettings
+
+    load(path, WorkerSettings)
+    return {}
+
+
 def _check_fleet(path: Path, network: str) -> Mapping[str, str]:
     from slipstream.sumo_net import load_network
 
@@ -160,6 +175,8 @@ _CHECKS: Final[dict[str, Callable[[Path, str], Mapping[str, str]]]] = {
     "dispatcher": _check_dispatcher,
     "agent": _check_agent,
     "dashboard": _check_dashboard,
+    "scheduler": _check_scheduler,
+    "worker": _check_worker,
     "fleet": _check_fleet,
     "instance": _check_instance,
 }

@@ -15,6 +15,7 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel
 
 from dashboard.settings import DashboardSettings
+from dispatcher_daemon.cluster_settings import SchedulerSettings, WorkerSettings
 from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
 from slipstream.config import model_of
@@ -26,6 +27,8 @@ DAEMONS: Final[Mapping[str, type[BaseModel]]] = {
     "dispatcher": DispatcherSettings,
     "agent": AgentSettings,
     "dashboard": DashboardSettings,
+    "scheduler": SchedulerSettings,
+    "worker": WorkerSettings,
 }
 """The settings of each daemon, by its sub-command."""
 
@@ -35,9 +38,10 @@ _HEAD: Final = """\
 Generated from the settings models; do not edit. `make settings-doc` writes this page and a test
 holds it to the models.
 
-A daemon reads one TOML file: `slipstream edge|dispatcher|agent|dashboard --config FILE.toml`.
-`slipstream check FILE.toml` validates it. Unknown keys are refused by name. A former name of a key
-is read for one more version, with a warning in the log; a key may not be given under both names.
+A daemon reads one TOML file: `slipstream COMMAND --config FILE.toml` with edge, dispatcher, agent,
+dashboard, scheduler or worker. `slipstream check FILE.toml` validates it. Unknown keys are refused
+by name. A former name of a key is read for one more version, with a warning in the log; a key may
+not be given under both names.
 "required" stands for a key that has to be given, "–" for no default value or no bound.
 """
 

@@ -8,7 +8,7 @@ from dispatcher_daemon.planning.fleet_plan import FleetPlan, initial_plans, plan
 from dispatcher_daemon.planning.form import RouteForm, route_form
 from dispatcher_daemon.planning.insertion import insert_stops
 from dispatcher_daemon.planning.itineraries import Planner
-from dispatcher_daemon.planning.pyvrp_search import Searched
+from dispatcher_daemon.planning.pyvrp_search import Searched, search_within
 from dispatcher_daemon.planning.refused import RefusedPlatoon, refused_platoons
 from dispatcher_daemon.planning.servability import servable_part, unservable
 from dispatcher_daemon.planning.sweeps import Choice, initial_choices
@@ -27,6 +27,7 @@ __all__ = [
     "refused_platoons",
     "route_cycle",
     "route_form",
+    "search_within",
     "servable_part",
     "unservable",
 ]

@@ -30,10 +30,12 @@ from dispatcher_daemon.planning.pyvrp_search import (
     Searched,
     low_penalties,
     search_in_turn,
+    search_within,
 )
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Ways
 from dispatcher_daemon.settings import SearchSettings
+from dispatcher_daemon.solvers.execution.executor import TimedExecutor
 from slipstream.tracing import traced
 
 log = logging.getLogger(__name__)
@@ -177,10 +179,10 @@ class _Search:
                 parts += parts_of_routes(problem, group, known, most, 0)
         parts = [part for part in parts if part.stops]
         models = [VrpModel(problem, self._travel, part.vehicles, part.stops) for part in parts]
-        limit_s = self._each(limit_s, len(parts))
-        jobs = ((model, self._first_job(model, start, limit_s, seed)) for model in models)
+        each_s = self._each(limit_s, len(parts))
+        jobs = ((model, self._first_job(model, start, each_s, seed)) for model in models)
         # Without first routes there is no plan at all, whatever becomes of the workers.
-        return self._side_by_side(jobs, make_up=len(models) == 1)
+        return self._side_by_side(jobs, limit_s, make_up=len(models) == 1)
 
     def _first_job(
         self,
@@ -234,21 +236,22 @@ class _Search:
                 (model, Job([attempt], model.visits(routes), each_s, seed + _SEED_STEP * i))
                 for i in range(max(1, seeds))
             ]
-        return self._side_by_side(jobs)
+        return self._side_by_side(jobs, limit_s)
 
     def _each(self, limit_s: float, parts: int) -> float:
         """Time of each part, if all have a limit together, s."""
         return limit_s / math.ceil(parts / self._settings.workers)
 
     def _side_by_side(
-        self, jobs: Iterable[tuple[VrpModel, Job]], *, make_up: bool = False
+        self, jobs: Iterable[tuple[VrpModel, Job]], limit_s: float, *, make_up: bool = False
     ) -> tuple[StopsByVehicle, bool]:
         """The cheapest routes of each model, whether time ran out.
 
         Args:
+            limit_s: of one attempt, for all jobs together.
             make_up: whether this process does what a worker failed at.
         """
-        running = [(model, job, _submit(self._executor, job)) for model, job in jobs]
+        running = [(model, job, _submit(self._executor, job, limit_s)) for model, job in jobs]
         best: dict[VrpModel, Found] = {}
         timed_out = False
         for model, job, future in running:
@@ -283,9 +286,12 @@ def _known(
     return known
 
 
-def _submit(executor: Executor, job: Job) -> Future[Searched]:
+def _submit(executor: Executor, job: Job, limit_s: float) -> Future[Searched]:
     """A search on an executor; what keeps it from being taken on is raised with its result."""
     try:
+        if isinstance(executor, TimedExecutor):
+            within_s = limit_s * len(job.attempts)
+            return executor.submit_within(within_s, job.total_s, search_within, job)
         return executor.submit(search_in_turn, job)
     except Exception as error:
         refused: Future[Searched] = Future()

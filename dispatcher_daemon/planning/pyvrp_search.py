@@ -74,6 +74,11 @@ class Job:
     limit_s: float
     seed: int
 
+    @property
+    def total_s(self) -> float:
+        """Limit of all attempts together."""
+        return self.limit_s * len(self.attempts)
+
     def repeating(self, iterations: Sequence[int]) -> Job:
         """The same with these numbers of iterations of the first attempts, and no others."""
         numbered = zip(self.attempts, iterations, strict=False)
@@ -105,6 +110,12 @@ def search_in_turn(job: Job) -> Searched:
         if found is not None:
             break
     return Searched(found, cut, tuple(iterations))
+
+
+def search_within(job: Job, limit_s: float) -> Searched:
+    """As `search_in_turn`, with at most so much time for all attempts together."""
+    each_s = min(job.limit_s, limit_s / len(job.attempts))
+    return search_in_turn(replace(job, limit_s=each_s))
 
 
 def _search(

@@ -12,10 +12,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from dispatcher_daemon.planning import Searched
+from dispatcher_daemon.solvers.execution.executor import TimedExecutor
 from dispatcher_daemon.solvers.execution.pool import Job, Solve
 from dispatcher_daemon.solvers.protocol import Outcome, Status
 
@@ -27,6 +29,7 @@ _NO_DEADLINE_S: Final = 86_400.0
 
 P = ParamSpec("P")
 T = TypeVar("T")
+A = TypeVar("A")
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,22 @@ class _Submitted(Executor):
         return self._submit(fn, *args, **kwargs)
 
 
+class _TimedSubmitted(_Submitted, TimedExecutor):
+    """The same for an executor that is told how long a call may take."""
+
+    def __init__(
+        self, submit: Callable[..., Future[Any]], submit_within: Callable[..., Future[Any]]
+    ) -> None:
+        super().__init__(submit)
+        self._submit_within = submit_within
+
+    def submit_within(
+        self, within_s: float, limit_s: float, function: Callable[[A, float], T], argument: A
+    ) -> Future[T]:
+        """Run a call."""
+        return self._submit_within(within_s, limit_s, function, argument)
+
+
 class Recorder:
     """Stands between a cycle and its clock, executor and solvers; a context manager.
 
@@ -105,6 +124,10 @@ class Recorder:
         self._searches: list[Future[Any] | None] = []
         self._answers: list[Answer] = []
         self.executor: Executor = _Submitted(self._submit)
+        if isinstance(executor, TimedExecutor):
+            self.executor = _TimedSubmitted(
+                self._submit, partial(self._recorded, executor.submit_within)
+            )
 
     def clock(self) -> float:
         """Seconds since the start, in the milliseconds that are recorded."""
@@ -122,8 +145,13 @@ class Recorder:
 
     def _submit(self, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Future[Any]:
         assert self._inner is not None
+        return self._recorded(self._inner.submit, fn, *args, **kwargs)
+
+    def _recorded(
+        self, submit: Callable[..., Future[Any]], *args: Any, **kwargs: Any
+    ) -> Future[Any]:
         self._searches.append(None)
-        future = self._inner.submit(fn, *args, **kwargs)
+        future = submit(*args, **kwargs)
         self._searches[-1] = future
         return future
 

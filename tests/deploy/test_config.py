@@ -16,11 +16,11 @@ from .conftest import DEPLOY
 
 def test_the_examples_are_valid(etc: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`slipstream check` accepts the settings of all daemons as they are shipped."""
-    names = ("edge-rsu-1", "dispatcher", "dashboard", "agent-depot-1")
+    names = ("edge-rsu-1", "dispatcher", "dashboard", "agent-depot-1", "scheduler", "worker")
     files = [etc / f"{name}.toml" for name in names]
     assert main(["check", *map(str, files)]) == 0
     said = capsys.readouterr().out
-    kinds = ["edge", "dispatcher", "dashboard", "agent"]
+    kinds = ["edge", "dispatcher", "dashboard", "agent", "scheduler", "worker"]
     assert [line.split()[-2] for line in said.splitlines()] == kinds
 
 

@@ -58,6 +58,12 @@ def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
     assert f"{units}dispatcher.service" not in box
     assert {f"{units}dispatcher.service", f"{units}dashboard.service"} < server.keys()
     assert f"{units}edge@.service" not in server
+    assert install("--root", tmp_path / "worker", "worker").returncode == 0
+    worker = tree(tmp_path / "worker")
+    assert {name for name in worker if name.startswith(units)} == {f"{units}worker.service"}
+    assert {name for name in worker if name.startswith("etc/slipstream/")} == {
+        "etc/slipstream/worker.toml"
+    }
     for files in (box, server, vehicle):
         assert f"{units}router.service" in files
         assert files["etc/slipstream/router.json5"][1] == 0o600
@@ -265,7 +271,11 @@ def test_a_dry_run_tells_and_does_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "named"),
-    [((), "edge, agent, server or all"), (("spaceship",), "spaceship"), (("--root",), "--root")],
+    [
+        ((), "edge, agent, server, worker or all"),
+        (("spaceship",), "spaceship"),
+        (("--root",), "--root"),
+    ],
 )
 def test_a_slip_of_the_tongue_is_one_line(arguments: tuple[str, ...], named: str) -> None:
     """Bad arguments: exit status 2 and what is wrong."""

@@ -98,12 +98,18 @@ def credentials(unit: Path) -> dict[str, str]:
     return dict(value.split(":", 1) for value in values(unit, "LoadCredential"))
 
 
+CLUSTER = {"tls/cluster-ca.pem", "tls/cluster.pem", "tls/cluster.key"}
 HANDED = {
     "slipstream-agent@.service": {"bus/agent-%i", "agent-%i.toml"},
     "slipstream-dashboard.service": {"bus/dashboard", "dashboard.toml"},
-    "slipstream-dispatcher.service": {"api-tokens.toml", "bus/dispatcher", "dispatcher.toml"},
+    "slipstream-dispatcher.service": {
+        *("api-tokens.toml", "bus/dispatcher", "dispatcher.toml"),
+        *CLUSTER,
+    },
     "slipstream-edge@.service": {"bus/edge-%i", "edge-%i.toml"},
     "slipstream-router.service": {"bus/users", "router.json5", "tls/router.key"},
+    "slipstream-scheduler.service": {"scheduler.toml", *CLUSTER},
+    "slipstream-worker.service": {"worker.toml", *CLUSTER},
 }
 """The secrets below /etc/slipstream that each unit may have."""
 

@@ -5,13 +5,32 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Executor, Future, TimeoutError
+from typing import TypeVar
 
 from dispatcher_daemon.solvers.execution.pool import GRACE_S, Job, Solve, error_line, run_job
 from dispatcher_daemon.solvers.protocol import Outcome, Solver, Status
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class TimedExecutor(Executor):
+    """An executor that is told how long a call may take, as it may have to run it once more."""
+
+    def submit_within(
+        self, within_s: float, limit_s: float, function: Callable[[T, float], R], argument: T
+    ) -> Future[R]:
+        """Run a picklable call ``function(argument, seconds)``.
+
+        Args:
+            within_s: by when the answer is needed, waiting for a worker included.
+            limit_s: for the call alone; it may be told fewer seconds.
+        """
+        raise NotImplementedError
 
 
 def executor_solve(executor: Executor, solvers: Sequence[Solver], *, workers: int = 1) -> Solve:

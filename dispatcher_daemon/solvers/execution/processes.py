@@ -125,6 +125,19 @@ class WorkerExecutor(Executor):
                 raise RuntimeError("the workers are shut down")
             return self._processes.schedule(fn, args, kwargs)
 
+    def submit_limited(
+        self, timeout_s: float, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+    ) -> Future[T]:
+        """As `submit`; a worker that takes longer than the time is killed and replaced.
+
+        Raises:
+            RuntimeError: it is shut down.
+        """
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("the workers are shut down")
+            return self._processes.schedule(fn, args, kwargs, timeout_s)
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Stop the workers, whatever they are doing; their jobs are cancelled."""
         with self._lock:

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
-from importlib.resources import files
-from pathlib import Path
 from typing import Final
 
 from simulation.rsus import Rsu
 from simulation.scenarios.perception import measured_errors
 from simulation.scenarios.scenario import Scenario, SignalControl
+from slipstream.sources import sources_digest
 
 FORMAT: Final = 3
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
@@ -88,17 +87,9 @@ def provenance_of(
 
 def code_stamp() -> str:
     """Versions, and a digest of the sources that an arm's result can depend on."""
-    digest = sha256()
-    for package in _PACKAGES:
-        root = Path(str(files(package)))
-        for path in sorted(root.rglob("*.py")):
-            inside = path.relative_to(root)
-            if f"{package}/{inside.parts[0]}" not in _EXCLUDED:
-                digest.update(f"{package}/{inside.as_posix()}\n".encode())
-                digest.update(path.read_bytes())
     return (
         f"slipstream {_version('slipstream')}, libsumo {_version('libsumo')}, "
-        f"sources {digest.hexdigest()[:12]}"
+        f"sources {sources_digest(_PACKAGES, _EXCLUDED)[:12]}"
     )
 
 

@@ -1,0 +1,7 @@
+"""Solving on other machines by dask.distributed; nothing imports it unless the settings name one.
+
+- `client`: the dispatcher's end; `fallback` puts this machine's processes behind it
+- `connection`, `arrays`, `security`: connecting, what was sent already, TLS
+- `calls`: both ends of a call
+- `members`: the processes of the scheduler and of the workers
+"""

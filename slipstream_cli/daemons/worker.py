@@ -1,0 +1,24 @@
+"""`slipstream worker`: a worker of a cluster."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from slipstream.config import load
+
+
+def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the sub-command."""
+    command = commands.add_parser("worker", help="solve for the dispatcher of another machine")
+    command.add_argument("--config", type=Path, required=True, help="settings (TOML)")
+    command.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the worker until it is stopped."""
+    from dispatcher_daemon.cluster_settings import WorkerSettings
+    from dispatcher_daemon.solvers.execution.cluster.members import run_worker
+
+    run_worker(load(options.config, WorkerSettings))
+    return 0
