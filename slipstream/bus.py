@@ -30,7 +30,7 @@ too, which others may wait for. All else, as progress, repeats or replaces what 
 """
 
 _HEARTBEAT_S = 1.0
-_CHANNEL_SAMPLES: Final = 512
+_CHANNEL_SAMPLES: Final = 4096
 """Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link."""
 _GATHER_S: Final = 0.002
 """Samples gather for so long, so that a thread wakes up 500 times a second at most."""
@@ -43,7 +43,7 @@ class Publisher:
         self._declared = declared
 
     def put(self, message: Message | bytes) -> None:
-        """Publish a message, or raw bytes for pictures; dropped if the link is full for 20 ms."""
+        """Publish a message, or raw bytes for pictures; dropped if the link is full for 50 ms."""
         self._declared.put(message.to_bytes() if isinstance(message, Message) else message)
 
     def has_subscribers(self) -> bool:
@@ -236,7 +236,7 @@ class Bus:
             name: for the counter of samples.
             handler: as for `subscribe`, with `every`.
         """
-        listener = Listener(self._session, Inbox(name, handler, every=every))
+        listener = Listener(self._session, Inbox(name, handler, every=every, callback=True))
         self._receivers.append(listener)
         return listener
 
