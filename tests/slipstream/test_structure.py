@@ -41,7 +41,7 @@ def test_the_extras_that_the_design_names_exist() -> None:
         "optional-dependencies"
     ]
     wanted = {"edge", "dispatcher", "dashboard", "sim", "train", "iskay", "cplex", "cluster"}
-    assert wanted | {"postgres", "dev"} == set(extras)
+    assert wanted | {"postgres", "tracing", "dev"} == set(extras)
     assert not any("torch" in d or "ultralytics" in d for d in extras["edge"])
 
 
