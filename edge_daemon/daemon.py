@@ -253,7 +253,7 @@ class EdgeDaemon:
             with span("frames", began_ns, rsu=self._settings.rsu, frames=frames):
                 with span("window"):
                     state = next(states)
-                with span("publish", segment=state.segment, sequence=state.sequence):
+                with span("publish", rsu=state.rsu, segment=state.segment, sequence=state.sequence):
                     self._state_publishers[state.segment].put(state)
                     self._publish_stopped(state)
             self._latest[state.segment] = state

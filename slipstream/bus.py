@@ -6,11 +6,8 @@ the router does; late subscribers get the last samples from the publishers' cach
 
 from __future__ import annotations
 
-import contextlib
 import socket
-import threading
-import time
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final, Self
 
@@ -21,6 +18,7 @@ from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.inbox import Handler, Inbox
 from slipstream.messages import Message
+from slipstream.subscriptions import Listener, Subscription
 from slipstream.zenoh_config import client_config, router_config
 
 KEPT: Final[Mapping[str, int]] = MappingProxyType({"plan": 2, "acknowledgement": 8, "cycle": 8})
@@ -31,10 +29,6 @@ too, which others may wait for. All else, as progress, repeats or replaces what 
 """
 
 _HEARTBEAT_S = 1.0
-_CHANNEL_SAMPLES: Final = 512
-"""Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link."""
-_GATHER_S: Final = 0.002
-"""Samples gather for so long, so that a thread wakes up 500 times a second at most."""
 
 
 class Publisher:
@@ -44,7 +38,7 @@ class Publisher:
         self._declared = declared
 
     def put(self, message: Message | bytes) -> None:
-        """Publish a message, or raw bytes for pictures; dropped if the link is full for 20 ms."""
+        """Publish a message, or raw bytes for pictures; dropped if the link is full for 50 ms."""
         self._declared.put(message.to_bytes() if isinstance(message, Message) else message)
 
     def has_subscribers(self) -> bool:
@@ -56,101 +50,12 @@ class Publisher:
         self._declared.undeclare()
 
 
-class Listener:
-    """Subscriptions that share one inbox and its handler; open it with `Bus.listener`."""
-
-    def __init__(self, session: Any, samples: Inbox) -> None:
-        self._session, self._samples = session, samples
-        self._subscribers: dict[str, _Declared] = {}
-
-    def listen(self, key_expressions: Set[str], *, history: bool = False) -> None:
-        """Receive samples of these key expressions, and of no others from now on.
-
-        Args:
-            key_expressions: wanted.
-            history: for new ones, also what publishers sent before, and repair gaps.
-        """
-        for key in self._subscribers.keys() - key_expressions:
-            self._subscribers.pop(key).undeclare()
-        for key in sorted(key_expressions - self._subscribers.keys()):
-            self._subscribers[key] = self._declare(key, history=history)
-
-    def _declare(self, key: str, *, history: bool) -> _Declared:
-        samples = self._samples
-        return _Declared(self._session, key, samples.accept, samples.count_missed, history=history)
-
-    def close(self) -> None:
-        """Receive no more; no handler runs once it has returned."""
-        self.listen(frozenset())
-        self._samples.close()
-
-
-class _Subscription:
-    """One key expression's samples, taken from a channel of zenoh's by a thread.
-
-    A callback needs the interpreter's lock for each sample, which beside a busy thread it gets 200
-    times a second; links drop what waits meanwhile. One turn of this thread empties the channel.
-    """
-
-    def __init__(self, session: Any, key: str, samples: Inbox, *, history: bool) -> None:
-        self._samples = samples
-        channel: Any = zenoh.handlers.FifoChannel(_CHANNEL_SAMPLES)
-        self._declared = _Declared(session, key, channel, samples.count_missed, history=history)
-        self._channel = self._declared.subscriber.handler
-        self._thread = threading.Thread(target=self._run, name=f"bus {key} in", daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        # zenoh raises once the channel is closed and empty.
-        with contextlib.suppress(zenoh.ZError):
-            while True:
-                sample = self._channel.recv()
-                taken = 0
-                while sample is not None:
-                    self._samples.accept(sample)
-                    taken += 1
-                    sample = self._channel.try_recv()
-                if taken < _CHANNEL_SAMPLES // 2:
-                    time.sleep(_GATHER_S)
-
-    def close(self) -> None:
-        """Receive no more; no handler runs once it has returned."""
-        self._declared.undeclare()
-        self._thread.join(timeout=2.0)
-        self._samples.close()
-
-
-class _Declared:
-    """A declared subscriber, with the listener for what could not be recovered."""
-
-    def __init__(
-        self, session: Any, key: str, to: Any, missed: Callable[[int], None], *, history: bool
-    ) -> None:
-        if not history:
-            self.subscriber, self._misses = session.declare_subscriber(key, to), None
-            return
-        self.subscriber = zenoh.ext.declare_advanced_subscriber(
-            session,
-            key,
-            to,
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-        )
-        self._misses = self.subscriber.sample_miss_listener(lambda miss: missed(miss.nb))
-
-    def undeclare(self) -> None:
-        """Receive no more."""
-        if self._misses is not None:
-            self._misses.undeclare()
-        self.subscriber.undeclare()
-
-
 class Bus:
     """A zenoh session; open it with `Bus.open`, close it or use it as a context manager."""
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._receivers: list[Listener | _Subscription] = []
+        self._receivers: list[Listener | Subscription] = []
         self._answers: list[Answers] = []
 
     @classmethod
@@ -228,7 +133,7 @@ class Bus:
         """
         samples = Inbox(key_expression, handler, every=every)
         self._receivers.append(
-            _Subscription(self._session, key_expression, samples, history=history)
+            Subscription(self._session, key_expression, samples, history=history)
         )
 
     def listener(self, name: str, handler: Handler, *, every: bool = False) -> Listener:
@@ -238,7 +143,7 @@ class Bus:
             name: for the counter of samples.
             handler: as for `subscribe`, with `every`.
         """
-        listener = Listener(self._session, Inbox(name, handler, every=every))
+        listener = Listener(self._session, Inbox(name, handler, every=every, callback=True))
         self._receivers.append(listener)
         return listener
 

@@ -28,8 +28,8 @@ INBOX_SAMPLES: Final = 16_384
 has followed is dropped; if each is the newest of its key, the oldest of all."""
 BUSY_BATCH: Final = 16
 PAUSE_S: Final = 0.01
-"""After so many samples at once the handler pauses: zenoh's thread needs the interpreter's lock for
-each sample, and a handler that never waits lets go of it 200 times a second only."""
+"""After so many samples at once the handler pauses where callbacks bring them: zenoh's thread needs
+the interpreter's lock for each, and a handler that never waits lets go of it 200 times a second."""
 
 Outcome = Literal["taken", "superseded", "dropped", "oversized"]
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
@@ -64,10 +64,12 @@ class Inbox:
         name: of the subscription, for the counter.
         handler: called for one sample after the other; what it raises is logged.
         every: see `slipstream.bus.Bus.subscribe`.
+        callback: `accept` is a callback of zenoh's, not called by a thread that empties a channel.
     """
 
-    def __init__(self, name: str, handler: Handler, *, every: bool) -> None:
+    def __init__(self, name: str, handler: Handler, *, every: bool, callback: bool = False) -> None:
         self._name = name
+        self._callback = callback
         self._handler = handler
         self._every = every
         self._waiting: OrderedDict[object, tuple[str, bytes]] = OrderedDict()
@@ -143,7 +145,7 @@ class Inbox:
                 self._followed.clear()
             for key, payload in batch.values():
                 self._handle(key, payload)
-            if len(batch) >= BUSY_BATCH:
+            if self._callback and len(batch) >= BUSY_BATCH:
                 time.sleep(PAUSE_S)
 
     def _handle(self, key: str, payload: bytes) -> None:

@@ -21,12 +21,12 @@ large. What a sender can make a receiver hold grows with it.
 
 TRANSMIT_QUEUE: Final[dict[str, int]] = {
     "transport/link/tx/queue/size/data": 16,
-    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 20_000,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 50_000,
 }
 """Batches of 64 KiB that wait for a link, and for how long a message waits for room, us.
 
-zenoh drops what finds no room, and tells nobody. Its defaults, 2 batches and 1 ms, are overrun by
-1,000 states at once.
+zenoh drops what finds no room, and tells nobody; once one has waited in vain, the next do not wait
+until there is room again. Its defaults, 2 batches and 1 ms, are overrun by 1,000 states at once.
 """
 
 _RECEIVE_LIMIT = "transport/link/rx/max_message_size"

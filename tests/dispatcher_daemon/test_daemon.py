@@ -445,11 +445,13 @@ def test_the_daemon_turns_states_into_stored_plans(
         )
         segments = ("avenue_east", "avenue_west")
         outlets = {s: bus.publisher(state_key(f"rsu-{s}", s)) for s in segments}
+        # Not on the key of a state: of two messages at once the later one counts.
+        broken = bus.publisher(state_key("rsu-broken", "avenue_east"))
         ends = time.monotonic() + 120
         while time.monotonic() < ends and daemon.process.poll() is None:
             for segment, outlet in outlets.items():
                 outlet.put(state(segment, 1, time_ns=time.time_ns()))
-            outlets["avenue_east"].put(b"not a state")
+            broken.put(b"not a state")
             if health and health[-1].cycles >= 2 and any(p.cycle >= 2 for p in plans):
                 break
             time.sleep(0.2)

@@ -145,9 +145,14 @@ def test_an_agent_answers_advises_and_goes_on_after_a_kill(tmp_path: Path, route
 
             assert van.sense_until(lambda: advised("cruise"), on_road=True)
             assert psutil.Process(first.pid).memory_info().rss < 60e6
-            position = van.latest("position")
-            assert isinstance(position, VehiclePosition)
-            assert (position.cycle, position.leg, position.on_road) == (1, 0, True)
+
+            def located() -> bool:
+                # It comes on a subscription of its own, perhaps later than the advice.
+                position = van.latest("position")
+                assert isinstance(position, VehiclePosition)
+                return (position.cycle, position.leg, position.on_road) == (1, 0, True)
+
+            assert van.sense_until(located, on_road=True)
 
             def arrived() -> bool:
                 progress = van.latest("progress")
