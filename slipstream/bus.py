@@ -31,8 +31,11 @@ too, which others may wait for. All else, as progress, repeats or replaces what 
 """
 
 _HEARTBEAT_S = 1.0
-_CHANNEL_SAMPLES: Final = 512
-"""Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link."""
+_CHANNEL_SAMPLES: Final = 64
+"""Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link.
+
+They may be of any size up to `slipstream.zenoh_config.RECEIVE_LIMIT_BYTES`: 320 MiB at worst.
+"""
 _GATHER_S: Final = 0.002
 """Samples gather for so long, so that a thread wakes up 500 times a second at most."""
 
