@@ -26,8 +26,8 @@ class Reception:
 
     Attributes:
         received: states with a new sequence number.
-        missed: sequence numbers that never came: dropped on the way, or superseded by a later
-            state of their segment before they were handled.
+        missed: sequence numbers that never came: dropped on the way, superseded by a later state
+            of their segment before they were handled, or refused as perhaps not its own.
         duplicates: states that came twice.
         out_of_order: states older than one of their segment that had come before.
         delay_s: median of arrival less the state's time, of the latest `DELAYS`; below 0: its clock

@@ -93,6 +93,22 @@ def test_each_rsu_is_counted_by_what_its_states_are(
     assert [row.rsu for row in worst_receptions(found.items())] == ["rsu-1", "ahead"]
 
 
+def test_an_implausible_state_is_not_missed(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """It came, with its number, whatever it says."""
+    states = LatestStates(demo.network, rsus={"r": ("avenue_east",)})
+    verdicts = []
+    for number in range(3):
+        message = state("avenue_east", 1, rsu="r", sequence=number, time_ns=now_ns + number)
+        if number == 1:
+            message = message.model_copy(update={"vehicles": 10**6})
+        verdicts.append(states.accept(message, now_ns + number))
+    assert verdicts == [Verdict.ACCEPTED, Verdict.IMPLAUSIBLE, Verdict.ACCEPTED]
+    ((_, found),) = states.reception.figures()
+    assert (found.received, found.missed) == (3, 0)
+
+
 def test_metrics_carry_the_name_of_the_rsu() -> None:
     """Prometheus sees each figure of each RSU."""
     before = metrics.RECEPTION.figures
