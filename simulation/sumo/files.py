@@ -67,6 +67,18 @@ def elements(path: Path, event: Literal["start", "end"] = "end") -> Iterator[Ele
         raise InputError(path, f"not XML: {error}", "give a SUMO file") from None
 
 
+def check_no_include(element: ElementTree.Element, path: Path) -> None:
+    """Check that an element brings no other file in: what that one names or writes is not seen.
+
+    Raises:
+        InputError: it does.
+    """
+    if element.tag == "include":
+        key = element.get("href")
+        mend = "give the included file itself, by --additional or --routes"
+        raise InputError(path, "an <include>, which is not followed", mend, key=key)
+
+
 def _root(path: Path) -> str:
     """Name of a file's first element.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from simulation.scenarios.networks.route_files import check_additional, check_routes
 from simulation.sumo import read_configuration, without_output
 from slipstream.errors import InputError
 
@@ -87,3 +88,15 @@ def test_additional_files_write_nothing_where_the_user_keeps_them(tmp_path: Path
     assert 'file="NUL"' in copy.read_text()
     assert f'file="{given / "speeds.xml"}"' in copy.read_text()
     assert loud.read_text() == text
+
+
+def test_an_include_is_refused(tmp_path: Path) -> None:
+    """What stands in the other file would be neither checked nor kept from writing."""
+    path = tmp_path / "a.add.xml"
+    path.write_text('<additional><include href="detectors.xml"/></additional>')
+    for check in (lambda: without_output((path,), tmp_path), lambda: check_additional((path,))):
+        with pytest.raises(InputError, match=r"a\.add\.xml: detectors\.xml: an <include>"):
+            check()
+    path.write_text('<routes><include href="more.rou.xml"/></routes>')
+    with pytest.raises(InputError, match="an <include>"):
+        check_routes((path,), ["ab"])
