@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
 
-from simulation.sumo.files import MAX_SUMO_BYTES, check_no_include
+from simulation.sumo.files import MAX_SUMO_BYTES, check_no_include, put_file
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
 
@@ -63,7 +63,7 @@ def without_output(paths: Sequence[Path], folder: Path) -> tuple[Path, ...]:
         name = path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".add")
         copy = folder / f"{number}-{name}.add.xml"
         folder.mkdir(parents=True, exist_ok=True)
-        ElementTree.ElementTree(tree).write(copy, encoding="utf-8")
+        put_file(copy, ElementTree.tostring(tree, encoding="unicode"))
         made.append(copy)
     return tuple(made)
 
