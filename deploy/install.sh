@@ -5,7 +5,8 @@ set -eu
 
 usage() {
     cat <<'TEXT'
-usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] edge|agent|server|worker|all
+usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] [--extras NAMES]
+                  edge|agent|server|worker|all
 
   edge        for an RSU box: edge daemons and a zenoh router
   agent       for a vehicle's box, or for the agents of a depot: vehicle agents and a zenoh router
@@ -17,6 +18,7 @@ usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] edge|ag
   --no-venv   leave the Python environment as it is: units, settings and documentation only
   --root DIR  put files under DIR, as for a package; no user, no Python environment, no systemd
   --python P  Python 3.11 or later to use (default: python3)
+  --extras E  also install these, as postgres,tracing; kept for later runs, '' forgets them
 TEXT
 }
 
@@ -31,6 +33,10 @@ run() {
     else
         "$@"
     fi
+}
+
+remember_extras() {
+    printf '%s\n' "$more" >"$opt/extras"
 }
 
 # A user of the bus: a line among the router's users, and its password in a file of its own. The line
@@ -59,15 +65,19 @@ name_user() {
 }
 
 umask 022 # the daemons are not root and have to read what is installed
-dry_run=no venv=yes root='' python=python3 role=''
+dry_run=no venv=yes root='' python=python3 role='' more='' named=no
 while [ $# -gt 0 ]; do
     case $1 in
         --dry-run) dry_run=yes ;;
         --no-venv) venv=no ;;
-        --root | --python)
+        --root | --python | --extras)
             [ $# -ge 2 ] || fail "$1 needs a value; see --help"
             # An environment holds its own path: one made under DIR would not run elsewhere.
-            if [ "$1" = --root ]; then root=$2 venv=no; else python=$2; fi
+            case $1 in
+                --root) root=$2 venv=no ;;
+                --python) python=$2 ;;
+                --extras) more=$2 named=yes ;;
+            esac
             shift
             ;;
         -h | --help) usage; exit 0 ;;
@@ -114,6 +124,17 @@ etc=$root/etc/slipstream
 opt=$root/opt/slipstream
 release=$opt/releases/$version
 
+# Those named once stay, or an upgrade would lack what the settings ask for.
+if [ "$named" = no ] && [ -r "$opt/extras" ]; then
+    more=$(cat "$opt/extras")
+fi
+case $more in *[!a-z0-9,-]*) fail "--extras $more: give names with commas between, as postgres,tracing" ;; esac
+# pip only warns of a name that it does not know.
+for name in $(printf %s "$more" | tr , ' '); do
+    grep -q "^$name = \\[" "$source/pyproject.toml" || fail "--extras: no extra $name; name some of pyproject.toml"
+done
+extras=$extras${extras:+${more:+,}}$more
+
 # The account first: the settings belong to its group.
 run install -D -m 644 "$here/systemd/slipstream.sysusers" "$root/etc/sysusers.d/slipstream.conf"
 if [ -z "$root" ]; then
@@ -143,6 +164,7 @@ if [ "$venv" = yes ]; then
     run "$release/bin/python" -m pip install --quiet --disable-pip-version-check \
         "$source${extras:+[$extras]}"
     run touch "$release/.complete"
+    run remember_extras
     # One rename: whoever starts now gets the old release or the new one.
     run ln -sfn "releases/$version" "$opt/current.new"
     run mv -T "$opt/current.new" "$opt/current"

@@ -9,10 +9,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+from slipstream.freshness import FUTURE_TOLERANCE_S
+
 MAX_RSUS: Final = 10_000
 """RSUs that are counted; beyond them the one that has been silent for longest is forgotten."""
 MAX_JUMP: Final = 100_000
 """A sequence number further ahead than this belongs to another run of the RSU."""
+_TOLERANCE_NS: Final = round(FUTURE_TOLERANCE_S * 1e9)
 DELAYS: Final = 64
 """Latest states of an RSU that its delays are judged by."""
 
@@ -23,8 +26,8 @@ class Reception:
 
     Attributes:
         received: states with a new sequence number.
-        missed: sequence numbers that never came: dropped on the way, or superseded by a later
-            state of their segment before they were handled.
+        missed: sequence numbers that never came: dropped on the way, superseded by a later state
+            of their segment before they were handled, or refused as perhaps not its own.
         duplicates: states that came twice.
         out_of_order: states older than one of their segment that had come before.
         delay_s: median of arrival less the state's time, of the latest `DELAYS`; below 0: its clock
@@ -72,6 +75,15 @@ class _Record:
         self.received += sequence >= self.first
 
 
+def _believed_ns(time_ns: int, arrived_ns: int) -> int:
+    """A state's time, as far as it is not ahead: a wrong clock must not hide restarts later.
+
+    A clock that is ahead within the tolerance stays as it is: with its states cut to their arrival
+    each late one would be a restart.
+    """
+    return min(time_ns, arrived_ns + _TOLERANCE_NS)
+
+
 class ReceptionTable:
     """Reception of each RSU; safe for threads."""
 
@@ -92,6 +104,7 @@ class ReceptionTable:
             out_of_order: a later one of its segment has come before.
         """
         with self._lock:
+            time_ns = _believed_ns(time_ns, time_ns + round(delay_s * 1e9))
             record = self._record(rsu, sequence, time_ns)
             record.count(sequence, time_ns)
             if out_of_order:

@@ -35,8 +35,13 @@ class Verdict(StrEnum):
 HARMLESS: Final = frozenset({Verdict.ACCEPTED, Verdict.DUPLICATE, Verdict.OUT_OF_ORDER})
 """Verdicts on states that are in order, or that a repair of the bus has sent again."""
 
-_OF_ITS_RSU: Final = frozenset({Verdict.ACCEPTED, Verdict.OUT_OF_ORDER, Verdict.FUTURE})
-"""Verdicts on states that count for their RSU; the others may be anybody's."""
+_OF_ITS_RSU: Final = frozenset(
+    {Verdict.ACCEPTED, Verdict.OUT_OF_ORDER, Verdict.FUTURE, Verdict.IMPLAUSIBLE}
+)
+"""Verdicts on states that came from their RSU; so does one too many of a listed RSU.
+
+The others may be anybody's: their sequence numbers count as missed.
+"""
 
 
 class LatestStates:
@@ -75,7 +80,9 @@ class LatestStates:
         verdict = self._take(state, now_ns)
         if verdict is Verdict.DUPLICATE:
             self.reception.count_duplicate(state.rsu, state.sequence, state.time_ns)
-        elif verdict in _OF_ITS_RSU:
+        elif verdict in _OF_ITS_RSU or (
+            verdict is Verdict.TOO_MANY_RSUS and self._rsus is not None
+        ):
             self.reception.count(
                 state.rsu,
                 state.sequence,

@@ -186,7 +186,8 @@ def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
 
     Raises:
         InputError: the file is malformed, an id twice, a segment that the network has not, a
-            stretch or a lane that does not lie on it, or a mast without a view.
+            stretch or a lane that does not lie on it, two stretches of one segment under one RSU,
+            or a mast without a view.
     """
     rsus = (_of_one_camera(path),) if is_one_camera(path) else load(path, RsuFile).rsus
     twice = next((name for name, n in Counter(rsu.id for rsu in rsus).items() if n > 1), None)
@@ -202,6 +203,10 @@ def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
         for stretch in rsu.watch:
             segment = network.segments.get(stretch.segment)
             key = f"{rsu.id}.watch.{stretch.segment}"
+            if sum(other.segment == stretch.segment for other in rsu.watch) > 1:
+                # Its states would have one key and one road for two.
+                mend = "give one stretch, or an RSU for each"
+                raise InputError(path, "two stretches of one segment", mend, key=key)
             if segment is None:
                 problem = f"no segment {stretch.segment!r} in net {network.name!r}"
                 raise InputError(path, problem, "name one of the net's connected part", key=key)

@@ -16,7 +16,12 @@ from slipstream.service import LogLimiter
 log = logging.getLogger(__name__)
 
 _CHANNEL_SAMPLES: Final = 4096
-"""Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link."""
+"""Samples that wait for a subscription's thread; beyond them zenoh's thread waits, and the link.
+
+It is 0.4 s of 10,000 states a second. Samples may be of any size up to
+`slipstream.zenoh_config.RECEIVE_LIMIT_BYTES`: a sender of the largest makes a receiver hold what
+the link brings while this thread has no turn.
+"""
 _GATHER_S: Final = 0.002
 """Samples gather for so long, so that a thread wakes up 500 times a second at most."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -22,6 +23,8 @@ Attribute = str | int | float | bool | Sequence[str]
 MAX_SPARSE_SPANS: Final = 100
 """Spans of `sparse_span` in a second: more of them would crowd out the others in the exporter."""
 _TIMEOUT_S: Final = 2.0
+_SHUTDOWN_S: Final = 2.0
+"""For the last spans, when a daemon stops."""
 _QUIET_S: Final = 60.0
 
 _OFF: Final[AbstractContextManager[None]] = nullcontext()
@@ -135,7 +138,12 @@ class Tracing:
         global _tracer
         _tracer = None
         if self._provider is not None:
-            self._provider.shutdown()
+            # It tries a collector that is away again and again; a stop does not wait for that.
+            ending = threading.Thread(
+                target=self._provider.shutdown, name="traces end", daemon=True
+            )
+            ending.start()
+            ending.join(_SHUTDOWN_S)
             self._provider = None
 
 

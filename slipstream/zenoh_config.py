@@ -12,11 +12,12 @@ from slipstream.config import BusSettings, read_secret
 from slipstream.errors import InputError
 from slipstream.files import check_file
 
-RECEIVE_LIMIT_BYTES: Final = 24 * 2**20
+RECEIVE_LIMIT_BYTES: Final = 5 * 2**20
 """Above it zenoh discards a message while it arrives, without counting it.
 
-It is well above `slipstream.inbox.MAX_MESSAGE_BYTES`, so that an inbox sees and counts what is too
-large. What a sender can make a receiver hold grows with it.
+It is above `slipstream.inbox.MAX_MESSAGE_BYTES`, so that an inbox sees and counts what is a little
+too large. What a sender can make a receiver hold grows with it: as many samples of this size as a
+subscription's channel has (`slipstream.bus`).
 """
 
 TRANSMIT_QUEUE: Final[dict[str, int]] = {

@@ -69,11 +69,17 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _replace(path: Path, text: str) -> None:
-    """Write a file of our own as a whole; its rights stay, and a new one is its owner's alone."""
+    """Write a file of our own as a whole; owner and rights stay, a new one is its owner's alone."""
     new = path.with_name(f"{path.name}.new")
-    mode = path.stat().st_mode & 0o777 if path.exists() else 0o600
+    former = path.stat() if path.exists() else None
     descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
-    with os.fdopen(descriptor, "w") as file:
-        file.write(text)
-        os.fchmod(descriptor, mode)
-    new.replace(path)
+    try:
+        with os.fdopen(descriptor, "w") as file:
+            file.write(text)
+            if former is not None:
+                # Root adds a token to a file that the dispatcher's user reads.
+                os.fchown(descriptor, former.st_uid, former.st_gid)
+                os.fchmod(descriptor, former.st_mode & 0o777)
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)

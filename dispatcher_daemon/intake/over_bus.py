@@ -13,7 +13,15 @@ from dispatcher_daemon.intake.reading import read_request
 from slipstream.answers import Answerer
 from slipstream.config import parse_json
 from slipstream.errors import InputError
-from slipstream.messages import ALL_ORDERS, Identifier, Message, OrderRefusal, decode
+from slipstream.messages import (
+    ALL_ORDERS,
+    Identifier,
+    Message,
+    OrderRefusal,
+    OrderRequest,
+    decode,
+    take_minor,
+)
 from slipstream.orders import OrderRefused
 from storage import StorageError
 
@@ -82,7 +90,11 @@ class OrderAnswers:
 
 
 def _submit(intake: OrderIntake, order: str, payload: bytes) -> Message:
-    request = read_request(parse_json(payload, "order"))
+    data = parse_json(payload, "order")
+    if isinstance(data, dict):
+        # Unknown fields stay refused, whatever the minor version: one may be a constraint.
+        take_minor(data, OrderRequest, "order")
+    request = read_request(data)
     if request.id != order:
         mend = "ask on the key of the order"
         raise OrderRefused("invalid", "not the order of its key", mend, order=order, key="id")

@@ -34,7 +34,7 @@ from simulation.scenarios.networks import (
     write_fixed_time,
 )
 from simulation.scenarios.perception import place_rsus
-from simulation.sumo import TYPES, without_output
+from simulation.sumo import TYPES, put_file, without_output
 from slipstream.access import ALL_CLASSES
 from slipstream.config import load
 from slipstream.errors import InputError
@@ -170,7 +170,7 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
         if not has_fleet_type((*scenario.routes, *scenario.additional)):
             types = folder / "fleet.add.xml"
             text = f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n"
-            types.write_text(text, encoding="utf-8")
+            put_file(types, text)
             additional = (*additional, types)
         if rsus is None:
             rsus = place_rsus(scenario.network, count_passages(scenario.routes, scenario.network))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
 
-from simulation.sumo.files import MAX_SUMO_BYTES
+from simulation.sumo.files import MAX_SUMO_BYTES, check_no_include, put_file
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
 
@@ -33,7 +33,6 @@ _WRITES: Final = {
 """Attribute with the output file, by element."""
 _READS: Final = {
     **dict.fromkeys(("variableSpeedSign", "rerouter"), "file"),
-    "include": "href",
     "poly": "imgFile",
     "poi": "imgFile",
 }
@@ -44,11 +43,13 @@ def without_output(paths: Sequence[Path], folder: Path) -> tuple[Path, ...]:
     """Files that do the same and write nothing: a copy in a folder for each that would.
 
     Raises:
-        InputError: one cannot be read or is no XML.
+        InputError: one cannot be read, is no XML, or includes another file.
     """
     made = []
     for number, path in enumerate(paths):
         tree = _parse(path)
+        for element in tree.iter():
+            check_no_include(element, path)
         writing = [e for e in tree.iter() if _WRITES.get(e.tag) in e.attrib]
         if not writing:
             made.append(path)
@@ -62,7 +63,7 @@ def without_output(paths: Sequence[Path], folder: Path) -> tuple[Path, ...]:
         name = path.name.removesuffix(".gz").removesuffix(".xml").removesuffix(".add")
         copy = folder / f"{number}-{name}.add.xml"
         folder.mkdir(parents=True, exist_ok=True)
-        ElementTree.ElementTree(tree).write(copy, encoding="utf-8")
+        put_file(copy, ElementTree.tostring(tree, encoding="unicode"))
         made.append(copy)
     return tuple(made)
 

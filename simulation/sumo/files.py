@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import threading
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -65,6 +68,32 @@ def elements(path: Path, event: Literal["start", "end"] = "end") -> Iterator[Ele
         raise InputError(path, f"not readable: {problem}", "check the path") from None
     except (ElementTree.ParseError, EOFError, zlib.error) as error:
         raise InputError(path, f"not XML: {error}", "give a SUMO file") from None
+
+
+def check_no_include(element: ElementTree.Element, path: Path) -> None:
+    """Check that an element brings no other file in: what that one names or writes is not seen.
+
+    Raises:
+        InputError: it does.
+    """
+    if element.tag == "include":
+        key = element.get("href")
+        mend = "give the included file itself, by --additional or --routes"
+        raise InputError(path, "an <include>, which is not followed", mend, key=key)
+
+
+def put_file(path: Path, text: str) -> None:
+    """Write a file as a whole, or leave one with this text as it is: a running SUMO may read it."""
+    data = text.encode()
+    with contextlib.suppress(OSError):
+        if path.read_bytes() == data:
+            return
+    new = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}")
+    try:
+        new.write_bytes(data)
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def _root(path: Path) -> str:

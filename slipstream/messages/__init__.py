@@ -14,6 +14,7 @@ from slipstream.messages.base import (
     NonNegative,
     TimeNs,
     decode,
+    take_minor,
 )
 from slipstream.messages.dispatch import (
     CYCLE_KEY,
@@ -209,4 +210,5 @@ __all__ = [
     "spat_key",
     "state_key",
     "stopped_key",
+    "take_minor",
 ]

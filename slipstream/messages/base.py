@@ -14,16 +14,18 @@ from pydantic_core import ErrorDetails, from_json, to_json
 from slipstream.errors import InputError
 
 ROOT: Final = "slipstream/v1"
-SCHEMA: Final = "1.1"
-"""Version of all messages, MAJOR.MINOR; a message without one is of 1.0.
+SCHEMA: Final = "1.0"
+"""Version of all messages, MAJOR.MINOR; a message without one is of 1.0, which is sent without.
 
-A new field with a default makes a new minor version, which older receivers read as far as they know
-it; anything else makes a new major version, and a new `ROOT`.
+From the next release on a new field with a default makes a new minor version, which older receivers
+read as far as they know it; anything else makes a new major version, and a new `ROOT`.
 """
 
 _MAJOR, _MINOR = (int(part) for part in SCHEMA.split("."))
 _VERSION: Final = re.compile(r"(0|[1-9][0-9]{0,5})\.(0|[1-9][0-9]{0,5})")
 _OPENING: Final = b'{"schema":"%b",' % SCHEMA.encode()
+# Receivers of 0.1.0 refuse the field, so only minor versions that they cannot read anyway have it.
+_SENT: Final = b"{" if _MINOR == 0 else _OPENING
 _MAX_UNKNOWN_FIELDS: Final = 1000
 
 UNKNOWN_FIELDS = Counter(
@@ -49,8 +51,8 @@ class Message(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     def to_bytes(self) -> bytes:
-        """Encode as UTF-8 JSON, with the schema version as the first field."""
-        return _OPENING + self.model_dump_json()[1:].encode()
+        """Encode as UTF-8 JSON; above 1.0 with the schema version as the first field."""
+        return _SENT + self.model_dump_json()[1:].encode()
 
 
 M = TypeVar("M", bound=Message)
@@ -88,6 +90,30 @@ def _decode_other(model: type[M], payload: bytes, source: str) -> M:
         raise _refusal(model, source, str(error), None) from None
     if not isinstance(content, dict) or "schema" not in content:
         return model.model_validate_json(payload)
+    minor = take_minor(content, model, source)
+    try:
+        return _validated(model, content)
+    except ValidationError as error:
+        if minor <= _MINOR or not _leave_unknown_out(content, error):
+            raise
+        known = _validated(model, content)
+        UNKNOWN_FIELDS.labels(model.__name__).inc(error.error_count())
+        return known
+
+
+def take_minor(content: dict[str, Any], model: type[Message], source: str) -> int:
+    """Take the schema version off a message's fields; its minor part, 0 without one.
+
+    Args:
+        content: the fields; `schema` is removed.
+        model: for the error line.
+        source: likewise.
+
+    Raises:
+        InputError: it is no version, or one of another major version.
+    """
+    if "schema" not in content:
+        return 0
     version = content.pop("schema")
     parts = _VERSION.fullmatch(version) if isinstance(version, str) else None
     if parts is None:
@@ -99,14 +125,7 @@ def _decode_other(model: type[M], payload: bytes, source: str) -> M:
             "bring sender and receiver to one version",
             key="schema",
         )
-    try:
-        return _validated(model, content)
-    except ValidationError as error:
-        if int(parts[2]) <= _MINOR or not _leave_unknown_out(content, error):
-            raise
-        known = _validated(model, content)
-        UNKNOWN_FIELDS.labels(model.__name__).inc(error.error_count())
-        return known
+    return int(parts[2])
 
 
 def _validated(model: type[M], content: object) -> M:

@@ -151,7 +151,8 @@ case "$*" in
     "-m pip "*)
         [ -e "$(dirname "$0")/../pip" ] || exit 1
         [ ! -e "{folder}/die-in-pip" ] || kill -9 $PPID
-        echo installed >"$(dirname "$0")/../slipstream"
+        for last; do :; done
+        echo "${{last##*/source}}" >"$(dirname "$0")/../slipstream"
         ;;
     *sys.base_prefix*) echo /usr ;;
 esac
@@ -177,12 +178,13 @@ class Machine:
         self.python.write_text(_PYTHON.format(folder=folder))
         self.python.chmod(0o755)
 
-    def install(self, version: str, die_in: str | None = None) -> int:
-        """Install a version; returns the exit status."""
-        (self.source / "pyproject.toml").write_text(f'version = "{version}"\n')
+    def install(self, version: str, die_in: str | None = None, *more: str) -> int:
+        """Install a version, with more arguments; returns the exit status."""
+        text = f'version = "{version}"\n\npostgres = []\ntracing = []\n'
+        (self.source / "pyproject.toml").write_text(text)
         if die_in is not None:
             (self.folder / f"die-in-{die_in}").touch()
-        arguments = ("--root", self.folder / "root", "--python", self.python, "edge")
+        arguments = ("--root", self.folder / "root", "--python", self.python, *more, "edge")
         done = subprocess.run(
             ["sh", self.source / "deploy" / "install.sh", *arguments],
             capture_output=True,
@@ -197,6 +199,10 @@ class Machine:
         release = (self.releases.parent / "current").resolve()
         assert {path.name for path in release.iterdir()} > {"bin", "pip", "slipstream"}
         return release.name
+
+    def extras(self) -> str:
+        """What the current release was installed with."""
+        return (self.releases.parent / "current" / "slipstream").read_text().strip()
 
     def kept(self) -> set[str]:
         """Releases on the disk."""
@@ -223,6 +229,21 @@ def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: st
     assert machine.install("1.1", die_in="pip") == -signal.SIGKILL
     assert machine.install("1.1") == 0
     assert machine.current() == "1.1"
+
+
+def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) -> None:
+    """Until others are named, or none; a name that there is not changes nothing."""
+    assert machine.install("1.0") == 0
+    assert machine.extras() == "[edge]"
+    assert machine.install("1.0", None, "--extras", "postgres,tracing") == 0
+    assert machine.extras() == "[edge,postgres,tracing]"
+    assert machine.install("1.1") == 0
+    assert (machine.current(), machine.extras()) == ("1.1", "[edge,postgres,tracing]")
+    assert machine.install("1.2", None, "--extras", "postgre") == 2
+    assert machine.current() == "1.1"
+    assert machine.install("1.2", None, "--extras", "") == 0
+    assert machine.install("1.3") == 0
+    assert machine.extras() == "[edge]"
 
 
 def test_an_environment_of_the_installer_before_is_not_removed(machine: Machine) -> None:

@@ -45,6 +45,20 @@ def test_a_restart_misses_nothing() -> None:
     assert counted([7, 9, 1, 2, 4], [7, 9, 20, 21, 22]).received == 5
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_a_state_of_the_future_hides_no_restart(first: bool) -> None:
+    """A clock that was a day ahead for one state: the next restart is seen, with no gap from it."""
+    table = ReceptionTable()
+    day_s = 86_400
+    arrivals = [(6, 0, day_s)] if first else [(6, 0, 0), (7, 1, day_s)]
+    arrivals += [(1, 20, 0), (2, 21, 0), (4, 22, 0)]
+    for sequence, arrived_s, ahead_s in arrivals:
+        time_ns = (arrived_s + ahead_s) * SECOND
+        table.count("r", sequence, time_ns, -float(ahead_s), out_of_order=False)
+    ((_, found),) = table.figures()
+    assert (found.received, found.missed) == (len(arrivals), 1)
+
+
 def test_an_absurd_jump_is_no_gap() -> None:
     """One number out of nowhere does not make millions missed."""
     assert counted([1, 2, 2 + MAX_JUMP]).missed == MAX_JUMP - 1
@@ -77,6 +91,22 @@ def test_each_rsu_is_counted_by_what_its_states_are(
     assert own.delay_s == pytest.approx(0.3)
     assert own.delay_spread_s == pytest.approx(0.15)
     assert [row.rsu for row in worst_receptions(found.items())] == ["rsu-1", "ahead"]
+
+
+def test_an_implausible_state_is_not_missed(
+    demo: RoutingProblem, state: State, now_ns: int
+) -> None:
+    """It came, with its number, whatever it says."""
+    states = LatestStates(demo.network, rsus={"r": ("avenue_east",)})
+    verdicts = []
+    for number in range(3):
+        message = state("avenue_east", 1, rsu="r", sequence=number, time_ns=now_ns + number)
+        if number == 1:
+            message = message.model_copy(update={"vehicles": 10**6})
+        verdicts.append(states.accept(message, now_ns + number))
+    assert verdicts == [Verdict.ACCEPTED, Verdict.IMPLAUSIBLE, Verdict.ACCEPTED]
+    ((_, found),) = states.reception.figures()
+    assert (found.received, found.missed) == (3, 0)
 
 
 def test_metrics_carry_the_name_of_the_rsu() -> None:

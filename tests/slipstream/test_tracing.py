@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 import time
@@ -110,3 +111,16 @@ def test_what_is_no_endpoint_is_refused(endpoint: str) -> None:
     """By its key, before anything starts."""
     with pytest.raises(InputError, match="traces"):
         check({"traces": endpoint}, ServiceSettings, "x.toml")
+
+
+@pytest.mark.slow
+def test_a_dead_collector_does_not_hold_up_a_stop() -> None:
+    """It takes connections and says nothing: each batch that waits would take its whole limit."""
+    with socket.create_server(("127.0.0.1", 0)) as dead:
+        tracing = Tracing("x", f"http://127.0.0.1:{dead.getsockname()[1]}")
+        with tracing:
+            for _ in range(2000):
+                with span("lost"):
+                    pass
+            began = time.monotonic()
+        assert time.monotonic() - began < 3.5

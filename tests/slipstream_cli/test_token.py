@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import stat
 from pathlib import Path
 
@@ -30,6 +31,18 @@ def test_a_new_token_is_printed_once_and_counts(
     other = tmp_path / "other.toml"
     assert main(["token", "new", "a", "--scopes", "read", "--file", str(other)]) == 0
     assert stat.S_IMODE(other.stat().st_mode) == 0o600
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+def test_the_file_stays_its_owners(tmp_path: Path) -> None:
+    """Root adds a token, and the daemon whose file it is still reads it."""
+    path = tmp_path / "tokens.toml"
+    path.touch(0o600)
+    os.chown(path, 1234, 2345)
+    assert main(["token", "new", "a", "--scopes", "read", "--file", str(path)]) == 0
+    found = path.stat()
+    assert (found.st_uid, found.st_gid, stat.S_IMODE(found.st_mode)) == (1234, 2345, 0o600)
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from simulation.sumo import elements
+from simulation.sumo import elements, put_file
 from slipstream.errors import InputError
 
 PROGRAM = "fixed"
@@ -38,5 +38,5 @@ def write_fixed_time(net: Path, path: Path) -> int:
             )
     if not lines:
         raise InputError(net, "no junction has signals", "build it with signals")
-    path.write_text(f"<additional>\n{''.join(lines)}</additional>\n", encoding="utf-8")
+    put_file(path, f"<additional>\n{''.join(lines)}</additional>\n")
     return len(lines)

@@ -14,7 +14,14 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from simulation.sumo import FLEET_PREFIX, FLEET_TYPES, TYPES, check_vehicle_files, elements
+from simulation.sumo import (
+    FLEET_PREFIX,
+    FLEET_TYPES,
+    TYPES,
+    check_no_include,
+    check_vehicle_files,
+    elements,
+)
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 
@@ -27,13 +34,14 @@ def check_routes(paths: Sequence[Path], segments: Iterable[str]) -> None:
     """Check that route files belong to a net: every edge that their routes name is a segment.
 
     Raises:
-        InputError: one cannot be read or names another net's edge, none has a vehicle, or one has
-            a type or a vehicle that is named as the fleet's are.
+        InputError: one cannot be read, includes another file or names another net's edge, none
+            has a vehicle, or one has a type or a vehicle that is named as the fleet's are.
     """
     check_vehicle_files(tuple(paths))
     known, vehicles = set(segments), 0
     for path in paths:
         for element in elements(path):
+            check_no_include(element, path)
             _check_names(element, path)
             edges = element.get("edges", "").split() if element.tag == "route" else []
             for end in ("from", "to"):
@@ -56,7 +64,8 @@ def check_routes(paths: Sequence[Path], segments: Iterable[str]) -> None:
 
 
 def check_additional(paths: Sequence[Path]) -> None:
-    """Check that additional files are XML and no nets, and name nothing as the fleet is named.
+    """Check that additional files are XML and no nets, include no others, and name nothing as the
+    fleet is named.
 
     Raises:
         InputError: one is not, or does.
@@ -64,6 +73,7 @@ def check_additional(paths: Sequence[Path]) -> None:
     check_vehicle_files(tuple(paths))
     for path in paths:
         for element in elements(path):
+            check_no_include(element, path)
             _check_names(element, path)
 
 

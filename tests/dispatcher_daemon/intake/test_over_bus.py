@@ -12,7 +12,14 @@ from dispatcher_daemon.intake import OrderAnswers
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
-from slipstream.messages import OrderHistory, OrderReceipt, OrderRefusal, decode, order_key
+from slipstream.messages import (
+    OrderHistory,
+    OrderReceipt,
+    OrderRefusal,
+    OrderRequest,
+    decode,
+    order_key,
+)
 
 from .test_intake import opened
 
@@ -68,3 +75,23 @@ def test_an_order_is_submitted_shown_and_cancelled_over_the_bus(
             (is_answer, text) = ask(caller, "slipstream/v1/order/*/cancel")
             assert not is_answer
             assert b"a pattern of keys" in text
+
+
+def test_an_order_is_taken_as_the_message_that_it_is(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """With and without a version; what a newer one adds may be a constraint, and is refused."""
+    request = OrderRequest(id="x", node="11", latest=4_070_908_800 * 10**9)
+    fields = json.loads(request.to_bytes())
+    with opened(district, tmp_path) as desk:
+        answers, key = OrderAnswers(desk.intake), order_key("x", "submit")
+        for content in (fields | {"schema": "2.0"}, fields | {"schema": "1.999", "frozen": True}):
+            answer = refusal(answers.answer(key, json.dumps(content).encode()))
+            assert (answer.kind, answer.key) == (
+                "invalid",
+                "schema" if content["schema"] == "2.0" else "frozen",
+            )
+        for content in (fields, {"schema": "1.0"} | fields, fields | {"schema": "1.999"}):
+            assert answers.answer(key, json.dumps(content).encode())[0]
+        assert answers.answer(key, request.to_bytes())[0]
+        assert desk.intake.show("x").request == request

@@ -192,6 +192,12 @@ def test_rsus_off_the_net_are_refused(troy: Scenario, tmp_path: Path) -> None:
     path.write_text(text.format("4th_adams-4th_liberty", 90.0) * 2)
     with pytest.raises(InputError, match="two RSUs with this id"):
         load_rsus(path, troy.network)
+    twice = '[[rsus]]\nid = "one"\n' + 2 * (
+        '[[rsus.watch]]\nsegment = "4th_adams-4th_liberty"\nfrom_m = 0.0\nto_m = 90.0\n'
+    )
+    path.write_text(twice)
+    with pytest.raises(InputError, match="two stretches of one segment"):
+        load_rsus(path, troy.network)
 
 
 def test_rsus_are_placed_on_busy_approaches_apart_from_each_other(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from simulation.scenarios.networks.route_files import check_additional, check_routes
 from simulation.sumo import read_configuration, without_output
 from slipstream.errors import InputError
 
@@ -87,3 +88,32 @@ def test_additional_files_write_nothing_where_the_user_keeps_them(tmp_path: Path
     assert 'file="NUL"' in copy.read_text()
     assert f'file="{given / "speeds.xml"}"' in copy.read_text()
     assert loud.read_text() == text
+
+
+def test_a_copy_that_another_seed_reads_is_never_cut_short(tmp_path: Path) -> None:
+    """The same content is not written again; another one comes under the name as a whole."""
+    given, made = tmp_path / "loud.add.xml", tmp_path / "made"
+    text = '<additional><e1Detector id="d" lane="a_0" pos="1" file="{}"/></additional>'
+    given.write_text(text.format("mine.xml"))
+    (copy,) = without_output((given,), made)
+    with copy.open() as reading:
+        before = copy.stat()
+        assert without_output((given,), made) == (copy,)
+        assert copy.stat() == before
+        given.write_text(text.format("mine.xml").replace('"d"', '"e"'))
+        without_output((given,), made)
+        assert 'id="d"' in reading.read()
+    assert 'id="e"' in copy.read_text()
+    assert list(made.iterdir()) == [copy]
+
+
+def test_an_include_is_refused(tmp_path: Path) -> None:
+    """What stands in the other file would be neither checked nor kept from writing."""
+    path = tmp_path / "a.add.xml"
+    path.write_text('<additional><include href="detectors.xml"/></additional>')
+    for check in (lambda: without_output((path,), tmp_path), lambda: check_additional((path,))):
+        with pytest.raises(InputError, match=r"a\.add\.xml: detectors\.xml: an <include>"):
+            check()
+    path.write_text('<routes><include href="more.rou.xml"/></routes>')
+    with pytest.raises(InputError, match="an <include>"):
+        check_routes((path,), ["ab"])
