@@ -217,7 +217,7 @@ class OrderIntake:
 
         Raises:
             OrderRefused: it is not known or has ended, no vehicle has it, the one that is named
-                could not serve it, or another one has accepted it.
+                could not serve it, another one has accepted it, or has it as its first stop.
         """
         area = self._service_area()
 
@@ -235,6 +235,10 @@ class OrderIntake:
                 tracked = tracker.vehicles.get(holder)
                 if order.state == "under_way" or (tracked is not None and tracked.accepted):
                     raise too_late(order)
+            loaded = _loaded_on(tracker, order)
+            if loaded not in (None, wanted):
+                problem, mend = f"it is the first stop of {loaded}", "change the fleet's file"
+                raise OrderRefused("conflict", problem, mend, order=name, key="vehicle")
             stop = requested_stop(order, self._clock())
             area.check_vehicles(stop, wanted)
             tracker.book.pin(name, wanted, self._clock())
@@ -289,3 +293,11 @@ class OrderIntake:
                 area.take_over(known[1])
             self._area = known = fleet, area
         return known[1]
+
+
+def _loaded_on(tracker: FleetTracker, order: OrderRecord) -> str | None:
+    """The vehicle whose first stop an order of the file is; None: it is nobody's."""
+    if order.request is not None:
+        return None
+    vehicles = (v for v in tracker.vehicles.values() if v.listed)
+    return next((v.id for v in vehicles if v.definition.first_stop == order.order), None)

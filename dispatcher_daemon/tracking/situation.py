@@ -66,10 +66,16 @@ def cycle_fleet(
         return fleet
     if not bound and not (free and pool):
         return None
-    names = {stop.id for stop in pool}
+    # A caller's order of that id is another one, and a pin may give a stop to another vehicle.
+    own_first = {stop.id: stop for stop in pool if orders[stop.id].request is None}
     planned = [
         vehicle
-        if vehicle.first_stop is None or vehicle.first_stop in names
+        if vehicle.first_stop is None
+        or (
+            fleet is not None
+            and vehicle.first_stop in own_first
+            and fleet.may_serve(vehicle, own_first[vehicle.first_stop])
+        )
         else vehicle.model_copy(update={"first_stop": None})
         for vehicle in free
     ]

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.fleet import fleet_from
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.intake import OrderIntake, OrdersRefused
 from dispatcher_daemon.problem import RoutingProblem
@@ -337,3 +338,29 @@ def test_what_was_acknowledged_is_there_and_nothing_else(
         assert memory.orders.keys() == receipts.keys()
         assert {status.order for status in intake.page()} == receipts.keys()
         assert [len(intake.show(name).history) for name in receipts] == [1] * len(receipts)
+
+
+def test_a_pin_never_stands_against_a_first_stop(district: RoutingProblem, tmp_path: Path) -> None:
+    """The pin of another vehicle's first stop is refused; if the file names one later that is
+    pinned, the pin holds and cycles go on.
+    """
+    fleet = district.fleet
+    first = fleet.vehicles[0].model_copy(update={"first_stop": "of-the-file"})
+    loaded = fleet_from(
+        fleet.model_copy(update={"vehicles": (first, *fleet.vehicles[1:])}).model_dump(
+            mode="json", exclude_none=True
+        ),
+        district.network,
+        "loaded",
+    )
+    with opened(replace(district, fleet=loaded), tmp_path) as desk:
+        watch = desk.dispatcher.fleet_watch
+        watch.situation(loaded, 1, time.time_ns(), 1.0)
+        assert refused(lambda: desk.intake.pin("of-the-file", "van-1"))[0] == "conflict"
+        assert desk.intake.pin("of-the-file", "van-0").pinned == "van-0"
+        watch.situation(fleet, 1, time.time_ns(), 1.0)
+        assert desk.intake.pin("of-the-file", "van-1").pinned == "van-1"
+        found = watch.situation(loaded, 1, time.time_ns(), 1.0).fleet
+        assert found is not None
+        assert found.vehicle_by_id["van-0"].first_stop is None
+        assert found.stop_by_id["of-the-file"].vehicle == "van-1"
