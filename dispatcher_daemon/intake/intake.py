@@ -194,9 +194,10 @@ class OrderIntake:
         Raises:
             OrderRefused: it is not known, is the file's, has ended, or is under way.
         """
+        past = self._past(name)
 
         def cancel(tracker: FleetTracker) -> OrderStatus:
-            order = self._found(tracker, name)
+            order = _found(tracker, name, past)
             if order.request is None:
                 problem, mend = "it is a stop of the fleet's file", "take it out of the file"
                 raise OrderRefused("conflict", problem, mend, order=name)
@@ -219,10 +220,10 @@ class OrderIntake:
             OrderRefused: it is not known or has ended, no vehicle has it, the one that is named
                 could not serve it, another one has accepted it, or has it as its first stop.
         """
-        area = self._service_area()
+        area, past = self._service_area(), self._past(name)
 
         def pin(tracker: FleetTracker) -> OrderStatus:
-            order = self._found(tracker, name)
+            order = _found(tracker, name, past)
             holder = None if order.ended else order.vehicle
             wanted = vehicle or holder
             if order.ended:
@@ -252,9 +253,10 @@ class OrderIntake:
         Raises:
             OrderRefused: it is not known, or has ended.
         """
+        past = self._past(name)
 
         def release(tracker: FleetTracker) -> OrderStatus:
-            order = self._found(tracker, name)
+            order = _found(tracker, name, past)
             if order.ended:
                 raise too_late(order)
             tracker.book.pin(name, None, self._clock())
@@ -275,14 +277,11 @@ class OrderIntake:
             self._announce(change)
         return found
 
-    def _found(self, tracker: FleetTracker, name: str) -> OrderRecord:
-        order = tracker.book.orders.get(name)
-        if order is None:
-            past = self._store.find_orders({name})
-            if not past:
-                raise unknown(name)
-            order = past[0]
-        return order
+    def _past(self, name: str) -> OrderRecord | None:
+        """One that the tracker has forgotten. The database is not asked under the fleet's lock."""
+        if self._watch.read(lambda tracker: name in tracker.book.orders):
+            return None
+        return next(iter(self._store.find_orders({name})), None)
 
     def _service_area(self) -> ServiceArea:
         """That of the fleet's file as the last cycle has read it."""
@@ -293,6 +292,13 @@ class OrderIntake:
                 area.take_over(known[1])
             self._area = known = fleet, area
         return known[1]
+
+
+def _found(tracker: FleetTracker, name: str, past: OrderRecord | None) -> OrderRecord:
+    order = tracker.book.orders.get(name, past)
+    if order is None:
+        raise unknown(name)
+    return order
 
 
 def _loaded_on(tracker: FleetTracker, order: OrderRecord) -> str | None:

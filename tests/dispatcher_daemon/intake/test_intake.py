@@ -364,3 +364,36 @@ def test_a_pin_never_stands_against_a_first_stop(district: RoutingProblem, tmp_p
         assert found is not None
         assert found.vehicle_by_id["van-0"].first_stop is None
         assert found.stop_by_id["of-the-file"].vehicle == "van-1"
+
+
+def test_a_busy_database_holds_nobody_else_up(
+    district: RoutingProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While another thread has the writer for long, an order is refused for now, nothing has
+    happened, and the fleet can be read in between.
+    """
+    monkeypatch.setattr("storage.database.TURN_WITHIN_S", 0.1)
+    with opened(district, tmp_path) as desk, ThreadPoolExecutor(1) as threads:
+        desk.intake.submit([request("known")])
+        busy, over = threading.Event(), threading.Event()
+
+        def hold() -> None:
+            with desk.database._lock:
+                busy.set()
+                over.wait(60.0)
+
+        threads.submit(hold)
+        assert busy.wait(60.0)
+        try:
+            for act in (
+                lambda: desk.intake.cancel("known"),
+                lambda: desk.intake.cancel("past"),
+                lambda: desk.intake.submit([request("new")]),
+            ):
+                with pytest.raises(StorageError, match="busy"):
+                    act()
+            assert desk.state("known") == "open"
+            assert desk.dispatcher.fleet_watch.figures()[2]["open"] >= 1
+        finally:
+            over.set()
+        assert desk.intake.cancel("known").state == "cancelled"
