@@ -10,10 +10,17 @@ from typing import Final, Protocol, TypeVar
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_watch import FleetWatch
-from dispatcher_daemon.intake.refusals import MAX_KNOWN, conflict, too_late, too_many, unknown
+from dispatcher_daemon.intake.refusals import (
+    MAX_KNOWN,
+    conflict,
+    not_answered,
+    too_late,
+    too_many,
+    unknown,
+)
 from dispatcher_daemon.intake.service_area import ServiceArea
 from dispatcher_daemon.intake.views import receipt_of, request_of, status_of, steps_of
-from dispatcher_daemon.tracking import FleetTracker, requested_stop
+from dispatcher_daemon.tracking import FleetTracker, TrackedVehicle, requested_stop
 from slipstream.messages import (
     OrderHistory,
     OrderReceipt,
@@ -218,7 +225,8 @@ class OrderIntake:
 
         Raises:
             OrderRefused: it is not known or has ended, no vehicle has it, the one that is named
-                could not serve it, another one has accepted it, or has it as its first stop.
+                could not serve it, or another one has accepted it, has not answered a plan with
+                it yet, or has it as its first stop.
         """
         area, past = self._service_area(), self._past(name)
 
@@ -236,6 +244,9 @@ class OrderIntake:
                 tracked = tracker.vehicles.get(holder)
                 if order.state == "under_way" or (tracked is not None and tracked.accepted):
                     raise too_late(order)
+                if tracked is not None and tracked.has_telemetry and _is_offered(tracked, name):
+                    # It may have accepted it already: its answer is on its way.
+                    raise not_answered(order)
             loaded = _loaded_on(tracker, order)
             if loaded not in (None, wanted):
                 problem, mend = f"it is the first stop of {loaded}", "change the fleet's file"
@@ -307,3 +318,8 @@ def _loaded_on(tracker: FleetTracker, order: OrderRecord) -> str | None:
         return None
     vehicles = (v for v in tracker.vehicles.values() if v.listed)
     return next((v.id for v in vehicles if v.definition.first_stop == order.order), None)
+
+
+def _is_offered(vehicle: TrackedVehicle, name: str) -> bool:
+    plan = None if vehicle.offered is None else vehicle.offered.plan
+    return plan is not None and any(stop.stop == name for stop in plan.service_stops)

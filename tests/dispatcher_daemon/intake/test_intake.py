@@ -397,3 +397,29 @@ def test_a_busy_database_holds_nobody_else_up(
         finally:
             over.set()
         assert desk.intake.cancel("known").state == "cancelled"
+
+
+@pytest.mark.slow
+def test_an_order_on_offer_is_not_pinned_to_another(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """As long as a vehicle that reports has not answered the plan with it."""
+    with opened(district, tmp_path) as desk:
+        desk.intake.submit([request("o", vehicle="van-1")])
+        desk.dispatcher.run_cycle()
+        assert desk.bus.plans("van-1")
+        at_home = VehiclePosition(
+            vehicle="van-1",
+            time_ns=time.time_ns(),
+            segment="00-01",
+            share=0.0,
+            speed_mps=0.0,
+            on_road=False,
+            cycle=None,
+            leg=None,
+        )
+        payload = at_home.to_bytes()
+        desk.dispatcher.fleet_watch.on_position(position_key("van-1"), payload)
+        kind, problem = refused(lambda: desk.intake.pin("o", "van-0"))
+        assert (kind, "not answered" in problem) == ("too_late", True)
+        assert desk.intake.pin("o").pinned == "van-1"
