@@ -20,7 +20,7 @@ from dispatcher_daemon.intake.refusals import (
 )
 from dispatcher_daemon.intake.service_area import ServiceArea
 from dispatcher_daemon.intake.views import receipt_of, request_of, status_of, steps_of
-from dispatcher_daemon.tracking import FleetTracker, TrackedVehicle, requested_stop
+from dispatcher_daemon.tracking import FleetTracker, TrackedVehicle, stop_of
 from slipstream.messages import (
     OrderHistory,
     OrderReceipt,
@@ -251,7 +251,7 @@ class OrderIntake:
             if loaded not in (None, wanted):
                 problem, mend = f"it is the first stop of {loaded}", "change the fleet's file"
                 raise OrderRefused("conflict", problem, mend, order=name, key="vehicle")
-            stop = requested_stop(order, self._clock())
+            stop = stop_of(order, self._watch.fleet, self._clock())
             area.check_vehicles(stop, wanted)
             tracker.book.pin(name, wanted, self._clock())
             return status_of(tracker.book.orders[name], tracker)

@@ -423,3 +423,21 @@ def test_an_order_on_offer_is_not_pinned_to_another(
         kind, problem = refused(lambda: desk.intake.pin("o", "van-0"))
         assert (kind, "not answered" in problem) == ("too_late", True)
         assert desk.intake.pin("o").pinned == "van-1"
+
+
+def test_a_pin_of_the_files_stop_is_checked_by_what_the_file_asks(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """Carrier and skills, which the order's record does not have."""
+    for asked, key in ({"carrier": "smith"}, "carrier"), ({"skills": ["lift"]}, "skills"):
+        data = district.fleet.model_dump(mode="json", exclude_none=True)
+        data["stops"][0] |= asked
+        fleet = fleet_from(data, district.network, "asking")
+        path = tmp_path / key
+        path.mkdir()
+        with opened(replace(district, fleet=fleet), path) as desk:
+            desk.dispatcher.fleet_watch.situation(fleet, 1, time.time_ns(), 1.0)
+            with pytest.raises(OrderRefused) as caught:
+                desk.intake.pin("of-the-file", "van-1")
+            assert caught.value.refusal.key == key
+            assert desk.intake.pin("of-the-file", "van-0").pinned == "van-0"
