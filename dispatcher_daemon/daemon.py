@@ -353,8 +353,14 @@ class Dispatcher:
             self.fleet_watch.note_unserved(missing)
             if found is None:
                 return
-            self._cycle += 1
             wall_s = time.monotonic() - began
+            if wall_s > INSERTION_S:
+                # Its vehicles would leave in the past.
+                late = f"an insertion took {wall_s:.1f} s: it waits for the next cycle"
+                self.fleet_watch.note_unserved({stop.id: late for stop in stops} | dict(missing))
+                log.warning("orders were not inserted within %g s", INSERTION_S)
+                return
+            self._cycle += 1
             report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
             stored = self._store_and_send(report, found.plans, (), joined.stop_by_id, INSERTION_S)
             if stored is not None:
