@@ -63,4 +63,4 @@ class VroomTask:
             choose_eta=self.choose_eta,
             source="body",
         )
-        return json.dumps(answer, ensure_ascii=False).encode()
+        return json.dumps(answer, ensure_ascii=False).encode("utf-8", "replace")

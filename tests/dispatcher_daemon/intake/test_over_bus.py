@@ -68,3 +68,14 @@ def test_an_order_is_submitted_shown_and_cancelled_over_the_bus(
             (is_answer, text) = ask(caller, "slipstream/v1/order/*/cancel")
             assert not is_answer
             assert b"a pattern of keys" in text
+
+
+@pytest.mark.parametrize("field", ["id", "node", "\ud800"])
+def test_text_that_cannot_be_encoded_is_refused(
+    district: RoutingProblem, tmp_path: Path, field: str
+) -> None:
+    """Half a surrogate pair in a value or a key."""
+    with opened(district, tmp_path) as desk:
+        payload = json.dumps({"id": "o", "node": "11", field: "\ud800"}).encode()
+        found = refusal(OrderAnswers(desk.intake).answer(order_key("o", "submit"), payload))
+        assert found.kind == "invalid"
