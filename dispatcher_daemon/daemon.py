@@ -378,13 +378,13 @@ class Dispatcher:
         made_from: CycleInputs | None = None,
     ) -> CycleReport | None:
         """Store plans with their report, then send them; None: they could not be stored."""
-        changes: tuple[OrderChange, ...] = ()
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
-            nonlocal changes
             told = report.model_copy(update={"plans": len(admitted)})
             self._store.record_cycle(told, admitted, states, records, made_from)
-            changes = records.changes
+            # Under the fleet's lock, so that nobody is told of a later change before.
+            for change in records.changes:
+                self._announce("order", change)
 
         try:
             reference_ns = report.started_ns + round(1e9 * reference_s)
@@ -394,21 +394,14 @@ class Dispatcher:
             return None
         report = report.model_copy(update={"plans": len(plans)})
         note(status=report.status, plans=len(plans))
-        self._send(report, plans, changes)
+        self._send(report, plans)
         return report
 
     @traced("publish")
-    def _send(
-        self,
-        report: CycleReport,
-        plans: tuple[VehiclePlan, ...],
-        changes: tuple[OrderChange, ...],
-    ) -> None:
+    def _send(self, report: CycleReport, plans: tuple[VehiclePlan, ...]) -> None:
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
-        for change in changes:
-            self._announce("order", change)
         for plan in plans:
             self._announce("plan", plan)
         self._announce("cycle", report)

@@ -276,16 +276,16 @@ class OrderIntake:
         return self._edit(release)
 
     def _edit(self, edit: Callable[[FleetTracker], T]) -> T:
-        began, stored = time.monotonic(), list[OrderChange]()
+        began = time.monotonic()
 
         def save(records: FleetRecords) -> None:
             self._store.save_fleet(records)
-            stored.extend(records.changes)
+            # Under the fleet's lock, so that nobody is told of a later change before.
+            for change in records.changes:
+                self._announce(change)
 
         found = self._watch.edit(edit, save)
         metrics.ORDER_SECONDS.observe(time.monotonic() - began)
-        for change in stored:
-            self._announce(change)
         return found
 
     def _past(self, name: str) -> OrderRecord | None:

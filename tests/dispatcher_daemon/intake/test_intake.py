@@ -441,3 +441,22 @@ def test_a_pin_of_the_files_stop_is_checked_by_what_the_file_asks(
                 desk.intake.pin("of-the-file", "van-1")
             assert caught.value.refusal.key == key
             assert desk.intake.pin("of-the-file", "van-0").pinned == "van-0"
+
+
+def test_a_change_is_told_before_any_other_can_follow(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """While it is told, the fleet's lock is held; what is not stored is not told."""
+    with opened(district, tmp_path) as desk:
+        watch, told = desk.dispatcher.fleet_watch, list[tuple[str, bool]]()
+
+        def announce(change: OrderChange) -> None:
+            told.append((change.state, watch._lock.locked()))
+
+        archive = open_reader(f"sqlite:///{tmp_path / 'a.db'}")
+        intake = OrderIntake(watch, desk.database, archive, district.network, announce=announce)
+        intake.submit([request("o")])
+        intake.cancel("o")
+        with pytest.raises(OrdersRefused):
+            intake.submit([request("p"), request("q", node="nowhere")])
+        assert told == [("open", True), ("cancelled", True)]
