@@ -271,6 +271,10 @@ class Dispatcher:
                 now_ns,
                 reference_s,
             )
+            if situation.hidden:
+                some = ", ".join(situation.hidden[:10])
+                what = f"{len(situation.hidden)} stops of the fleet's file are not planned"
+                self._warn("hidden stops", f"{what}, as callers' orders have their ids: {some}")
             problem = self._problem_of(situation.fleet)
             if problem is None:
                 report = idle_report(number, now_ns, time.monotonic() - began, snapshot)

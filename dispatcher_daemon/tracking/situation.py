@@ -23,6 +23,8 @@ class Situation:
             reported and nobody has submitted an order. None: nothing to plan.
         commitments: of those vehicles.
         left_out: reason by vehicle that is not planned in this cycle; it keeps what it has.
+        hidden: stops of the file that are not planned, as a caller's order that has not ended has
+            their id.
         on_road: of these, those on their way to charge or to a hub: others may meet them.
     """
 
@@ -30,6 +32,7 @@ class Situation:
     commitments: tuple[Commitment, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     on_road: tuple[RoadUser, ...] = ()
+    hidden: tuple[str, ...] = ()
 
 
 def cycle_fleet(

@@ -460,3 +460,36 @@ def test_a_change_is_told_before_any_other_can_follow(
         with pytest.raises(OrdersRefused):
             intake.submit([request("p"), request("q", node="nowhere")])
         assert told == [("open", True), ("cancelled", True)]
+
+
+def test_a_stop_of_the_file_takes_its_id_over_when_a_callers_order_has_ended(
+    district: RoutingProblem, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Until then it is not planned, and the log says so."""
+    data = district.fleet.model_dump(mode="json", exclude_none=True)
+    data["stops"].append({"id": "o", "node": "22"})
+    later = fleet_from(data, district.network, "later")
+    with opened(district, tmp_path) as desk:
+        watch = desk.dispatcher.fleet_watch
+        watch.situation(district.fleet, 1, time.time_ns(), 1.0)
+        desk.intake.submit([request("o")])
+        assert watch.situation(later, 1, time.time_ns(), 1.0).hidden == ("o",)
+        assert desk.intake.show("o").node == "11"
+        desk.dispatcher._fleet = later
+        desk.dispatcher.run_cycle()
+        assert "callers' orders have their ids: o" in caplog.text
+        desk.intake.cancel("o")
+        assert watch.situation(later, 2, time.time_ns(), 1.0).hidden == ()
+        told = desk.intake.show("o")
+        assert (told.node, told.state, told.request) == ("22", "open", None)
+        desk.dispatcher.run_cycle()
+    with opened(district, tmp_path) as desk:
+        told = desk.intake.show("o")
+        assert (told.node, told.state, told.request) == ("22", "planned", None)
+        assert [s.state for s in told.history] == [
+            "open",
+            "planned",
+            "cancelled",
+            "open",
+            "planned",
+        ]
