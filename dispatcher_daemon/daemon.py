@@ -271,6 +271,10 @@ class Dispatcher:
                 now_ns,
                 reference_s,
             )
+            if situation.hidden:
+                some = ", ".join(situation.hidden[:10])
+                what = f"{len(situation.hidden)} stops of the fleet's file are not planned"
+                self._warn("hidden stops", f"{what}, as callers' orders have their ids: {some}")
             problem = self._problem_of(situation.fleet)
             if problem is None:
                 report = idle_report(number, now_ns, time.monotonic() - began, snapshot)
@@ -353,8 +357,14 @@ class Dispatcher:
             self.fleet_watch.note_unserved(missing)
             if found is None:
                 return
-            self._cycle += 1
             wall_s = time.monotonic() - began
+            if wall_s > INSERTION_S:
+                # Its vehicles would leave in the past.
+                late = f"an insertion took {wall_s:.1f} s: it waits for the next cycle"
+                self.fleet_watch.note_unserved({stop.id: late for stop in stops} | dict(missing))
+                log.warning("orders were not inserted within %g s", INSERTION_S)
+                return
+            self._cycle += 1
             report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
             stored = self._store_and_send(report, found.plans, (), joined.stop_by_id, INSERTION_S)
             if stored is not None:
@@ -372,13 +382,13 @@ class Dispatcher:
         made_from: CycleInputs | None = None,
     ) -> CycleReport | None:
         """Store plans with their report, then send them; None: they could not be stored."""
-        changes: tuple[OrderChange, ...] = ()
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
-            nonlocal changes
             told = report.model_copy(update={"plans": len(admitted)})
             self._store.record_cycle(told, admitted, states, records, made_from)
-            changes = records.changes
+            # Under the fleet's lock, so that nobody is told of a later change before.
+            for change in records.changes:
+                self._announce("order", change)
 
         try:
             reference_ns = report.started_ns + round(1e9 * reference_s)
@@ -388,21 +398,14 @@ class Dispatcher:
             return None
         report = report.model_copy(update={"plans": len(plans)})
         note(status=report.status, plans=len(plans))
-        self._send(report, plans, changes)
+        self._send(report, plans)
         return report
 
     @traced("publish")
-    def _send(
-        self,
-        report: CycleReport,
-        plans: tuple[VehiclePlan, ...],
-        changes: tuple[OrderChange, ...],
-    ) -> None:
+    def _send(self, report: CycleReport, plans: tuple[VehiclePlan, ...]) -> None:
         for plan in plans:
             self._publisher_of(plan.vehicle).put(plan)
         self._cycle_publisher.put(report)
-        for change in changes:
-            self._announce("order", change)
         for plan in plans:
             self._announce("plan", plan)
         self._announce("cycle", report)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
@@ -21,6 +22,10 @@ from storage.traffic import gates, recent, rollup_table
 from storage.traffic.gates import GateState
 from storage.traffic.rollups import RollUp
 from storage.upkeep import Upkeep
+
+TURN_WITHIN_S: Final = 2.0
+"""What callers' orders wait for others who write, s: a caller is told to try again rather than that
+the whole fleet waits with it."""
 
 
 class Database(Upkeep):
@@ -124,18 +129,18 @@ class Database(Upkeep):
         """Store what has changed of orders, plans and vehicles beside a cycle.
 
         Raises:
-            StorageError: the database cannot be written.
+            StorageError: the database cannot be written, or was busy for `TURN_WITHIN_S`.
         """
-        with self._write_session() as session:
+        with self._write_session(TURN_WITHIN_S) as session:
             fleet.save(session, records)
 
     def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
         """Those of some orders that are stored, however long ago they ended.
 
         Raises:
-            StorageError: the database cannot be read.
+            StorageError: the database cannot be read, or was busy for `TURN_WITHIN_S`.
         """
-        with self._write_session() as session:
+        with self._write_session(TURN_WITHIN_S) as session:
             return tuple(fleet.find(session, names))
 
     def save_job(self, job: QuantumJob) -> None:

@@ -86,8 +86,9 @@ class Writer:
             log.warning("%s: %s; see `slipstream db prune` in operations.md", self._source, problem)
 
     @contextmanager
-    def _write_session(self) -> Iterator[Session]:
-        with self._lock:
+    def _write_session(self, within_s: float = -1.0) -> Iterator[Session]:
+        """A transaction; one that has no turn in time raises `StorageError`. Below 0: it waits."""
+        with self._turn(within_s):
             self._check_place()
             try:
                 with Session(self._engine) as session, session.begin():
@@ -103,6 +104,15 @@ class Writer:
                 raise self._fault(error.orig) from error
             # Once more: what was committed to a file that was deleted meanwhile is lost.
             self._check_place()
+
+    @contextmanager
+    def _turn(self, within_s: float) -> Iterator[None]:
+        if not self._lock.acquire(timeout=within_s):
+            raise StorageError(f"{self._source}: busy for {within_s:g} s")
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _check_place(self) -> None:
         """Check that commits go to where others read them."""

@@ -25,7 +25,8 @@ KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 KEPT_EVENTS: Final = 1000
 """Numbered events that are kept for callers that come back."""
 MAX_WAITING: Final = 2000
-"""Numbered events that a caller may have ahead of it, before it is dropped as too slow."""
+"""Numbered events that a caller may have ahead of it; beyond, one `reset` takes their place, as a
+burst may be larger than what any caller reads meanwhile."""
 MAX_STREAMS: Final = 32
 
 
@@ -80,7 +81,8 @@ class Stream:
             if isinstance(event.value, SegmentState):
                 self._states[event.value.segment, event.value.rsu] = event
             elif len(self._events) >= MAX_WAITING:
-                self.dropped = self.closed = True
+                self._events.clear()
+                self._events.append(_reset("too many events at once"))
             elif not self.closed:
                 self._events.append(event)
         self._notify()
@@ -180,9 +182,12 @@ class EventHub:
         number = int(text) if text.isdecimal() and len(text) < 20 else -1
         first = self._count - len(self._kept) + 1
         if run != str(self._run) or not first - 1 <= number <= self._count:
-            reason = "events since your last one are no longer kept; read the present state again"
-            yield Event("reset", {"reason": reason})
+            yield _reset("events since your last one are no longer kept")
             return
         for event in self._kept:
             if event.id is not None and int(event.id.rpartition("-")[2]) > number:
                 yield event
+
+
+def _reset(why: str) -> Event:
+    return Event("reset", {"reason": f"{why}; read the present state again"})

@@ -136,4 +136,5 @@ def handle_problems(app: FastAPI) -> None:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())[:1000]
+    # What a caller's JSON says may be no text that can be encoded.
+    return " ".join(text.split())[:1000].encode("utf-8", "replace").decode()

@@ -13,17 +13,19 @@ from dispatcher_daemon.api.auth import requires
 from dispatcher_daemon.api.body import describe_body, json_body
 from dispatcher_daemon.api.problems import FAULT, MEDIA_TYPE, Problem
 from dispatcher_daemon.api.services import Dispatch
-from dispatcher_daemon.api.solving import FullError
+from dispatcher_daemon.api.solving import FullError, Job
 from dispatcher_daemon.api.solving.vroom import VroomTask
 from dispatcher_daemon.api.solving.worker import fingerprint, picklable
 from dispatcher_daemon.vroom import INTERNAL_ERROR
 from dispatcher_daemon.vroom.schema import Request as VroomRequest
+from slipstream.errors import InputError
 
 DEADLINE_S: Final = 10.0
 MAX_DEADLINE_S: Final = 50.0
 """Below what proxies wait for an answer."""
 WAIT_S: Final = 8.0
-"""Beyond the deadline, for jobs before it and the start of a process, s."""
+"""Beyond the deadline, for jobs before it and the start of a process, s. One whose turn has not
+come by then is dropped."""
 
 router = APIRouter(prefix="/v1/vroom", tags=["solve"], dependencies=[requires("control")])
 
@@ -49,13 +51,15 @@ def solve_vroom_request(
 
     A refusal has VROOM's `code` and `error` beside the members of a problem document.
     """
-    jobs = dispatch.solve_jobs
+    jobs, ends = dispatch.solve_jobs, time.monotonic() + deadline_s + WAIT_S
+    answer_by_ns = time.time_ns() + round(1e9 * (deadline_s + WAIT_S))
 
     def make_task() -> VroomTask:
         now_ns = time.time_ns()
         return VroomTask(
             request=body,
             deadline_s=deadline_s,
+            answer_by_ns=answer_by_ns,
             geometry=geometry,
             choose_eta=choose_eta,
             settings=dispatch.settings,
@@ -71,10 +75,13 @@ def solve_vroom_request(
         job = jobs.submit(deadline_s, make_task)
     except FullError:
         raise busy from None
-    jobs.wait(job, deadline_s + WAIT_S)
+    try:
+        if jobs.wait_begun(job, WAIT_S):
+            jobs.wait(job, ends - time.monotonic())
+    finally:
+        jobs.leave(job)
     if job.result is None:
-        jobs.cancel(job.id)
-        raise FAULT if job.state == "failed" else busy
+        raise _failure(job) if job.state == "failed" else busy
     answer = json.loads(job.result)
     if answer["code"] == 0:
         return Response(job.result, media_type="application/json")
@@ -82,3 +89,10 @@ def solve_vroom_request(
         raise FAULT
     refusal = Problem(422, answer["error"]).document
     return JSONResponse({**refusal, **answer}, 422, media_type=MEDIA_TYPE)
+
+
+def _failure(job: Job) -> Problem:
+    if isinstance(job.error, InputError):
+        # The request is sound: only the network's file can be in the way.
+        return Problem(503, str(job.error), job.error.mend, headers={"Retry-After": "30"})
+    return Problem(500, f"the job failed: {job.reason}")

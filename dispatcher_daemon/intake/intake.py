@@ -10,10 +10,17 @@ from typing import Final, Protocol, TypeVar
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_watch import FleetWatch
-from dispatcher_daemon.intake.refusals import MAX_KNOWN, conflict, too_late, too_many, unknown
+from dispatcher_daemon.intake.refusals import (
+    MAX_KNOWN,
+    conflict,
+    not_answered,
+    too_late,
+    too_many,
+    unknown,
+)
 from dispatcher_daemon.intake.service_area import ServiceArea
 from dispatcher_daemon.intake.views import receipt_of, request_of, status_of, steps_of
-from dispatcher_daemon.tracking import FleetTracker, requested_stop
+from dispatcher_daemon.tracking import FleetTracker, TrackedVehicle, stop_of
 from slipstream.messages import (
     OrderHistory,
     OrderReceipt,
@@ -194,9 +201,10 @@ class OrderIntake:
         Raises:
             OrderRefused: it is not known, is the file's, has ended, or is under way.
         """
+        past = self._past(name)
 
         def cancel(tracker: FleetTracker) -> OrderStatus:
-            order = self._found(tracker, name)
+            order = _found(tracker, name, past)
             if order.request is None:
                 problem, mend = "it is a stop of the fleet's file", "take it out of the file"
                 raise OrderRefused("conflict", problem, mend, order=name)
@@ -217,12 +225,13 @@ class OrderIntake:
 
         Raises:
             OrderRefused: it is not known or has ended, no vehicle has it, the one that is named
-                could not serve it, or another one has accepted it.
+                could not serve it, or another one has accepted it, has not answered a plan with
+                it yet, or has it as its first stop.
         """
-        area = self._service_area()
+        area, past = self._service_area(), self._past(name)
 
         def pin(tracker: FleetTracker) -> OrderStatus:
-            order = self._found(tracker, name)
+            order = _found(tracker, name, past)
             holder = None if order.ended else order.vehicle
             wanted = vehicle or holder
             if order.ended:
@@ -235,7 +244,14 @@ class OrderIntake:
                 tracked = tracker.vehicles.get(holder)
                 if order.state == "under_way" or (tracked is not None and tracked.accepted):
                     raise too_late(order)
-            stop = requested_stop(order, self._clock())
+                if tracked is not None and tracked.has_telemetry and _is_offered(tracked, name):
+                    # It may have accepted it already: its answer is on its way.
+                    raise not_answered(order)
+            loaded = _loaded_on(tracker, order)
+            if loaded not in (None, wanted):
+                problem, mend = f"it is the first stop of {loaded}", "change the fleet's file"
+                raise OrderRefused("conflict", problem, mend, order=name, key="vehicle")
+            stop = stop_of(order, self._watch.fleet, self._clock())
             area.check_vehicles(stop, wanted)
             tracker.book.pin(name, wanted, self._clock())
             return status_of(tracker.book.orders[name], tracker)
@@ -248,9 +264,10 @@ class OrderIntake:
         Raises:
             OrderRefused: it is not known, or has ended.
         """
+        past = self._past(name)
 
         def release(tracker: FleetTracker) -> OrderStatus:
-            order = self._found(tracker, name)
+            order = _found(tracker, name, past)
             if order.ended:
                 raise too_late(order)
             tracker.book.pin(name, None, self._clock())
@@ -259,26 +276,23 @@ class OrderIntake:
         return self._edit(release)
 
     def _edit(self, edit: Callable[[FleetTracker], T]) -> T:
-        began, stored = time.monotonic(), list[OrderChange]()
+        began = time.monotonic()
 
         def save(records: FleetRecords) -> None:
             self._store.save_fleet(records)
-            stored.extend(records.changes)
+            # Under the fleet's lock, so that nobody is told of a later change before.
+            for change in records.changes:
+                self._announce(change)
 
         found = self._watch.edit(edit, save)
         metrics.ORDER_SECONDS.observe(time.monotonic() - began)
-        for change in stored:
-            self._announce(change)
         return found
 
-    def _found(self, tracker: FleetTracker, name: str) -> OrderRecord:
-        order = tracker.book.orders.get(name)
-        if order is None:
-            past = self._store.find_orders({name})
-            if not past:
-                raise unknown(name)
-            order = past[0]
-        return order
+    def _past(self, name: str) -> OrderRecord | None:
+        """One that the tracker has forgotten. The database is not asked under the fleet's lock."""
+        if self._watch.read(lambda tracker: name in tracker.book.orders):
+            return None
+        return next(iter(self._store.find_orders({name})), None)
 
     def _service_area(self) -> ServiceArea:
         """That of the fleet's file as the last cycle has read it."""
@@ -289,3 +303,23 @@ class OrderIntake:
                 area.take_over(known[1])
             self._area = known = fleet, area
         return known[1]
+
+
+def _found(tracker: FleetTracker, name: str, past: OrderRecord | None) -> OrderRecord:
+    order = tracker.book.orders.get(name, past)
+    if order is None:
+        raise unknown(name)
+    return order
+
+
+def _loaded_on(tracker: FleetTracker, order: OrderRecord) -> str | None:
+    """The vehicle whose first stop an order of the file is; None: it is nobody's."""
+    if order.request is not None:
+        return None
+    vehicles = (v for v in tracker.vehicles.values() if v.listed)
+    return next((v.id for v in vehicles if v.definition.first_stop == order.order), None)
+
+
+def _is_offered(vehicle: TrackedVehicle, name: str) -> bool:
+    plan = None if vehicle.offered is None else vehicle.offered.plan
+    return plan is not None and any(stop.stop == name for stop in plan.service_stops)

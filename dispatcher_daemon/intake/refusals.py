@@ -40,3 +40,10 @@ def too_late(order: OrderRecord) -> OrderRefused:
     elif order.state == "under_way":
         problem, mend = f"{order.vehicle} has left with it", "tell its driver"
     return OrderRefused("too_late", problem, mend, order=order.order)
+
+
+def not_answered(order: OrderRecord) -> OrderRefused:
+    """An order of a plan that its vehicle has been sent, and has not answered."""
+    problem = f"{order.vehicle} has a plan with it, and has not answered yet"
+    mend = "pin it to that vehicle, or wait until it is open again"
+    return OrderRefused("too_late", problem, mend, order=order.order)

@@ -6,7 +6,7 @@ Nothing here reads a clock, the bus or the database: the daemon and the simulati
 from __future__ import annotations
 
 from dispatcher_daemon.tracking.open_tours import OpenTour, fleet_of
-from dispatcher_daemon.tracking.order_stops import requested_stop, utc
+from dispatcher_daemon.tracking.order_stops import stop_of, utc
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.situation import Situation
 from dispatcher_daemon.tracking.tracker import FleetTracker
@@ -19,6 +19,6 @@ __all__ = [
     "Situation",
     "TrackedVehicle",
     "fleet_of",
-    "requested_stop",
+    "stop_of",
     "utc",
 ]

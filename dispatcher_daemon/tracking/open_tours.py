@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
 from dispatcher_daemon.tracking.availability import Availability
-from dispatcher_daemon.tracking.order_stops import requested_stop
+from dispatcher_daemon.tracking.order_stops import stop_of
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 from slipstream.messages import VehiclePlan
-from slipstream.orders import OrderRecord
 
 
 @dataclass(frozen=True)
@@ -69,22 +68,12 @@ def open_tours(
             continue
         held = set(book.held_by(tracked.id))
         orders = [book.orders[stop.stop] for stop in plan.service_stops if stop.stop in held]
-        stops = tuple(_stop(order, fleet, reference_ns) for order in orders)
+        stops = tuple(stop_of(order, fleet, reference_ns) for order in orders)
         first = vehicle.first_stop if stops and stops[0].id == vehicle.first_stop else None
         times = {"ready_s": 1e-9 * (plan.depart_ns - reference_ns), "depart_by_s": None}
         yield OpenTour(
             vehicle.model_copy(update={**times, "first_stop": first}), tracked.depot, stops
         )
-
-
-def _stop(order: OrderRecord, fleet: Fleet | None, reference_ns: int) -> Stop:
-    """An order with its absolute window; of one of the file, the file knows the rest."""
-    stop = requested_stop(order, reference_ns)
-    listed = None if fleet is None else fleet.stop_by_id.get(order.order)
-    if order.request is not None or listed is None:
-        return stop
-    times = {"earliest_s": stop.earliest_s, "latest_s": stop.latest_s}
-    return listed.model_copy(update={**times, "vehicle": order.pinned or listed.vehicle})
 
 
 def _may_grow(plan: VehiclePlan, reference_ns: int) -> bool:

@@ -82,6 +82,16 @@ def requested_stop(order: OrderRecord, reference_ns: int) -> Stop:
     )
 
 
+def stop_of(order: OrderRecord, fleet: Fleet | None, reference_ns: int) -> Stop:
+    """An order with its absolute window; of one of the file, the file knows the rest."""
+    stop = requested_stop(order, reference_ns)
+    listed = None if fleet is None else fleet.stop_by_id.get(order.order)
+    if order.request is not None or listed is None:
+        return stop
+    times = {"earliest_s": stop.earliest_s, "latest_s": stop.latest_s}
+    return listed.model_copy(update={**times, "vehicle": order.pinned or listed.vehicle})
+
+
 def requested_stops(
     orders: Iterable[OrderRecord],
     may_plan: Callable[[str], bool],

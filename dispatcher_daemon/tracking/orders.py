@@ -130,7 +130,8 @@ class OrderBook:
                 self._move(order, "failed", now_ns, reason)
 
     def list_stops(self, stops: Collection[Stop], now_ns: int) -> None:
-        """Take over the stops of the fleet's file. An order that a caller asks for stays as it is.
+        """Take over the stops of the fleet's file. An order that a caller asks for stays as it is
+        until it has ended; then the file's stop of its id takes its place.
 
         A new one is an open order, and so is one that was cancelled before. One that is gone is
         cancelled, unless its vehicle has left with it: what is loaded is delivered. One that has
@@ -143,7 +144,8 @@ class OrderBook:
             if known is None:
                 self._set(opened(stop, now_ns, "new in the fleet's file"))
             elif known.request is not None:
-                continue
+                if known.ended:
+                    self._set(opened(stop, now_ns, "in the fleet's file, after a caller's order"))
             elif known.state == "cancelled":
                 again = opened(stop, now_ns, "in the fleet's file again")
                 self._set(replace(again, pinned=known.pinned))

@@ -23,6 +23,8 @@ class Situation:
             reported and nobody has submitted an order. None: nothing to plan.
         commitments: of those vehicles.
         left_out: reason by vehicle that is not planned in this cycle; it keeps what it has.
+        hidden: stops of the file that are not planned, as a caller's order that has not ended has
+            their id.
         on_road: of these, those on their way to charge or to a hub: others may meet them.
     """
 
@@ -30,6 +32,7 @@ class Situation:
     commitments: tuple[Commitment, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     on_road: tuple[RoadUser, ...] = ()
+    hidden: tuple[str, ...] = ()
 
 
 def cycle_fleet(
@@ -66,10 +69,16 @@ def cycle_fleet(
         return fleet
     if not bound and not (free and pool):
         return None
-    names = {stop.id for stop in pool}
+    # A caller's order of that id is another one, and a pin may give a stop to another vehicle.
+    own_first = {stop.id: stop for stop in pool if orders[stop.id].request is None}
     planned = [
         vehicle
-        if vehicle.first_stop is None or vehicle.first_stop in names
+        if vehicle.first_stop is None
+        or (
+            fleet is not None
+            and vehicle.first_stop in own_first
+            and fleet.may_serve(vehicle, own_first[vehicle.first_stop])
+        )
         else vehicle.model_copy(update={"first_stop": None})
         for vehicle in free
     ]

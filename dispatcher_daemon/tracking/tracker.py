@@ -224,7 +224,10 @@ class FleetTracker:
         )
         plans = [vehicle.accepted.plan for vehicle in kept if vehicle.accepted is not None]
         late_s = {vehicle.id: behind_s(vehicle, now_ns) for vehicle in kept}
-        return Situation(found, tuple(bound), left_out, on_road(plans, now_ns, late_s))
+        listed = () if fleet is None else fleet.stops
+        orders = self.book.orders
+        hidden = tuple(stop.id for stop in listed if orders[stop.id].request is not None)
+        return Situation(found, tuple(bound), left_out, on_road(plans, now_ns, late_s), hidden)
 
     def insertion(
         self,

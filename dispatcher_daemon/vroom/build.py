@@ -52,6 +52,17 @@ Row = Callable[[Coordinates | None, int | None], int]
 """Row in the matrices of coordinates or a given index."""
 
 
+def check_size(places: int, kinds: int, source: str) -> None:
+    """Check that the matrices of some kinds of vehicles fit into memory.
+
+    Raises:
+        InputError: they do not.
+    """
+    if kinds * places**2 > _MAX_CELLS:
+        problem = f"{places} places with {kinds} kinds of vehicles"
+        raise InputError(source, f"too many: {problem}", "split the request")
+
+
 def build_problem(
     request: Request,
     coordinates: Sequence[Coordinates | None],
@@ -86,9 +97,7 @@ def build_problem(
         _check_costs(spec, matrices, key, source)
         kind = spec.profile, _factor(spec), spec.costs
         if kind not in ways:
-            if (len(ways) + 1) * len(coordinates) ** 2 > _MAX_CELLS:
-                problem = f"{len(coordinates)} places with {len(ways) + 1} kinds of vehicles"
-                raise InputError(source, f"too many: {problem}", "split the request")
+            check_size(len(coordinates), len(ways) + 1, source)
             ways[kind] = _ways(spec, matrices, source)
         begins, ends = (
             None if place is None and index is None else row(place, index)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dispatcher_daemon.vroom.build import build_problem
+from dispatcher_daemon.vroom.build import build_problem, check_size
 from dispatcher_daemon.vroom.engine import RoadWays, RoutingEngine
 from dispatcher_daemon.vroom.model import Matrices, Problem
 from dispatcher_daemon.vroom.schema import Coordinates, ProfileMatrices, Request
@@ -58,7 +58,8 @@ def with_roads(
     """(the problem with ways over our roads, these by profile).
 
     Raises:
-        InputError: a place has no coordinates, or there is no such profile.
+        InputError: a place has no coordinates, there is no such profile, or there is more than
+            fits into memory.
         RoutingError: a place is too far from any road.
     """
     places: dict[Coordinates, int] = {}
@@ -71,6 +72,7 @@ def with_roads(
             raise InputError(source, problem, mend, key=f"{key}_index")
         places.setdefault(coordinates, len(places))
     profiles = dict.fromkeys(vehicle.profile for vehicle in request.vehicles)
+    check_size(len(places), len(profiles), source)
     ways = {profile: engine.ways(profile, list(places), source) for profile in profiles}
 
     def row(coordinates: Coordinates | None, _: int | None) -> int:

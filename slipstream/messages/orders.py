@@ -177,16 +177,24 @@ class OrderHistory(OrderStatus):
 RefusalKind = Literal["invalid", "not_found", "conflict", "too_late", "unavailable"]
 
 
+def _encodable(text: object) -> object:
+    """A caller's JSON may have half a surrogate pair, which no answer could repeat."""
+    return text.encode("utf-8", "replace").decode() if isinstance(text, str) else text
+
+
+_Encodable = Annotated[str, BeforeValidator(_encodable)]
+
+
 class OrderRefusal(Message):
     """Why nothing was done: invalid and conflict are the caller's to mend, too_late is not;
     unavailable: try again.
     """
 
-    order: str | None
+    order: _Encodable | None
     kind: RefusalKind
-    key: str | None = Field(description="Field of the request; null: none.")
-    problem: str
-    mend: str
+    key: _Encodable | None = Field(description="Field of the request; null: none.")
+    problem: _Encodable
+    mend: _Encodable
 
 
 def order_key(order: str, action: str) -> str:

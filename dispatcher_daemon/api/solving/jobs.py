@@ -51,6 +51,7 @@ class Job:
         started_ns: UTC; None: not yet.
         ended_ns: likewise.
         reason: why it failed, or was cancelled.
+        error: what it failed with, of one that failed.
         result: a `SolveResult` as JSON, of one that is done.
     """
 
@@ -62,6 +63,7 @@ class Job:
     started_ns: int | None = None
     ended_ns: int | None = None
     reason: str | None = None
+    error: BaseException | None = field(default=None, repr=False)
     result: bytes | None = field(default=None, repr=False)
     future: Future[bytes] | None = field(default=None, repr=False)
 
@@ -120,6 +122,23 @@ class SolveJobs:
         with self._condition:
             return self._condition.wait_for(lambda: self._closed or job.state in ENDED, within_s)
 
+    def wait_begun(self, job: Job, within_s: float) -> bool:
+        """Wait until a job's turn comes, or it ends; False: it still waits."""
+        with self._condition:
+            return self._condition.wait_for(
+                lambda: self._closed or job.state != "waiting", within_s
+            )
+
+    def leave(self, job: Job) -> None:
+        """Forget a job that nobody asks for any more. One that runs goes on to its end, as the
+        next one would wait for another process; what comes out is dropped.
+        """
+        with self._condition:
+            if job.state not in ENDED:
+                job.state, job.make_task = "cancelled", None
+            self._jobs.pop(job.id, None)
+            self._condition.notify_all()
+
     def cancel(self, name: str) -> Job | None:
         """End a job, whatever it is doing; one that has ended stays as it is."""
         with self._condition:
@@ -149,15 +168,19 @@ class SolveJobs:
                     return
                 job.state, job.started_ns = "running", self._clock()
                 make_task, job.make_task = job.make_task, None
+                self._condition.notify_all()
             try:
                 assert make_task is not None
                 result = self._plan(job, make_task())
-            except (CancelledError, TimeoutError):
+            except (CancelledError, TimeoutError) as error:
+                job.error = error
                 self._finish(job, "failed", reason=f"no plan within {self._limit_s(job):g} s")
             except InputError as error:
+                job.error = error
                 self._finish(job, "failed", reason=str(error))
             except Exception as error:
                 log.warning("solve job %s failed: %s", job.id, error_line(error))
+                job.error = error
                 self._finish(job, "failed", reason=error_line(error))
             else:
                 self._finish(job, "done", result=result)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from dispatcher_daemon.api.solving.worker import traffic_on
 from dispatcher_daemon.fleet_watch import Learned
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.vroom import RoutingEngine, solve_vroom
 from slipstream.messages import SegmentState
+
+_MARGIN_S: Final = 0.5
+"""Of the time left, for the way of the answer, s."""
 
 
 @dataclass(frozen=True)
@@ -19,12 +25,14 @@ class VroomTask:
     Attributes:
         request: plain data, as JSON gives it.
         deadline_s: for the whole answer.
+        answer_by_ns: UTC; its caller waits no longer.
         geometry: see `solve_vroom`.
         choose_eta: likewise.
     """
 
     request: object
     deadline_s: float
+    answer_by_ns: int
     geometry: bool
     choose_eta: bool
     settings: DispatcherSettings
@@ -40,16 +48,19 @@ class VroomTask:
         Raises:
             InputError: the network's file has changed since the dispatcher read it.
         """
-        engine = RoutingEngine(
-            *traffic_on(self.settings, self.roads, self.states, self.learned, self.now_ns)
-        )
+        engine, given = None, self.request if isinstance(self.request, Mapping) else {}
+        if not given.get("matrices") and given.get("matrix") is None:
+            engine = RoutingEngine(
+                *traffic_on(self.settings, self.roads, self.states, self.learned, self.now_ns)
+            )
+        left_s = 1e-9 * (self.answer_by_ns - time.time_ns()) - _MARGIN_S
         answer = solve_vroom(
             self.request,
             engine,
-            self.deadline_s,
+            max(0.1, min(self.deadline_s, left_s)),
             self.seed,
             geometry=self.geometry,
             choose_eta=self.choose_eta,
             source="body",
         )
-        return json.dumps(answer, ensure_ascii=False).encode()
+        return json.dumps(answer, ensure_ascii=False).encode("utf-8", "replace")

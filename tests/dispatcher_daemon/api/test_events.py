@@ -155,22 +155,22 @@ def test_what_waits_for_a_caller_is_bounded(state: State) -> None:
     """States by segments and RSUs: the newest replaces the one before. Others by their number."""
     report = failed_report(1, 0, 0.0, "a reason")
 
-    async def overwhelm() -> tuple[list[Any], bool]:
+    async def overwhelm() -> tuple[list[Any], list[hub.Event]]:
         told = hub.EventHub(1)
         stream = told.open(hub.KINDS, None)
         assert stream is not None
         for number in range(50):
             told.publish("state", state("avenue_east", 1, sequence=number))
         found = [event.value for event in await stream.take(5.0)]
-        for _ in range(hub.MAX_WAITING):
+        for _ in range(hub.MAX_WAITING + 2):
             told.publish("cycle", report)
-        assert not stream.dropped
-        told.publish("cycle", report)
-        return found, stream.dropped
+        assert not stream.closed
+        return found, await stream.take(5.0)
 
-    (newest,), dropped = asyncio.run(overwhelm())
+    (newest,), (reset, *others) = asyncio.run(overwhelm())
     assert newest.sequence == 49
-    assert dropped
+    assert reset.kind == "reset"
+    assert [event.id for event in others] == [f"1-{hub.MAX_WAITING + 2}"]
 
 
 def test_streams_are_bounded_and_end_with_the_dispatcher(

@@ -128,3 +128,11 @@ def test_pages_join_without_gap_or_repetition(api: Api) -> None:
     assert seen == [f"o-{n:02}" for n in range(12) if n != 3]
     assert states(api, "/v1/orders?state=cancelled") == {"o-03": "cancelled"}
     assert api.get("/v1/orders?state=lost", "reader").status == 422
+
+
+@pytest.mark.parametrize("field", ["id", "node", "\ud800"])
+def test_text_that_cannot_be_encoded_is_refused(serve: Callable[..., Api], field: str) -> None:
+    """Half a surrogate pair in a value or a key, of one order or of several."""
+    api, order = serve(tokens=True), {"id": "o", "node": "A0", field: "\ud800"}
+    for body in (order, [order, order]):
+        assert api.ask("POST", "/v1/orders", "orderer", body).status == 422

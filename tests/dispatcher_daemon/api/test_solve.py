@@ -45,6 +45,12 @@ def _echo(task: Any) -> bytes:
     return repr(task).encode()
 
 
+def _pid(task: Any) -> bytes:
+    """Some work, and who did it."""
+    time.sleep(0.3)
+    return str(os.getpid()).encode()
+
+
 @pytest.fixture
 def queue() -> Iterator[Callable[..., SolveJobs]]:
     """Factory of queues with a worker function and a time beyond the deadline."""
@@ -162,3 +168,28 @@ def test_the_queue_is_bounded_and_results_are_forgotten(
     assert line.get(first.id) is first
     now_ns[0] = round(3601e9)
     assert line.get(first.id) is None
+
+
+@pytest.mark.process
+def test_a_job_that_its_caller_has_left_is_forgotten_and_costs_no_process(
+    queue: Callable[..., SolveJobs],
+) -> None:
+    """One that waits never runs; one that runs ends by itself, in the process of the next one."""
+    line = queue(_pid)
+    made = []
+
+    def make() -> Any:
+        made.append(1)
+
+    first = line.submit(5.0, make)
+    assert line.wait(first, 60.0)
+    left, waiting, last = (line.submit(5.0, make) for _ in range(3))
+    assert line.wait_begun(left, 60.0)
+    assert _until(lambda: left.future is not None)
+    assert not line.wait_begun(waiting, 0.0)
+    line.leave(left)
+    line.leave(waiting)
+    assert line.wait(last, 60.0)
+    assert (last.state, last.result) == ("done", first.result)
+    assert (left.result, waiting.result, len(made)) == (None, None, 3)
+    assert line.get(left.id) is line.get(waiting.id) is None

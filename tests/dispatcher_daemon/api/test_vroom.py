@@ -1,9 +1,15 @@
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+
+from dispatcher_daemon.api.solving import Job, vroom
+from dispatcher_daemon.fleet_watch import Learned
+from dispatcher_daemon.settings import DispatcherSettings
+from slipstream.errors import InputError
 
 from .conftest import Api
 
@@ -46,3 +52,62 @@ def test_a_request_in_vrooms_format_is_answered_at_once(serve: Callable[..., Api
     }
     refused = api.ask("POST", "/v1/vroom", "controller", places)
     assert (refused.status, refused.json["detail"]) == (422, refused.json["error"])
+
+
+def test_a_job_that_failed_says_why(serve: Callable[..., Api]) -> None:
+    """503 where the network's file has changed; else 500 with the reason."""
+
+    class Failing:
+        """A queue whose jobs all fail."""
+
+        def __init__(self, error: Exception) -> None:
+            self.error = error
+
+        def submit(self, deadline_s: float, make_task: object) -> Job:
+            return Job("j", deadline_s, None, "failed", reason="lost", error=self.error)
+
+        def wait_begun(self, job: Job, within_s: float) -> bool:
+            return True
+
+        wait = wait_begun
+
+        def leave(self, job: Job) -> None:
+            """Nothing is kept."""
+
+        def close(self) -> None:
+            """Nothing runs."""
+
+    changed = Failing(InputError("roads.net", "the file has changed", "restart the dispatcher"))
+    told = serve(tokens=True, solve_jobs=changed).ask("POST", "/v1/vroom", "controller", REQUEST)
+    assert (told.status, told.json["mend"]) == (503, "restart the dispatcher")
+    assert "has changed" in told.json["detail"]
+    other = Failing(RuntimeError("lost"))
+    told = serve(tokens=True, solve_jobs=other).ask("POST", "/v1/vroom", "controller", REQUEST)
+    assert (told.status, told.json["detail"]) == (500, "the job failed: lost")
+
+
+def test_a_request_with_matrices_needs_no_roads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And a task whose caller will not wait much longer is short."""
+    seconds = []
+
+    def solve(request: object, engine: object, deadline_s: float, *_: object, **__: object) -> Any:
+        assert engine is None
+        seconds.append(deadline_s)
+        return {"code": 0}
+
+    monkeypatch.setattr(vroom, "solve_vroom", solve)
+    task = vroom.VroomTask(
+        request=REQUEST,
+        deadline_s=10.0,
+        answer_by_ns=time.time_ns() + 5 * 10**9,
+        geometry=False,
+        choose_eta=False,
+        settings=DispatcherSettings(network="/no/such/file"),
+        roads="",
+        states=(),
+        learned=Learned({}, {}, None),
+        now_ns=0,
+        seed=1,
+    )
+    assert task.run() == b'{"code": 0}'
+    assert 3.0 < seconds[0] <= 4.5

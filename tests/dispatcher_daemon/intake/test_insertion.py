@@ -142,3 +142,21 @@ def test_what_the_file_has_loaded_counts(town: Callable[..., Any], tmp_path: Pat
             "heavy": "open",
             "light": "planned",
         }
+
+
+def test_an_insertion_that_takes_too_long_is_dropped(
+    vans: RoutingProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its plans would begin in the past; the order waits for the next cycle, and says so."""
+    with opened(vans, tmp_path) as desk:
+        desk.dispatcher.run_cycle()
+        desk.intake.submit([request("o", node="02")])
+        with monkeypatch.context() as patch:
+            patch.setattr("dispatcher_daemon.daemon.INSERTION_S", 0.0)
+            desk.dispatcher.insert(["o"])
+        told = desk.intake.show("o")
+        assert told.state == "open"
+        assert str(told.unplanned).endswith("it waits for the next cycle")
+        assert len(desk.bus.plans("van-0")) == 1
+        desk.dispatcher.run_cycle()
+        assert desk.state("o") == "planned"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.fleet import fleet_from
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.intake import OrderIntake, OrdersRefused
 from dispatcher_daemon.problem import RoutingProblem
@@ -337,3 +338,158 @@ def test_what_was_acknowledged_is_there_and_nothing_else(
         assert memory.orders.keys() == receipts.keys()
         assert {status.order for status in intake.page()} == receipts.keys()
         assert [len(intake.show(name).history) for name in receipts] == [1] * len(receipts)
+
+
+def test_a_pin_never_stands_against_a_first_stop(district: RoutingProblem, tmp_path: Path) -> None:
+    """The pin of another vehicle's first stop is refused; if the file names one later that is
+    pinned, the pin holds and cycles go on.
+    """
+    fleet = district.fleet
+    first = fleet.vehicles[0].model_copy(update={"first_stop": "of-the-file"})
+    loaded = fleet_from(
+        fleet.model_copy(update={"vehicles": (first, *fleet.vehicles[1:])}).model_dump(
+            mode="json", exclude_none=True
+        ),
+        district.network,
+        "loaded",
+    )
+    with opened(replace(district, fleet=loaded), tmp_path) as desk:
+        watch = desk.dispatcher.fleet_watch
+        watch.situation(loaded, 1, time.time_ns(), 1.0)
+        assert refused(lambda: desk.intake.pin("of-the-file", "van-1"))[0] == "conflict"
+        assert desk.intake.pin("of-the-file", "van-0").pinned == "van-0"
+        watch.situation(fleet, 1, time.time_ns(), 1.0)
+        assert desk.intake.pin("of-the-file", "van-1").pinned == "van-1"
+        found = watch.situation(loaded, 1, time.time_ns(), 1.0).fleet
+        assert found is not None
+        assert found.vehicle_by_id["van-0"].first_stop is None
+        assert found.stop_by_id["of-the-file"].vehicle == "van-1"
+
+
+def test_a_busy_database_holds_nobody_else_up(
+    district: RoutingProblem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While another thread has the writer for long, an order is refused for now, nothing has
+    happened, and the fleet can be read in between.
+    """
+    monkeypatch.setattr("storage.database.TURN_WITHIN_S", 0.1)
+    with opened(district, tmp_path) as desk, ThreadPoolExecutor(1) as threads:
+        desk.intake.submit([request("known")])
+        busy, over = threading.Event(), threading.Event()
+
+        def hold() -> None:
+            with desk.database._lock:
+                busy.set()
+                over.wait(60.0)
+
+        threads.submit(hold)
+        assert busy.wait(60.0)
+        try:
+            for act in (
+                lambda: desk.intake.cancel("known"),
+                lambda: desk.intake.cancel("past"),
+                lambda: desk.intake.submit([request("new")]),
+            ):
+                with pytest.raises(StorageError, match="busy"):
+                    act()
+            assert desk.state("known") == "open"
+            assert desk.dispatcher.fleet_watch.figures()[2]["open"] >= 1
+        finally:
+            over.set()
+        assert desk.intake.cancel("known").state == "cancelled"
+
+
+@pytest.mark.slow
+def test_an_order_on_offer_is_not_pinned_to_another(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """As long as a vehicle that reports has not answered the plan with it."""
+    with opened(district, tmp_path) as desk:
+        desk.intake.submit([request("o", vehicle="van-1")])
+        desk.dispatcher.run_cycle()
+        assert desk.bus.plans("van-1")
+        at_home = VehiclePosition(
+            vehicle="van-1",
+            time_ns=time.time_ns(),
+            segment="00-01",
+            share=0.0,
+            speed_mps=0.0,
+            on_road=False,
+            cycle=None,
+            leg=None,
+        )
+        payload = at_home.to_bytes()
+        desk.dispatcher.fleet_watch.on_position(position_key("van-1"), payload)
+        kind, problem = refused(lambda: desk.intake.pin("o", "van-0"))
+        assert (kind, "not answered" in problem) == ("too_late", True)
+        assert desk.intake.pin("o").pinned == "van-1"
+
+
+def test_a_pin_of_the_files_stop_is_checked_by_what_the_file_asks(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """Carrier and skills, which the order's record does not have."""
+    for asked, key in ({"carrier": "smith"}, "carrier"), ({"skills": ["lift"]}, "skills"):
+        data = district.fleet.model_dump(mode="json", exclude_none=True)
+        data["stops"][0] |= asked
+        fleet = fleet_from(data, district.network, "asking")
+        path = tmp_path / key
+        path.mkdir()
+        with opened(replace(district, fleet=fleet), path) as desk:
+            desk.dispatcher.fleet_watch.situation(fleet, 1, time.time_ns(), 1.0)
+            with pytest.raises(OrderRefused) as caught:
+                desk.intake.pin("of-the-file", "van-1")
+            assert caught.value.refusal.key == key
+            assert desk.intake.pin("of-the-file", "van-0").pinned == "van-0"
+
+
+def test_a_change_is_told_before_any_other_can_follow(
+    district: RoutingProblem, tmp_path: Path
+) -> None:
+    """While it is told, the fleet's lock is held; what is not stored is not told."""
+    with opened(district, tmp_path) as desk:
+        watch, told = desk.dispatcher.fleet_watch, list[tuple[str, bool]]()
+
+        def announce(change: OrderChange) -> None:
+            told.append((change.state, watch._lock.locked()))
+
+        archive = open_reader(f"sqlite:///{tmp_path / 'a.db'}")
+        intake = OrderIntake(watch, desk.database, archive, district.network, announce=announce)
+        intake.submit([request("o")])
+        intake.cancel("o")
+        with pytest.raises(OrdersRefused):
+            intake.submit([request("p"), request("q", node="nowhere")])
+        assert told == [("open", True), ("cancelled", True)]
+
+
+def test_a_stop_of_the_file_takes_its_id_over_when_a_callers_order_has_ended(
+    district: RoutingProblem, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Until then it is not planned, and the log says so."""
+    data = district.fleet.model_dump(mode="json", exclude_none=True)
+    data["stops"].append({"id": "o", "node": "22"})
+    later = fleet_from(data, district.network, "later")
+    with opened(district, tmp_path) as desk:
+        watch = desk.dispatcher.fleet_watch
+        watch.situation(district.fleet, 1, time.time_ns(), 1.0)
+        desk.intake.submit([request("o")])
+        assert watch.situation(later, 1, time.time_ns(), 1.0).hidden == ("o",)
+        assert desk.intake.show("o").node == "11"
+        desk.dispatcher._fleet = later
+        desk.dispatcher.run_cycle()
+        assert "callers' orders have their ids: o" in caplog.text
+        desk.intake.cancel("o")
+        assert watch.situation(later, 2, time.time_ns(), 1.0).hidden == ()
+        told = desk.intake.show("o")
+        assert (told.node, told.state, told.request) == ("22", "open", None)
+        desk.dispatcher.run_cycle()
+    with opened(district, tmp_path) as desk:
+        told = desk.intake.show("o")
+        assert (told.node, told.state, told.request) == ("22", "planned", None)
+        assert [s.state for s in told.history] == [
+            "open",
+            "planned",
+            "cancelled",
+            "open",
+            "planned",
+        ]

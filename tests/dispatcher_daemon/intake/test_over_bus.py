@@ -95,3 +95,14 @@ def test_an_order_is_taken_as_the_message_that_it_is(
             assert answers.answer(key, json.dumps(content).encode())[0]
         assert answers.answer(key, request.to_bytes())[0]
         assert desk.intake.show("x").request == request
+
+
+@pytest.mark.parametrize("field", ["id", "node", "\ud800"])
+def test_text_that_cannot_be_encoded_is_refused(
+    district: RoutingProblem, tmp_path: Path, field: str
+) -> None:
+    """Half a surrogate pair in a value or a key."""
+    with opened(district, tmp_path) as desk:
+        payload = json.dumps({"id": "o", "node": "11", field: "\ud800"}).encode()
+        found = refusal(OrderAnswers(desk.intake).answer(order_key("o", "submit"), payload))
+        assert found.kind == "invalid"

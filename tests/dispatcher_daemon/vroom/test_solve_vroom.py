@@ -381,3 +381,25 @@ def test_a_search_may_start_from_described_routes_and_keeps_absolute_times() -> 
     assert route["waiting_time"] == 0
     refused = solve_vroom(data | {"vehicles": [vehicle | {"steps": steps[2:]}]}, None, 5, 1)
     assert "without its other step" in refused["error"]
+
+
+def test_too_many_places_are_refused_before_their_ways_are_computed() -> None:
+    """All profiles count together."""
+
+    class Unused:
+        """Roads that nobody may ask."""
+
+        def ways(self, *_: object) -> None:
+            raise AssertionError
+
+    places = [[2.0 + 1e-4 * i, 48.0] for i in range(1900)]
+    data = {
+        "vehicles": [
+            {"id": i, "profile": name, "start": places[0]}
+            for i, name in enumerate(("car", "truck", "bus", "van"))
+        ],
+        "jobs": [{"id": i, "location": place} for i, place in enumerate(places)],
+    }
+    answer = solve_vroom(data, Unused(), 5, 1)  # type: ignore[arg-type]
+    assert answer["code"] == 2
+    assert "too many: 1900 places with 4 kinds" in answer["error"]
