@@ -105,6 +105,7 @@ class Database(Upkeep):
         with all checks of `open_database`.
 
         Raises:
+            OwnedError: another process owns it by now.
             StorageError: the database cannot be opened or read.
         """
         self._open_anew()
