@@ -317,9 +317,10 @@ class Dispatcher:
         self._cycle += 1
         stops = {} if problem is None else problem.fleet.stop_by_id
         stored = self._store_and_send(report, plans, states, stops, reference_s, made_from)
+        # Also after a cycle that could not be stored, which bounds what waits.
+        self.store_rollups(now_ns)
         if stored is not None:
             self._count(stored)
-            self.store_rollups(now_ns)
             self._pruner.after_cycle(now_ns)
 
     @traced("snapshot")

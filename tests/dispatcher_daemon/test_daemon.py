@@ -182,7 +182,7 @@ def test_every_admitted_state_is_rolled_up(
             dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
     log.broken = True
     with caplog.at_level(logging.WARNING):
-        dispatcher.store_rollups(time.time_ns())
+        dispatcher.run_cycle()
     assert "roll-ups could not be stored" in caplog.text
     assert log.rollups == []
     log.broken = False

@@ -198,16 +198,26 @@ def test_rollups_that_cannot_be_stored_are_kept_for_an_hour(make_cycle):
     """What is given back is taken again with what has come meanwhile; only too old ones go."""
     cycle = make_cycle(1)
     buffer = RollUpBuffer()
-    for minute in range(MAX_MINUTES + 10):
-        buffer.add(_state(cycle, "a", START_NS + minute * MINUTE_NS, 9.0))
-    taken = buffer.take()
-    assert len(taken) == MAX_MINUTES + 10
-    assert buffer.give_back(taken) == 10
+    for first, last, dropped in ((0, MAX_MINUTES, 0), (MAX_MINUTES, MAX_MINUTES + 10, 10)):
+        for minute in range(first, last):
+            buffer.add(_state(cycle, "a", START_NS + minute * MINUTE_NS, 9.0))
+        taken = buffer.take()
+        assert len(taken) == last
+        assert buffer.give_back(taken) == dropped
     buffer.add(_state(cycle, "b", START_NS, 9.0))
     again = buffer.take()
     assert len(again) == MAX_MINUTES + 1
     assert {part.period_s for part in again} == {MINUTE_S}
     assert buffer.take() == []
+
+
+def test_minutes_that_nobody_takes_are_bounded(make_cycle):
+    """The oldest go, and one that is older than all of them does not come in."""
+    buffer = RollUpBuffer()
+    for minute in [*range(1, MAX_MINUTES + 10), 0]:
+        buffer.add(_state(make_cycle(1), "a", START_NS + minute * MINUTE_NS, 9.0))
+    taken = [(part.began_ns - START_NS) // MINUTE_NS for part in buffer.take()]
+    assert taken == list(range(10, MAX_MINUTES + 10))
 
 
 def _store_as_before(url, cycle) -> None:
