@@ -220,6 +220,22 @@ def test_minutes_that_nobody_takes_are_bounded(make_cycle):
     assert taken == list(range(10, MAX_MINUTES + 10))
 
 
+def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle):
+    """However little the time: minutes, which there are most of, keep nothing else from going."""
+    cycle = make_cycle(1)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        buffer = RollUpBuffer()
+        for minute in range(30):
+            buffer.add(_state(cycle, "a", START_NS + minute * MINUTE_NS, 9.0))
+        database.add_rollups(buffer.take())
+        for number in (1, 2):
+            database.record_cycle(*_cycle(cycle, number, START_NS, {"a": True}))
+        for _ in range(6):
+            database.tidy(START_NS + 3 * DAY_NS, budget_s=0.0)
+        assert reader.states(1) == ()
+        assert len(reader.rollups("a", 0, 2**62)) == 29
+
+
 def _store_as_before(url, cycle) -> None:
     """Move a cycle's gates and states to where versions before 0013 stored them."""
     report, _, states = cycle
