@@ -369,7 +369,9 @@ class Dispatcher:
             self._cycle += 1
             wall_s = time.monotonic() - began
             report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
-            stored = self._store_and_send(report, found.plans, (), joined.stop_by_id, INSERTION_S)
+            stored = self._store_and_send(
+                report, found.plans, snapshot.states, joined.stop_by_id, INSERTION_S
+            )
             if stored is not None:
                 self.fleet_watch.skip_number(number)
                 metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
