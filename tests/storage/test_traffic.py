@@ -220,6 +220,27 @@ def test_minutes_that_nobody_takes_are_bounded(make_cycle):
     assert taken == list(range(10, MAX_MINUTES + 10))
 
 
+def test_nothing_is_known_in_failed_cycles_and_outages(any_url, make_cycle):
+    """A gate that was open does not stay open for good: not in the list, not at a moment."""
+    cycle = make_cycle(1)
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        failed, _, _ = _cycle(cycle, 2, START_NS + MINUTE_NS, {})
+        database.record_cycle(*_cycle(cycle, 1, START_NS, {"a": True}))
+        database.record_cycle(failed.model_copy(update={"status": "failed"}), [], [])
+        database.record_cycle(*_cycle(cycle, 3, START_NS + DAY_NS, {"a": True}))
+        for _ in range(2):
+            assert [_open(report.gates) for report in reader.cycles(9)] == [
+                {"a": True},
+                {},
+                {"a": True},
+            ]
+            for minutes, is_open in ((2, True), (14, True), (16, False)):
+                (part,) = reader.segments_at(START_NS + minutes * MINUTE_NS)
+                assert part.gate.open == is_open
+            assert (part.gate.y_e, part.gate.reason) == (None, "stale")
+            database.tidy(START_NS + DAY_NS + 2 * MINUTE_NS)
+
+
 def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle):
     """However little the time: minutes, which there are most of, keep nothing else from going."""
     cycle = make_cycle(1)
