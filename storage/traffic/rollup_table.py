@@ -26,6 +26,8 @@ from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, Spread, begin, mer
 
 _MAX_VALUES: Final = 500
 """Values in one statement."""
+_MIN_REAL: Final = 1e-37
+_MAX_REAL: Final = 3e38
 _T: Final = segment_rollups.c
 _COUNTS: Final = ("count", "stable", "turbulent", "measured", "gaps")
 _PLAIN: Final = (*_COUNTS, "vehicles_mean", "vehicles_max")
@@ -176,9 +178,15 @@ def _values(part: RollUp, number: int) -> Mapping[str, object]:
     values: dict[str, object] = {name: getattr(part, name) for name in _PLAIN}
     values |= {"period_s": part.period_s, "began_ns": part.began_ns, "segment_id": number}
     for feature in FEATURES:
-        spread = part.features.get(feature, (None, None, None))
-        values |= {f"{feature}_{name}": value for name, value in zip(SPREAD, spread, strict=True)}
+        spread = part.features.get(feature)
+        stored = (None, None, None) if spread is None else map(_real, spread)
+        values |= {f"{feature}_{name}": value for name, value in zip(SPREAD, stored, strict=True)}
     return values
+
+
+def _real(value: float) -> float:
+    """The value in the range of REAL: PostgreSQL refuses what is nearer to 0, and larger ones."""
+    return 0.0 if abs(value) < _MIN_REAL else max(-_MAX_REAL, min(_MAX_REAL, value))
 
 
 def _read(row: Row[Any], segment: str) -> RollUp:

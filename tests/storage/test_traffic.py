@@ -178,6 +178,26 @@ def test_rollups_are_those_of_all_states(any_url, make_cycle):
         assert reader.segments_at(START_NS + 5)[0].rollup == hour
 
 
+def test_no_value_is_beyond_what_a_column_takes(any_url, make_cycle):
+    """Values near 0 are 0 and huge ones the largest; means of them can be stored, too."""
+    cycle = make_cycle(1)
+    parts = [
+        rollup(_state(cycle, name, START_NS + hour * HOUR_NS, speed))
+        for hour in range(2)
+        for name, speed in (("tiny", 1e-50), ("huge", 1e300), ("small", -2e-37))
+    ]
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        database.add_rollups(parts)
+        for period_s in (MINUTE_S, HOUR_S):
+            shown = {
+                name: reader.rollups(name, 0, 2**62, period_s=period_s)[0]
+                for name in ("tiny", "huge", "small")
+            }
+            means = {name: part.features["mean_speed_mps"].mean for name, part in shown.items()}
+            expected = {"tiny": 0.0, "huge": 3e38, "small": -2e-37}
+            assert means == pytest.approx(expected, rel=1e-6, abs=0.0)
+
+
 def test_hours_go_with_the_cycles(any_url, make_cycle):
     """A roll-up that ended before the first cycle that is kept goes; the others stay."""
     with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
