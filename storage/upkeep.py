@@ -14,7 +14,6 @@ from slipstream.errors import InputError
 from storage import fleet, inputs, jobs, retention
 from storage.models import CycleRow
 from storage.traffic import conversion, gates, recent, rollup_table
-from storage.traffic.rollups import MINUTE_S
 from storage.writer import Writer
 
 MIN_JOB_DAYS: Final = 2.0
@@ -208,7 +207,7 @@ class Upkeep(Writer):
         minutes_ns = max(0, now_ns - round(MINUTES_KEPT_H * _HOUR_NS))
         inputs_ns = max(0, now_ns - round(inputs.KEEP_DAYS * 24 * _HOUR_NS))
         steps: tuple[Callable[[Session], bool], ...] = (
-            lambda session: rollup_table.delete_oldest(session, MINUTE_S, minutes_ns),
+            lambda session: rollup_table.delete_oldest_minute(session, minutes_ns),
             _delete_before_first_cycle,
             lambda session: self._prune_gates(session) and budget_s is None,
             lambda session: recent.prune(session, states_ns),

@@ -178,6 +178,21 @@ def test_rollups_are_those_of_all_states(any_url, make_cycle):
         assert reader.segments_at(START_NS + 5)[0].rollup == hour
 
 
+def test_the_last_hour_before_a_pause_is_kept(any_url, make_cycle):
+    """Its minutes go after two days without a state: the hour is made of all of them, for good."""
+    cycle = make_cycle(1)
+    minutes = [rollup(_state(cycle, "a", START_NS + n * MINUTE_NS, 9.0)) for n in range(4)]
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        database.record_cycle(*_cycle(cycle, 1, START_NS, {"a": True}))
+        database.add_rollups(minutes)
+        database.tidy(START_NS + 2 * DAY_NS + 2 * MINUTE_NS)
+        assert len(reader.rollups("a", 0, 2**62)) == 2
+        for _ in range(2):
+            (hour,) = reader.rollups("a", 0, 2**62, period_s=HOUR_S)
+            assert (hour.began_ns, hour.count) == (START_NS, 4)
+            database.add_rollups([rollup(_state(cycle, "a", START_NS + 3 * DAY_NS, 9.0))])
+
+
 def test_no_value_is_beyond_what_a_column_takes(any_url, make_cycle):
     """Values near 0 are 0 and huge ones the largest; means of them can be stored, too."""
     cycle = make_cycle(1)
