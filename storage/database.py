@@ -17,7 +17,7 @@ from storage.jobs import QuantumJob
 from storage.models import CycleRow
 from storage.opening import open_path
 from storage.rows import cycle_row
-from storage.traffic import gates, recent, rollup_table
+from storage.traffic import conversion, gates, recent, rollup_table
 from storage.traffic.gates import GateState
 from storage.traffic.rollups import RollUp
 from storage.upkeep import Upkeep
@@ -76,6 +76,7 @@ class Database(Upkeep):
                 recent.save(session, report.cycle, report.gates, states)
                 if known is None:
                     known = gates.at(session, report.cycle)
+                    known = conversion.known_after(session, known)
                 if report.gates or report.status != "failed":
                     changed = gates.changes(known, gates.states_of(report.gates))
                     gates.save(session, report.cycle, changed)

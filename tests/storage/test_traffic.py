@@ -354,6 +354,30 @@ def test_what_versions_before_stored_is_converted_in_steps(url, make_cycle):
         assert [_open(report.gates) for report in reader.cycles(9)][:4] == shown
 
 
+@pytest.mark.parametrize("converted", [0, 1])
+def test_gates_of_before_an_upgrade_do_not_last_beyond_it(url, make_cycle, converted):
+    """The first cycle after it says what it knows of each segment, however much of the former
+    ones is converted by then.
+    """
+    shown = [{"a": True, "b": True}, {"a": False, "b": True}, {"a": True}, {"a": True}]
+    cycles = [
+        _cycle(make_cycle(1), number, START_NS + number * HOUR_NS, gates)
+        for number, gates in enumerate(shown, start=1)
+    ]
+    with storage.open_database(url) as database:
+        for cycle in cycles[:2]:
+            database.record_cycle(*cycle)
+    for cycle in cycles[:2]:
+        _store_as_before(url, cycle)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        if converted:
+            database.tidy(START_NS + HOUR_NS + DAY_NS + 1)
+        for cycle in cycles[2:]:
+            database.record_cycle(*cycle)
+        database.tidy(START_NS + 2 * DAY_NS)
+        assert [_open(report.gates) for report in reader.cycles(9)] == shown
+
+
 def test_a_thousand_segments_take_little_room(url, make_cycle, figure):
     """Gates and states of a cycle, of their own figures each, take a tenth of what they did."""
     measured = random.Random(7)
