@@ -71,7 +71,15 @@ from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
 from slipstream.tracing import is_on, note, span, sparse_span, traced
-from storage import CycleInputs, Database, Reader, RollUpBuffer, open_reader
+from storage import (
+    CycleInputs,
+    Database,
+    OwnedError,
+    Reader,
+    RollUpBuffer,
+    StorageError,
+    open_reader,
+)
 
 if TYPE_CHECKING:
     from dispatcher_daemon.api import ApiServer, Services
@@ -135,6 +143,9 @@ class Dispatcher:
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
         records: orders, plans and vehicles of the run before.
         announce: told of accepted states, and of what was stored; it does not wait.
+
+    Attributes:
+        replaced: another dispatcher writes the database by now; None: none does.
     """
 
     def __init__(
@@ -181,6 +192,7 @@ class Dispatcher:
         self._rollups = RollUpBuffer()
         self.database_set_aside: str | None = None
         self._storage_fault = False
+        self.replaced: OwnedError | None = None
         self.stopping = threading.Event()
         self._turn = threading.Lock()
         self.cycle_began: float | None = None
@@ -309,9 +321,10 @@ class Dispatcher:
         self._cycle += 1
         stops = {} if problem is None else problem.fleet.stop_by_id
         stored = self._store_and_send(report, plans, states, stops, reference_s, made_from)
+        # Also after a cycle that could not be stored, which bounds what waits.
+        self.store_rollups(now_ns)
         if stored is not None:
             self._count(stored)
-            self.store_rollups(now_ns)
             self._pruner.after_cycle(now_ns)
 
     @traced("snapshot")
@@ -366,7 +379,9 @@ class Dispatcher:
                 return
             self._cycle += 1
             report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
-            stored = self._store_and_send(report, found.plans, (), joined.stop_by_id, INSERTION_S)
+            stored = self._store_and_send(
+                report, found.plans, snapshot.states, joined.stop_by_id, INSERTION_S
+            )
             if stored is not None:
                 self.fleet_watch.skip_number(number)
                 metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
@@ -467,6 +482,10 @@ class Dispatcher:
             self._cycle = max(self._cycle, self._store.next_cycle_number())
             self._storage_fault = False
             self.fleet_watch.store_all()
+        except OwnedError as error:
+            # Its orders and plans would be overwritten by what was known before.
+            self.replaced = error
+            self.stopping.set()
         except Exception as error:
             self._warn("recovery", f"the database cannot be used yet: {error}")
 
@@ -548,7 +567,15 @@ class Dispatcher:
 
 
 def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Service) -> None:
-    """The periodic work: follow the clock, publish the health, feed the watchdog."""
+    """The periodic work: follow the clock, publish the health, feed the watchdog.
+
+    Raises:
+        StorageError: another dispatcher writes the database. No InputError: systemd then starts
+            this one again, which may wait as a standby.
+    """
+    if dispatcher.replaced is not None:
+        line = f"{dispatcher.replaced.source}: another dispatcher has taken over; this one ends"
+        raise StorageError(line)
     scheduler.follow_clock()
     next_cycle_ns = scheduler.next_run_ns
     dispatcher.publish_health(next_cycle_ns)
@@ -624,6 +651,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
     Raises:
         InputError: the network, list of RSUs, fleet, database, bus, metrics port, or the API's
             port or file of tokens cannot be used.
+        StorageError: another dispatcher has taken over the database meanwhile.
     """
     configure_logging("dispatcher", settings.service)
     # The scheduler's own faults are counted and logged by CycleScheduler.

@@ -105,27 +105,30 @@ class CyclePruner:
             trimmed = self._store.trim(self._keep_mb, limit=PRUNE_BATCH)
             if trimmed and self._limiter.allow("trim"):
                 log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
+            # Before what is tidied: a row that cannot be read would keep all cycles for ever.
+            self._prune(now_ns)
             self._store.tidy(now_ns, budget_s=TIDY_S)
             self._clock_trusted = True
             metrics.CLOCK_UNTRUSTED.set(0)
-            if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
-                return
-            pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S)
         except UntrustedClockError as error:
             if self._clock_trusted:
                 log.warning("%s", error)
             self._clock_trusted = False
             metrics.CLOCK_UNTRUSTED.set(1)
-            return
+            self._pruned_at = -PRUNE_EVERY_S
         except Exception as error:
             if self._limiter.allow("prune"):
                 log.warning("old cycles could not be deleted: %s", error)
-            self._pruned_at = time.monotonic()
+
+    def _prune(self, now_ns: int) -> None:
+        """Delete old cycles once an hour, and after each cycle while there are more."""
+        if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
             return
+        self._pruned_at = time.monotonic()
+        pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S)
         if pruned:
             log.info("%d old cycles deleted", pruned)
-        else:
-            self._pruned_at = time.monotonic()
+            self._pruned_at = -PRUNE_EVERY_S
 
 
 def open_checked_database(url: str) -> Database:

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from slipstream.messages import SegmentState
 
 
+_CYCLES_LOOKED_AT = 20
+"""Last cycles in which states are looked for."""
+
+
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
     command = commands.add_parser("feed", help="the last cycle's states as DATEX II or WZDx")
@@ -73,13 +77,21 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _last_cycle(url: str) -> tuple[int, tuple[SegmentState, ...]]:
-    """When the last stored cycle began, UTC ns, and the states that it knew."""
+    """When the last stored cycle began, UTC ns, and the states that it knew; of the last ones that
+    had states if there is one.
+    """
     from storage import StorageError, open_reader
 
     with open_reader(url) as reader:
         try:
             cycle = reader.latest_cycle()
-            states = () if cycle is None else reader.states(cycle.cycle)
+            states: tuple[SegmentState, ...] = ()
+            # A failed cycle has none.
+            for candidate in reversed(reader.cycles(_CYCLES_LOOKED_AT, gates=False)):
+                states = reader.states(candidate.cycle)
+                if states:
+                    cycle = candidate
+                    break
         except StorageError as error:
             raise InputError("feed", str(error), "run slipstream db check") from None
     if cycle is None:

@@ -18,7 +18,7 @@ from storage.jobs import QuantumJob
 from storage.models import CycleRow
 from storage.opening import open_path
 from storage.rows import cycle_row
-from storage.traffic import gates, recent, rollup_table
+from storage.traffic import conversion, gates, recent, rollup_table
 from storage.traffic.gates import GateState
 from storage.traffic.rollups import RollUp
 from storage.upkeep import Upkeep
@@ -81,6 +81,7 @@ class Database(Upkeep):
                 recent.save(session, report.cycle, report.gates, states)
                 if known is None:
                     known = gates.at(session, report.cycle)
+                    known = conversion.known_after(session, known)
                 if report.gates or report.status != "failed":
                     changed = gates.changes(known, gates.states_of(report.gates))
                     gates.save(session, report.cycle, changed)
@@ -110,6 +111,7 @@ class Database(Upkeep):
         with all checks of `open_database`.
 
         Raises:
+            OwnedError: another process owns it by now.
             StorageError: the database cannot be opened or read.
         """
         self._open_anew()

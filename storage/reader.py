@@ -163,7 +163,8 @@ class Reader:
             time_ns: UTC.
 
         Returns:
-            By segment; empty before the first cycle that is kept.
+            By segment; empty before the first cycle that is kept. Gates hold for
+            `storage.traffic.history.GATES_HOLD_S` after a cycle.
         """
         with self._read_session() as session:
             return () if session is None else history.segments_at(session, time_ns)

@@ -14,7 +14,6 @@ from slipstream.errors import InputError
 from storage import fleet, inputs, jobs, retention
 from storage.models import CycleRow
 from storage.traffic import conversion, gates, recent, rollup_table
-from storage.traffic.rollups import MINUTE_S
 from storage.writer import Writer
 
 MIN_JOB_DAYS: Final = 2.0
@@ -36,6 +35,8 @@ class Upkeep(Writer):
     _used_pages: int | None = None
     _segment = 0
     """Number of the last segment whose old gates were deleted."""
+    _step = 0
+    """Place of the kind of step that `tidy` begins with."""
 
     def trust_clock(self, now_ns: int) -> None:
         """Take ``now_ns``, UTC, for the time, however far ahead of the cycles it is.
@@ -192,7 +193,8 @@ class Upkeep(Writer):
 
         Args:
             now_ns: UTC.
-            budget_s: no transaction begins after this time; None: until all is done.
+            budget_s: no step but the first begins after this time, and the next call goes on with
+                the kind of step after the last one; None: until all is done.
 
         Raises:
             UntrustedClockError: ``now_ns`` is too far ahead of the cycles; nothing is deleted.
@@ -205,18 +207,22 @@ class Upkeep(Writer):
         minutes_ns = max(0, now_ns - round(MINUTES_KEPT_H * _HOUR_NS))
         inputs_ns = max(0, now_ns - round(inputs.KEEP_DAYS * 24 * _HOUR_NS))
         steps: tuple[Callable[[Session], bool], ...] = (
-            lambda session: rollup_table.delete_oldest(session, MINUTE_S, minutes_ns),
+            lambda session: rollup_table.delete_oldest_minute(session, minutes_ns),
             _delete_before_first_cycle,
             lambda session: self._prune_gates(session) and budget_s is None,
             lambda session: recent.prune(session, states_ns),
             lambda session: inputs.prune(session, inputs_ns) == inputs.BATCH,
             lambda session: conversion.convert_oldest(session, states_ns),
         )
-        for step in steps:
+        first, began = self._step, False
+        for place in range(first, first + len(steps)):
             more = True
-            while more and time.monotonic() < ends:
+            while more and (not began or time.monotonic() < ends):
+                began = True
+                # Before it is done: one that fails, or takes all the time, keeps no other from it.
+                self._step = (place + 1) % len(steps)
                 with self._write_session() as session:
-                    more = step(session)
+                    more = steps[place % len(steps)](session)
 
     def _prune_gates(self, session: Session) -> bool:
         """Delete what is too old of some segments; False after the last ones.

@@ -18,7 +18,7 @@ from slipstream.errors import InputError
 from storage import retention
 from storage.engine import DAMAGED, NO_DATABASE, StorageError, sqlite_path
 from storage.models import CycleRow
-from storage.ownership import WRITE_LOCK, FileOwner, Owner
+from storage.ownership import WRITE_LOCK, FileOwner, OwnedError, Owner
 
 log = logging.getLogger(__name__)
 
@@ -140,6 +140,9 @@ class Writer:
             self.close()
             try:
                 self._engine, self._owner = self._reopen()
+            except OwnedError:
+                # What this process knows is older than what that one has stored since.
+                raise
             except InputError as error:
                 raise StorageError(str(error)) from None
             log.warning("%s; it was opened anew", self._lost)

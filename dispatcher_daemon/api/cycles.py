@@ -34,10 +34,12 @@ class CycleDetail(BaseModel):
 
 @router.get("")
 def list_cycles(dispatch: Dispatch, limit: Limit = 20, before: Before = None) -> CyclePage:
-    """The last cycles."""
-    found = dispatch.reader.cycles(limit + 1, before)[::-1]
+    """The last cycles, without their gates: those are in `/v1/cycles/{number}`."""
+    # A city's cycle has some 10,000 gates.
+    found = dispatch.reader.cycles(limit + 1, before, gates=False)[::-1]
     following = found[limit - 1].cycle if len(found) > limit else None
-    return CyclePage(cycles=list(found[:limit]), next=following)
+    page = [report.model_copy(update={"gates": ()}) for report in found[:limit]]
+    return CyclePage(cycles=page, next=following)
 
 
 @router.get("/{number}")

@@ -26,6 +26,10 @@ IDLE_SHARE: Final = 10.0
 """After a document has been made no other of its kind is for so many times as long as that took."""
 MAX_RSUS: Final = 20_000
 """RSUs whose health is kept where the settings list none."""
+MAX_RSUS_PER_SEGMENT: Final = 16
+"""Of these, those that tell of the same segment: as many as their states are kept of."""
+FORGOTTEN_AFTER: Final = 6.0
+"""Times the age limit of a state after which the health of a silent one is forgotten."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,10 @@ class Feeds:
         self._states = states
         self._refuse = refuse
         self._now_ns = now_ns
-        self._healths: dict[str, RsuHealth] = {}
+        # When each was heard last, and its health; the one heard last at the end.
+        self._healths: dict[str, tuple[int, RsuHealth]] = {}
+        self._rsus_of: dict[str, set[str]] = {}
+        self._health_lock = threading.Lock()
         self._sites: tuple[frozenset[Pair], tuple[Site, ...]] = (frozenset(), ())
         self._made: dict[str, _Made] = {}
         # Documents are made one at a time: a city's takes a second of a core.
@@ -100,10 +107,43 @@ class Feeds:
         listed = self._settings.rsus
         if listed is not None and health.rsu not in listed:
             return
-        if health.rsu not in self._healths and len(self._healths) >= MAX_RSUS:
-            return
-        known = tuple(name for name in set(health.segments) if name in self._network.segments)
-        self._healths[health.rsu] = health.model_copy(update={"segments": known})
+        known = [name for name in set(health.segments) if name in self._network.segments]
+        now_ns = self._now_ns()
+        with self._health_lock:
+            self._drop(health.rsu)
+            if listed is None:
+                self._forget_silent(now_ns)
+            if len(self._healths) >= MAX_RSUS:
+                return
+            kept = []
+            for name in sorted(known):
+                rsus = self._rsus_of.setdefault(name, set())
+                if listed is not None or len(rsus) < MAX_RSUS_PER_SEGMENT:
+                    rsus.add(health.rsu)
+                    kept.append(name)
+            told = health.model_copy(update={"segments": tuple(kept)})
+            self._healths[health.rsu] = now_ns, told
+
+    def _forget_silent(self, now_ns: int) -> None:
+        """Forget RSUs that have not been heard of for long; the others come after them."""
+        before_ns = now_ns - round(1e9 * FORGOTTEN_AFTER * self._settings.stale_after_s)
+        while self._healths:
+            rsu, (heard_ns, _) = next(iter(self._healths.items()))
+            if heard_ns >= before_ns:
+                return
+            self._drop(rsu)
+
+    def _drop(self, rsu: str) -> None:
+        _, health = self._healths.pop(rsu, (0, None))
+        for name in () if health is None else health.segments:
+            self._rsus_of[name].discard(rsu)
+
+    def _heard(self, now_ns: int) -> dict[str, RsuHealth]:
+        """The latest health of each RSU."""
+        with self._health_lock:
+            if self._settings.rsus is None:
+                self._forget_silent(now_ns)
+            return {rsu: health for rsu, (_, health) in self._healths.items()}
 
     def sites(self) -> Document:
         """DATEX II: the measurement site table.
@@ -113,7 +153,7 @@ class Feeds:
         """
         with self._lock:
             now_ns = self._now_ns()
-            sites = self._find_sites(self._states())
+            sites = self._find_sites(self._states(), now_ns)
             version = table_version(sites)
             return self._kept(
                 "sites",
@@ -140,7 +180,7 @@ class Feeds:
         def make(now_ns: int) -> bytes:
             return device_feed(
                 self._measurements(now_ns),
-                dict(self._healths),
+                self._heard(now_ns),
                 self._settings.feeds,
                 now_ns,
                 stale_after_s=self._settings.stale_after_s,
@@ -171,7 +211,7 @@ class Feeds:
     def _measurements(self, now_ns: int) -> tuple[Measurement, ...]:
         states = self._states()
         return measurements(
-            self._find_sites(states),
+            self._find_sites(states, now_ns),
             states,
             self._network,
             now_ns,
@@ -179,9 +219,8 @@ class Feeds:
             future_tolerance_s=self._settings.future_tolerance_s,
         )
 
-    def _find_sites(self, states: tuple[SegmentState, ...]) -> tuple[Site, ...]:
-        # A copy at once: the bus's thread adds to it.
-        pairs = watched_pairs(self._settings.rsus, states, list(self._healths.values()))
+    def _find_sites(self, states: tuple[SegmentState, ...], now_ns: int) -> tuple[Site, ...]:
+        pairs = watched_pairs(self._settings.rsus, states, self._heard(now_ns).values())
         if pairs != self._sites[0] or not pairs:
             self._sites = pairs, find_sites(self._network, pairs)
         return self._sites[1]

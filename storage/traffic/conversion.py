@@ -6,6 +6,9 @@ states roll-ups of hours.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Final
+
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
@@ -13,7 +16,11 @@ from slipstream.messages import Gate
 from storage.models import CycleRow, GateRow, StateRow
 from storage.rows import gate, segment_state
 from storage.traffic import gates, rollup_table
+from storage.traffic.gates import GateState
 from storage.traffic.rollups import HOUR_S, rollup
+
+_NOT_CONVERTED: Final = GateState(open=False, y_e=None, reason="not converted")
+"""Other than each gate of a cycle."""
 
 
 def gates_of(session: Session, first: int, last: int) -> dict[int, tuple[Gate, ...]]:
@@ -27,6 +34,22 @@ def gates_of(session: Session, first: int, last: int) -> dict[int, tuple[Gate, .
     for row in session.scalars(query):
         of_cycles.setdefault(row.cycle, []).append(gate(row))
     return {cycle: tuple(of_cycle) for cycle, of_cycle in of_cycles.items()}
+
+
+def known_after(session: Session, known: Mapping[str, GateState]) -> Mapping[str, GateState]:
+    """What the first cycle after these is compared with, so that it has a row for each segment of
+    theirs: changes between it and cycles that are converted later cannot be told yet.
+
+    Args:
+        session: of the transaction.
+        known: the gates by the changes that are stored.
+    """
+    last = session.scalar(select(func.max(GateRow.cycle)))
+    if last is None:
+        return known
+    names = set(session.scalars(select(GateRow.segment).where(GateRow.cycle == last)))
+    names |= {name for name, state in known.items() if state.watched}
+    return {**known, **dict.fromkeys(names, _NOT_CONVERTED)}
 
 
 def convert_oldest(session: Session, before_ns: int) -> bool:

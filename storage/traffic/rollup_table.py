@@ -26,6 +26,8 @@ from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, Spread, begin, mer
 
 _MAX_VALUES: Final = 500
 """Values in one statement."""
+_MIN_REAL: Final = 1e-37
+_MAX_REAL: Final = 3e38
 _T: Final = segment_rollups.c
 _COUNTS: Final = ("count", "stable", "turbulent", "measured", "gaps")
 _PLAIN: Final = (*_COUNTS, "vehicles_mean", "vehicles_max")
@@ -41,8 +43,10 @@ def add(session: Session, minutes: Sequence[RollUp]) -> None:
     touched = {begin(part.began_ns, HOUR_S) for part in minutes}
     present_ns = max(touched)
     if last_ns is not None:
-        # Nothing may have come in an hour's last minutes, or no dispatcher was running.
-        touched.add(begin(last_ns, HOUR_S))
+        # Nothing may have come in an hour's last minutes, or no dispatcher was running. One that is
+        # there was made before its minutes were deleted.
+        if not _is_stored(session, HOUR_S, begin(last_ns, HOUR_S)):
+            touched.add(begin(last_ns, HOUR_S))
         present_ns = max(present_ns, begin(last_ns, HOUR_S))
     for hour_ns in sorted(touched - {present_ns}):
         _make_hour(session, hour_ns)
@@ -125,6 +129,11 @@ def _extreme(session: Session, function: Any, period_s: int) -> int | None:
     return found
 
 
+def _is_stored(session: Session, period_s: int, began_ns: int) -> bool:
+    query = select(_T.segment_id).where(_T.period_s == period_s, _T.began_ns == began_ns).limit(1)
+    return session.scalar(query) is not None
+
+
 def at(session: Session, period_s: int, began_ns: int) -> list[RollUp]:
     """Roll-ups of all segments in one period."""
     names = segments.names(session)
@@ -166,6 +175,18 @@ def delete_oldest(session: Session, period_s: int, before_ns: int) -> bool:
     return True
 
 
+def delete_oldest_minute(session: Session, before_ns: int) -> bool:
+    """`delete_oldest` of minutes, with their hour made first if it is not: that is else done only
+    when states come again.
+    """
+    began_ns = _extreme(session, func.min, MINUTE_S)
+    if began_ns is not None and began_ns + MINUTE_S * 10**9 <= before_ns:
+        hour_ns = begin(began_ns, HOUR_S)
+        if not _is_stored(session, HOUR_S, hour_ns):
+            _make_hour(session, hour_ns)
+    return delete_oldest(session, MINUTE_S, before_ns)
+
+
 def delete_all_oldest(session: Session, before_ns: int) -> bool:
     """`delete_oldest` of minutes and hours; False if there is neither."""
     deleted = [delete_oldest(session, period_s, before_ns) for period_s in (MINUTE_S, HOUR_S)]
@@ -176,9 +197,15 @@ def _values(part: RollUp, number: int) -> Mapping[str, object]:
     values: dict[str, object] = {name: getattr(part, name) for name in _PLAIN}
     values |= {"period_s": part.period_s, "began_ns": part.began_ns, "segment_id": number}
     for feature in FEATURES:
-        spread = part.features.get(feature, (None, None, None))
-        values |= {f"{feature}_{name}": value for name, value in zip(SPREAD, spread, strict=True)}
+        spread = part.features.get(feature)
+        stored = (None, None, None) if spread is None else map(_real, spread)
+        values |= {f"{feature}_{name}": value for name, value in zip(SPREAD, stored, strict=True)}
     return values
+
+
+def _real(value: float) -> float:
+    """The value in the range of REAL: PostgreSQL refuses what is nearer to 0, and larger ones."""
+    return 0.0 if abs(value) < _MIN_REAL else max(-_MAX_REAL, min(_MAX_REAL, value))
 
 
 def _read(row: Row[Any], segment: str) -> RollUp:

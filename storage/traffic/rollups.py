@@ -150,11 +150,16 @@ class RollUpBuffer:
         self._returned: list[RollUp] = []
 
     def add(self, state: SegmentState) -> None:
-        """Count one state in."""
+        """Count one state in. Of more than `MAX_MINUTES` minutes the oldest is dropped."""
         features = state.features
         values = [] if features is None else [getattr(features, name) for name in FEATURES]
         began_ns = begin(state.time_ns, MINUTE_S)
         with self._lock:
+            if began_ns not in self._minutes and len(self._minutes) >= MAX_MINUTES:
+                oldest_ns = min(self._minutes)
+                if began_ns < oldest_ns:
+                    return
+                del self._minutes[oldest_ns]
             minute = self._minutes.setdefault(began_ns, {})
             sums = minute.get(state.segment)
             if sums is None:

@@ -182,13 +182,25 @@ def test_every_admitted_state_is_rolled_up(
             dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
     log.broken = True
     with caplog.at_level(logging.WARNING):
-        dispatcher.store_rollups(time.time_ns())
+        dispatcher.run_cycle()
     assert "roll-ups could not be stored" in caplog.text
     assert log.rollups == []
     log.broken = False
     dispatcher.run_cycle()
     assert sum(part.count for part in log.rollups) == 5
     assert {part.segment for part in log.rollups} == {"avenue_east"}
+
+
+def test_traffic_that_cannot_be_read_keeps_no_cycle(
+    demo: RoutingProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Old cycles go all the same."""
+    log = Log(old=60)
+    monkeypatch.setattr(log, "tidy", lambda *_, **__: 1 / 0)
+    dispatcher = make(demo, log)
+    for _ in range(3):
+        dispatcher.run_cycle()
+    assert log.pruned == [50, 10, 0]
 
 
 def test_a_cycle_that_raises_is_recorded_with_its_reason(demo: RoutingProblem) -> None:

@@ -19,16 +19,19 @@ import pytest
 import tomli_w
 from prometheus_client import REGISTRY
 
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.daemon import Dispatcher, check_health
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.reports import failed_report
+from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.store import open_checked_database
 from slipstream.bus import Router
+from slipstream.config import ServiceSettings
 from slipstream.messages import CycleReport, Message, VehiclePlan
-from storage import Database, open_database, open_reader
+from slipstream.service import Service
+from storage import Database, StorageError, open_database, open_reader
 
 DAY_NS = 86_400_000_000_000
 SETTINGS = DispatcherSettings(solvers=("exact",))
@@ -234,6 +237,30 @@ def test_a_full_disk_costs_cycles_until_there_is_room(demo: RoutingProblem, tmp_
         assert set(stored(path)) == set(range(1, report.cycle + 1)) - failed
     finally:
         subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_dispatcher_whose_database_another_one_writes_ends(
+    demo: RoutingProblem, tmp_path: Path
+) -> None:
+    """It writes nothing over the other's rows, and ends so that systemd starts it again."""
+    path, bus = tmp_path / "cycles.db", Sent()
+    with open_database(f"sqlite:///{path}", owned=True) as database:
+        dispatcher = make(demo, bus, database)
+        dispatcher.run_cycle()
+        path.with_name("cycles.db-lock").unlink()
+        with open_database(f"sqlite:///{path}", owned=True) as other:
+            other.record_cycle(failed_report(2, time.time_ns(), 0.1, "the other's"), [], [])
+            bus.take()
+            dispatcher.run_cycle()
+            (report,), plans = bus.take()
+            assert (report.status, plans) == ("failed", [])
+            assert dispatcher.stopping.is_set()
+            scheduler = CycleScheduler(dispatcher.run_cycle, 30.0, lambda _: None)
+            # Not an InputError: status 2 would keep systemd from starting it again.
+            with pytest.raises(StorageError, match="another dispatcher has taken over"):
+                check_health(dispatcher, scheduler, Service("dispatcher", ServiceSettings()))
+    with open_reader(f"sqlite:///{path}") as reader:
+        assert [report.reason for report in reader.cycles(9)][1:] == ["the other's"]
 
 
 def failed_cycles(dispatcher: Dispatcher) -> int:

@@ -60,7 +60,14 @@ def test_a_run_is_judged_by_its_own_time(url: str, net: Path, tmp_path: Path) ->
     assert float(speed.text) == pytest.approx(3.6 * 15.2)
     assert len(list(etree.parse(str(sites)).iter(f"{ROA}measurementSite"))) == 2
     assert main(["feed", "datex2", *options]) == 2
+    # A cycle that failed knew nothing: the one before tells.
+    told = data.read_bytes()
+    with open_database(url) as database:
+        report, _, _ = _cycle(2)
+        failed = {"status": "failed", "gates": (), "solvers": (), "energy": None, "plans": 0}
+        database.record_cycle(report.model_copy(update=failed), [], [])
     assert main(["feed", "datex2", *options, "--force"]) == 0
+    assert data.read_bytes() == told
 
 
 def test_devices_of_a_run_have_the_status_that_their_states_tell(

@@ -203,8 +203,10 @@ def test_what_replaced_the_database_is_checked(url, make_cycle):
                 database.record_cycle(*make_cycle(3))
         path.unlink()
         with storage.open_database(url, owned=True) as other:
-            with pytest.raises(storage.StorageError, match="another dispatcher"):
+            with pytest.raises(storage.OwnedError, match="another dispatcher"):
                 database.next_cycle_number()
+            with pytest.raises(storage.StorageError, match="was replaced"):
+                database.record_cycle(*make_cycle(3))
             other.record_cycle(*make_cycle(1))
         assert database.next_cycle_number() == 2
         database.record_cycle(*make_cycle(4))

@@ -178,6 +178,41 @@ def test_rollups_are_those_of_all_states(any_url, make_cycle):
         assert reader.segments_at(START_NS + 5)[0].rollup == hour
 
 
+def test_the_last_hour_before_a_pause_is_kept(any_url, make_cycle):
+    """Its minutes go after two days without a state: the hour is made of all of them, for good."""
+    cycle = make_cycle(1)
+    minutes = [rollup(_state(cycle, "a", START_NS + n * MINUTE_NS, 9.0)) for n in range(4)]
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        database.record_cycle(*_cycle(cycle, 1, START_NS, {"a": True}))
+        database.add_rollups(minutes)
+        database.tidy(START_NS + 2 * DAY_NS + 2 * MINUTE_NS)
+        assert len(reader.rollups("a", 0, 2**62)) == 2
+        for _ in range(2):
+            (hour,) = reader.rollups("a", 0, 2**62, period_s=HOUR_S)
+            assert (hour.began_ns, hour.count) == (START_NS, 4)
+            database.add_rollups([rollup(_state(cycle, "a", START_NS + 3 * DAY_NS, 9.0))])
+
+
+def test_no_value_is_beyond_what_a_column_takes(any_url, make_cycle):
+    """Values near 0 are 0 and huge ones the largest; means of them can be stored, too."""
+    cycle = make_cycle(1)
+    parts = [
+        rollup(_state(cycle, name, START_NS + hour * HOUR_NS, speed))
+        for hour in range(2)
+        for name, speed in (("tiny", 1e-50), ("huge", 1e300), ("small", -2e-37))
+    ]
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        database.add_rollups(parts)
+        for period_s in (MINUTE_S, HOUR_S):
+            shown = {
+                name: reader.rollups(name, 0, 2**62, period_s=period_s)[0]
+                for name in ("tiny", "huge", "small")
+            }
+            means = {name: part.features["mean_speed_mps"].mean for name, part in shown.items()}
+            expected = {"tiny": 0.0, "huge": 3e38, "small": -2e-37}
+            assert means == pytest.approx(expected, rel=1e-6, abs=0.0)
+
+
 def test_hours_go_with_the_cycles(any_url, make_cycle):
     """A roll-up that ended before the first cycle that is kept goes; the others stay."""
     with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
@@ -198,16 +233,63 @@ def test_rollups_that_cannot_be_stored_are_kept_for_an_hour(make_cycle):
     """What is given back is taken again with what has come meanwhile; only too old ones go."""
     cycle = make_cycle(1)
     buffer = RollUpBuffer()
-    for minute in range(MAX_MINUTES + 10):
-        buffer.add(_state(cycle, "a", START_NS + minute * MINUTE_NS, 9.0))
-    taken = buffer.take()
-    assert len(taken) == MAX_MINUTES + 10
-    assert buffer.give_back(taken) == 10
+    for first, last, dropped in ((0, MAX_MINUTES, 0), (MAX_MINUTES, MAX_MINUTES + 10, 10)):
+        for minute in range(first, last):
+            buffer.add(_state(cycle, "a", START_NS + minute * MINUTE_NS, 9.0))
+        taken = buffer.take()
+        assert len(taken) == last
+        assert buffer.give_back(taken) == dropped
     buffer.add(_state(cycle, "b", START_NS, 9.0))
     again = buffer.take()
     assert len(again) == MAX_MINUTES + 1
     assert {part.period_s for part in again} == {MINUTE_S}
     assert buffer.take() == []
+
+
+def test_minutes_that_nobody_takes_are_bounded(make_cycle):
+    """The oldest go, and one that is older than all of them does not come in."""
+    buffer = RollUpBuffer()
+    for minute in [*range(1, MAX_MINUTES + 10), 0]:
+        buffer.add(_state(make_cycle(1), "a", START_NS + minute * MINUTE_NS, 9.0))
+    taken = [(part.began_ns - START_NS) // MINUTE_NS for part in buffer.take()]
+    assert taken == list(range(10, MAX_MINUTES + 10))
+
+
+def test_nothing_is_known_in_failed_cycles_and_outages(any_url, make_cycle):
+    """A gate that was open does not stay open for good: not in the list, not at a moment."""
+    cycle = make_cycle(1)
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        failed, _, _ = _cycle(cycle, 2, START_NS + MINUTE_NS, {})
+        database.record_cycle(*_cycle(cycle, 1, START_NS, {"a": True}))
+        database.record_cycle(failed.model_copy(update={"status": "failed"}), [], [])
+        database.record_cycle(*_cycle(cycle, 3, START_NS + DAY_NS, {"a": True}))
+        for _ in range(2):
+            assert [_open(report.gates) for report in reader.cycles(9)] == [
+                {"a": True},
+                {},
+                {"a": True},
+            ]
+            for minutes, is_open in ((2, True), (14, True), (16, False)):
+                (part,) = reader.segments_at(START_NS + minutes * MINUTE_NS)
+                assert part.gate.open == is_open
+            assert (part.gate.y_e, part.gate.reason) == (None, "stale")
+            database.tidy(START_NS + DAY_NS + 2 * MINUTE_NS)
+
+
+def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle):
+    """However little the time: minutes, which there are most of, keep nothing else from going."""
+    cycle = make_cycle(1)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        buffer = RollUpBuffer()
+        for minute in range(30):
+            buffer.add(_state(cycle, "a", START_NS + minute * MINUTE_NS, 9.0))
+        database.add_rollups(buffer.take())
+        for number in (1, 2):
+            database.record_cycle(*_cycle(cycle, number, START_NS, {"a": True}))
+        for _ in range(6):
+            database.tidy(START_NS + 3 * DAY_NS, budget_s=0.0)
+        assert reader.states(1) == ()
+        assert len(reader.rollups("a", 0, 2**62)) == 29
 
 
 def _store_as_before(url, cycle) -> None:
@@ -270,6 +352,30 @@ def test_what_versions_before_stored_is_converted_in_steps(url, make_cycle):
             assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (0,)
         connection.close()
         assert [_open(report.gates) for report in reader.cycles(9)][:4] == shown
+
+
+@pytest.mark.parametrize("converted", [0, 1])
+def test_gates_of_before_an_upgrade_do_not_last_beyond_it(url, make_cycle, converted):
+    """The first cycle after it says what it knows of each segment, however much of the former
+    ones is converted by then.
+    """
+    shown = [{"a": True, "b": True}, {"a": False, "b": True}, {"a": True}, {"a": True}]
+    cycles = [
+        _cycle(make_cycle(1), number, START_NS + number * HOUR_NS, gates)
+        for number, gates in enumerate(shown, start=1)
+    ]
+    with storage.open_database(url) as database:
+        for cycle in cycles[:2]:
+            database.record_cycle(*cycle)
+    for cycle in cycles[:2]:
+        _store_as_before(url, cycle)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        if converted:
+            database.tidy(START_NS + HOUR_NS + DAY_NS + 1)
+        for cycle in cycles[2:]:
+            database.record_cycle(*cycle)
+        database.tidy(START_NS + 2 * DAY_NS)
+        assert [_open(report.gates) for report in reader.cycles(9)] == shown
 
 
 def test_a_thousand_segments_take_little_room(url, make_cycle, figure):

@@ -11,7 +11,7 @@ import pytest
 from lxml import etree
 
 from dispatcher_daemon.feeds import EXTENSION_SCHEMA
-from dispatcher_daemon.feeds.publisher import Feeds
+from dispatcher_daemon.feeds.publisher import MAX_RSUS_PER_SEGMENT, Feeds
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
@@ -142,3 +142,20 @@ def test_a_health_that_is_none_is_refused(world: World) -> None:
     devices = json.loads(world.feeds.devices().body)["features"]
     told = {d["properties"]["core_details"]["device_status"] for d in devices}
     assert told == {"ok", "unknown"}
+
+
+def test_unlisted_rsus_are_bounded_and_forgotten(demo: RoutingProblem) -> None:
+    """So many a segment, and none that has long been silent."""
+    now_ns = [NOW_NS]
+    roads = replace(demo.network, projection=TROY)
+    feeds = Feeds(roads, DispatcherSettings(), lambda: (), pytest.fail, lambda: now_ns[0])
+
+    def tell(rsu: str) -> None:
+        feeds.on_health(rsu_health_key(rsu), health(rsu).to_bytes())
+
+    for number in range(MAX_RSUS_PER_SEGMENT + 5):
+        tell(f"rsu-{number}")
+    assert feeds.sites().body.count(b"<roa:measurementSite ") == MAX_RSUS_PER_SEGMENT
+    now_ns[0] += 3600 * 10**9
+    tell("rsu-new")
+    assert feeds.sites().body.count(b"<roa:measurementSite ") == 1
