@@ -76,7 +76,7 @@ class _Record:
 
 
 def _believed_ns(time_ns: int, arrived_ns: int) -> int:
-    """A state's time, as far as it is not ahead: a clock that was wrong once must not hide restarts.
+    """A state's time, as far as it is not ahead: a clock wrong once must not hide restarts.
 
     A clock that is ahead within the tolerance stays as it is: with its states cut to their arrival
     each late one would be a restart.

@@ -5,7 +5,13 @@
 
 from simulation.sumo.additional import without_output
 from simulation.sumo.config import SumoFiles, read_configuration
-from simulation.sumo.files import check_files, check_no_include, check_vehicle_files, elements, put_file
+from simulation.sumo.files import (
+    check_files,
+    check_no_include,
+    check_vehicle_files,
+    elements,
+    put_file,
+)
 from simulation.sumo.subprocess import Progress, run_in_subprocess
 from simulation.sumo.vehicle_types import FLEET_PREFIX, FLEET_TYPES, TYPES
 

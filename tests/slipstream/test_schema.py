@@ -85,7 +85,7 @@ def test_fields_that_an_older_sender_lacks_have_their_defaults(
 
 
 def test_what_we_send_says_its_version_only_above_the_first() -> None:
-    """0.1.0 refuses the field; above 1.0 it is first, so that a receiver has to look for nothing."""
+    """0.1.0 refuses the field; above 1.0 it is first, so that nobody has to look for it."""
     name, value = next(iter(json.loads(a_state().to_bytes()).items()))
     assert (name, value) == ("schema", SCHEMA) if MINOR else name != "schema"
 
