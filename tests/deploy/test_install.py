@@ -184,7 +184,14 @@ class Machine:
         (self.source / "pyproject.toml").write_text(text)
         if die_in is not None:
             (self.folder / f"die-in-{die_in}").touch()
-        arguments = ("--root", self.folder / "root", "--python", self.python, *more, "edge")
+        arguments: tuple[str | Path, ...] = (
+            "--root",
+            self.folder / "root",
+            "--python",
+            self.python,
+            *more,
+            "edge",
+        )
         done = subprocess.run(
             ["sh", self.source / "deploy" / "install.sh", *arguments],
             capture_output=True,

@@ -215,7 +215,7 @@ def server(
 def test_messages_too_large_are_refused_in_bounded_memory(
     tmp_path: Path, full_size: bool, figure: Callable[[str], None]
 ) -> None:
-    """300 messages of 20 MB and one of 900 MB: memory, cycles and what is counted."""
+    """300 messages of 5 MB and one of 900 MB: memory, cycles and what is counted."""
     number, huge = (300, 900_000_000) if full_size else (30, 100_000_000)
     settings = {"interval_s": INTERVAL_S, "deadline_s": 1.0, "solvers": ["exact"]}
     with server(tmp_path, settings) as (port, daemons):
@@ -224,7 +224,7 @@ def test_messages_too_large_are_refused_in_bounded_memory(
             bus.subscribe(CYCLE_KEY, cycles.take, every=True)
             cycles.wait_for(2, 120)
             key = state_key("rsu-1", "avenue_east")
-            sent = json.dumps([[number, 20_000_000], [1, huge]])
+            sent = json.dumps([[number, 5_000_000], [1, huge]])
             with started("-c", _SENDER, f"tcp/127.0.0.1:{port}", "secret", key, sent) as sender:
                 while sender.poll() is None:
                     for daemon in daemons.values():
@@ -238,7 +238,7 @@ def test_messages_too_large_are_refused_in_bounded_memory(
         }
     gap = longest_gap_s([report.started_ns for report in cycles.got]) / INTERVAL_S
     peaks = {name: round(daemon.peak_mb) for name, daemon in daemons.items()}
-    figure(f"{number} of 20 MB, one of {huge / 1e6:.0f} MB: peaks, MB {peaks}; refused {refused}")
+    figure(f"{number} of 5 MB, one of {huge / 1e6:.0f} MB: peaks, MB {peaks}; refused {refused}")
     figure(f"longest gap between cycles {gap:.2f} intervals")
     assert peaks["router"] < 150
     assert peaks["dispatcher"] < 300
