@@ -23,12 +23,12 @@ class PostgresServer:
 
     Args:
         pg_ctl: the program that starts it; see `find_pg_ctl`.
-        fsync: as a server in use has it; False: it need not survive the machine.
+        settings: of the server; by default it need not survive the machine.
     """
 
-    def __init__(self, pg_ctl: str, *, fsync: bool = False) -> None:
+    def __init__(self, pg_ctl: str, *settings: str) -> None:
         self._pg_ctl = pg_ctl
-        self._fsync = "on" if fsync else "off"
+        self._settings = settings or ("fsync=off",)
         # It refuses to run as root, and its socket needs a short path.
         self._user = "postgres" if os.geteuid() == 0 else None
         self._folder = Path(tempfile.mkdtemp(prefix="slipstream-pg-"))
@@ -43,10 +43,8 @@ class PostgresServer:
 
     def start(self) -> None:
         """Start it, and wait until it answers."""
-        options = (
-            f"-p {self._port} -k {self._folder} "
-            f"-c listen_addresses=127.0.0.1 -c fsync={self._fsync}"
-        )
+        settings = " ".join(f"-c {s}" for s in ("listen_addresses=127.0.0.1", *self._settings))
+        options = f"-p {self._port} -k {self._folder} {settings}"
         self._control("-o", options, "-l", str(self._folder / "log"), "-w", "start")
 
     def stop(self) -> None:

@@ -24,6 +24,8 @@ from storage.traffic import segments
 from storage.traffic.models import FEATURES, SPREAD, segment_rollups
 from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, Spread, begin, merge, merged
 
+ROWS_A_STEP: Final = 3000
+"""Roll-ups that are deleted in one transaction."""
 _MAX_VALUES: Final = 500
 """Values in one statement."""
 _MIN_REAL: Final = 1e-37
@@ -167,11 +169,22 @@ def of_segment(
 
 
 def delete_oldest(session: Session, period_s: int, before_ns: int) -> bool:
-    """Delete the roll-ups of the oldest period if it ended before; False if there is none."""
+    """Delete the roll-ups of the oldest periods that ended before; False if there are none.
+
+    Some `ROWS_A_STEP` rows, and one period at least.
+    """
     began_ns = _extreme(session, func.min, period_s)
-    if began_ns is None or began_ns + period_s * 10**9 > before_ns:
+    last_ns = before_ns - period_s * 10**9
+    if began_ns is None or began_ns > last_ns:
         return False
-    session.execute(delete(segment_rollups).where(_T.period_s == period_s, _T.began_ns == began_ns))
+    periods = max(1, ROWS_A_STEP // max(1, segments.count(session)))
+    upto_ns = min(last_ns, began_ns + (periods - 1) * period_s * 10**9)
+    # PostgreSQL looks for the oldest one through all that is deleted and not yet cleared away.
+    session.execute(
+        delete(segment_rollups).where(
+            _T.period_s == period_s, _T.began_ns >= began_ns, _T.began_ns <= upto_ns
+        )
+    )
     return True
 
 
@@ -188,7 +201,7 @@ def delete_oldest_minute(session: Session, before_ns: int) -> bool:
 
 
 def delete_all_oldest(session: Session, before_ns: int) -> bool:
-    """`delete_oldest` of minutes and hours; False if there is neither."""
+    """`delete_oldest` of minutes and of hours; False if there are neither."""
     deleted = [delete_oldest(session, period_s, before_ns) for period_s in (MINUTE_S, HOUR_S)]
     return any(deleted)
 

@@ -30,6 +30,11 @@ def names(session: Session) -> dict[int, str]:
     return {row.id: row.segment for row in rows}
 
 
+def count(session: Session) -> int:
+    """Number of segments."""
+    return session.scalar(select(func.count()).select_from(segments)) or 0
+
+
 def number_of(session: Session, name: str) -> int | None:
     """Number of one segment; None if nothing of it is stored."""
     return session.scalar(select(segments.c.id).where(segments.c.segment == name))
