@@ -100,7 +100,7 @@ class City:
                 acceleration_variance_m2ps4=measured(0.2, 0.05),
                 mean_gap_m=measured(25.0, 5.0),
             ),
-            y_e=int(drawn.random() < 0.7),
+            y_e=1 if drawn.random() < 0.7 else 0,
             reason=None,
             vehicles=drawn.randrange(20),
             frames=150,
@@ -120,7 +120,7 @@ class City:
         gates = tuple(
             Gate(
                 segment=name,
-                y_e=int(is_open),
+                y_e=1 if is_open else 0,
                 reason=None if is_open else "turbulent",
                 age_s=self._random.random(),
                 speed_mps=14.0 + self._random.gauss(),

@@ -51,7 +51,9 @@ def test_the_short_form_measures(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_aims_of_size_need_a_lasting_growth() -> None:
     """Sizes of later days follow from the growth, but not from days in which minutes pile up."""
-    short = Figures("SQLite", 1, 1000, 0.4, 0.4, (1, 2), (1, 2), (1, 2), 3, {"one": 4.0})
+    short = Figures(
+        "SQLite", 1, 1000, 0.4, 0.4, (1, 2), (1, 2), (1, 2), 3, {"one": 4.0}, (1, 2), {"one": 3.0}
+    )
     assert [check.reached for check in checks(short)] == [None, None, True, True]
     some = replace(short, days=5, gb=0.8, gb_a_day=0.04)
     assert some.gb_after(30) == pytest.approx(1.8)
