@@ -17,7 +17,10 @@ READS = {
     "slipstream-router": ("slipstream-router", {"bus-users", "router.json5", "router.key"}),
     "slipstream-dispatcher": (
         "slipstream",
-        {"api-tokens", "bus-password", "dispatcher.toml"},
+        {
+            *("api-tokens", "bus-password", "dispatcher.toml"),
+            *("cluster-ca.pem", "cluster.pem", "cluster.key"),
+        },
     ),
     "slipstream-dashboard": ("slipstream-dashboard", {"bus-password", "dashboard.toml"}),
     "slipstream-agent@depot-1": ("agent-depot-1", {"bus-password", "agent-depot-1.toml"}),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import math
 import os
 import random
@@ -145,18 +146,25 @@ def test_a_worker_killed_at_work_changes_no_plan(
         assert cluster.submit(math.hypot, (3.0, 4.0), 60.0, 60.0).result(90) == 5.0
 
 
+def _lost(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [line for line in caplog.messages if "this machine solves" in line]
+
+
 @pytest.mark.slow(long=True)
 def test_a_killed_scheduler_changes_no_plan(
     members: Members, connected: Connect, expected: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
     """This machine plans alone, says so once, and takes the cluster up when it is back."""
+    caplog.set_level(logging.INFO)
     members.start_worker()
     with connected(members.settings, 1) as cluster, own_processes(cluster) as executor:
         solve = cluster_solve(cluster, [ExactSolver()], LOCAL)
         at_call(cluster, 2, members.kill_scheduler)
         for _ in range(2):
             assert stops_of(plan(executor, solve, 600.0)) == expected
-        lost = [line for line in caplog.messages if "this machine solves" in line]
+        deadline = time.monotonic() + 60
+        while not (lost := _lost(caplog)) and time.monotonic() < deadline:
+            time.sleep(0.05)
         assert len(lost) == 1
         members.start_scheduler()
         assert cluster.wait_for(1, READY_S)
