@@ -16,6 +16,7 @@ from slipstream.config import BusSettings
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState, state_key
 
 _TICK_S = 0.005
+_SETTLE_S = 3.0
 _SEQUENCE, _TIME = 8_765_432_109_876_543, 1_234_567_890_123_456_789
 
 
@@ -82,6 +83,8 @@ def main() -> None:
             if time.monotonic() > deadline:
                 raise SystemExit("no dispatcher listens")
             time.sleep(0.1)
+        # Subscribers are known before the routers' ways to them are: the first would be lost.
+        time.sleep(_SETTLE_S)
         print("declared", flush=True)
         sequences = dict.fromkeys(buses, 0)
         seconds, began, sent = told["seconds"], time.monotonic(), 0

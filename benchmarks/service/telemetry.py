@@ -270,10 +270,12 @@ def write(
         "",
         *check_table(aims),
         "",
-        "| states/s | lost | superseded | core | p99, at most | within 100 ms | senders late |",
-        "|--:|--:|--:|--:|--:|--:|--:|",
+        "| states/s | lost | missed | superseded | core | p99, at most | within 100 ms "
+        "| senders late |",
+        "|--:|--:|--:|--:|--:|--:|--:|--:|",
         *(
-            f"| {step.rate:.0f} | {step.lost} | {step.outcomes['superseded']} | "
+            f"| {step.rate:.0f} | {step.lost} | {step.missed} | "
+            f"{step.outcomes['superseded']} | "
             f"{step.cpu_share:.2f} | "
             f"{'–' if step.p99_s is None else f'{1e3 * step.p99_s:.0f} ms'} | "
             f"{step.within:.2%} | {step.late_s:.2f} s |"
