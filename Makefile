@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-storage bench-coordination bench-real
+.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
@@ -136,6 +136,10 @@ bench-agents: setup
 # 10,000 segment states a second into the real dispatcher, then more until some are lost or late.
 bench-service: setup
 	$(BIN)/python -m benchmarks.service $(if $(SHORT),--short)
+
+# The operator's page: 1,000 roads with two browsers for an hour, then 10,000. `SHORT=1`: 20 s.
+bench-dashboard: setup
+	$(BIN)/python -m benchmarks.dashboard $(if $(SHORT),--short)
 
 # Coordination of platoons by density, window and carriers, planned only: rivals, upper bound;
 # hours, gone on with if interrupted. `SHORT=1`: a minute or two.

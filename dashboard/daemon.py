@@ -1,19 +1,34 @@
-"""The dashboard's service: bus and database in, one web page out."""
+"""The dashboard's service: bus and database in, the operator's page and the 3D view out."""
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import logging
 import time
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
+import storage
 from dashboard import metrics
-from dashboard.feeds import HistoryFeed, PreviewFeed, subscribe
+from dashboard.feeds import HistoryFeed, PreviewFeed, listen_to_pictures, subscribe
 from dashboard.live import LiveData
 from dashboard.page import Page
 from dashboard.settings import DashboardSettings
+from dashboard.web.app import make_app
+from dashboard.web.energy import EnergyBook, Factors, zone_of
+from dashboard.web.fleet_file import make_scene
+from dashboard.web.hub import Hub
+from dashboard.web.past import StoredPast
+from dashboard.web.pictures import Pictures
+from dashboard.web.present import Present
+from dashboard.web.rows import Scene
+from dashboard.web.services import Services
+from dashboard.web.tables import Limits, Tables
 from slipstream.admission import check_rsus, refusal
 from slipstream.bus import Bus
+from slipstream.errors import InputError
+from slipstream.http.server import HttpServer
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.sumo_net import load_network
 
@@ -21,19 +36,22 @@ log = logging.getLogger(__name__)
 
 PERIOD_S: Final = 0.5
 IDLE_PERIOD_S: Final = 5.0
-"""Period of the page's updates with and without connected browsers, s."""
+"""Period of the 3D view's updates with and without connected browsers, s."""
+STUCK_AFTER_S: Final = 30.0
+"""The page counts as stuck where it has not been brought up to date for so long."""
 
 
 def run_dashboard(settings: DashboardSettings) -> None:
-    """Serve the page until SIGTERM or SIGINT.
+    """Serve both pages until SIGTERM or SIGINT.
 
     Raises:
-        InputError: the port is taken, or the network, the list of RSUs, the database URL or the
-            bus is not usable.
-        OSError: another process took the port during a restart of the server.
+        InputError: a port is taken, or the network, the fleet's file, the list of RSUs, the
+            database URL or the bus is not usable.
+        OSError: another process took the 3D view's port during a restart of its server.
     """
     configure_logging("dashboard", settings.service)
     network = load_network(settings.network)
+    scene = make_scene(network, settings.fleet, settings.depots)
     limiter = LogLimiter()
     check_rsus(settings.rsus, network, "dashboard")
     live = LiveData(
@@ -42,34 +60,139 @@ def run_dashboard(settings: DashboardSettings) -> None:
         lambda message: refusal(message, network, settings.rsus),
     )
     with contextlib.ExitStack() as stack:
-        history = None
+        reader = history = past = None
         if settings.database_url is not None:
             url, cycles = settings.database_url, settings.history_cycles
-            history = HistoryFeed(url, live, cycles, limiter)
+            reader = stack.enter_context(storage.open_reader(url))
+            past = _past(settings, scene, reader, live.watched)
+            history = HistoryFeed(url, live, cycles, limiter, past.energy.refresh)
             stack.callback(history.stop)
         service = stack.enter_context(Service("dashboard", settings.service))
-        page = Page(settings, network, service.stopping)
-        stack.callback(page.close)
+        server = HttpServer(
+            "the operator's page",
+            settings.host,
+            settings.port,
+            "port",
+            refused=lambda status: metrics.REQUESTS.labels(str(status)).inc(),
+            failed=metrics.FAILURES.inc,
+        )
+        stack.callback(server.close)
+        page = None
+        if settings.scene_port is not None:
+            page = Page(
+                settings,
+                network,
+                service.stopping,
+                # Behind a proxy both are of one site.
+                f"http://{settings.host}:{settings.port}" if settings.scene_url is None else "",
+                scene.trucks,
+                scene.depots.values(),
+            )
+            stack.callback(page.close)
         bus = stack.enter_context(Bus.open(settings.bus))
-        previews = PreviewFeed(settings.bus, live, limiter)
-        stack.callback(previews.set_active, False)
+        previews = PreviewFeed(bus, live, limiter)
         subscribe(bus, live, limiter)
         if history is not None:
             history.start()
-        log.info("serving http://%s:%d", settings.host, settings.port)
+        hub, pictures = Hub(), Pictures()
+        limits = Limits(settings.stale_after_s, settings.silent_after_s)
+        tables = Tables(scene, limits, energy_factors=settings.energy_factors)
+        present = Present(
+            live,
+            tables,
+            hub,
+            lambda: bus.is_connected,
+            lambda: None if past is None else past.energy.latest,
+        )
+        stack.callback(present.stop)
+        stack.callback(hub.close_all)
+        listen_to_pictures(bus, pictures, limiter)
+        stack.callback(pictures.listen_by, None)
+        present.start()
+        server.start(
+            make_app(Services(settings, scene, present.known, hub, pictures, past, reader))
+        )
+        log.info("serving http://%s:%d", settings.host, server.port)
+        # Each second's messages are some ten thousand objects without circles: looking for these
+        # after every 700 took a third of the time of reading. Network and modules stay for good.
+        gc.collect()
+        gc.freeze()
+        gc.set_threshold(50_000, 20, 50)
         service.ready()
+        shown = False
         while not service.stopping.is_set():
-            previews.set_active(page.clients() > 0)
-            page.show(live, time.time_ns())
+            clients = 0 if page is None else page.clients()
+            if page is not None and (clients or not shown):
+                page.show(live, time.time_ns())
+                previews.look_at(page.pictured_rsus())
+                shown = True
             metrics.RESIDENT_MB.set(rss_mb())
-            service.progress(f"{page.clients()} browsers")
+            if time.monotonic() - present.progress_at < STUCK_AFTER_S:
+                service.progress(f"{hub.viewers} browsers, {clients} of the 3D view")
             _wait_for_update(service, page)
 
 
-def _wait_for_update(service: Service, page: Page) -> None:
+def show_finished_run(settings: DashboardSettings) -> None:
+    """Serve the operator's page of a database that nobody writes any more, until SIGTERM or SIGINT.
+
+    Raises:
+        InputError: the port is taken, the network, the fleet's file or the database URL is not
+            usable, no run is stored there, or it was none in this network.
+        StorageError: the database cannot be read.
+    """
+    configure_logging("dashboard", settings.service)
+    network = load_network(settings.network)
+    scene = make_scene(network, settings.fleet, settings.depots)
+    check_rsus(settings.rsus, network, "dashboard")
+    url = settings.database_url or ""
+    with contextlib.ExitStack() as stack:
+        reader = stack.enter_context(storage.open_reader(url))
+        past = _past(settings, scene, reader, dict)
+        span = past.span()
+        if span is None:
+            raise InputError(url, "no cycle is stored there", "give the database of a run")
+        last_ns = span[1]
+        roads = past.at(last_ns).moment["roads"]
+        if roads and not any(road in network.segments for road in roads):
+            mend = "give the run's with --network"
+            raise InputError(settings.network, "it has none of the run's roads", mend)
+        service = stack.enter_context(Service("dashboard", settings.service))
+        server = HttpServer(
+            "the operator's page",
+            settings.host,
+            settings.port,
+            "port",
+            refused=lambda status: metrics.REQUESTS.labels(str(status)).inc(),
+            failed=metrics.FAILURES.inc,
+        )
+        stack.callback(server.close)
+        services = Services(settings, scene, lambda: past.at(last_ns), past=past, reader=reader)
+        server.start(make_app(services))
+        log.info("serving http://%s:%d", settings.host, server.port)
+        service.ready()
+        while not service.wait(IDLE_PERIOD_S):
+            metrics.RESIDENT_MB.set(rss_mb())
+            service.progress("a finished run is shown")
+
+
+def _past(
+    settings: DashboardSettings,
+    scene: Scene,
+    reader: storage.Reader,
+    heard: Callable[[], Mapping[str, Sequence[str]]],
+) -> StoredPast:
+    zone = zone_of(settings.time_zone)
+    energy = EnergyBook(reader, zone, Factors(**settings.energy_factors))
+    return StoredPast(reader, scene, energy, settings.rsus, heard)
+
+
+def _wait_for_update(service: Service, page: Page | None) -> None:
     """Wait for the next update; returns at once when a browser connects or the service stops."""
-    until = time.monotonic() + (PERIOD_S if page.clients() else IDLE_PERIOD_S)
-    while not page.client_connected.is_set() and (left := until - time.monotonic()) > 0:
+    until = time.monotonic() + (PERIOD_S if page is not None and page.clients() else IDLE_PERIOD_S)
+    while (left := until - time.monotonic()) > 0:
+        if page is not None and page.client_connected.is_set():
+            break
         if service.wait(min(left, PERIOD_S)):
             return
-    page.client_connected.clear()
+    if page is not None:
+        page.client_connected.clear()

@@ -4,31 +4,36 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import Final
 
 import storage
 from dashboard import metrics
 from dashboard.live import LiveData
+from dashboard.web.pictures import Pictures
+from dashboard.web.rows import ENDED_ORDERS_FOR_S
 from slipstream.bus import Bus
-from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.messages import (
+    ALARMS_KEY,
     ALL_PLANS,
     ALL_POSITIONS,
-    ALL_PREVIEWS,
     ALL_RSU_HEALTH,
     ALL_STATES,
     ALL_STOPPED,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     CycleReport,
+    preview_key,
 )
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
 HISTORY_PERIOD_S: Final = 5.0
+MORE_PERIOD_S: Final = 60.0
+"""What depends on cycles is read after each new one, and so often: a day ends without one too."""
 
 
 def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
@@ -41,51 +46,68 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
         ("position", ALL_POSITIONS, live.on_position),
         ("cycle", CYCLE_KEY, live.on_cycle),
         ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
+        ("alarms", ALARMS_KEY, live.on_alarms),
     ):
         bus.subscribe(
             key_expression,
             _counting_handler(kind, handler, limiter),
             # The others come each second.
-            history=kind in ("plan", "cycle", "dispatcher_health"),
+            history=kind in ("plan", "cycle", "dispatcher_health", "alarms"),
             every=kind == "cycle",
         )
 
 
 class PreviewFeed:
-    """Subscribes to camera pictures only while a browser is connected.
+    """Camera pictures for the 3D view, of the units alone whose picture a browser shows.
 
-    RSUs encode pictures only for subscribers, so a page without browsers costs them nothing.
-    Pictures have a bus session of their own, which can be closed independently.
+    RSUs encode pictures only for subscribers, so one that nobody looks at costs nothing.
     """
 
-    def __init__(self, settings: BusSettings, live: LiveData, limiter: LogLimiter) -> None:
-        self._settings = settings
-        self._live = live
-        self._limiter = limiter
-        self._bus: Bus | None = None
+    def __init__(self, bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
+        handler = _counting_handler("preview", live.on_preview, limiter)
+        self._listener = bus.listener("previews", handler)
+        self._rsus: frozenset[str] = frozenset()
 
-    def set_active(self, active: bool) -> None:
-        """Subscribe or unsubscribe."""
-        if active and self._bus is None:
-            self._bus = Bus.open(self._settings)
-            handler = _counting_handler("preview", self._live.on_preview, self._limiter)
-            self._bus.subscribe(ALL_PREVIEWS, handler, history=False)
-        elif not active and self._bus is not None:
-            self._bus.close()
-            self._bus = None
+    def look_at(self, rsus: frozenset[str]) -> None:
+        """Receive the pictures of these units, and of no others."""
+        if rsus != self._rsus:
+            self._rsus = rsus
+            self._listener.listen(frozenset(map(preview_key, rsus)))
+
+
+def listen_to_pictures(bus: Bus, pictures: Pictures, limiter: LogLimiter) -> None:
+    """Have pictures come in of those units that are looked at."""
+    handler = _counting_handler("preview", pictures.accept, limiter)
+    pictures.listen_by(bus.listener("pictures", handler))
 
 
 class HistoryFeed(threading.Thread):
-    """A thread that reads stored cycles and plans at its start and after each new cycle.
+    """A thread that reads stored orders, and cycles and plans at its start and after each new one.
 
     It is a thread because a busy database may block a reader for seconds.
+
+    Args:
+        url: of the database.
+        live: takes what is read.
+        cycles: number of them to read.
+        limiter: of log lines.
+        read_more: reads what else depends on cycles; it is given UTC, ns.
 
     Raises:
         InputError: the database URL is invalid.
     """
 
-    def __init__(self, url: str, live: LiveData, cycles: int, limiter: LogLimiter) -> None:
+    def __init__(
+        self,
+        url: str,
+        live: LiveData,
+        cycles: int,
+        limiter: LogLimiter,
+        read_more: Callable[[int], None] = lambda _: None,
+    ) -> None:
         super().__init__(name="history", daemon=True)
+        self._read_more = read_more
+        self._read_more_at = -MORE_PERIOD_S
         self._reader = storage.open_reader(url)
         self._live = live
         self._cycles = cycles
@@ -105,15 +127,25 @@ class HistoryFeed(threading.Thread):
         """Read once; if the database cannot be read, the page shows the reason."""
         try:
             latest = self._reader.latest_cycle()
-            if latest is not None and (latest.cycle, latest.started_ns) != self._latest:
+            is_new = latest is not None and (latest.cycle, latest.started_ns) != self._latest
+            if latest is not None and is_new:
                 history = self._reader.cycles(self._cycles_to_read(latest), gates=False)
                 self._live.add_history(history, self._reader.latest_plans())
                 self._latest = (latest.cycle, latest.started_ns)
+            self._live.set_orders(self._reader.orders(ended_since_ns=self._oldest_ns()))
+            self._live.set_has_database(self._reader.exists())
+            if is_new or time.monotonic() - self._read_more_at >= MORE_PERIOD_S:
+                self._read_more_at = time.monotonic()
+                self._read_more(time.time_ns())
             self._live.set_history_problem(None)
         except (storage.StorageError, ValueError) as error:
             self._live.set_history_problem(f"No stored history: {error}")
             if self._limiter.allow("history"):
                 log.warning("no stored history: %s", error)
+
+    @staticmethod
+    def _oldest_ns() -> int:
+        return time.time_ns() - round(ENDED_ORDERS_FOR_S * 1e9)
 
     def _cycles_to_read(self, latest: CycleReport) -> int:
         """Number of cycles to read: those since the last read, or all if numbers start again."""

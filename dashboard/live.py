@@ -13,8 +13,10 @@ from slipstream.admission import Refusal
 from slipstream.errors import InputError
 from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
 from slipstream.messages import (
+    ALARMS_KEY,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    Alarms,
     CycleReport,
     DispatcherHealth,
     RsuHealth,
@@ -30,8 +32,9 @@ from slipstream.messages import (
     state_key,
     stopped_key,
 )
+from slipstream.orders import OrderRecord
 
-MAX_ENTRIES: Final = 5000
+MAX_ENTRIES: Final = 20_000
 """Maximum number of segment states, RSUs and vehicles kept, each; the oldest are dropped first."""
 MAX_PREVIEWS: Final = 16
 MAX_PREVIEW_BYTES: Final = 512 * 1024
@@ -57,6 +60,11 @@ class Snapshot:
             gates and unserved stops.
         dispatcher: latest DispatcherHealth.
         cycle_failed_ns: UTC of the last increase of its count of failed cycles.
+        flag_since: UTC since when each state's flag is what it is, by segment and RSU.
+        orders: open ones, and those that ended lately.
+        alarms: that the dispatcher published last.
+        connected: whether the bus answers.
+        has_database: whether there is one; True until it was looked for.
         previews: latest JPEG and the UTC ns of its arrival, by RSU.
         history_problem: why the stored history cannot be read; None if it can.
     """
@@ -72,6 +80,11 @@ class Snapshot:
     cycle_failed_ns: int | None = None
     previews: Mapping[str, tuple[bytes, int]] = field(default_factory=dict)
     history_problem: str | None = None
+    flag_since: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    orders: Sequence[OrderRecord] = ()
+    alarms: Alarms | None = None
+    connected: bool = True
+    has_database: bool = True
 
 
 class LiveData:
@@ -105,6 +118,11 @@ class LiveData:
         self._dispatcher: DispatcherHealth | None = None
         self._cycle_failed_ns: int | None = None
         self._history_problem: str | None = None
+        self._flag_since: dict[tuple[str, str], int] = {}
+        self._orders: tuple[OrderRecord, ...] = ()
+        self._alarms: Alarms | None = None
+        self._connected = True
+        self._has_database = True
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Store a SegmentState.
@@ -115,7 +133,13 @@ class LiveData:
         """
         state = decode(SegmentState, payload, key)
         _check_key(key, state_key(state.rsu, state.segment))
+        name = (state.segment, state.rsu)
+        before = self._states.get(name)
         self._put_admitted(self._states, key, state)
+        if before is None or before.y_e != state.y_e:
+            with self._lock:
+                if self._states.get(name) is state:
+                    self._flag_since[name] = state.time_ns
 
     def on_stopped(self, key: str, payload: bytes) -> None:
         """Store a StoppedVehicles: admitted as a SegmentState is."""
@@ -166,6 +190,13 @@ class LiveData:
                 self._cycle_failed_ns = self._clock_ns()
             self._dispatcher = health
 
+    def on_alarms(self, key: str, payload: bytes) -> None:
+        """Store the dispatcher's Alarms."""
+        alarms = decode(Alarms, payload, key)
+        _check_key(key, ALARMS_KEY)
+        with self._lock:
+            self._alarms = alarms
+
     def on_preview(self, key: str, payload: bytes) -> None:
         """Store an RSU's picture: a JPEG of at most `MAX_PREVIEW_BYTES`."""
         rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
@@ -214,7 +245,32 @@ class LiveData:
                 cycle_failed_ns=self._cycle_failed_ns,
                 previews=dict(self._previews),
                 history_problem=self._history_problem,
+                flag_since=dict(self._flag_since),
+                orders=self._orders,
+                alarms=self._alarms,
+                connected=self._connected,
+                has_database=self._has_database,
             )
+
+    def watched(self) -> dict[str, tuple[str, ...]]:
+        """The roads of each RSU, as it told last."""
+        with self._lock:
+            return {name: health.segments for name, health in self._rsus.items()}
+
+    def set_orders(self, orders: Sequence[OrderRecord]) -> None:
+        """Set the orders that are shown."""
+        with self._lock:
+            self._orders = tuple(orders)
+
+    def set_connected(self, connected: bool) -> None:
+        """Set whether the bus answers."""
+        with self._lock:
+            self._connected = connected
+
+    def set_has_database(self, has_database: bool) -> None:
+        """Set whether there is a database."""
+        with self._lock:
+            self._has_database = has_database
 
     def _add_cycle(self, report: CycleReport) -> None:
         if self._cycles.get(report.cycle) in (report, _without_details(report)):
@@ -268,7 +324,8 @@ class LiveData:
             entries[name] = value
             entries.move_to_end(name)
             if len(entries) > MAX_ENTRIES:
-                entries.popitem(last=False)
+                oldest, _ = entries.popitem(last=False)
+                self._flag_since.pop(oldest, None)  # type: ignore[call-overload]
 
 
 def published_tolerance_s(dispatcher: DispatcherHealth | None) -> float:

@@ -1,30 +1,29 @@
-"""The page: one viser server with map and panels, its clients and its restart."""
+"""The 3D view: one viser server with map and panels, its browsers and its restart."""
 
 from __future__ import annotations
 
 import logging
 import threading
-import time
+from collections.abc import Collection
 from typing import Final
 
 import viser
 
-from dashboard import metrics
+from dashboard import metrics, selection
+from dashboard.browser import PLACES, Browser
 from dashboard.live import LiveData
 from dashboard.panels import PanelLayout
+from dashboard.panels.layout import VIEW_ORDER
 from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
 from dashboard.view import build_view
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
+from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
-FIT_CAMERA_FOR_S: Final = 10.0
-"""Time after a browser connects in which its camera is fitted to its canvas, s."""
-MAX_CANVAS_PX: Final = 65536
-"""Sides of a canvas that a camera is fitted to, px; larger ones are no browser's."""
 RESTART_AFTER_UPDATES: Final = 500_000
 """Updates after which the server is replaced; about three days with a browser connected."""
 RETRY_AFTER_S: Final = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
@@ -38,17 +37,32 @@ class Page:
         settings: address and age limits.
         network: the road network to draw.
         stopping: set when the service is to stop; ends the wait for an address.
+        operator_url: base of the operator's page, for links to it; None: there are none.
+        trucks: vehicles that are drawn as trucks, the others as vans.
+        depots: junctions to mark; None: the settings'.
 
     Raises:
         InputError: the address cannot be served on.
     """
 
     def __init__(
-        self, settings: DashboardSettings, network: RoadNetwork, stopping: threading.Event
+        self,
+        settings: DashboardSettings,
+        network: RoadNetwork,
+        stopping: threading.Event,
+        operator_url: str | None = None,
+        trucks: Collection[str] = (),
+        depots: Collection[str] | None = None,
     ) -> None:
         self._settings = settings
+        self._depots = settings.depots if depots is None else tuple(depots)
+        self._port = settings.scene_port or 0
         self._network = network
         self._stopping = stopping
+        self._operator_url = operator_url
+        self._trucks = trucks
+        self._limiter = LogLimiter()
+        self._browsers: dict[int, Browser] = {}
         self._server: viser.ViserServer
         self._serving = False
         self.client_connected = threading.Event()
@@ -58,6 +72,11 @@ class Page:
     def clients(self) -> int:
         """Number of connected browsers."""
         return len(self._server.get_clients())
+
+    def pictured_rsus(self) -> frozenset[str]:
+        """The RSUs whose picture a browser shows."""
+        shown = (browser.picture_of() for browser in list(self._browsers.values()))
+        return frozenset(rsu for rsu in shown if rsu is not None)
 
     def show(self, live: LiveData, now_ns: int) -> None:
         """Update the page to the latest messages.
@@ -73,8 +92,15 @@ class Page:
             stale_after_s=self._settings.stale_after_s,
             silent_after_s=self._settings.silent_after_s,
         )
-        self._map.update(view)
+        drawn = self._map.update(view)
         self._panels.update(view)
+        for browser in list(self._browsers.values()):
+            try:
+                browser.show(drawn)
+            except (ValueError, ArithmeticError, AssertionError, RuntimeError) as error:
+                # What a browser sent of its camera is no fault of the others.
+                if self._limiter.allow("browser"):
+                    log.warning("a browser's labels were not updated: %.200s", error)
         self._updates += 1
         metrics.UPDATES.inc()
         metrics.CLIENTS.set(self.clients())
@@ -87,12 +113,16 @@ class Page:
 
     def _build(self) -> None:
         self._updates = 0
+        self._browsers = {}
         settings = self._settings
-        self._server = start_server(settings.host, settings.port, settings.allowed_hosts)
+        self._server = start_server(settings.host, self._port, settings.allowed_hosts)
         try:
-            self._map = RoadMap(self._server, self._network, self._settings.depots)
+            self._map = RoadMap(self._server, self._network, self._depots, self._trucks)
             self._panels = PanelLayout(self._server)
+            places = self._server.gui.add_button_group("View", PLACES, order=VIEW_ORDER)
+            places.on_click(self._on_place)
             self._server.on_client_connect(self._on_connect)
+            self._server.on_client_disconnect(self._on_disconnect)
             self._serving = True
         except BaseException:
             stop_server(self._server)
@@ -119,30 +149,20 @@ class Page:
         # No InputError, after which the service would not be restarted: the settings are valid, as
         # the daemon served here until now.
         raise OSError(
-            f"{self._settings.host}:{self._settings.port}: lost during a restart of the web server"
+            f"{self._settings.host}:{self._port}: lost during a restart of the web server"
         )
 
-    def _on_connect(self, client: viser.ClientHandle) -> None:
-        arrived = time.monotonic()
-        fitted: tuple[int, int] | None = None
-
-        def fit(camera: viser.CameraHandle) -> None:
-            # The canvas shrinks while the browser lays out the panels; afterwards only the user
-            # moves the camera.
-            nonlocal fitted
-            canvas = (camera.image_width, camera.image_height)
-            if canvas == fitted or time.monotonic() - arrived > FIT_CAMERA_FOR_S:
-                return
-            # A client may send any number of digits; viser would print the traceback.
-            if max(canvas) > MAX_CANVAS_PX:
-                return
-            fitted = canvas
-            position, look_at = self._map.fit(*canvas)
-            with client.atomic():
-                camera.up_direction = (0.0, 1.0, 0.0)
-                camera.position = position
-                camera.look_at = look_at
-
-        client.camera.on_update(fit)
-        fit(client.camera)
+    # Asynchronous, since what the connection's path asks for is known in its own tasks only.
+    async def _on_connect(self, client: viser.ClientHandle) -> None:
+        asked = selection.asked_for.get()
+        browser = Browser(client, self._map, asked, self._operator_url)
+        self._browsers[client.client_id] = browser
         self.client_connected.set()
+
+    def _on_disconnect(self, client: viser.ClientHandle) -> None:
+        self._browsers.pop(client.client_id, None)
+
+    def _on_place(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+        browser = self._browsers.get(-1 if event.client_id is None else event.client_id)
+        if browser is not None:
+            browser.go(event.target.value)

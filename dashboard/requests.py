@@ -1,4 +1,4 @@
-"""Requests to the web server: only those for its own page, from its own page; a line a minute."""
+"""Requests to the web server: only those for its own page, from its own page, and a selection."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import contextlib
 import ipaddress
 import logging
 import re
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final
@@ -17,6 +17,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from dashboard import selection
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -59,7 +60,19 @@ def check_headers(
     Returns:
         None for a request of the page's own.
     """
-    hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+    return check_names(
+        headers.get_all("Host"), headers.get_all("Origin"), served, allowed, local_address
+    )
+
+
+def check_names(
+    hosts: Sequence[str],
+    origins: Sequence[str],
+    served: str,
+    allowed: frozenset[str],
+    local_address: str,
+) -> Refused | None:
+    """The same by the values of the headers Host and Origin, each as often as it was sent."""
     host = AUTHORITY.fullmatch(hosts[0]) if len(hosts) == 1 else None
     if host is None or not _is_own(_name(host), allowed | {served}, local_address):
         return Refused("Host", ", ".join(hosts))
@@ -114,10 +127,16 @@ class Guard:
             **options: Any,
         ) -> Any:
             def process(connection: ServerConnection, request: Request) -> Any:
-                return self._refuse(connection, request) or process_request(connection, request)
+                answer = self._refuse(connection, request) or _redirect(connection, request)
+                if answer is None and selection.of_path(request.path) is not None:
+                    # The page is the same one; its websocket says what is selected.
+                    request = Request("/", request.headers)
+                return answer or process_request(connection, request)
 
             async def handle(connection: ServerConnection) -> None:
                 if not await self._reject_other_version(connection):
+                    path = connection.request.path if connection.request else ""
+                    selection.asked_for.set(selection.of_path(path))
                     await handler(connection)
 
             self.serving = True
@@ -157,6 +176,17 @@ class Guard:
             )
         await connection.close(1002, f"Version mismatch. Server: {viser.__version__}")
         return True
+
+
+def _redirect(connection: ServerConnection, request: Request) -> Response | None:
+    """For ``/?select=…``, the way to the page's path of that selection."""
+    asked = selection.of_query(request.path) if "?select=" in request.path else None
+    if asked is None or request.path.partition("?")[0] != "/":
+        return None
+    response = connection.respond(HTTPStatus.FOUND, "")
+    # Relative, as a proxy may serve the page below a path of its own.
+    response.headers["Location"] = asked.path().removeprefix("/")
+    return response
 
 
 class OneLine(logging.Filter):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Literal, Self
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from pydantic import Field
+from pydantic import Field, field_validator, model_validator
 
 from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
@@ -28,9 +30,15 @@ class DashboardSettings(Settings):
         description="The segments that each RSU watches, as in the dispatcher's settings; others' "
         "states are not drawn.",
     )
+    fleet: Path | None = Field(
+        default=None,
+        description="The fleet's file, as in the dispatcher's settings: its depots are marked, and "
+        "all its vehicles are listed. Null: `depots`, and the vehicles that were heard of.",
+    )
     depots: tuple[str, ...] = Field(
         default=("depot",),
-        description="Junctions to mark as depots; unknown ones are not drawn.",
+        description="Junctions to mark as depots where no `fleet` is given; unknown ones are not "
+        "drawn.",
     )
     database_url: str | None = Field(
         default="sqlite:///slipstream.db",
@@ -40,12 +48,60 @@ class DashboardSettings(Settings):
         default="127.0.0.1",
         description="Address to serve on. The page has no login: share it through a proxy.",
     )
-    port: int = Field(default=8080, ge=1, le=65535, description="TCP port to serve on.")
+    port: int = Field(default=8080, ge=1, le=65535, description="TCP port of the operator's page.")
+    scene_port: int | None = Field(
+        default=8081, ge=1, le=65535, description="TCP port of the 3D view; null: there is none."
+    )
+    scene_url: str | None = Field(
+        default=None,
+        pattern=r"^https?://",
+        description="Where browsers reach the 3D view; null: at `scene_port` of the page's host.",
+    )
+    title: str = Field(
+        default="Slipstream", min_length=1, max_length=100, description="Of the operator's page."
+    )
+    units: Literal["metric", "imperial"] = Field(
+        default="metric", description="Units of speed and distance on the operator's page."
+    )
+    time_zone: str | None = Field(
+        default=None,
+        description="Time zone of the page's clocks and days, as Europe/Berlin; null: of each "
+        "browser, and days of the server's.",
+    )
     allowed_hosts: tuple[Annotated[str, Field(pattern=HOST_NAME)], ...] = Field(
         default=(),
         description="Names or addresses under which a reverse proxy serves the page, without "
         "scheme and port. Requests for other names than these, the served address and loopback "
         "get HTTP 403, and so do those that other sites' pages send.",
+    )
+    allow_control: bool = Field(
+        default=False,
+        description="Show the page's actions, and hand them on to the dispatcher with the caller's "
+        "token. `--allow-control` sets it.",
+    )
+    dispatcher_api: str = Field(
+        default="http://127.0.0.1:8090",
+        pattern=r"^https?://",
+        description="The dispatcher's HTTP API, for actions.",
+    )
+    co2_kg_per_kwh: float = Field(
+        default=0.21,
+        ge=0,
+        allow_inf_nan=False,
+        description="CO2 of a kilowatt hour from the grid, kg: 0.21 is about the European Union's "
+        "mean of 2023 (European Environment Agency, greenhouse gas emission intensity of "
+        "electricity generation); put in your supplier's.",
+    )
+    price_per_kwh: float = Field(
+        default=0.20,
+        ge=0,
+        allow_inf_nan=False,
+        description="Price of a kilowatt hour: 0.20 EUR is what non-household consumers in the "
+        "European Union paid on average in the second half of 2023, without VAT (Eurostat, "
+        "electricity price statistics); put in your own.",
+    )
+    currency: str = Field(
+        default="EUR", min_length=1, max_length=10, description="Of `price_per_kwh`."
     )
     stale_after_s: float = Field(
         default=STALE_AFTER_S,
@@ -55,11 +111,33 @@ class DashboardSettings(Settings):
         "dispatcher publishes, and this one before its first health message.",
     )
     silent_after_s: float = Field(
-        default=30.0,
+        default=4.0,
         gt=0,
         allow_inf_nan=False,
-        description="A dispatcher without health for longer is shown as silent, s.",
+        description="A dispatcher without health for longer is shown as silent, s; it sends one "
+        "each second.",
     )
     history_cycles: int = Field(
         default=200, ge=2, le=5000, description="Cycles shown in the energy history."
     )
+
+    @property
+    def energy_factors(self) -> dict[str, float]:
+        """What a kilowatt hour saved is worth, as `dashboard.web.rows.energy_sum` takes it."""
+        return {"co2_kg_per_kwh": self.co2_kg_per_kwh, "price_per_kwh": self.price_per_kwh}
+
+    @model_validator(mode="after")
+    def _ports_differ(self) -> Self:
+        if self.scene_port == self.port:
+            raise ValueError("scene_port must not be port")
+        return self
+
+    @field_validator("time_zone")
+    @classmethod
+    def _zone_is_known(cls, name: str | None) -> str | None:
+        try:
+            if name is not None:
+                ZoneInfo(name)
+        except (ZoneInfoNotFoundError, ValueError, OSError):
+            raise ValueError("no such time zone: name one as Europe/Berlin") from None
+        return name

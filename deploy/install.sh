@@ -183,8 +183,9 @@ for unit in $units; do
     run install -D -m 644 "$here/systemd/$unit.service" "$root/etc/systemd/system/$unit.service"
 done
 
-run install -D -m 644 "$here/zenoh/router.py" "$opt/share/router.py"
-for file in "$here"/config/*.toml "$here"/zenoh/*.json5 "$here"/proxy/nginx.conf; do
+run install -D -m 644 "$source/slipstream_cli/daemons/router.py" "$opt/share/router.py"
+for file in "$here"/config/*.toml "$here"/zenoh/*.json5 "$here"/proxy/nginx.conf \
+    "$here"/grafana/*.json "$here"/prometheus/*.yml; do
     run install -D -m 644 "$file" "$opt/share/examples/$(basename -- "$file")"
 done
 run install -D -m 644 "$source/docs/operations.md" "$opt/share/doc/operations.md"

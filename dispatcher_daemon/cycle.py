@@ -26,6 +26,7 @@ from dispatcher_daemon.plans import (
     Refusal,
     RouteEnergy,
     VehicleAccount,
+    plan_energies,
     plans_to_send,
     summarise,
     vehicle_accounts,
@@ -35,6 +36,7 @@ from dispatcher_daemon.roads import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.execution.pool import Solve
 from slipstream.energy import total
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.messages import CarrierSummary, CycleReport, Unserved, VehiclePlan
 
@@ -59,6 +61,7 @@ class CycleResult:
         joined: places of vehicles on the road in platoons with vehicles of these plans.
         accounts: what each vehicle does, alone and in the baseline too; none without a baseline.
         refused: platoons that the plans do not have, and why not.
+        energies: by vehicle, of all verified plans; for the energy ledger.
     """
 
     report: CycleReport
@@ -69,6 +72,7 @@ class CycleResult:
     joined: Mapping[Passage, Place] = field(default_factory=dict)
     accounts: tuple[VehicleAccount, ...] = ()
     refused: tuple[RefusedPlatoon, ...] = ()
+    energies: Mapping[str, PlanEnergy] = field(default_factory=dict)
 
 
 def run_cycle(
@@ -106,6 +110,10 @@ def run_cycle(
     energy = None
     carriers: tuple[CarrierSummary, ...] = ()
     accounts: tuple[VehicleAccount, ...] = ()
+    energies: dict[str, PlanEnergy] = {}
+    if chosen is not None:
+        baseline = found.baseline if isinstance(found.baseline, Candidate) else None
+        energies = plan_energies(cycle.problem, chosen, baseline, cycle.commitments)
     if chosen is not None and isinstance(found.baseline, Candidate):
         name = f"{found.baseline_solver}, without platooning"
         price_kw = cycle.problem.price_of_time_kw
@@ -136,7 +144,9 @@ def run_cycle(
     )
     joined = {} if chosen is None else chosen.joined
     refused = _refused(cycle, chosen, found)
-    return CycleResult(report, plans, arcs, judged, found.stops, joined, accounts, refused)
+    return CycleResult(
+        report, plans, arcs, judged, found.stops, joined, accounts, refused, energies
+    )
 
 
 def _refused(

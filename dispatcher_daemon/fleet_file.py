@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -30,21 +31,27 @@ class FleetFile:
         self._fleet = load_fleet(reference, network) if self._path is None else self._read()
         self._stamp: tuple[int, int, int] | None = None
 
-    def current(self) -> Fleet | None:
+    def current(self, reference_ns: int | None = None) -> Fleet | None:
         """The fleet now; None if the file has no vehicle. Its stops may be none: orders may come
         otherwise.
+
+        Args:
+            reference_ns: UTC that its times count from, which makes its clock times seconds; None:
+                now.
 
         Raises:
             InputError: the file is gone or faulty; the last good one is not dispatched again, as
                 its orders may be served.
         """
-        if self._path is None:
-            return self._fleet
+        fleet = self._fleet if self._path is None else self._latest(self._path)
+        return None if fleet is None else fleet.at(reference_ns or time.time_ns())
+
+    def _latest(self, path: Path) -> Fleet | None:
         try:
-            found = self._path.stat()
+            found = path.stat()
         except OSError as error:
             problem = error.strerror or "not readable"
-            raise InputError(self._path, problem, "write it again") from None
+            raise InputError(path, problem, "write it again") from None
         stamp = found.st_mtime_ns, found.st_size, found.st_ino
         if stamp != self._stamp:
             self._fleet = self._read()
@@ -56,4 +63,6 @@ class FleetFile:
         data = read_data(self._path)
         if isinstance(data, Mapping) and data.get("vehicles") == []:
             return None
-        return fleet_from(data, self._network, self._path, may_lack_stops=True)
+        return fleet_from(
+            data, self._network, self._path, may_lack_stops=True, may_have_clock_times=True
+        )

@@ -11,6 +11,7 @@ from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
 from dispatcher_daemon.tracking import FleetTracker, OpenTour, Situation, TrackedVehicle
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -116,6 +117,7 @@ class FleetWatch:
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
         self._copy = FleetCopy(started_ns, {})
+        self._figures: tuple[int, int, dict[OrderState, int]] = 0, 0, {}
         self.vehicles()
 
     def on_position(self, key: str, payload: bytes) -> None:
@@ -167,6 +169,7 @@ class FleetWatch:
         stops: Mapping[str, Stop],
         reference_ns: int,
         save: Save,
+        energies: Mapping[str, PlanEnergy] | None = None,
     ) -> tuple[VehiclePlan, ...]:
         """Store a cycle's plans with what has changed of the fleet; the plans that may go out.
 
@@ -175,11 +178,12 @@ class FleetWatch:
             stops: of the cycle's fleet, by id.
             reference_ns: UTC that its times count from.
             save: stores them or raises; then nothing has happened.
+            energies: of plans, by vehicle; nothing is booked of others.
         """
         with self._lock:
             tracker, now_ns = self._tracker, self._clock()
             plans = tracker.admissible(plans)
-            tracker.publish(plans, stops, reference_ns, now_ns)
+            tracker.publish(plans, stops, reference_ns, now_ns, energies)
             try:
                 records = replace(
                     tracker.pending_records(),
@@ -263,11 +267,24 @@ class FleetWatch:
             self._tracker.mark_all()
 
     def figures(self) -> tuple[int, int, dict[OrderState, int]]:
-        """(vehicles that have ever reported, those of them that are silent, orders by state)."""
-        with self._lock:
-            tracker = self._tracker
-            reporting = sum(vehicle.has_telemetry for vehicle in tracker.vehicles.values())
-            return reporting, len(tracker.silent(self._clock())), tracker.counts()
+        """(vehicles that have ever reported, those of them that are silent, orders by state); while
+        a cycle is being stored, as they were before that.
+        """
+        self._figures = self.read_soon(self._count) or self._figures
+        return self._figures
+
+    def _count(self, tracker: FleetTracker) -> tuple[int, int, dict[OrderState, int]]:
+        reporting = sum(vehicle.has_telemetry for vehicle in tracker.vehicles.values())
+        return reporting, len(tracker.silent(self._clock())), tracker.counts()
+
+    def read_soon(self, read: Callable[[FleetTracker], T]) -> T | None:
+        """As `read`; None while a cycle is being stored."""
+        if not self._lock.acquire(timeout=_COPY_WITHIN_S):
+            return None
+        try:
+            return read(self._tracker)
+        finally:
+            self._lock.release()
 
     def _read(
         self, model: type[M], key_of: Callable[[str], str], key: str, payload: bytes

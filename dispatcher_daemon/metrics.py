@@ -9,6 +9,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from dispatcher_daemon.reception import Reception
+from slipstream.messages import CycleReport
 
 STATES = Counter(
     "slipstream_dispatcher_states", "Segment states received, by verdict.", ["verdict"]
@@ -70,6 +71,7 @@ CLOCK_UNTRUSTED = Gauge(
     "1 while no cycle is deleted by age: the clock is far ahead of the cycles stored.",
 )
 STANDBY = Gauge("slipstream_dispatcher_standby", "1 while it waits for another dispatcher's end.")
+ALARMS = Gauge("slipstream_alarms", "Alarms in force.", ["severity"])
 QUANTUM_JOBS = Gauge(
     "slipstream_dispatcher_quantum_jobs",
     "Jobs of the quantum device that are open or ended within a day, by state.",
@@ -147,3 +149,18 @@ CLUSTER_BYTES = Counter("slipstream_dispatcher_cluster_bytes", "Bytes sent to th
 CLUSTER_OUTAGES = Counter(
     "slipstream_dispatcher_cluster_outages", "Times that the cluster stopped answering."
 )
+
+
+def count_cycle(report: CycleReport) -> None:
+    """Count a stored cycle."""
+    CYCLES.labels(report.status).inc()
+    CYCLE_SECONDS.observe(report.wall_s)
+    PLANS.inc(report.plans)
+    LAST_CYCLE.set(report.started_ns * 1e-9)
+    for solver in report.solvers:
+        SOLVER_RUNS.labels(solver.solver, solver.status).inc()
+        SOLVER_SECONDS.labels(solver.solver).observe(solver.wall_s)
+    if report.energy is not None:
+        SAVED_KWH.labels("distance").set(report.energy.saved_distance_kwh)
+        SAVED_KWH.labels("drag").set(report.energy.saved_drag_kwh)
+        SAVED_KWH.labels("acceleration").set(report.energy.saved_acceleration_kwh)

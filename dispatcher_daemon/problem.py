@@ -297,5 +297,44 @@ class RouteProblem:
         return replace(self, savings={})
 
 
-Problem = ArcProblem | RouteProblem
+@dataclass(frozen=True)
+class BinaryProblem:
+    """Any QUBO, Σ c_i x_i − Σ s_ij x_i x_j: each selection is valid, none stands for routes.
+
+    Solvers take it as the other forms; what these call kWh is in units of its own.
+
+    Attributes:
+        names: of the variables.
+        costs_kwh: c, finite.
+        pair_savings: s by pair (i, j), i < j; finite, and below 0 for a coupling that costs.
+    """
+
+    names: tuple[str, ...]
+    costs_kwh: tuple[float, ...]
+    pair_savings: Mapping[tuple[int, int], float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len(set(self.names)) < len(self.names) or len(self.names) != len(self.costs_kwh):
+            raise ValueError("each variable needs a name of its own, and a cost")
+        if not all(math.isfinite(value) for value in self.costs_kwh):
+            raise ValueError("costs must be finite")
+        for (first, second), saving in self.pair_savings.items():
+            if not (0 <= first < second < len(self.names) and math.isfinite(saving)):
+                raise ValueError(f"pair of unknown variables, or not finite: {(first, second)}")
+
+    @property
+    def choices(self) -> int:
+        """Number of binary decision variables x."""
+        return len(self.names)
+
+    def objective_kwh(self, selected: Collection[int]) -> float:
+        """Σ c_i x_i − Σ s_ij x_i x_j."""
+        chosen = set(selected)
+        cost = sum(self.costs_kwh[i] for i in sorted(chosen))
+        return cost - sum(
+            value for (a, b), value in self.pair_savings.items() if a in chosen and b in chosen
+        )
+
+
+Problem = ArcProblem | RouteProblem | BinaryProblem
 """What solvers take: `choices` binary x, `costs_kwh`, `pair_savings`, `objective_kwh`."""

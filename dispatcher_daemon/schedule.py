@@ -92,6 +92,14 @@ class CycleScheduler:
         self._on_fault("clock")
         return True
 
+    def run_soon(self) -> bool:
+        """Make the next run due now; False where none is planned."""
+        job = self._scheduler.get_job(_JOB)
+        if job is None:
+            return False
+        self._scheduler.modify_job(_JOB, next_run_time=datetime.now(UTC))
+        return True
+
     @property
     def next_run_ns(self) -> int | None:
         """UTC of the next run; None if none is planned."""

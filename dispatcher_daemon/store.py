@@ -5,19 +5,22 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Protocol
 
 from dispatcher_daemon import metrics
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
 from slipstream.service import LogLimiter, Service, notify
 from storage import (
     CycleInputs,
     Database,
+    Event,
     OwnedError,
     Reader,
     RollUp,
+    Room,
     StorageError,
     UntrustedClockError,
     open_or_set_aside,
@@ -48,8 +51,29 @@ class CycleStore(Protocol):
         states: Sequence[SegmentState],
         records: FleetRecords | None = None,
         made_from: CycleInputs | None = None,
+        energies: Mapping[str, PlanEnergy] | None = None,
     ) -> None:
         """Store one cycle durably, or raise."""
+        ...
+
+    def save_fleet(self, records: FleetRecords) -> None:
+        """Store what has changed of orders, plans and vehicles beside a cycle."""
+        ...
+
+    def save_events(self, changed: Sequence[Event]) -> None:
+        """Store what operators are told of."""
+        ...
+
+    def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
+        """Alarms in force, and those that ended then or later."""
+        ...
+
+    def last_event(self, kinds: Collection[str]) -> Event | None:
+        """The event of some kinds that was stored last."""
+        ...
+
+    def room(self) -> Room | None:
+        """Room of the database and on its disk."""
         ...
 
     def next_cycle_number(self) -> int:

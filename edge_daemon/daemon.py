@@ -30,6 +30,7 @@ from slipstream.messages import (
     CameraFault,
     RsuHealth,
     SegmentState,
+    StabilityLimits,
     preview_key,
     rsu_health_key,
     state_key,
@@ -336,6 +337,7 @@ class EdgeDaemon:
         counters = self._source.counters
         began = self._recent[0][0] if self._recent else 0.0
         span = self._recent[-1][0] - began if self._recent else 0.0
+        limits = self._settings.stability
         return RsuHealth(
             rsu=self._settings.rsu,
             time_ns=time.time_ns(),
@@ -355,6 +357,10 @@ class EdgeDaemon:
             latency_ms_p95=None if p95 is None else float(p95),
             vehicles_in_view=len(self._pipeline.tracks),
             rss_mb=rss_mb(),
+            stability=StabilityLimits(
+                max_speed_cv=limits.max_speed_cv,
+                max_acceleration_variance_m2ps4=limits.max_acceleration_variance_m2ps4,
+            ),
         )
 
     def _publish_preview(self, frame: Frame) -> None:

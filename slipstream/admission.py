@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 from pydantic import Field
 
-from slipstream.errors import InputError
+from slipstream.errors import InputError, refuse
 from slipstream.messages import Estimate, Identifier, SegmentState, StoppedVehicles
 from slipstream.roads import RoadNetwork, Segment
 
@@ -45,15 +45,17 @@ def check_rsus(
     Raises:
         InputError: it lacks one.
     """
-    for rsu, segments in (rsus or {}).items():
-        for segment in segments:
-            if segment not in network.segments:
-                raise InputError(
-                    source,
-                    f"the network has no segment {segment}",
-                    "give ids of the network's segments",
-                    key=f"rsus.{rsu}",
-                )
+    refuse(
+        InputError(
+            source,
+            f"the network has no segment {segment}",
+            "give ids of the network's segments",
+            key=f"rsus.{rsu}",
+        )
+        for rsu, segments in (rsus or {}).items()
+        for segment in segments
+        if segment not in network.segments
+    )
 
 
 class Refusal(NamedTuple):

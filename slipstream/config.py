@@ -6,6 +6,7 @@ than some seconds and some hundred MB.
 
 from __future__ import annotations
 
+import difflib
 import json
 import logging
 import os
@@ -23,10 +24,13 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, ErrorDetails
 
-from slipstream.errors import InputError
+from slipstream.errors import MAX_FAULTS, InputError
 from slipstream.files import read_file
+
+DEMO_NETWORK: Final = "demo"
+"""Name of the network that comes along; see `slipstream.sumo_net`."""
 
 log = logging.getLogger(__name__)
 
@@ -241,7 +245,8 @@ def check(data: object, model: type[M], source: str | Path) -> M:
     coerced.
 
     Raises:
-        InputError: naming the first offending key and what it should be.
+        InputError: naming the offending key that helps most and what it should be; its `others` are
+            the further ones, at most `MAX_FAULTS` in all.
     """
     data = _with_present_names(data, model, source)
     try:
@@ -328,19 +333,49 @@ def _name_of_row(row: object, number: int) -> str:
 def _as_input_error(
     error: ValidationError, model: type[BaseModel], source: str | Path, data: object
 ) -> InputError:
+    """The fault that helps most, with the others beside it."""
     # A misspelt key is also a missing one; the misspelling is what helps.
     found = sorted(error.errors(include_url=False), key=lambda e: e["type"] not in _UNKNOWN_KEY)
-    first = found[0]
-    key = ".".join(_names(first["loc"], data)) or None
-    message = first["msg"].removeprefix("Value error, ")
+    unknown = {fault["loc"][:-1] for fault in found if fault["type"] in _UNKNOWN_KEY}
+    told = [f for f in found if f["type"] != "missing" or f["loc"][:-1] not in unknown]
+    first, *others = (_told(fault, model, source, data) for fault in told[:MAX_FAULTS])
+    first.others = tuple(others)
+    return first
+
+
+def _told(
+    fault: ErrorDetails, model: type[BaseModel], source: str | Path, data: object
+) -> InputError:
+    key = ".".join(_names(fault["loc"], data)) or None
+    message = fault["msg"].removeprefix("Value error, ")
     problem = message[0].lower() + message[1:]
-    if first["type"] in _UNKNOWN_KEY:
-        known = ", ".join(sorted(model.model_fields)) if len(first["loc"]) == 1 else ""
-        mend = f"remove it or use one of: {known}" if known else "remove it or mend its spelling"
+    if fault["type"] in _UNKNOWN_KEY:
+        known = _known_keys(model, fault["loc"])
+        near = difflib.get_close_matches(str(fault["loc"][-1]), known, n=1)
+        mend = f"did you mean {near[0]}?" if near else "remove it or mend its spelling"
+        if known and not near and len(fault["loc"]) == 1:
+            mend = f"remove it or use one of: {', '.join(known)}"
         return InputError(source, "unknown key", mend, key=key)
-    if first["type"] == "missing":
+    if fault["type"] == "missing":
         return InputError(source, "missing key", "add it", key=key)
-    return InputError(source, problem + _shown(first.get("input")), "mend the value", key=key)
+    return InputError(source, problem + _shown(fault.get("input")), "mend the value", key=key)
+
+
+def _known_keys(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:
+    """The keys that a table may have, by the place of an unknown one, sorted."""
+    models = [model]
+    for part in location[:-1]:
+        fields = [m.model_fields[part] for m in models if part in m.model_fields]
+        # A row's number or a name that the user chose leaves the table's type as it is.
+        models = [m for field in fields for m in _models_in(field.annotation)] or models
+    return sorted({field.alias or name for m in models for name, field in m.model_fields.items()})
+
+
+def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _models_in(inner)
 
 
 def _names(location: Sequence[int | str], data: object) -> Iterator[str]:

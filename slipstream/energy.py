@@ -42,6 +42,7 @@ __all__ = [
     "drive_energies",
     "drive_energy_kwh",
     "phase_energies",
+    "segment_energies",
     "split_saving",
     "stack_traces",
     "steady_energy_kwh",
@@ -273,21 +274,55 @@ def drive_energies(
     Returns:
         Arrays of shape (drives,).
     """
+    counts = [len(reductions) for reductions in drag_reductions]
+    drive_of = np.repeat(np.arange(len(drives)), counts)
+    segment, phases = _phases(drives, drag_reductions)
+    return _summed(phases, drive_of[segment], len(drives), vehicle)
+
+
+def segment_energies(
+    drives: Sequence[Drive],
+    drag_reductions: Sequence[Sequence[float]],
+    vehicle: VehicleParameters = PAPER_CAR,
+) -> Energies:
+    """`drive_energies` of each segment apart.
+
+    Returns:
+        Arrays of shape (segments of all drives,), drive after drive.
+    """
+    count = sum(len(reductions) for reductions in drag_reductions)
+    segment, phases = _phases(drives, drag_reductions)
+    return _summed(phases, segment, count, vehicle)
+
+
+def _phases(
+    drives: Sequence[Drive], drag_reductions: Sequence[Sequence[float]]
+) -> tuple[npt.NDArray[np.int64], Array]:
+    """Phases of drives as rows (v₀, v₁, duration, η_drag), and the segment that each belongs to,
+    counted over all drives.
+    """
     owner: list[int] = []
     phases: list[tuple[float, float, float, float]] = []
-    for number, (drive, reductions) in enumerate(zip(drives, drag_reductions, strict=True)):
+    first = 0
+    for drive, reductions in zip(drives, drag_reductions, strict=True):
         entry_s = drive.unhindered_s() if drive.waiting_s else drive.entry_s
         for (begin_s, end_s), (v0, v1) in zip(
             pairwise(drive.times_s), pairwise(drive.speeds_mps), strict=True
         ):
             segment = bisect_right(entry_s, 0.5 * (begin_s + end_s)) - 1
             phases.append((v0, v1, end_s - begin_s, reductions[segment]))
-            owner.append(number)
-    start, end, seconds, eta = np.array(phases, dtype=np.float64).reshape(-1, 4).T
-    index = np.array(owner, dtype=np.int64)
+            owner.append(first + segment)
+        first += len(reductions)
+    return np.array(owner, dtype=np.int64), np.array(phases, dtype=np.float64).reshape(-1, 4)
+
+
+def _summed(
+    phases: Array, owner: npt.NDArray[np.int64], count: int, vehicle: VehicleParameters
+) -> Energies:
+    start, end, seconds, eta = phases.T
     return Energies(
         *(
-            np.bincount(index, weights=part, minlength=len(drives)).astype(np.float64)
+            np.bincount(owner, weights=part, minlength=count).astype(np.float64)
             for part in phase_energies(start, end, seconds, eta, vehicle)
         )
     )

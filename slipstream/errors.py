@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
+MAX_FAULTS: Final = 20
+"""Of one file that are told."""
 _MAX_LENGTH: Final = 600
 
 
@@ -18,6 +22,9 @@ class InputError(Exception):
         problem: what is wrong with it.
         mend: what the user can do about it.
         key: the key, column or line inside the source; None where it has no such parts.
+
+    Attributes:
+        others: further faults that were found with this one.
     """
 
     def __init__(
@@ -27,6 +34,7 @@ class InputError(Exception):
         self.key = key
         self.problem = problem
         self.mend = mend
+        self.others: tuple[InputError, ...] = ()
         super().__init__(str(self))
 
     def __str__(self) -> str:
@@ -37,6 +45,18 @@ class InputError(Exception):
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         return (_rebuild, (self.source, self.problem, self.mend, self.key))
+
+
+def refuse(faults: Iterable[InputError]) -> None:
+    """Raise the first fault, with at most `MAX_FAULTS` in all; nothing without one.
+
+    Raises:
+        InputError: the first of them; its `others` are the further ones.
+    """
+    found = [*islice(faults, MAX_FAULTS)]
+    if found:
+        found[0].others = tuple(found[1:])
+        raise found[0]
 
 
 def _short(text: str) -> str:

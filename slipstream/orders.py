@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
+from slipstream.energy_ledger import EnergyHour, PlanEnergy
 from slipstream.messages import (
     OrderRefusal,
     OrderState,
@@ -97,12 +98,14 @@ class PlanRecord:
         status: see the module.
         since_ns: UTC of the last change.
         reason: why it was refused, superseded or has lapsed; None otherwise.
+        energy: of it; None: not known, and nothing is booked of it.
     """
 
     plan: VehiclePlan
     status: PlanStatus
     since_ns: int
     reason: str | None = None
+    energy: PlanEnergy | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,9 @@ class VehicleRecord:
         reports_progress: whether it has ever sent its visits.
         answered_ns: UTC of its last message of any kind; None: it has never sent one.
         left_out_until: cycle from which on it is planned again after a refusal; 0: it is.
+        booked: up to where the plan that it has acknowledged is in the energy ledger, in segments
+            of its way; see `slipstream.energy_ledger`.
+        rested_ns: when its last break ended, UTC; 0: it has had none.
     """
 
     vehicle: str
@@ -126,6 +132,8 @@ class VehicleRecord:
     reports_progress: bool = False
     answered_ns: int | None = None
     left_out_until: int = 0
+    booked: float = 0.0
+    rested_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -183,6 +191,7 @@ class FleetRecords:
         vehicles: that have changed, or all.
         movements: what is to be added to their sums, or the sums.
         speeds: likewise.
+        driven: what is to be added to the energy ledger; none when loaded.
     """
 
     orders: tuple[OrderRecord, ...] = ()
@@ -191,6 +200,7 @@ class FleetRecords:
     vehicles: tuple[VehicleRecord, ...] = ()
     movements: tuple[MovementSum, ...] = ()
     speeds: tuple[SpeedSum, ...] = ()
+    driven: tuple[EnergyHour, ...] = ()
 
 
 class OrderRefused(Exception):

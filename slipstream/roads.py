@@ -30,6 +30,7 @@ class Segment:
         lanes: number of lanes.
         shape: points of its centre line, m, from start to end; at least two.
         access: who may use it.
+        name: of its street, for people; "" where the net has none.
     """
 
     id: str
@@ -40,6 +41,7 @@ class Segment:
     lanes: int
     shape: tuple[tuple[float, float], ...]
     access: Access = OPEN
+    name: str = ""
 
     @property
     def free_flow_s(self) -> float:

@@ -240,3 +240,9 @@ class LogLimiter:
     def suppressed(self, key: str) -> int:
         """Number of lines suppressed since the last call, which resets it."""
         return self._suppressed.pop(key, 0)
+
+    def warn(self, log: logging.Logger, key: str, line: str) -> None:
+        """Log a warning unless one of this key was logged within the period."""
+        if self.allow(key):
+            more = self.suppressed(key)
+            log.warning("%s%s", line, f" ({more} more of this kind)" if more else "")

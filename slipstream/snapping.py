@@ -47,17 +47,29 @@ class Snapper:
 
     def nearest(self, place_m: tuple[float, float]) -> Snapped | None:
         """The nearest road; None: there is none that these vehicles may use."""
+        return next(iter(self.near(place_m, 1)), None)
+
+    def near(self, place_m: tuple[float, float], count: int) -> tuple[Snapped, ...]:
+        """The nearest roads that these vehicles may use, at most ``count``, the nearest first."""
         if not self._owners:
-            return None
+            return ()
         place = np.array(place_m)
         length2 = np.maximum((self._along**2).sum(axis=1), 1e-12)
         share = ((place - self._begins) * self._along).sum(axis=1) / length2
         points = self._begins + np.clip(share, 0.0, 1.0)[:, None] * self._along
         distances = np.hypot(*(points - place).T)
-        best = int(distances.argmin())
-        segment = self._network.segments[self._owners[best]]
-        junctions = self._network.junctions
-        node = min(
-            (segment.end, segment.start), key=lambda name: math.dist(junctions[name], place_m)
+        order = [int(distances.argmin())] if count == 1 else np.argsort(distances, kind="stable")
+        found: dict[str, float] = {}
+        for at in order:
+            found.setdefault(self._owners[at], float(distances[at]))
+            if len(found) == count:
+                break
+        return tuple(
+            Snapped(name, self._end(name, place_m), distance) for name, distance in found.items()
         )
-        return Snapped(segment.id, node, float(distances[best]))
+
+    def _end(self, name: str, place_m: tuple[float, float]) -> str:
+        """The end of a road that is nearer to a place."""
+        segment, junctions = self._network.segments[name], self._network.junctions
+        ends = (segment.end, segment.start)
+        return min(ends, key=lambda end: math.dist(junctions[end], place_m))

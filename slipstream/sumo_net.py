@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar
 from xml import sax
 
 from slipstream.access import access_of, classes_of_turn
+from slipstream.config import DEMO_NETWORK as DEMO_NETWORK
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
 from slipstream.projection import projection_of
@@ -16,7 +17,6 @@ from slipstream.roads import Crossing, RoadNetwork, Segment, build_network
 
 T = TypeVar("T")
 
-DEMO_NETWORK = "demo"
 _YIELDING: Final = "msw="
 """Letters of SUMO's connections that give way: minor, stop, all-way stop, equal."""
 
@@ -175,6 +175,7 @@ def _parts(
             lanes=edge.getLaneNumber(),
             shape=tuple((float(x), float(y)) for x, y in edge.getShape()),
             access=access_of(edge, type_speeds),
+            name=edge.getName() or "",
         )
         for edge in edges
     ]

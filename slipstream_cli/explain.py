@@ -13,7 +13,7 @@ from slipstream_cli.stored_cycle import add_arguments, stored_cycle
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
     command = commands.add_parser(
-        "explain", help="why each vehicle goes where it goes, and which platoons were refused"
+        "explain", help="why vehicles go where they go; which platoons were refused"
     )
     add_arguments(command)
     command.add_argument("--vehicle", metavar="V", help="what concerns this vehicle only")

@@ -1,4 +1,7 @@
-"""`slipstream export`: tables of the database as CSV or Parquet, also while a dispatcher writes."""
+"""`slipstream export`: tables of the database as CSV or Parquet, also while a dispatcher writes.
+
+After the word `instance`: instances in the formats of benchmark libraries.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +14,23 @@ from typing import TYPE_CHECKING, Final
 
 from slipstream.errors import InputError
 from slipstream_cli.export_files import FORMATS, TableFile
+from slipstream_cli.laboratory import export_instances
 
 if TYPE_CHECKING:
     from storage import Tables
 
 _DEFAULT: Final = "sqlite:///slipstream.db"
 _ALL: Final = "all"
+_INSTANCE: Final = "instance"
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
-    command = commands.add_parser("export", help="tables of the database as CSV or Parquet")
-    command.add_argument("table", help="its name, or 'all'")
+    command = commands.add_parser("export", help="tables of the database, or instances, as files")
+    command.add_argument("table", help="its name, or 'all'; or 'instance', with names or files")
+    command.add_argument(
+        "names", nargs="*", metavar="NAME|FILE", help="after 'instance': which ones, or 'all'"
+    )
     command.add_argument("--database", default=_DEFAULT, help=f"database URL (default: {_DEFAULT})")
     command.add_argument(
         "--from",
@@ -33,15 +41,28 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--to", dest="end", metavar="T", help="rows before this time (default: the last)"
     )
-    command.add_argument("--format", choices=FORMATS, default="csv", help="default: csv")
-    command.add_argument("--out", type=Path, required=True, help="folder for TABLE.csv or .parquet")
+    command.add_argument(
+        "--format",
+        choices=(*FORMATS, *export_instances.FORMATS),
+        help="of tables: csv or parquet (default: csv); of instances: qoblib, with solutions, "
+        "models and a checker, or one model file each (default: qoblib)",
+    )
+    command.add_argument("--out", type=Path, required=True, help="folder for the files")
     command.add_argument("--force", action="store_true", help="overwrite files that are there")
     command.add_argument("--json", action="store_true", help="report as JSON")
     command.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the files; each appears once it is whole."""
+    """Write the files; each table's appears once it is whole."""
+    if options.table == _INSTANCE:
+        return export_instances.run(options)
+    if options.names:
+        raise InputError("export", f"{options.names[0]!r} after a table", "name one table, or all")
+    options.format = options.format or FORMATS[0]
+    if options.format not in FORMATS:
+        mend = f"take {' or '.join(FORMATS)}"
+        raise InputError("export", f"{options.format} is for instances", mend, key="--format")
     begin, end = _time(options.begin, "--from"), _time(options.end, "--to")
     if begin is not None and end is not None and begin >= end:
         raise InputError("export", "the range is empty", "give --from before --to", key="--from")

@@ -6,47 +6,62 @@ import argparse
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
-from typing import Final, NoReturn
+from typing import Final
 
 from slipstream import __version__
 from slipstream.errors import InputError
 from slipstream.logs import complain
 from slipstream.service import follow_supervisor
+from slipstream_cli.parser import EXIT_BAD_INPUT, Parser
 
-COMMANDS: Final = {
-    "run": "daemons.run",
-    "world": "daemons.world",
-    "edge": "daemons.edge",
-    "dispatcher": "daemons.dispatcher",
-    "agent": "daemons.agent",
-    "dashboard": "daemons.dashboard",
-    "scheduler": "daemons.scheduler",
-    "worker": "daemons.worker",
-    "check": "check",
-    "calibrate": "calibrate",
-    "track": "track",
-    "clip": "laboratory.clip",
-    "import": "laboratory.imports",
-    "model": "laboratory.model",
-    "robustness": "laboratory.robustness",
-    "solve": "laboratory.solve",
-    "bench": "laboratory.bench",
-    "evaluate": "laboratory.evaluate",
-    "verify": "laboratory.verify",
-    "resources": "laboratory.resources",
-    "orders": "orders",
-    "token": "token",
-    "export": "export",
-    "feed": "feed",
-    "explain": "explain",
-    "replay": "replay",
-    "db": "db",
+GROUPS: Final[Mapping[str, Mapping[str, str]]] = {
+    "daemons": {
+        "run": "daemons.run",
+        "world": "daemons.world",
+        "router": "daemons.router",
+        "edge": "daemons.edge",
+        "dispatcher": "daemons.dispatcher",
+        "agent": "daemons.agent",
+        "dashboard": "daemons.dashboard",
+        "scheduler": "daemons.scheduler",
+        "worker": "daemons.worker",
+    },
+    "your place": {
+        "init": "place.init",
+        "import": "laboratory.imports",
+        "net": "place.net",
+        "calibrate": "calibrate",
+        "check": "check",
+        "status": "status",
+        "token": "token",
+        "orders": "orders",
+        "completion": "completion",
+    },
+    "data": {
+        "export": "export",
+        "feed": "feed",
+        "explain": "explain",
+        "replay": "replay",
+        "db": "db",
+    },
+    "laboratory": {
+        "track": "track",
+        "clip": "laboratory.clip",
+        "model": "laboratory.model",
+        "robustness": "laboratory.robustness",
+        "solve": "laboratory.solve",
+        "bench": "laboratory.bench",
+        "evaluate": "laboratory.evaluate",
+        "verify": "laboratory.verify",
+        "resources": "laboratory.resources",
+    },
 }
-"""Module by sub-command, in the order of the help."""
+"""Module by sub-command, in the groups and the order of the help."""
 
-EXIT_BAD_INPUT: Final = 2
+COMMANDS: Final = {name: module for group in GROUPS.values() for name, module in group.items()}
+
 _EXIT_INTERRUPTED: Final = 130
 _EXTRA_OF: Final = {
     "alembic": "dispatcher",
@@ -81,19 +96,13 @@ _EXTRA_OF: Final = {
 }
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong with the command line in one line, as for all bad input."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_BAD_INPUT, f"slipstream: {message}; see {self.prog} --help\n")
-
-
 def parser() -> argparse.ArgumentParser:
     """The whole command line; sub-commands load their daemons only when they run."""
-    top = _Parser(
+    top = Parser(
         prog="slipstream",
         description="Platoons where traffic is calm: roadside perception, cooperative routing.",
         epilog="Exit status: 0 on success, 2 on bad input, 1 on other faults.",
+        groups={title: tuple(commands) for title, commands in GROUPS.items()},
     )
     top.add_argument("--version", action="version", version=f"slipstream {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import http.client
 import json
 import os
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 
+from slipstream.api_client import ApiClient
 from slipstream.config import parse_json, read_secret
 from slipstream.errors import InputError
 from slipstream.files import read_file
 
-_WITHIN_S: Final = 30.0
 _MAX_FILE_BYTES: Final = 1_000_000
 _TOKEN: Final = "SLIPSTREAM_TOKEN"
 
@@ -60,34 +59,11 @@ def _cancel(options: argparse.Namespace) -> int:
 
 def _call(options: argparse.Namespace, method: str, path: str, body: object, source: str) -> Any:
     """The answer's JSON; a refusal is an InputError about ``source``."""
-    try:
-        address = urlsplit(options.api)
-        if address.scheme not in ("http", "https") or not address.hostname:
-            raise ValueError
-        port = address.port
-    except ValueError:
-        mend = "write it like http://127.0.0.1:8090"
-        raise InputError("--api", f"no address: {options.api!r}", mend) from None
     token = os.environ.get(_TOKEN)
     if options.token_file is not None:
         token = read_secret(options.token_file)
-    headers = {} if token is None else {"Authorization": f"Bearer {token}"}
-    if body is not None:
-        headers["Content-Type"] = "application/json"
-    kind = http.client.HTTPSConnection if address.scheme == "https" else http.client.HTTPConnection
-    connection = kind(address.hostname, port, timeout=_WITHIN_S)
-    try:
-        text = None if body is None else json.dumps(body)
-        connection.request(method, address.path.rstrip("/") + path, text, headers)
-        answer = connection.getresponse()
-        found = json.loads(answer.read())
-    except (OSError, http.client.HTTPException) as error:
-        mend = "start the dispatcher with api.port, or check the address"
-        raise InputError(options.api, f"no answer: {error}", mend) from None
-    except ValueError:
-        raise InputError(options.api, "no API of a dispatcher", "check the address") from None
-    finally:
-        connection.close()
+    answer = ApiClient(options.api, "--api").call(method, path, body, token)
+    found = answer.document
     if answer.status >= 400:
         mend = found.get("mend") or "try again later"
         raise InputError(source, str(found.get("detail")), mend, key=found.get("field"))

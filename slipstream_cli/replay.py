@@ -13,9 +13,7 @@ from slipstream_cli.stored_cycle import add_arguments, stored_cycle
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
-    command = commands.add_parser(
-        "replay", help="make a stored cycle again; exit status 1 if its plan is not the same"
-    )
+    command = commands.add_parser("replay", help="make a stored cycle again: is its plan the same?")
     add_arguments(command)
     command.set_defaults(run=run)
 

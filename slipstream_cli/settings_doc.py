@@ -15,8 +15,7 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel
 
 from dashboard.settings import DashboardSettings
-from dispatcher_daemon.cluster_settings import SchedulerSettings, WorkerSettings
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings, SchedulerSettings, WorkerSettings
 from edge_daemon.settings import EdgeSettings
 from slipstream.config import model_of
 from slipstream.tables import markdown_table

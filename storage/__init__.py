@@ -4,17 +4,20 @@ Only the dispatcher writes (`open_database`); the dashboard and the tools read (
 store a new field of a message, add a column to `storage.models` and a migration.
 """
 
+from slipstream.energy_ledger import EnergyHour, EnergySum
 from storage.database import Database, open_database
 from storage.engine import StorageError
+from storage.events import Event
 from storage.inputs import CycleInputs, Part
 from storage.integrity import CheckReport, check
 from storage.jobs import LedgerState, QuantumJob
 from storage.opening import DamagedError
 from storage.ownership import OwnedError, check_free
+from storage.past import CycleSums, OrderEnd
 from storage.reader import Reader, StoredCycle, open_reader
 from storage.recovery.backup import backup, restore
 from storage.recovery.damaged import open_or_set_aside
-from storage.retention import UntrustedClockError, headroom
+from storage.retention import Room, UntrustedClockError, headroom
 from storage.tables import TableColumn, Tables, table_names
 from storage.traffic.history import SegmentAt
 from storage.traffic.rollups import RollUp, RollUpBuffer, Spread
@@ -22,15 +25,21 @@ from storage.traffic.rollups import RollUp, RollUpBuffer, Spread
 __all__ = [
     "CheckReport",
     "CycleInputs",
+    "CycleSums",
     "DamagedError",
     "Database",
+    "EnergyHour",
+    "EnergySum",
+    "Event",
     "LedgerState",
+    "OrderEnd",
     "OwnedError",
     "Part",
     "QuantumJob",
     "Reader",
     "RollUp",
     "RollUpBuffer",
+    "Room",
     "SegmentAt",
     "Spread",
     "StorageError",

@@ -9,10 +9,12 @@ from typing import Final
 from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords, OrderRecord
-from storage import fleet, inputs, jobs, retention
-from storage.engine import display_name, parse_url
+from storage import events, fleet, inputs, jobs, retention
+from storage.engine import display_name, parse_url, sqlite_path
+from storage.events import Event
 from storage.inputs import CycleInputs
 from storage.jobs import QuantumJob
 from storage.models import CycleRow
@@ -26,6 +28,8 @@ from storage.upkeep import Upkeep
 TURN_WITHIN_S: Final = 2.0
 """What callers' orders wait for others who write, s: a caller is told to try again rather than that
 the whole fleet waits with it."""
+CYCLE_WITHIN_S: Final = 10.0
+"""What a cycle waits for them, s, while the fleet waits with it: then it ends without plans."""
 
 
 class Database(Upkeep):
@@ -43,6 +47,7 @@ class Database(Upkeep):
         states: Sequence[SegmentState],
         records: FleetRecords | None = None,
         made_from: CycleInputs | None = None,
+        energies: Mapping[str, PlanEnergy] | None = None,
     ) -> None:
         """Store a cycle with its plans and the segment states it used, all or nothing.
 
@@ -52,16 +57,18 @@ class Database(Upkeep):
             states: that it used.
             records: what has changed of orders, earlier plans and vehicles.
             made_from: its inputs.
+            energies: of its plans, by vehicle; what is driven of them is booked by these.
 
         Raises:
             ValueError: a plan belongs to another cycle, or the cycle is already stored.
-            StorageError: the database cannot be written; nothing of the cycle is stored.
+            StorageError: the database cannot be written, or was busy for `CYCLE_WITHIN_S`; nothing
+                of the cycle is stored.
         """
         misplaced = [plan.vehicle for plan in plans if plan.cycle != report.cycle]
         if misplaced:
             raise ValueError(f"plans of another cycle than {report.cycle}: {misplaced}")
-        row = cycle_row(report, plans)
-        with self._lock:
+        row = cycle_row(report, plans, energies)
+        with self._turn(CYCLE_WITHIN_S):
             self._record(row, report, states, records, made_from)
 
     def _record(
@@ -75,7 +82,7 @@ class Database(Upkeep):
         # A commit that fails may have been made all the same: then they are read anew.
         known, self._gates = self._gates, None
         try:
-            with self._write_session() as session:
+            with self._write_session(CYCLE_WITHIN_S) as session:
                 session.add(row)
                 session.flush()
                 recent.save(session, report.cycle, report.gates, states)
@@ -144,6 +151,38 @@ class Database(Upkeep):
         """
         with self._write_session(TURN_WITHIN_S) as session:
             return tuple(fleet.find(session, names))
+
+    def save_events(self, changed: Sequence[Event]) -> None:
+        """Store events. One of an alarm that is stored takes the place of what was stored of it.
+
+        Raises:
+            StorageError: the database cannot be written, or was busy for `TURN_WITHIN_S`.
+        """
+        with self._write_session(TURN_WITHIN_S) as session:
+            events.save(session, changed)
+
+    def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
+        """Alarms in force and those that ended at ``ended_ns`` or later, UTC; oldest first.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        with self._write_session() as session:
+            return tuple(events.alarms(session, ended_ns))
+
+    def last_event(self, kinds: Collection[str]) -> Event | None:
+        """The event of some kinds that was stored last; None: there is none.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        with self._write_session() as session:
+            return events.last(session, kinds)
+
+    def room(self) -> retention.Room | None:
+        """Room of an SQLite database; None: it is on a server, or cannot be read."""
+        url = self._engine.url
+        return retention.read_room(sqlite_path(url)) if self._is_sqlite else None
 
     def save_job(self, job: QuantumJob) -> None:
         """Store the present record of a quantum job, durably.

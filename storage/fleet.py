@@ -22,6 +22,7 @@ from slipstream.orders import (
     SpeedSum,
     VehicleRecord,
 )
+from storage import energy_ledger
 from storage.models import (
     MovementRow,
     OrderChangeRow,
@@ -30,7 +31,7 @@ from storage.models import (
     SpeedRow,
     VehicleRow,
 )
-from storage.rows import vehicle_plan
+from storage.rows import plan_energy, vehicle_plan
 
 REMEMBERED_S: Final = 86_400.0
 """For so long a dispatcher knows an ended order that the fleet's file no longer has, s."""
@@ -58,6 +59,7 @@ def save(session: Session, records: FleetRecords) -> None:
             .where(PlanRow.cycle == record.plan.cycle, PlanRow.vehicle == record.plan.vehicle)
             .values(status=record.status, status_ns=record.since_ns, status_reason=record.reason)
         )
+    energy_ledger.add(session, records.driven)
     for vehicle in records.vehicles:
         session.merge(VehicleRow(**_vehicle_values(vehicle)))
     for movement in records.movements:
@@ -127,8 +129,8 @@ def load(session: Session, now_ns: int) -> FleetRecords:
         MovementRow.segment, MovementRow.following, MovementRow.hour
     )
     return FleetRecords(
-        orders=tuple(_order(row) for row in orders),
-        plans=tuple(_plan(row) for row in plans),
+        orders=tuple(as_order(row) for row in orders),
+        plans=tuple(as_plan(row) for row in plans),
         vehicles=tuple(_vehicle(row) for row in vehicles),
         movements=tuple(
             MovementSum(**_values(row, MovementSum)) for row in session.scalars(movements)
@@ -140,19 +142,24 @@ def load(session: Session, now_ns: int) -> FleetRecords:
     )
 
 
-def orders(session: Session, states: Collection[OrderState]) -> list[OrderRecord]:
-    """All orders in some states, those that changed last at the end."""
+def orders(
+    session: Session, states: Collection[OrderState], ended_since_ns: int | None = None
+) -> list[OrderRecord]:
+    """Orders in some states, but those that ended before; those that changed last at the end."""
     query = (
         select(OrderRow)
         .where(OrderRow.state.in_(states))
         .order_by(OrderRow.since_ns, OrderRow.order)
     )
-    return [_order(row) for row in session.scalars(query)]
+    if ended_since_ns is not None:
+        recent = OrderRow.since_ns >= ended_since_ns
+        query = query.where(or_(OrderRow.state.not_in(ENDED), recent))
+    return [as_order(row) for row in session.scalars(query)]
 
 
 def find(session: Session, names: Collection[str]) -> list[OrderRecord]:
     """Those of some orders that are stored."""
-    return [_order(row) for some in _chunks(sorted(names)) for row in _rows(session, some)]
+    return [as_order(row) for some in _chunks(sorted(names)) for row in _rows(session, some)]
 
 
 def changes(session: Session, order: str) -> list[OrderChange]:
@@ -173,7 +180,7 @@ def plans(session: Session, vehicle: str, limit: int, before: int | None) -> lis
     if before is not None:
         query = query.where(PlanRow.cycle < before)
     query = query.order_by(PlanRow.cycle.desc()).limit(limit)
-    return [_plan(row) for row in session.scalars(query)]
+    return [as_plan(row) for row in session.scalars(query)]
 
 
 def prune(session: Session, before_ns: int) -> None:
@@ -187,13 +194,15 @@ def prune(session: Session, before_ns: int) -> None:
     )
 
 
-def _order(row: OrderRow) -> OrderRecord:
-    return OrderRecord(**_values(row, OrderRecord))
+def as_order(row: OrderRow, **changes: Any) -> OrderRecord:
+    """Read an order back from its row, with some fields changed."""
+    return OrderRecord(**(_values(row, OrderRecord) | changes))
 
 
-def _plan(row: PlanRow) -> PlanRecord:
+def as_plan(row: PlanRow) -> PlanRecord:
+    """Read a plan and what became of it back from its row."""
     status: Any = row.status
-    return PlanRecord(vehicle_plan(row), status, row.status_ns, row.status_reason)
+    return PlanRecord(vehicle_plan(row), status, row.status_ns, row.status_reason, plan_energy(row))
 
 
 def _vehicle(row: VehicleRow) -> VehicleRecord:

@@ -1,5 +1,5 @@
-"""The tables: cycles with their solver runs, plans and inputs; orders, vehicles; jobs; the clock.
-Those of traffic are in `storage.traffic.models`.
+"""The tables: cycles with their solver runs, plans and inputs; orders, vehicles; events; jobs; the
+clock. Those of traffic are in `storage.traffic.models`.
 
 Times are UTC nanoseconds. Parts that are only read together with their row (a plan's stops and
 segments, a state's features, a cycle's unserved stops) are JSON as in `slipstream.messages`.
@@ -130,6 +130,7 @@ class PlanRow(Base):
     status: Mapped[str] = mapped_column(server_default="done", index=True)
     status_ns: Mapped[int] = mapped_column(server_default="0")
     status_reason: Mapped[str | None]
+    segment_energy: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
 class StateRow(Base):
@@ -212,7 +213,7 @@ class OrderChangeRow(Base):
         ForeignKey("orders.order", ondelete="CASCADE"), primary_key=True
     )
     number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
-    time_ns: Mapped[int]
+    time_ns: Mapped[int] = mapped_column(index=True)
     state: Mapped[str]
     reason: Mapped[str]
     vehicle: Mapped[str | None]
@@ -231,6 +232,8 @@ class VehicleRow(Base):
     reports_progress: Mapped[bool]
     answered_ns: Mapped[int | None]
     left_out_until: Mapped[int]
+    booked: Mapped[float] = mapped_column(server_default="0")
+    rested_ns: Mapped[int] = mapped_column(server_default="0")
 
 
 class MovementRow(Base):
@@ -258,6 +261,25 @@ class SpeedRow(Base):
     speed_mps: Mapped[float]
     states: Mapped[float] = mapped_column(server_default="0")
     calm: Mapped[float] = mapped_column(server_default="0")
+
+
+class EventRow(Base):
+    """Something that operators are told of (a `storage.Event`)."""
+
+    __tablename__ = "events"
+
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    time_ns: Mapped[int] = mapped_column(index=True)
+    kind: Mapped[str]
+    severity: Mapped[str]
+    subject: Mapped[str]
+    text: Mapped[str]
+    mend: Mapped[str | None]
+    actor: Mapped[str | None]
+    alarm: Mapped[str | None] = mapped_column(index=True)
+    ended_ns: Mapped[int | None]
+    acknowledged_by: Mapped[str | None]
+    acknowledged_ns: Mapped[int | None]
 
 
 class ClockRow(Base):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, Self
@@ -11,10 +11,11 @@ from sqlalchemy import Engine, Select, func, or_, select
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, selectinload
 
+from slipstream.energy_ledger import EnergyHour, EnergySum
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
 from slipstream.orders import IN_FORCE, ORDER_STATES, OrderChange, OrderRecord, PlanRecord
-from storage import fleet, inputs, jobs, schema
+from storage import energy_ledger, events, fleet, inputs, jobs, past, schema
 from storage.engine import (
     StorageError,
     display_name,
@@ -23,9 +24,11 @@ from storage.engine import (
     reader_engine,
     sqlite_path,
 )
+from storage.events import Event
 from storage.inputs import CycleInputs
 from storage.jobs import QuantumJob
 from storage.models import CycleRow, PlanRow
+from storage.past import CycleSums, OrderEnd
 from storage.rows import cycle_report, vehicle_plan
 from storage.tables import Tables
 from storage.traffic import history, rollup_table
@@ -189,20 +192,135 @@ class Reader:
             found = rollup_table.of_segment(session, segment, begin_ns, end_ns, period_s)
             return tuple(found)
 
+    def energy(
+        self, begin_ns: int, end_ns: int, *, vehicle: str | None = None
+    ) -> tuple[EnergyHour, ...]:
+        """What vehicles have driven by the plans in force, by hour and vehicle.
+
+        Args:
+            begin_ns: UTC; hours that begin earlier are left out.
+            end_ns: UTC; so are those that begin then or later.
+            vehicle: only this one's; None: all.
+        """
+        with self._read_session() as session:
+            if session is None:
+                return ()
+            return tuple(energy_ledger.hours(session, begin_ns, end_ns, vehicle))
+
+    def energy_sums(
+        self, begin_ns: int, end_ns: int, *, by: Literal["hour", "day", "all"]
+    ) -> tuple[EnergySum, ...]:
+        """The same of all vehicles together, oldest first; nothing for periods without a row.
+
+        Args:
+            begin_ns: UTC; hours that begin earlier are left out.
+            end_ns: UTC; so are those that begin then or later.
+            by: period of a sum; days are those of UTC, and all is one sum.
+        """
+        with self._read_session() as session:
+            if session is None:
+                return ()
+            return tuple(energy_ledger.sums(session, begin_ns, end_ns, by))
+
     def jobs(self, limit: int) -> tuple[QuantumJob, ...]:
         """The last ``limit`` quantum jobs, latest first."""
         with self._read_session() as session:
             return () if session is None else tuple(jobs.latest(session, limit))
 
-    def orders(self, states: Collection[OrderState] = ORDER_STATES) -> tuple[OrderRecord, ...]:
-        """Orders in some states, those that changed last at the end."""
+    def orders(
+        self,
+        states: Collection[OrderState] = ORDER_STATES,
+        *,
+        ended_since_ns: int | None = None,
+    ) -> tuple[OrderRecord, ...]:
+        """Orders in some states, those that changed last at the end.
+
+        Args:
+            states: wanted.
+            ended_since_ns: leaves out those that ended before, UTC; None: no one.
+        """
         with self._read_session() as session:
-            return () if session is None else tuple(fleet.orders(session, states))
+            if session is None:
+                return ()
+            return tuple(fleet.orders(session, states, ended_since_ns))
 
     def order_changes(self, order: str) -> tuple[OrderChange, ...]:
         """The life of one order; empty if it is not known."""
         with self._read_session() as session:
             return () if session is None else tuple(fleet.changes(session, order))
+
+    def span(self) -> tuple[int, int] | None:
+        """The kept past, UTC ns: from the first stored cycle's begin to that of the last one, or to
+        the last change of an order if that is later; None: there is no cycle.
+        """
+        with self._read_session() as session:
+            return None if session is None else past.span(session)
+
+    def cycle_at(self, time_ns: int) -> int | None:
+        """Number of the last cycle that had begun at a moment; None: none had."""
+        with self._read_session() as session:
+            return None if session is None else past.cycle_at(session, time_ns)
+
+    def plans_at(self, time_ns: int) -> tuple[PlanRecord, ...]:
+        """The plan that each vehicle had at a moment, by vehicle; where none was in force any more,
+        its last one with what had become of it. Plans older than `storage.past.PLANS_LAST_S` are
+        not looked for.
+        """
+        with self._read_session() as session:
+            return () if session is None else tuple(past.plans_at(session, time_ns))
+
+    def orders_at(self, time_ns: int, limit: int = 5000) -> tuple[OrderRecord, ...]:
+        """Orders at a moment that had not ended, or ended within a day before; those that changed
+        last at the end. `pinned` is not kept and None.
+
+        Args:
+            time_ns: UTC.
+            limit: of more only the newest.
+        """
+        with self._read_session() as session:
+            return () if session is None else tuple(past.orders_at(session, time_ns, limit))
+
+    def order_ends(self, begin_ns: int, end_ns: int) -> tuple[OrderEnd, ...]:
+        """The orders that ended in a range of time, in its order."""
+        with self._read_session() as session:
+            return () if session is None else tuple(past.order_ends(session, begin_ns, end_ns))
+
+    def cycle_sums(self, begin_ns: int, end_ns: int) -> CycleSums:
+        """What the cycles did that began in a range of time."""
+        with self._read_session() as session:
+            if session is None:
+                return CycleSums({}, 0.0, 0.0, 0)
+            return past.cycle_sums(session, begin_ns, end_ns)
+
+    def last_energy(self, time_ns: int) -> CycleReport | None:
+        """The last cycle at a moment whose plans drove at all, without its gates; None: none."""
+        with self._read_session() as session:
+            row = None if session is None else past.last_with_energy(session, time_ns)
+            return None if row is None else cycle_report(row)
+
+    def state_counts(self, begin_ns: int, end_ns: int) -> Mapping[str, tuple[int, int]]:
+        """States of each segment in the hours that begin in a range of time, and those of them
+        with features; of an hour that has not ended, what came until now.
+        """
+        with self._read_session() as session:
+            return {} if session is None else rollup_table.counts(session, begin_ns, end_ns)
+
+    def events(
+        self, begin_ns: int, end_ns: int, *, limit: int, before: int | None = None
+    ) -> tuple[Event, ...]:
+        """What operators were told of in a range of time, latest first: alarms by their begin, and
+        what was done by whom.
+
+        Args:
+            begin_ns: UTC; earlier ones are left out.
+            end_ns: UTC; so are those of then or later.
+            limit: maximum number.
+            before: number that theirs are below; None: of all.
+        """
+        with self._read_session() as session:
+            if session is None:
+                return ()
+            return tuple(events.between(session, begin_ns, end_ns, limit, before))
 
     @contextmanager
     def tables(self) -> Iterator[Tables]:

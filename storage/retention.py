@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -134,6 +135,30 @@ def read_pages(cursor: sqlite3.Cursor) -> Pages:
     """Pages of the file that a cursor reads."""
     names = ("page_size", "page_count", "freelist_count")
     return Pages(*(cursor.execute(f"PRAGMA {name}").fetchone()[0] for name in names))
+
+
+@dataclass(frozen=True)
+class Room:
+    """Room of an SQLite database.
+
+    Attributes:
+        size_bytes: its file, log and reserve.
+        free_bytes: what is left on its disk.
+    """
+
+    size_bytes: int
+    free_bytes: int
+
+
+def read_room(path: Path) -> Room | None:
+    """The room of an SQLite file; None: it cannot be read."""
+    place = path.resolve()
+    try:
+        parts = (place, place.with_name(place.name + "-wal"), reserve_path(path))
+        size = sum(part.stat().st_size for part in parts if part.exists())
+        return Room(size, shutil.disk_usage(place.parent).free)
+    except OSError:
+        return None
 
 
 def reserve_path(path: Path) -> Path:

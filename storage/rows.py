@@ -6,8 +6,11 @@ Columns have the names of the messages' fields, so a new scalar field of a messa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
 
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
     CarrierSummary,
     CycleReport,
@@ -27,11 +30,23 @@ _ENERGY_FIELDS = tuple(EnergySummary.model_fields)
 _SOLVER_FIELDS = tuple(SolverReport.model_fields)
 _GATE_FIELDS = tuple(Gate.model_fields)
 _PLAN_FIELDS = tuple(VehiclePlan.model_fields)
+_BY_SEGMENT = ("driven_kwh", "saved_drag_kwh")
 _STATE_FIELDS = tuple(SegmentState.model_fields)
 
 
-def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
-    """Build the row of a cycle with its solver runs and plans; its gates are stored as traffic."""
+def cycle_row(
+    report: CycleReport,
+    plans: Sequence[VehiclePlan],
+    energies: Mapping[str, PlanEnergy] | None = None,
+) -> CycleRow:
+    """Build the row of a cycle with its solver runs and plans; its gates are stored as traffic.
+
+    Args:
+        report: of the cycle.
+        plans: of the cycle.
+        energies: of plans, by vehicle.
+    """
+    energy_of = energies or {}
     energy = report.energy.model_dump() if report.energy else {}
     return CycleRow(
         **report.model_dump(include=set(_CYCLE_FIELDS)),
@@ -44,7 +59,12 @@ def cycle_row(report: CycleReport, plans: Sequence[VehiclePlan]) -> CycleRow:
             for position, run in enumerate(report.solvers)
         ],
         plans=[
-            PlanRow(**plan.model_dump(mode="json"), status="published", status_ns=report.started_ns)
+            PlanRow(
+                **plan.model_dump(mode="json"),
+                status="published",
+                status_ns=report.started_ns,
+                segment_energy=_plan_energy_values(energy_of.get(plan.vehicle)),
+            )
             for plan in plans
         ],
     )
@@ -74,6 +94,24 @@ def vehicle_plan(row: PlanRow) -> VehiclePlan:
     """Read a VehiclePlan back from its row."""
     # Not strict: JSON has lists where the message has tuples.
     return VehiclePlan.model_validate(_fields(row, _PLAN_FIELDS), strict=False)
+
+
+def plan_energy(row: PlanRow) -> PlanEnergy | None:
+    """Read a PlanEnergy back from its plan's row; None: there is none."""
+    if row.segment_energy is None:
+        return None
+    values: dict[str, Any] = dict(row.segment_energy)
+    for name in _BY_SEGMENT:
+        values[name] = tuple(float(value) for value in values[name])
+    return PlanEnergy(**values)
+
+
+def _plan_energy_values(energy: PlanEnergy | None) -> dict[str, Any] | None:
+    if energy is None:
+        return None
+    # To a milliwatt hour: with all digits they would be a third of a plan's row.
+    rounded = {name: [round(kwh, 6) for kwh in getattr(energy, name)] for name in _BY_SEGMENT}
+    return asdict(energy) | rounded
 
 
 def gate(row: GateRow) -> Gate:

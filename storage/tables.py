@@ -31,7 +31,7 @@ from storage.traffic.models import cycle_traffic
 
 BATCH: Final = 5_000
 """Rows that are held in memory at once: some 10 MB of plans."""
-_TIMES: Final = ("started_ns", "began_ns", "time_ns", "submitted_ns", "since_ns")
+_TIMES: Final = ("hour_ns", "started_ns", "began_ns", "time_ns", "submitted_ns", "since_ns")
 """What a row's time is, in a table whose rows belong to no cycle."""
 
 _RECENT: Final = (GateRow.__tablename__, StateRow.__tablename__)

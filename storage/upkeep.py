@@ -11,7 +11,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
-from storage import fleet, inputs, jobs, retention
+from storage import energy_ledger, events, fleet, inputs, jobs, retention
 from storage.models import CycleRow
 from storage.traffic import conversion, gates, recent, rollup_table
 from storage.writer import Writer
@@ -240,6 +240,18 @@ class Upkeep(Writer):
 
 
 def _delete_before_first_cycle(session: Session) -> bool:
-    """Delete the roll-ups of an hour and a minute before all cycles; False if there are none."""
+    """Delete the oldest roll-ups, hours of the energy ledger and events before all cycles, some of
+    each; False if there are none.
+    """
     first_ns = session.scalar(select(func.min(CycleRow.started_ns)))
-    return first_ns is not None and rollup_table.delete_all_oldest(session, first_ns)
+    if first_ns is None:
+        return False
+    deleted = [
+        delete(session, first_ns)
+        for delete in (
+            rollup_table.delete_all_oldest,
+            energy_ledger.delete_oldest,
+            events.delete_before,
+        )
+    ]
+    return any(deleted)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, Self
 
-from sqlalchemy import Engine, func, select
+from sqlalchemy import Engine, func, select, text
 from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.orm import Session
 
@@ -24,6 +24,8 @@ log = logging.getLogger(__name__)
 
 PRUNE_BATCH: Final = 200
 """Maximum number of cycles deleted in one transaction; a cycle to be recorded waits for one."""
+WRITE_WITHIN_S: Final = 30.0
+"""What any other writer waits for its turn, s: longer than a step of those before it takes."""
 MAX_CONVERSION_BYTES: Final = 10**9
 """Size up to which a file of a version before is made able to shrink when the dispatcher starts."""
 
@@ -86,14 +88,16 @@ class Writer:
             log.warning("%s: %s; see `slipstream db prune` in operations.md", self._source, problem)
 
     @contextmanager
-    def _write_session(self, within_s: float = -1.0) -> Iterator[Session]:
-        """A transaction; one that has no turn in time raises `StorageError`. Below 0: it waits."""
+    def _write_session(self, within_s: float = WRITE_WITHIN_S) -> Iterator[Session]:
+        """A transaction; one that has no turn in time raises `StorageError`."""
         with self._turn(within_s):
             self._check_place()
             try:
                 with Session(self._engine) as session, session.begin():
                     if not self._is_sqlite:
                         # As SQLite's transactions do: commands write beside the dispatcher.
+                        timeout = text(f"SET LOCAL lock_timeout = {round(1000 * within_s)}")
+                        session.execute(timeout)
                         session.execute(select(func.pg_advisory_xact_lock(WRITE_LOCK)))
                     yield session
                     session.flush()
@@ -129,7 +133,7 @@ class Writer:
         return StorageError(line)
 
     def _open_anew(self) -> None:
-        with self._lock:
+        with self._turn(WRITE_WITHIN_S):
             if self._lost is None and self._owner is not None:
                 self._lost = self._owner.lost()
             if self._lost is None:
@@ -156,7 +160,7 @@ class Writer:
     @contextmanager
     def _raw(self) -> Iterator[sqlite3.Cursor]:
         """A cursor outside of transactions, for statements that cannot be in one."""
-        with self._lock:
+        with self._turn(WRITE_WITHIN_S):
             self._check_place()
             try:
                 with (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import logging
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -33,6 +34,14 @@ settings.register_profile(
     database=None,
 )
 settings.load_profile("slipstream")
+
+
+@pytest.fixture(autouse=True)
+def root_level() -> Iterator[None]:
+    """Puts back the level of the root logger, which daemons that run in a test's process set."""
+    before = logging.getLogger().level
+    yield
+    logging.getLogger().setLevel(before)
 
 
 @pytest.fixture
@@ -180,7 +189,7 @@ def postgres_url(postgres: PostgresServer) -> str:
     return postgres.new_database()
 
 
-_CHROMIUM_ARGUMENTS = [
+CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",
     "--use-angle=swiftshader",
@@ -199,6 +208,6 @@ def browser(tool: Callable[[str], str]) -> Iterator[Any]:
     chromium = tool("chromium")
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=chromium, args=_CHROMIUM_ARGUMENTS)
+        running = playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_ARGUMENTS)
         yield running
         running.close()

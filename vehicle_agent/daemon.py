@@ -116,7 +116,7 @@ class AgentDaemon:
             message = message_of(key, payload)
         except InputError as error:
             metrics.BAD_MESSAGES.inc()
-            self._warn("bad message", str(error))
+            self._limiter.warn(log, "bad message", str(error))
             return None
         if isinstance(message, VehicleSensing):
             before = self._sensing.get(message.vehicle)
@@ -159,11 +159,6 @@ class AgentDaemon:
         metrics.FAULTS.inc()
         if self._limiter.allow(what):
             log.exception("%s failed: %s", what, error)
-
-    def _warn(self, kind: str, line: str) -> None:
-        if self._limiter.allow(kind):
-            more = self._limiter.suppressed(kind)
-            log.warning("%s%s", line, f" ({more} more of this kind)" if more else "")
 
 
 def _is_older(message: VehicleSensing, before: VehicleSensing | None) -> bool:

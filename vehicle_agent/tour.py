@@ -104,7 +104,8 @@ class Tour:
         visit = self._visits.get(stop.stop)
         if not stop.is_hub and visit is not None and visit.status == "arrived":
             return None
-        return max(stop.departure_ns, self.ready_ns) if stop.wait_s > 0 else self.ready_ns
+        ready_ns = self.ready_ns + round(1e9 * stop.break_s)  # however late it came
+        return max(stop.departure_ns, ready_ns) if stop.wait_s > 0 else ready_ns
 
     def slack_ns(self, due_ns: int) -> int:
         """By how much the next leg may begin later without a late delivery on the rest of the tour.

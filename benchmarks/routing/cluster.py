@@ -25,9 +25,8 @@ from pathlib import Path
 
 from benchmarks.routing.city_run import unguarded
 from dispatcher_daemon import metrics
-from dispatcher_daemon.cluster_settings import ClusterSettings
 from dispatcher_daemon.planning import FleetPlan, plan_fleet, search_within
-from dispatcher_daemon.settings import CitySettings, DispatcherSettings
+from dispatcher_daemon.settings import CitySettings, ClusterSettings, DispatcherSettings
 from dispatcher_daemon.solvers.execution.cluster.client import Cluster
 from dispatcher_daemon.solvers.execution.cluster.fallback import ClusterExecutor, cluster_solve
 from dispatcher_daemon.solvers.execution.pool import Solve, SolverPool

@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks.aims import Load, machine
 from benchmarks.command import Measured, report, say, start
 from benchmarks.service import telemetry
+from benchmarks.service.costs import message_costs
 
 _RSUS = 100
 _SEGMENTS = 100
@@ -33,8 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if not steps[-1].holds:
                 break
             steps.append(telemetry.measure(_RSUS, segments, 20.0, options.out, say))
+        costs = message_costs(5.0 if options.short else 30.0, options.out, say)
         about = {"machine": machine(), **load.figures()}
-        return Measured(options.out, telemetry.write(options.out, found, steps, about))
+        return Measured(options.out, telemetry.write(options.out, found, steps, costs, about))
 
     return report("bench-service", run, as_json=options.json)
 

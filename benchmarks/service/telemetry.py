@@ -3,29 +3,18 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-import time
-import urllib.request
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, Final
-
-import psutil
-import tomli_w
-from prometheus_client.parser import text_string_to_metric_families
+from typing import Any, Final
 
 from benchmarks.aims import Check, check_table
 from benchmarks.service.grid import write_grid
-from slipstream.bus import Router, free_port
+from benchmarks.service.loaded import Cost, Loaded, run_load
 from slipstream.messages import ALL_STATES
 
 MAX_LATENCY_S: Final = 0.1
-_START_S: Final = 120.0
-_SETTLE_S: Final = 30.0
-_FLEET: Final = {
+FLEET: Final[dict[str, Any]] = {
     "depots": [{"id": "yard", "node": "0.0"}],
     "vehicles": [{"id": "van-a", "depot": "yard"}],
     "stops": [{"id": "shop", "node": "2.2"}],
@@ -74,51 +63,6 @@ class Figures:
         return not self.lost and self.within >= 0.99 and self.cpu_share <= 1.0
 
 
-class Metrics:
-    """A daemon's metrics page, read once."""
-
-    def __init__(self, port: int) -> None:
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30) as answer:
-            text = answer.read().decode()
-        self._samples = [
-            sample for family in text_string_to_metric_families(text) for sample in family.samples
-        ]
-
-    def total(self, name: str, **labels: str) -> float:
-        """Sum of the samples that have these labels."""
-        return sum(
-            sample.value
-            for sample in self._samples
-            if sample.name == name and labels.items() <= sample.labels.items()
-        )
-
-    def buckets(self, name: str) -> dict[float, float]:
-        """A histogram's cumulated counts by upper bound."""
-        return {
-            float(sample.labels["le"]): sample.value
-            for sample in self._samples
-            if sample.name == f"{name}_bucket"
-        }
-
-    def outcomes(self) -> dict[str, int]:
-        """The states in the dispatcher's inbox, by what became of them."""
-        return {
-            sample.labels["outcome"]: int(sample.value)
-            for sample in self._samples
-            if sample.name == "slipstream_bus_samples_total"
-            and sample.labels["subscription"] == ALL_STATES
-        }
-
-
-@contextmanager
-def _process(*command: str, **pipes: int) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen([sys.executable, *command], text=True, **pipes) as process:  # type: ignore[call-overload]
-        try:
-            yield process
-        finally:
-            process.terminate()
-
-
 def measure(
     rsus: int, segments_each: int, seconds: float, folder: Path, say: Callable[[str], None]
 ) -> Figures:
@@ -127,109 +71,55 @@ def measure(
     Raises:
         RuntimeError: a process ended, or the dispatcher did not start.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     say(f"{rsus} RSUs with {segments_each} segments each, {seconds:.0f} s")
+    watched, settings = watched_grid(folder, rsus, segments_each)
+    found = run_load(
+        folder, {**settings, "rsus": watched}, {"watched": watched, "seconds": seconds}, ALL_STATES
+    )
+    return _figures(rsus, found)
+
+
+def watched_grid(
+    folder: Path, rsus: int, segments_each: int
+) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Write a network that has as many segments, and a fleet of one van on it.
+
+    Returns:
+        segments by RSU, and the dispatcher's settings with the two files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
     number = rsus * segments_each
-    size = 2
+    size = 3
     while 4 * size * (size - 1) < number:
         size += 1
     names = write_grid(folder / "grid.net.xml", size)
+    (folder / "fleet.json").write_text(json.dumps(FLEET))
     watched = {f"rsu-{n}": names[n * segments_each : (n + 1) * segments_each] for n in range(rsus)}
-    (folder / "fleet.json").write_text(json.dumps(_FLEET))
-    port = free_port()
-    config = folder / "dispatcher.toml"
-    with Router() as router:
-        config.write_text(
-            tomli_w.dumps(
-                {
-                    "network": str(folder / "grid.net.xml"),
-                    "fleet": str(folder / "fleet.json"),
-                    "database_url": f"sqlite:///{folder / f'{time.time_ns()}.db'}",
-                    "rsus": watched,
-                    "bus": {"connect": [router.endpoint]},
-                    "service": {"metrics_port": port},
-                }
-            )
-        )
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        with (
-            _process("-m", "slipstream_cli", "dispatcher", "--config", str(config)) as dispatcher,
-            _process("-m", "benchmarks.service.senders", **pipes) as sender,
-        ):
-            before = _started(dispatcher, port)
-            told = {"endpoint": router.endpoint, "watched": watched, "seconds": seconds}
-            assert sender.stdin is not None
-            assert sender.stdout is not None
-            sender.stdin.write(json.dumps(told) + "\n")
-            sender.stdin.flush()
-            _expect(sender.stdout, "declared")
-            spent = psutil.Process(dispatcher.pid)
-            cpu_s, began_s = sum(spent.cpu_times()[:2]), time.monotonic()
-            done = json.loads(_expect(sender.stdout))
-            cpu_s = sum(spent.cpu_times()[:2]) - cpu_s
-            cpu_share = cpu_s / (time.monotonic() - began_s)
-            after = _settled(port, done["sent"])
-            sender.stdin.write("\n")
-            sender.stdin.flush()
-    return _figures(rsus, done, before, after, cpu_share)
-
-
-def _expect(stream: IO[str], words: str = "") -> str:
-    line = stream.readline()
-    if not line.startswith(words or "{"):
-        raise RuntimeError(f"the senders ended: {line!r}")
-    return line
-
-
-def _started(dispatcher: subprocess.Popen[str], port: int) -> Metrics:
-    """The metrics once the first cycle has ended: from then on all is loaded."""
-    deadline = time.monotonic() + _START_S
-    while time.monotonic() < deadline and dispatcher.poll() is None:
-        try:
-            found = Metrics(port)
-        except OSError:
-            found = None
-        if found is not None and found.total("slipstream_dispatcher_cycles_total"):
-            return found
-        time.sleep(0.2)
-    raise RuntimeError("the dispatcher did not start")
-
-
-def _settled(port: int, sent: int) -> Metrics:
-    """The metrics once all has come, or nothing more comes."""
-    deadline, before = time.monotonic() + _SETTLE_S, -1.0
-    while True:
-        found = Metrics(port)
-        now = sum(found.outcomes().values())
-        if now >= sent or now == before or time.monotonic() > deadline:
-            return found
-        before = now
-        time.sleep(1.0)
-
-
-def _figures(
-    rsus: int, done: Mapping[str, float], before: Metrics, after: Metrics, cpu_share: float
-) -> Figures:
-    age = "slipstream_dispatcher_state_age_seconds"
-    counts = {
-        bound: count - before.buckets(age).get(bound, 0.0)
-        for bound, count in after.buckets(age).items()
+    return watched, {
+        "network": str(folder / "grid.net.xml"),
+        "fleet": str(folder / "fleet.json"),
     }
+
+
+def _figures(rsus: int, found: Loaded) -> Figures:
+    age = "slipstream_dispatcher_state_age_seconds"
+    earlier, after = found.before.buckets(age), found.after
+    counts = {bound: count - earlier.get(bound, 0.0) for bound, count in after.buckets(age).items()}
     total = max(counts.values())
     p99 = next((b for b, count in sorted(counts.items()) if count >= 0.99 * total), None)
     accepted = after.total("slipstream_dispatcher_states_total", verdict="accepted")
     return Figures(
         rsus=rsus,
-        rate=done["sent"] / done["seconds"],
-        seconds=done["seconds"],
-        sent=int(done["sent"]),
+        rate=found.sent / found.seconds,
+        seconds=found.seconds,
+        sent=found.sent,
         accepted=int(accepted),
-        outcomes=after.outcomes(),
+        outcomes=after.outcomes(ALL_STATES),
         missed=int(after.total("slipstream_dispatcher_rsu_missed")),
-        cpu_share=cpu_share,
+        cpu_share=found.dispatcher_share,
         p99_s=None if p99 is None or p99 == float("inf") else p99,
         within=counts[MAX_LATENCY_S] / max(total, 1.0),
-        late_s=done["late_s"],
+        late_s=found.late_s,
     )
 
 
@@ -259,7 +149,11 @@ def checks(found: Figures) -> list[Check]:
 
 
 def write(
-    folder: Path, found: Figures, steps: Sequence[Figures], about: Mapping[str, str]
+    folder: Path,
+    found: Figures,
+    steps: Sequence[Figures],
+    costs: Sequence[Cost],
+    about: Mapping[str, str],
 ) -> list[Check]:
     """Write report.md and report.json; returns the aims."""
     aims = checks(found)
@@ -282,8 +176,20 @@ def write(
             for step in steps
         ),
         "",
+        "| message | bytes | dispatcher, µs | router, µs | not handled |",
+        "|---|--:|--:|--:|--:|",
+        *(
+            f"| {cost.what} | {cost.bytes:.0f} | {1e6 * cost.dispatcher_s:.0f} | "
+            f"{1e6 * cost.router_s:.0f} | {cost.lost} |"
+            for cost in costs
+        ),
+        "",
     ]
     (folder / "report.md").write_text("\n".join(lines), encoding="utf-8")
-    report = {"about": dict(about), "steps": [asdict(step) for step in steps]}
+    report = {
+        "about": dict(about),
+        "steps": [asdict(step) for step in steps],
+        "costs": [asdict(cost) for cost in costs],
+    }
     (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     return aims

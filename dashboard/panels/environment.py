@@ -17,8 +17,6 @@ MAX_ROWS: Final = 20
 """Rows that a table shows."""
 MAX_UNSERVED: Final = 5
 """Unserved stops that the cycle's panel names."""
-MAX_PICTURES: Final = 4
-"""Camera pictures that the page shows."""
 
 
 def render(template: str, **context: object) -> str:
@@ -79,7 +77,6 @@ def _environment() -> Environment:
     environment.globals |= {
         "LEVEL_RGB": labels.LEVEL_RGB,
         "LEVEL_SIGN": labels.LEVEL_SIGN,
-        "MAX_PICTURES": MAX_PICTURES,
         "MAX_ROWS": MAX_ROWS,
         "MAX_UNSERVED": MAX_UNSERVED,
         "TRAFFIC_DASHES": labels.TRAFFIC_DASHES,

@@ -1,4 +1,4 @@
-"""Docks the panels around the map; a block is sent again only when its HTML has changed."""
+"""Docks the panels beside the map; a block is sent again only when its HTML has changed."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ import viser
 import viser.uplot
 
 from dashboard.panels.environment import render
-from dashboard.panels.registry import HISTORY, PANELS, Panel
+from dashboard.panels.registry import HISTORY, PANELS
 from dashboard.view import DashboardView, HistoryView
 
-SIDE_WIDTH_PX: Final = 540
+SIDE_WIDTH_PX: Final = 400
+"""Leaves more than half of a window of 1,024 px to the map."""
+VIEW_ORDER: Final = 2.0
+CARD_ORDER: Final = 3.0
+"""Places in the panel of the buttons for the view, and of a browser's card."""
+FIRST_BLOCK: Final = 4
 _BASELINE = "#8a929d"
 _COOPERATIVE = "#005ab5"
 
@@ -33,22 +38,19 @@ class PanelLayout:
             show_share_button=False,
             brand_color=(0, 90, 140),
         )
-        gui.set_panel_label("Dispatch and health")
+        gui.set_panel_label("Slipstream in 3D")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(SIDE_WIDTH_PX)
-        self._style = render("style.html.j2")
         self._blocks: dict[str, viser.GuiHtmlHandle] = {}
         self._sent: dict[str, str] = {}
         self._history = HistoryView()
-        gui.add_html(self._style)
-        for panel in PANELS:
-            if panel.dock == "side":
-                self._blocks[panel.name] = gui.add_html("")
+        gui.add_html(render("style.html.j2"), order=0.0)
+        for place, panel in enumerate(PANELS, start=FIRST_BLOCK):
+            # The headline stands above what each browser has for itself.
+            order = 1.0 if panel.name == "summary" else float(place)
+            self._blocks[panel.name] = gui.add_html("", order=order)
             if panel is HISTORY:
-                self._chart = self._add_chart()
-        for panel in PANELS:
-            if panel.dock != "side":
-                self._add_window(panel)
+                self._chart = self._add_chart(place + 0.5)
 
     def update(self, view: DashboardView) -> None:
         """Show a view."""
@@ -62,17 +64,7 @@ class PanelLayout:
             self._chart.data = _chart_data(view.history)
             self._chart.visible = len(view.history.cycles) > 1
 
-    def _add_window(self, panel: Panel) -> None:
-        window = self._gui.add_panel()
-        with window.add_tab(panel.title or ""):
-            self._gui.add_html(self._style)
-            self._blocks[panel.name] = self._gui.add_html("")
-        if panel.dock == "top":
-            window.float(x=12, y=12, width=640)
-        else:
-            window.float(x=12, y=-12, width=660)
-
-    def _add_chart(self) -> viser.GuiUplotHandle:
+    def _add_chart(self, order: float) -> viser.GuiUplotHandle:
         return self._gui.add_uplot(
             data=_chart_data(self._history),
             series=(
@@ -88,6 +80,7 @@ class PanelLayout:
             legend=viser.uplot.Legend(show=False),
             height=140,
             visible=False,
+            order=order,
         )
 
 

@@ -1,9 +1,9 @@
-"""Draws lines, points and labels given in metres as nodes of viser's scene."""
+"""From metres to viser's scene: scale, strips and bodies, batches of them, the camera's place."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -12,142 +12,248 @@ import viser
 
 from dashboard.scene import geometry
 from dashboard.scene.geometry import Array
+from dashboard.scene.shapes import Shape
 from dashboard.view import Rgb
 from slipstream.roads import RoadNetwork
 
-Anchor = Literal["top-center", "bottom-center"]
-Colours = Rgb | npt.NDArray[np.uint8]
+Colours = npt.NDArray[np.integer[Any]] | Rgb
 
 FOV_RAD: Final = 0.7
+TILT_RAD: Final = 0.9
+"""Angle of the view above the ground where the whole map is shown."""
 _SCENE_WIDTH: Final = 10.0
-_TOP_PX: Final = 190
-"""Height of the panel above the map, and of the one below it, in px."""
-_BOTTOM_PX: Final = 270
+_MARGIN: Final = 1.06
+"""Room around the map where all of it is shown, as a factor of its size."""
 
 
 class Canvas:
-    """Draws in metres on a viser scene.
+    """The scale of the scene.
 
-    One factor turns m into scene units, so that any network is about ten units wide.
+    One factor turns m into scene units, so that any network is about ten units wide. North is y,
+    up is z. Widths and heights are given in a unit that follows the network, since a road of 7 m
+    would be no pixel wide in a city.
 
     Attributes:
-        scene: the viser scene.
         network: the network that the scale is made for.
-        unit_m: unit of widths and distances on the map, m; a share of the network's extent, but
-            small beside its typical segment.
+        unit_m: the unit, m: a share of the network's extent, smaller where its typical segment is
+            short.
+        unit: the same in scene units.
         centre_m: middle of the network, m.
+        size_m: its extent to the east and to the north, m.
 
     Args:
-        scene: the viser scene to draw on.
         network: the road network.
     """
 
-    def __init__(self, scene: viser.SceneApi, network: RoadNetwork) -> None:
-        self.scene = scene
+    def __init__(self, network: RoadNetwork) -> None:
         self.network = network
         x_min, y_min, x_max, y_max = network.bounds_m()
         extent = max(x_max - x_min, y_max - y_min, 1.0)
         self.centre_m = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2])
-        self._size_m = (x_max - x_min, y_max - y_min)
-        self._scale = _SCENE_WIDTH / extent
+        self.size_m = (x_max - x_min, y_max - y_min)
+        self.scale = _SCENE_WIDTH / extent
         lengths = sorted(segment.length_m for segment in network.segments.values())
-        self.unit_m = min(extent / 100, lengths[len(lengths) // 2] / 12)
+        self.unit_m = min(extent / 100, max(lengths[len(lengths) // 2] / 12, extent / 350))
+        self.unit = self.unit_m * self.scale
 
     def offset_line(self, segment: str, units: float) -> Array:
         """The line of a segment, offset to its right by a number of units; (N, 2), m."""
         shape = geometry.drop_repeated_points(self.network.segments[segment].shape)
         return geometry.offset(shape, units * self.unit_m)
 
-    def lines(
-        self,
-        name: str,
-        strokes_m: Array,
-        colours: Colours,
-        units: float,
-        height: float | Array,
-    ) -> viser.LineSegmentsHandle:
-        """Draw strokes, (N, 2, 2) in m, of a width in units; replaces a node of the same name.
+    def positions(self, places_m: Array, height: float) -> npt.NDArray[np.float32]:
+        """Places in m, (N, 2), at a height in units, as positions in the scene, (N, 3)."""
+        flat = (np.asarray(places_m, dtype=np.float64).reshape(-1, 2) - self.centre_m) * self.scale
+        return np.column_stack((flat, np.full(len(flat), height * self.unit))).astype(np.float32)
+
+    def places_m(self, positions: Array) -> Array:
+        """Positions on the ground of the scene, (N, 2 or 3), as places in m, (N, 2)."""
+        places: Array = positions[:, :2] / self.scale + self.centre_m
+        return places
+
+    def strips(
+        self, strokes_m: Array, rgb: Colours, units: float | Array, height: float | Array
+    ) -> Instances:
+        """Strokes as flat strips of the shape `QUAD`.
 
         Args:
-            colours: one for all, or those of the ends of each stroke, (N, 2, 3), made by
-                `stroke_colours`.
-            height: of all, or of each stroke, (N,), in scene units.
+            strokes_m: start and end of each, (N, 2, 2), m.
+            rgb: colours in sRGB, (N, 3) or (3,).
+            units: width of all, or of each, (N,).
+            height: above the ground, in units, of all or of each, (N,).
         """
-        flat = (strokes_m - self.centre_m) * self._scale
-        heights = np.broadcast_to(np.asarray(height).reshape(-1, 1, 1), (*flat.shape[:2], 1))
-        points = np.concatenate((flat, heights), axis=2)
-        return self.scene.add_line_segments(
-            name,
-            points.astype(np.float32),
-            colours,
-            thickness=units * self.unit_m * self._scale,
-        )
+        steps = np.diff(strokes_m, axis=1)[:, 0]
+        scales = np.ones((len(steps), 3), dtype=np.float32)
+        scales[:, 0] = np.hypot(*steps.T) * self.scale
+        scales[:, 1] = np.asarray(units) * self.unit
+        positions = self.positions(strokes_m[:, 0], 0.0)
+        positions[:, 2] = np.asarray(height) * self.unit
+        turns = facing(np.arctan2(steps[:, 1], steps[:, 0]))
+        return Instances(positions, turns, scales, linear(rgb, len(steps)))
 
-    def points(
+    def bodies(
+        self, places_m: Array, headings: Array, rgb: Colours, units: float, height: float = 0.0
+    ) -> Instances:
+        """One shape at many places.
+
+        Args:
+            places_m: (N, 2).
+            headings: angle of each from the east, anticlockwise, rad, (N,).
+            rgb: colours in sRGB, (N, 3) or (3,).
+            units: size of all: what is 1 long in the shape.
+            height: above the ground, in units.
+        """
+        positions = self.positions(places_m, height)
+        scales = np.full((len(positions), 3), units * self.unit, dtype=np.float32)
+        return Instances(positions, facing(headings), scales, linear(rgb, len(positions)))
+
+    def area(
         self,
+        scene: viser.SceneApi,
         name: str,
-        places_m: Sequence[tuple[float, float]] | Array,
-        colours: Colours,
-        units: float,
-        shape: Literal["square", "diamond", "circle"],
-        height: float = 0.04,
-    ) -> viser.PointCloudHandle:
-        """Draw a marker at each place, (N, 2) in m; replaces a node of the same name."""
-        return self.scene.add_point_cloud(
+        places_m: Array,
+        faces: npt.NDArray[np.int64],
+        rgb: Rgb,
+        height: float = 0.0,
+    ) -> None:
+        """Draw flat triangles of corners, (N, 2) in m; replaces a node of the same name."""
+        scene.add_mesh_simple(
             name,
-            self.positions(np.asarray(places_m, dtype=np.float64), height),
-            colours,
-            point_size=units * self.unit_m * self._scale,
-            point_shape=shape,
-            point_shading="flat",
-            precision="float32",
+            self.positions(places_m, height),
+            faces.astype(np.uint32),
+            color=rgb,
+            material="toon3",
+            cast_shadow=False,
+            receive_shadow=False,
         )
 
-    def label(
-        self, name: str, text: str, place_m: Array, units_north: float, anchor: Anchor
-    ) -> viser.LabelHandle:
-        """Draw a label some units north of a place, in m; replaces a node of the same name."""
-        return self.scene.add_label(
-            name, text, position=self.label_position(place_m, units_north), anchor=anchor
-        )
+    def fit(self, width_px: int, height_px: int, tilt: float = TILT_RAD) -> tuple[Array, Array]:
+        """Camera position and the point it looks at, for the network to fill a browser's canvas.
 
-    def label_position(self, place_m: Array, units_north: float) -> npt.NDArray[np.float32]:
-        """Position of a label in the scene."""
-        moved = np.asarray(place_m) + np.array([0.0, units_north * self.unit_m])
-        position: npt.NDArray[np.float32] = self.positions(moved[None, :], 0.06)[0]
-        return position
-
-    def positions(self, places_m: Array, height: float) -> npt.NDArray[np.float32]:
-        """Places in m, (N, 2), as positions in the scene, (N, 3)."""
-        flat = (places_m - self.centre_m) * self._scale
-        return np.column_stack((flat, np.full(len(flat), height))).astype(np.float32)
-
-    def fit(self, width_px: int, height_px: int) -> tuple[Array, Array]:
-        """Camera position and the point it looks at, for the network to fill a canvas.
-
-        The map goes between the panels above and below it where the canvas is high enough.
+        Args:
+            width_px: of the canvas.
+            height_px: of the canvas.
+            tilt: angle of the view above the ground, rad; π/2 looks straight down.
         """
-        width, height = (side * self._scale for side in self._size_m)
-        width_px, height_px = max(width_px, 200), max(height_px, 200)
-        roomy = height_px > _TOP_PX + _BOTTOM_PX + 200
-        top, bottom = (_TOP_PX, _BOTTOM_PX) if roomy else (0, 0)
-        free_px = height_px - top - bottom
-        # Room for labels beside the outermost roads.
-        seen = max(
-            (width * 1.12 + 0.3) * height_px / width_px, (height * 1.25 + 0.3) * height_px / free_px
+        half = np.array(self.size_m) * self.scale / 2 * _MARGIN + 2 * self.unit
+        return fit_box(half, width_px / max(height_px, 1), tilt)
+
+
+def fit_box(half: Array, aspect: float, tilt: float) -> tuple[Array, Array]:
+    """Camera position and look-at for a box on the ground, ±half (2,) about the origin."""
+    # Looking straight down would leave the up direction undefined.
+    tilt = min(tilt, math.pi / 2 - 1e-3)
+    away = np.array([0.0, -math.cos(tilt), math.sin(tilt)])
+    up = np.array([0.0, math.sin(tilt), math.cos(tilt)])
+    corners = np.array([(x, y, 0.0) for x in (-half[0], half[0]) for y in (-half[1], half[1])])
+    tan_y = math.tan(FOV_RAD / 2)
+    tan_x = tan_y * max(aspect, 0.1)
+    look_at = np.zeros(3)
+    for _ in range(8):
+        # A corner is seen if its offset on each axis is within its depth's share.
+        seen = corners - look_at
+        near = seen @ away
+        distance = float(
+            np.max(near + np.maximum(np.abs(seen[:, 0]) / tan_x, np.abs(seen @ up) / tan_y))
         )
-        distance = seen / 2 / math.tan(FOV_RAD / 2)
-        shift = seen * (top - bottom) / 2 / height_px
-        look_at = np.array([0.0, shift, 0.0])
-        # Looking straight down would leave the up direction undefined.
-        return look_at + np.array([0.0, -1e-3 * distance, distance]), look_at
+        # The far edge is seen smaller than the near one: the middle of the picture moves.
+        heights = (seen @ up) / (distance - near)
+        middle = (float(heights.max()) + float(heights.min())) / 2
+        look_at = look_at + np.array([0.0, middle * distance / math.sin(tilt), 0.0])
+    return look_at + away * distance, look_at
 
 
-def stroke_colours(rgb: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.uint8]:
-    """Colours of strokes, (N, 3) in sRGB, as `Canvas.lines` takes them: (N, 2, 3).
+@dataclass(frozen=True)
+class Instances:
+    """Where a shape stands, how often.
 
-    viser takes colours of single vertices to be in linear light.
+    Attributes:
+        positions: in the scene, (N, 3).
+        turns: quaternions (w, x, y, z), (N, 4).
+        scales: along the shape's axes, (N, 3).
+        rgb: colours in linear light, (N, 3), as viser takes those of a batch.
     """
-    share = rgb / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return np.repeat(np.round(linear * 255).astype(np.uint8)[:, None, :], 2, axis=1)
+
+    positions: npt.NDArray[np.float32]
+    turns: npt.NDArray[np.float32]
+    scales: npt.NDArray[np.float32]
+    rgb: npt.NDArray[np.uint8]
+
+
+class Batch:
+    """One node of a scene that draws a shape many times; sends only the arrays that changed.
+
+    Args:
+        scene: the scene of all browsers, or of one.
+        name: of the node.
+        shape: what to draw.
+    """
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        name: str,
+        shape: Shape,
+        material: Literal["standard", "toon3"] = "standard",
+    ) -> None:
+        self._material: Final = material
+        self._scene = scene
+        self._name = name
+        self._shape = shape
+        self._node: viser.BatchedMeshHandle | None = None
+        self._shown: Instances | None = None
+
+    def show(self, new: Instances) -> None:
+        """Draw these in place of those before."""
+        old, self._shown = self._shown, new
+        if self._node is None or old is None or len(old.positions) != len(new.positions):
+            self._redraw(new)
+            return
+        for prop, before, now in (
+            ("batched_positions", old.positions, new.positions),
+            ("batched_wxyzs", old.turns, new.turns),
+            ("batched_scales", old.scales, new.scales),
+            ("batched_colors", old.rgb, new.rgb),
+        ):
+            if not np.array_equal(before, now):
+                setattr(self._node, prop, now)
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        if self._node is not None:
+            self._node.remove()
+            self._node = None
+
+    def _redraw(self, new: Instances) -> None:
+        if not len(new.positions):
+            self.clear()
+            return
+        self._node = self._scene.add_batched_meshes_simple(
+            self._name,
+            self._shape.vertices,
+            self._shape.faces,
+            new.turns,
+            new.positions,
+            batched_scales=new.scales,
+            batched_colors=new.rgb,
+            # The shapes are simple; viser would search for simpler ones in each browser.
+            lod="off",
+            material=self._material,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+
+def facing(headings: Array) -> npt.NDArray[np.float32]:
+    """Quaternions (w, x, y, z), (N, 4), of turns about the vertical, rad."""
+    turns = np.zeros((len(headings), 4), dtype=np.float32)
+    turns[:, 0], turns[:, 3] = np.cos(headings / 2), np.sin(headings / 2)
+    return turns
+
+
+def linear(rgb: Colours, count: int) -> npt.NDArray[np.uint8]:
+    """Colours in sRGB, (3,) or (N, 3), in linear light, (N, 3)."""
+    share = np.broadcast_to(np.asarray(rgb), (count, 3)) / 255
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    rounded: npt.NDArray[np.uint8] = np.round(light * 255).astype(np.uint8)
+    return rounded

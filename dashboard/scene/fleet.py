@@ -1,66 +1,126 @@
-"""The map's layer of the fleet: planned routes, stops, and vehicles at their positions."""
+"""The map's layers of the fleet: planned routes, stops, vehicles and the platoons they are in."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 import viser
 
-from dashboard.scene import geometry
-from dashboard.scene.canvas import Canvas, stroke_colours
+from dashboard.scene import geometry, shapes
+from dashboard.scene.canvas import Batch, Canvas
 from dashboard.scene.geometry import Array
-from dashboard.scene.lanes import Drawing, Lanes
+from dashboard.scene.lanes import Lanes
+from dashboard.scene.marks import Mark
 from dashboard.view import Rgb, VehicleView
 
-MAX_VEHICLES: Final = 500
-MAX_LABELS: Final = 40
-"""Maximum number of labels of stops, and of vehicles; with more of a kind none is drawn."""
+MAX_VEHICLES: Final = 2000
+MAX_ROUTE_STRIPS: Final = 6000
+"""Strips of the routes, each in its vehicle's colour; with more, each road is drawn once."""
+MAX_PLATOON_STRIPS: Final = 600
+"""Strips of platoons' ways, likewise."""
 ROUTE_LANES: Final = 4
 """Number of routes drawn side by side; further ones share their lanes."""
-_LANE_UNITS: Final[Array] = np.array([1.3 + 0.5 * lane for lane in range(ROUTE_LANES)])
-"""Offset of each lane to the right of its road, in units."""
-_DARK: Final[Rgb] = (29, 39, 51)
-_WHITE: Final[Rgb] = (255, 255, 255)
+VEHICLE_UNITS: Final = 2.2
+"""Length of a drawn vehicle, in units."""
+LANE_UNITS: Final = 0.5
+"""Offset of a road's band, and of the vehicles on it, to the right of its line, in units."""
+_ROUTE_UNITS: Final[Array] = np.array([1.2 + 0.42 * lane for lane in range(ROUTE_LANES)])
+_MAX_LINK_VEHICLES: Final = 12.0
+"""Members of a platoon further apart than so many drawn vehicles are not linked."""
+_LINK_RGB: Final[Rgb] = (0, 120, 90)
+_ALL_ROUTES_RGB: Final[Rgb] = (120, 140, 170)
+_STOP_RGB: Final[Rgb] = (60, 72, 88)
+_DARK: Final[Rgb] = (38, 46, 58)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """The vehicles that are drawn, and where.
+
+    Attributes:
+        vehicles: in the order of the arrays.
+        trucks: which of them are trucks, (N,).
+        places_m: (N, 2).
+        headings: from the east, anticlockwise, rad, (N,).
+    """
+
+    vehicles: tuple[VehicleView, ...]
+    trucks: npt.NDArray[np.bool_]
+    places_m: Array
+    headings: Array
 
 
 class FleetLayer:
-    """Draws vehicles, routes and stops on a canvas and updates them.
+    """Draws vehicles, routes and stops, and updates them.
 
     Args:
-        canvas: what to draw on.
+        scene: the scene of all browsers.
+        canvas: the scale.
         depots: junctions with a depot's marker, which get no stop's marker.
+        trucks: vehicles that are drawn as trucks; the others as vans.
     """
 
-    def __init__(self, canvas: Canvas, depots: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        canvas: Canvas,
+        depots: Collection[str] = (),
+        trucks: Collection[str] = (),
+    ) -> None:
+        self._scene = scene
         self._canvas = canvas
         self._depots = frozenset(depots)
-        self._lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.55 * canvas.unit_m)
-        x_min, y_min, x_max, y_max = canvas.network.bounds_m()
-        self._label_spacing_m = max(8 * canvas.unit_m, 0.05 * max(x_max - x_min, y_max - y_min))
-        self._routes: list[tuple[object, ...]] = []
+        self._trucks = frozenset(trucks)
+        self.lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.5 * canvas.unit_m)
+        self._routes: object = None
+        self._platoons: object = None
         self._stops: tuple[tuple[str, str], ...] = ()
-        self._stop_labels = 0
-        self._places_m: Array = np.empty((0, 2))
-        self._rgb: tuple[Rgb, ...] = ()
-        self._nodes: list[viser.PointCloudHandle] = []
-        self._labels: list[viser.LabelHandle] = []
+        self._stop_marks: tuple[Mark, ...] = ()
+        self._route_batch = Batch(scene, "/routes", shapes.QUAD, "toon3")
+        self._platoon_batch = Batch(scene, "/platoons", shapes.QUAD, "toon3")
+        self._link_batch = Batch(scene, "/platoon_links", shapes.QUAD, "toon3")
+        self._stop_batch = Batch(scene, "/stops", shapes.STOP)
+        self._van_batch = Batch(scene, "/vans", shapes.VAN)
+        self._truck_batch = Batch(scene, "/trucks", shapes.TRUCK)
+        self._line = cache(lambda name: canvas.offset_line(name, LANE_UNITS))
 
-    def update(self, vehicles: Sequence[VehicleView]) -> None:
-        """Show the vehicles whose routes run on this network."""
-        indices = self._lanes.index
+    def update(
+        self, vehicles: Sequence[VehicleView], open_roads: Collection[str]
+    ) -> tuple[Placed, list[Mark]]:
+        """Show the vehicles whose routes run on this network.
+
+        Args:
+            vehicles: all of them.
+            open_roads: roads on which traffic is calm now: only there a platoon's way is drawn.
+        """
+        indices = self.lanes.index
         known = [
             van
             for van in vehicles
             if all(name in indices for name, _ in van.route)
             and (van.position is None or van.position[0] in indices)
-        ]
-        known = known[:MAX_VEHICLES]
+        ][:MAX_VEHICLES]
         self._update_stops(known)
         self._update_routes(known)
-        self._update_vans(known)
+        self._update_platoons(known, frozenset(open_roads))
+        placed = self._place([van for van in known if van.position and not van.expired], open_roads)
+        self._update_bodies(placed)
+        return placed, [*self._vehicle_marks(placed), *self._stop_marks]
+
+    def route_strokes(self, van: VehicleView) -> Array:
+        """Strokes of one vehicle's whole way, (N, 2, 2), m."""
+        names = [name for name, _ in van.route if name in self.lanes.index]
+        roads = np.array([self.lanes.index[name] for name in names], dtype=np.int64)
+        lanes_m = np.full(len(roads), _ROUTE_UNITS[0] * self._canvas.unit_m)
+        before = np.arange(max(len(roads) - 1, 0))
+        across = self.lanes.junction_strokes(roads, lanes_m, before)
+        return np.concatenate((self.lanes.road_strokes(roads, lanes_m).strokes, across.strokes))
 
     def _update_stops(self, vehicles: Sequence[VehicleView]) -> None:
         junctions = self._canvas.network.junctions
@@ -70,136 +130,159 @@ class FleetLayer:
                 if node in junctions and node not in self._depots:
                     names.setdefault(node, set()).add(stop)
         # Stops at one junction share a label; separate ones would overlap.
-        stops = tuple(sorted((" + ".join(sorted(names[node])), node) for node in names))
+        stops = tuple(sorted((_joint_label(sorted(names[node])), node) for node in names))
         if stops == self._stops:
             return
-        places = [junctions[node] for _, node in stops]
-        # Labels at neighbouring junctions of a large network would overlap too.
-        near = geometry.group_nearby(np.array(places).reshape(-1, 2), self._label_spacing_m)
-        groups = near if len(near) <= MAX_LABELS else []
-        for index in range(len(groups), self._stop_labels):
-            self._canvas.scene.remove_by_name(f"/stop_{index}")
-        for index, group in enumerate(groups):
-            stop, place = _joint_label([stops[member][0] for member in group]), places[group[0]]
-            north = place[1] >= self._canvas.centre_m[1]
-            self._canvas.label(
-                f"/stop_{index}",
-                stop[:40],
-                np.array(place),
-                1.0 if north else -1.0,
-                "bottom-center" if north else "top-center",
-            )
-        if places:
-            self._canvas.points("/stops", places, _DARK, 0.9, "circle")
-        else:
-            self._canvas.scene.remove_by_name("/stops")
-        self._stops, self._stop_labels = stops, len(groups)
+        self._stops = stops
+        places = np.array([junctions[node] for _, node in stops]).reshape(-1, 2)
+        flat = np.zeros(len(places))
+        self._stop_batch.show(self._canvas.bodies(places, flat, _STOP_RGB, 0.8))
+        tops = self._canvas.positions(places, 0.6)
+        self._stop_marks = tuple(
+            Mark("stop", node, text, (float(top[0]), float(top[1]), float(top[2])))
+            for (text, node), top in zip(stops, tops, strict=True)
+        )
 
     def _update_routes(self, vehicles: Sequence[VehicleView]) -> None:
-        routes: list[tuple[object, ...]] = [(van.route, van.rgb, van.expired) for van in vehicles]
+        routes = [(van.route, van.rgb, van.expired) for van in vehicles]
         if routes == self._routes:
             return
         self._routes = routes
-        lengths = np.array([len(van.route) for van in vehicles], dtype=np.int64)
-        van_of_part = np.repeat(np.arange(len(vehicles)), lengths)
-        parts = [part for van in vehicles for part in van.route]
-        roads = np.array([self._lanes.index[name] for name, _ in parts], dtype=np.int64)
-        together = np.array([platoon is not None for _, platoon in parts], dtype=np.bool_)
-        lanes_m = _LANE_UNITS[van_of_part % ROUTE_LANES] * self._canvas.unit_m
+        van_of_part, roads = self._parts(vehicles)
+        lanes_m = _ROUTE_UNITS[van_of_part % ROUTE_LANES] * self._canvas.unit_m
+        drawing = self.lanes.road_strokes(roads, lanes_m)
+        if len(drawing.strokes) > MAX_ROUTE_STRIPS:
+            self._show_driven_roads(roads)
+            return
+        self._scene.remove_by_name("/all_routes")
         # Not from a van's last road to the first one of the next van.
         before = np.flatnonzero(van_of_part[:-1] == van_of_part[1:])
-
-        drawing = self._lanes.road_strokes(roads, lanes_m)
-        in_platoon = together[drawing.part]
-        across = self._lanes.junction_strokes(roads, lanes_m, before)
-        arrows = self._lanes.arrow_strokes(roads, lanes_m)
-        alone = (_only(drawing, ~in_platoon), across, arrows)
-        self._draw_routes("/routes_alone", alone, 0.16, vehicles, van_of_part)
-        platoons = (_only(drawing, in_platoon),)
-        self._draw_routes("/routes_platoon", platoons, 0.38, vehicles, van_of_part)
-
-    def _draw_routes(
-        self,
-        name: str,
-        drawings: Sequence[Drawing],
-        units: float,
-        vehicles: Sequence[VehicleView],
-        van_of_part: npt.NDArray[np.int64],
-    ) -> None:
-        van = van_of_part[np.concatenate([drawing.part for drawing in drawings])]
-        if not len(van):
-            self._canvas.scene.remove_by_name(name)
-            return
-        strokes_m = np.concatenate([drawing.strokes for drawing in drawings])
+        drawings = (
+            drawing,
+            self.lanes.junction_strokes(roads, lanes_m, before),
+            self.lanes.arrow_strokes(roads, lanes_m),
+        )
+        van = van_of_part[np.concatenate([part.part for part in drawings])]
         rgb = np.array([_faded(view.rgb) if view.expired else view.rgb for view in vehicles])
-        # Between roads and vehicles, one above the other for any number of vehicles.
-        heights = 0.02 + 0.024 * van / max(len(vehicles), 60)
-        self._canvas.lines(name, strokes_m, stroke_colours(rgb[van]), units, heights)
+        strokes_m = np.concatenate([part.strokes for part in drawings])
+        # Above the roads, one above the other.
+        heights = 0.08 + 0.1 * van / max(len(vehicles), 60)
+        colours = rgb.reshape(-1, 3)[van]
+        self._route_batch.show(self._canvas.strips(strokes_m, colours, 0.2, heights))
 
-    def _update_vans(self, vehicles: Sequence[VehicleView]) -> None:
-        here = [
-            (van, *van.position, _LANE_UNITS[index % ROUTE_LANES])
+    def _show_driven_roads(self, roads: npt.NDArray[np.int64]) -> None:
+        """Each road that a route leads over once, wider the more routes there are."""
+        driven, counts = np.unique(roads, return_counts=True)
+        lane_m = np.full(len(driven), _ROUTE_UNITS[0] * self._canvas.unit_m)
+        drawing = self.lanes.road_strokes(driven, lane_m)
+        widths = (0.12 + 0.5 * np.sqrt(counts / counts.max()))[drawing.part]
+        corners, faces = geometry.bands(drawing.strokes, widths * self._canvas.unit_m)
+        self._route_batch.clear()
+        # One colour: plain triangles are drawn in a third of the time of a batch.
+        self._canvas.area(self._scene, "/all_routes", corners, faces, _ALL_ROUTES_RGB, 0.06)
+
+    def _update_platoons(self, vehicles: Sequence[VehicleView], open_roads: frozenset[str]) -> None:
+        parts = [
+            (index, name)
             for index, van in enumerate(vehicles)
-            if van.position is not None and not van.expired
+            if not van.expired
+            for name, platoon in van.route
+            if platoon is not None and name in open_roads
         ]
-        places_m = np.array(
-            [
-                geometry.point_at(self._canvas.offset_line(name, lane), share)[0]
-                for _, name, share, lane in here
-            ]
-        ).reshape(-1, 2)
-        rgb = tuple(van.rgb for van, *_ in here)
-        if rgb != self._rgb:
-            self._redraw_vans(places_m, rgb)
-        elif not np.array_equal(places_m, self._places_m):
-            for node, height in zip(self._nodes, (0.05, 0.055), strict=True):
-                node.points = self._canvas.positions(places_m, height)
-        self._places_m, self._rgb = places_m, rgb
-        self._label_vans(places_m, [van.vehicle[:40] for van, *_ in here])
+        key = [(index % ROUTE_LANES, vehicles[index].rgb, name) for index, name in parts]
+        if key == self._platoons:
+            return
+        self._platoons = key
+        # Many routes over one road hide each other: one of each lane is enough, and one in all
+        # where the routes themselves are drawn as one.
+        many = len(key) > MAX_PLATOON_STRIPS
+        drawn = sorted(
+            {
+                (0 if many else lane, name): _LINK_RGB if many else rgb for lane, rgb, name in key
+            }.items()
+        )
+        roads = np.array([self.lanes.index[name] for (_, name), _ in drawn], dtype=np.int64)
+        lanes = np.array([lane for (lane, _), _ in drawn], dtype=np.int64)
+        drawing = self.lanes.road_strokes(roads, _ROUTE_UNITS[lanes] * self._canvas.unit_m)
+        rgb = np.array([rgb for _, rgb in drawn]).reshape(-1, 3)[drawing.part]
+        self._platoon_batch.show(self._canvas.strips(drawing.strokes, rgb, 0.42, 0.2))
 
-    def _redraw_vans(self, places_m: Array, rgb: tuple[Rgb, ...]) -> None:
-        for node in self._nodes:
-            node.remove()
-        self._nodes = []
-        if rgb:
-            # A white rim sets a vehicle off its route.
-            colours = np.array(rgb, dtype=np.uint8)
-            self._nodes = [
-                self._canvas.points("/vans_rim", places_m, _WHITE, 1.9, "circle", 0.05),
-                self._canvas.points("/vans", places_m, colours, 1.4, "circle", 0.055),
-            ]
+    def _parts(
+        self, vehicles: Sequence[VehicleView]
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """For each road that is driven, by each vehicle: the vehicle's and the road's number."""
+        lengths = np.array([len(van.route) for van in vehicles], dtype=np.int64)
+        roads = [self.lanes.index[name] for van in vehicles for name, _ in van.route]
+        return np.repeat(np.arange(len(vehicles)), lengths), np.array(roads, dtype=np.int64)
 
-    def _label_vans(self, places_m: Array, names: Sequence[str]) -> None:
-        # Vehicles of one platoon share a label; separate ones would overlap.
-        groups = geometry.group_nearby(places_m, self._label_spacing_m)
-        if len(groups) > MAX_LABELS:
-            groups = []
-        for index, group in enumerate(groups):
-            text = _joint_label([names[member] for member in group])
-            place = places_m[group[0]]
-            if index == len(self._labels):
-                name = f"/van_label_{index}"
-                self._labels.append(self._canvas.label(name, text, place, -1.5, "top-center"))
-                continue
-            label = self._labels[index]
-            position = self._canvas.label_position(place, -1.5)
-            if not np.array_equal(label.position, position):
-                label.position = position
-            if label.text != text:
-                label.text = text
-        for label in self._labels[len(groups) :]:
-            label.remove()
-        del self._labels[len(groups) :]
+    def _place(self, vehicles: Sequence[VehicleView], open_roads: Collection[str]) -> Placed:
+        count = len(vehicles)
+        places, ahead = np.empty((count, 2)), np.empty((count, 2))
+        for index, van in enumerate(vehicles):
+            assert van.position is not None
+            places[index], ahead[index] = geometry.point_at(
+                self._line(van.position[0]), van.position[1]
+            )
+        links = []
+        for platoon in _platoons(vehicles, open_roads):
+            for leader, follower in pairwise(platoon):
+                apart = float(np.linalg.norm(places[leader] - places[follower]))
+                if apart > _MAX_LINK_VEHICLES * VEHICLE_UNITS * self._canvas.unit_m:
+                    continue
+                # Drawn vehicles are longer than real ones: they would stand inside each other.
+                room = 1.25 * VEHICLE_UNITS * self._canvas.unit_m
+                if apart < room:
+                    places[follower] = places[leader] - room * ahead[leader]
+                links.append((places[leader], places[follower]))
+        strokes = np.array(links).reshape(-1, 2, 2)
+        self._link_batch.show(self._canvas.strips(strokes, _LINK_RGB, 0.34, 0.5))
+        return Placed(
+            tuple(vehicles),
+            np.array([van.vehicle in self._trucks for van in vehicles], dtype=np.bool_),
+            places,
+            np.arctan2(ahead[:, 1], ahead[:, 0]),
+        )
+
+    def _update_bodies(self, placed: Placed) -> None:
+        rgb = np.array([van.rgb for van in placed.vehicles]).reshape(-1, 3)
+        for batch, mine in (
+            (self._van_batch, ~placed.trucks),
+            (self._truck_batch, placed.trucks),
+        ):
+            bodies = self._canvas.bodies(
+                placed.places_m[mine], placed.headings[mine], rgb[mine], VEHICLE_UNITS
+            )
+            batch.show(bodies)
+
+    def _vehicle_marks(self, placed: Placed) -> list[Mark]:
+        tops = self._canvas.positions(placed.places_m, 0.75 * VEHICLE_UNITS)
+        return [
+            Mark("van", van.vehicle, van.vehicle[:40], (float(x), float(y), float(z)))
+            for van, (x, y, z) in zip(placed.vehicles, tops, strict=True)
+        ]
+
+
+def _platoons(vehicles: Sequence[VehicleView], open_roads: Collection[str]) -> list[list[int]]:
+    """Vehicles that are in a platoon where they are now, each platoon from its leader on."""
+    members: dict[str, list[tuple[int, float, int]]] = {}
+    for index, van in enumerate(vehicles):
+        assert van.position is not None
+        road, share = van.position
+        if road not in open_roads:
+            continue
+        order = next((n for n, part in enumerate(van.route) if part[0] == road), None)
+        platoon = None if order is None else van.route[order][1]
+        if platoon is not None:
+            # Routes before the platoon differ: what is left of it says who is ahead.
+            left = sum(name == platoon for _, name in van.route[order:])
+            members.setdefault(platoon, []).append((left, -share, index))
+    return [[index for *_, index in sorted(group)] for group in members.values() if len(group) > 1]
 
 
 def _joint_label(names: Sequence[str]) -> str:
     """One label for several names: the first three and the number of the rest."""
     more = f" + {len(names) - 3} more" if len(names) > 3 else ""
-    return " + ".join(names[:3]) + more
-
-
-def _only(drawing: Drawing, chosen: npt.NDArray[np.bool_]) -> Drawing:
-    return Drawing(drawing.strokes[chosen], drawing.part[chosen])
+    return (" + ".join(names[:3]) + more)[:40]
 
 
 def _faded(rgb: Rgb) -> Rgb:

@@ -96,16 +96,33 @@ def arrowheads(places: Array, ahead: Array, size_m: float) -> Array:
     return np.stack(barbs, axis=1).reshape(-1, 2, 2)
 
 
-def group_nearby(points: Array, distance_m: float) -> list[list[int]]:
-    """Groups of the points' indices; each point is within a distance of its group's first."""
-    groups: list[list[int]] = []
-    firsts = np.empty((len(points), 2))
-    for index, point in enumerate(points):
-        away_m = np.hypot(*(firsts[: len(groups)] - point).T)
-        near = np.flatnonzero(away_m <= distance_m)
-        if len(near):
-            groups[near[0]].append(index)
-        else:
-            firsts[len(groups)] = point
-            groups.append([index])
-    return groups
+def ribbon(points: Array, width_m: float) -> tuple[Array, npt.NDArray[np.int64]]:
+    """The line as a flat band: corners, (2N, 2), and triangles of their indices, (2N − 2, 3)."""
+    across = right_normals(points) * width_m / 2
+    corners = np.stack((points + across, points - across), axis=1).reshape(-1, 2)
+    right = 2 * np.arange(len(points) - 1)
+    ahead = np.column_stack((right, right + 2, right + 3))
+    back = np.column_stack((right, right + 3, right + 1))
+    return corners, np.concatenate((ahead, back))
+
+
+def bands(strokes_m: Array, widths_m: Array) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Strokes, (N, 2, 2), as flat bands: corners, (4N, 2), and triangles of them, (2N, 3)."""
+    step = strokes_m[:, 1] - strokes_m[:, 0]
+    length = np.maximum(np.hypot(*step.T), 1e-9)
+    right = np.column_stack((step[:, 1], -step[:, 0])) * (widths_m / 2 / length)[:, None]
+    start, end = strokes_m[:, 0], strokes_m[:, 1]
+    corners = np.stack((start + right, end + right, end - right, start - right), axis=1)
+    first = 4 * np.arange(len(step))[:, None]
+    faces = np.concatenate((first + np.array([0, 1, 2]), first + np.array([0, 2, 3])))
+    return corners.reshape(-1, 2), faces
+
+
+def nearest_stroke(strokes_m: Array, place_m: Array) -> tuple[int, float]:
+    """The stroke of (N, 2, 2) nearest to a place, and its distance, m."""
+    start, step = strokes_m[:, 0], strokes_m[:, 1] - strokes_m[:, 0]
+    length_2 = np.maximum(np.sum(step * step, axis=1), 1e-12)
+    share = np.clip(np.sum((place_m - start) * step, axis=1) / length_2, 0.0, 1.0)
+    away_m = np.hypot(*(start + share[:, None] * step - place_m).T)
+    index = int(np.argmin(away_m))
+    return index, float(away_m[index])

@@ -64,8 +64,29 @@ def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) ->
     return " · ".join(lines), "bad" if problem else told
 
 
+def cycle_problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
+    """Why a dispatcher with recent health counts as faulty, without an age; None if it does not."""
+    since_ns = _good_since_ns(snapshot, health, now_ns)
+    if since_ns is None:
+        return "The last cycle failed"
+    if not since_ns:
+        return "No good cycle yet"
+    if age_s(since_ns, now_ns) > OVERDUE_AFTER_INTERVALS * _interval_s(snapshot.cycles):
+        return "Cycles are overdue: none was good of late"
+    return None
+
+
 def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
-    """Why a dispatcher with recent health counts as faulty; None if it does not."""
+    """The same, with the age."""
+    problem = cycle_problem(snapshot, health, now_ns)
+    if problem is not None and problem.startswith("Cycles are overdue"):
+        since_s = age_s(_good_since_ns(snapshot, health, now_ns) or now_ns, now_ns)
+        return f"No good cycle for {labels.duration(since_s)}"
+    return problem
+
+
+def _good_since_ns(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> int | None:
+    """UTC of the last good cycle, or of the start; 0: none is known; None: the last one failed."""
     last = snapshot.cycles[-1] if snapshot.cycles else None
     # Reports dated ahead are from before the clock was set back.
     good_ns = max(
@@ -79,16 +100,10 @@ def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str |
     failed_ns = snapshot.cycle_failed_ns or 0
     counted = failed_ns > good_ns and not freshness.is_ahead(failed_ns, now_ns)
     if counted or (last is not None and last.status == "failed"):
-        return "The last cycle failed"
+        return None
     # The time before the dispatcher's start does not count.
     started_ns = 0 if freshness.is_ahead(health.started_ns, now_ns) else health.started_ns
-    since_ns = max(good_ns, started_ns)
-    if not since_ns:
-        return "No good cycle yet"
-    since_s = age_s(since_ns, now_ns)
-    if since_s > OVERDUE_AFTER_INTERVALS * _interval_s(snapshot.cycles):
-        return f"No good cycle for {labels.duration(since_s)}"
-    return None
+    return max(good_ns, started_ns)
 
 
 def _interval_s(cycles: Sequence[CycleReport]) -> float:

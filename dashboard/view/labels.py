@@ -29,15 +29,28 @@ LEVEL_RGB: Final[dict[Level, Rgb]] = {
 }
 LEVEL_SIGN: Final[dict[Level, str]] = {"ok": "●", "warn": "▲", "bad": "■"}
 
-# Blue, purple, near-black, pink, sky blue, brown: none of them near green, vermilion or grey.
 VEHICLE_RGB: Final[tuple[Rgb, ...]] = (
-    (0, 90, 181),
-    (155, 48, 155),
-    (35, 35, 45),
-    (225, 60, 140),
-    (60, 160, 225),
-    (110, 60, 30),
+    (0, 105, 255),
+    (150, 150, 0),
+    (90, 15, 75),
+    (45, 150, 180),
+    (0, 0, 255),
+    (150, 150, 90),
+    (105, 0, 30),
+    (30, 0, 165),
+    (150, 30, 0),
+    (90, 60, 150),
+    (60, 150, 240),
+    (60, 120, 105),
 )
+"""Colours that tell vehicles apart, also for readers without red or green cones, on white. Each is
+among the farthest from those before it."""
+
+CYCLE_STATUS: Final[dict[str, tuple[str, Level]]] = {
+    "ok": ("ok", "ok"),
+    "baseline": ("baseline plan used", "warn"),
+    "failed": ("failed", "bad"),
+}
 
 _FAULTS: Final[dict[CameraFault, str]] = {
     "stale": "no picture",

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
 
 from dashboard.view.labels import Level, Rgb, Traffic
-from slipstream.messages import SolverReport, Unserved
+from dashboard.view.progress import Progress
+from slipstream.messages import RsuHealth, SolverReport, Unserved, VehiclePlan
+
+LIST_FOR_S: Final = 24 * 3600.0
+"""Vehicles are listed this long after their plan expired, RSUs this long after their health, s."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +34,17 @@ class RoadView:
     gate_cycle: int | None
     gate_open: bool
     gate_reason: str
+    reason_code: str | None = None
+    vehicles: int | None = None
+    since_ns: int | None = None
+    """UTC since when traffic is what it is; None: not known."""
+    stopped: int = 0
+    """Vehicles that stand as in no queue."""
+
+    @property
+    def platoons_allowed(self) -> bool:
+        """Whether platoons may drive close on it now: an open gate, and traffic still stable."""
+        return self.traffic == "stable" and (self.gate_open or self.gate_cycle is None)
 
 
 @dataclass(frozen=True)
@@ -44,6 +62,7 @@ class RsuView:
     age_s: float
     segments: tuple[str, ...]
     vehicles_in_view: int
+    health: RsuHealth
 
 
 @dataclass(frozen=True)
@@ -63,23 +82,83 @@ class VehicleView:
 
     A vehicle is idle if its plan is empty, or if the last cycle gave it none, which voids an older
     one. It then has no route, stops and position.
+
+    Attributes:
+        vehicle: its name.
+        rgb: its colour.
+        colour: number of the colour, 0 to 11.
+        plan: that it follows; an empty one of a vehicle that is idle.
+        open_roads: roads on which platoons may drive close now.
+        progress: what it does.
+        activity: the same in words, with times.
+        expired: its plan has run out.
+        charge_kwh: in its battery, as it reports.
+        silent: it has reported its position on a plan, and does not now.
     """
 
     vehicle: str
     rgb: Rgb
-    cycle: int
-    expired: bool
-    idle: bool
-    route: tuple[tuple[str, str | None], ...]
-    """(segment, platoon or None) in driving order."""
-    stops: tuple[tuple[str, str], ...]
-    """(stop, node) in driving order."""
-    position: tuple[str, float] | None
-    """(segment, fraction of it driven); None if unknown."""
+    colour: int
+    plan: VehiclePlan
+    open_roads: Container[str]
+    progress: Progress
     activity: str
-    distance_km: float
-    platoon_km: float
-    energy_kwh: float
+    expired: bool = False
+    charge_kwh: float | None = None
+    silent: bool = False
+
+    @property
+    def idle(self) -> bool:
+        """It has no plan to follow."""
+        return self.progress.state == "idle"
+
+    @property
+    def cycle(self) -> int:
+        """Of its plan."""
+        return self.plan.cycle
+
+    @property
+    def position(self) -> tuple[str, float] | None:
+        """(segment, fraction of it driven); None if unknown."""
+        return self.progress.position
+
+    @property
+    def energy_kwh(self) -> float:
+        """Of its plan."""
+        return self.plan.energy_kwh
+
+    @property
+    def distance_km(self) -> float:
+        """Of its plan."""
+        return self.plan.distance_m / 1000
+
+    # Made where they are asked for: the operator's page keeps its own of each plan.
+    @cached_property
+    def route(self) -> tuple[tuple[str, str | None], ...]:
+        """(segment, platoon or None) in driving order; a platoon only where it may be close now."""
+        return tuple(
+            (part.segment, part.platoon if part.segment in self.open_roads else None)
+            for part in self.plan.segments
+        )
+
+    @cached_property
+    def stops(self) -> tuple[tuple[str, str], ...]:
+        """(stop, node) in driving order."""
+        return tuple((stop.stop, stop.node) for stop in self.plan.stops)
+
+    @cached_property
+    def platoon_km(self) -> float:
+        """Of its plan."""
+        return platoon_km(self.plan)
+
+
+def platoon_km(plan: VehiclePlan) -> float:
+    """How far a plan leads in platoons."""
+    return sum(
+        part.speed_mps * (part.exit_ns - part.entry_ns) / 1e12
+        for part in plan.segments
+        if part.platoon is not None
+    )
 
 
 @dataclass(frozen=True)

@@ -2,50 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Container, Sequence
 from typing import Final
 
 from dashboard.live import Snapshot
-from dashboard.view import labels
-from dashboard.view.model import VehicleView
+from dashboard.view import labels, progress
+from dashboard.view.model import LIST_FOR_S, VehicleView
+from dashboard.view.progress import Progress
 from slipstream import freshness
 from slipstream.freshness import age_s
 from slipstream.messages import CycleReport, PlannedStop, VehiclePlan, VehiclePosition
 
-LIST_FOR_S: Final = 24 * 3600.0
-"""Vehicles are listed this long after their plan expired, RSUs this long after their health, s."""
+COLOURS: Final = 12
+"""Of vehicles on the operator's page."""
 
 
-def vehicle_views(snapshot: Snapshot, now_ns: int) -> tuple[VehicleView, ...]:
-    """The vehicles whose plan expired less than `LIST_FOR_S` ago, by name, idle ones last.
+def vehicle_views(
+    snapshot: Snapshot,
+    now_ns: int,
+    open_roads: Container[str],
+    fleet: Collection[str] = (),
+    *,
+    left_out_is_idle: bool = True,
+) -> tuple[VehicleView, ...]:
+    """The fleet's vehicles, those whose plan expired or whose position came less than `LIST_FOR_S`
+    ago, by name, idle ones last.
 
     Args:
         snapshot: the latest messages.
         now_ns: UTC in ns.
+        open_roads: roads on which platoons may drive close now; on others no plan's platoon is one.
+        fleet: names of all vehicles.
+        left_out_is_idle: whether a cycle that gives a vehicle no plan voids its older one; not
+            where plans that were no longer in force have been left out.
     """
-    current = [
-        plan
-        for _, plan in sorted(snapshot.plans.items())
-        if age_s(plan.valid_until_ns, now_ns) < LIST_FOR_S
-    ]
-    last = _last_good(snapshot.cycles, now_ns)
-    views = []
-    for index, plan in enumerate(current):
-        position = snapshot.positions.get(plan.vehicle)
-        if position is None or freshness.fault(position.time_ns, now_ns) is not None:
-            position = None
-        if position is None or position.cycle is None:
-            views.append(_planned(plan, index, last, now_ns))
-        else:
-            followed = snapshot.followed.get(plan.vehicle)
-            if followed is None or followed.cycle != position.cycle:
-                followed = _without_route(plan)
-            views.append(_driving(followed, position, index, now_ns))
+    oldest_ns = now_ns - round(LIST_FOR_S * 1e9)
+    plans = {name: plan for name, plan in snapshot.plans.items() if plan.valid_until_ns > oldest_ns}
+    heard = {name for name, told in snapshot.positions.items() if told.time_ns > oldest_ns}
+    last = last_good(snapshot.cycles, now_ns) if left_out_is_idle else None
+    views = (
+        vehicle_view(snapshot, plans.get(name) or _no_plan(name), index, last, now_ns, open_roads)
+        for index, name in enumerate(sorted({*plans, *heard, *fleet}))
+    )
     # Colours follow the names, so that none changes when a vehicle becomes idle.
     return tuple(sorted(views, key=lambda van: van.idle))
 
 
-def _last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None:
+def _no_plan(vehicle: str) -> VehiclePlan:
+    return VehiclePlan(
+        vehicle=vehicle,
+        cycle=0,
+        issued_ns=0,
+        valid_until_ns=0,
+        depart_ns=0,
+        stops=(),
+        segments=(),
+        distance_m=0.0,
+        energy_kwh=0.0,
+    )
+
+
+def vehicle_view(
+    snapshot: Snapshot,
+    plan: VehiclePlan,
+    index: int,
+    last: CycleReport | None,
+    now_ns: int,
+    open_roads: Container[str],
+) -> VehicleView:
+    """The view of one vehicle.
+
+    Args:
+        snapshot: the latest messages.
+        plan: its latest plan.
+        index: of its colour.
+        last: see `last_good`.
+        now_ns: UTC.
+        open_roads: see `vehicle_views`.
+    """
+    position = snapshot.positions.get(plan.vehicle)
+    heard = position is not None and position.cycle is not None
+    if position is None or freshness.fault(position.time_ns, now_ns) is not None:
+        position = None
+    if position is None or position.cycle is None:
+        return _planned(plan, position, index, last, now_ns, open_roads, silent=heard)
+    followed = snapshot.followed.get(plan.vehicle)
+    if followed is None or followed.cycle != position.cycle:
+        followed = _without_route(plan)
+    return _driving(followed, position, index, now_ns, open_roads)
+
+
+def last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None:
     """The last successful cycle; a failed one leaves earlier plans valid."""
     for report in reversed(cycles):
         if report.status != "failed" and not freshness.is_ahead(report.started_ns, now_ns):
@@ -53,25 +100,46 @@ def _last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None
     return None
 
 
-def _planned(plan: VehiclePlan, index: int, last: CycleReport | None, now_ns: int) -> VehicleView:
+def _planned(
+    plan: VehiclePlan,
+    position: VehiclePosition | None,
+    index: int,
+    last: CycleReport | None,
+    now_ns: int,
+    open_roads: Container[str],
+    *,
+    silent: bool,
+) -> VehicleView:
     """The view of a vehicle without a reported position on a plan: by its latest plan."""
     left_out = last is not None and plan.cycle != last.cycle and plan.issued_ns < last.started_ns
     idle = left_out or not (plan.segments or plan.stops)
     activity = _activity(plan, now_ns)
+    done = progress.planned(plan, now_ns)
     if idle:
-        activity = f"idle, no plan in cycle #{last.cycle}" if left_out and last else "idle"
+        since_cycle = left_out and last is not None and plan.issued_ns > 0
+        text = f"no plan in cycle #{last.cycle}" if since_cycle and last else ""
+        activity = f"idle, {text}" if text else "idle"
+        done = progress.idle(text or "has no plan", position)
         plan = _without_route(plan)
     return _view(
         plan,
         index,
         activity=activity,
-        position=planned_position(plan, now_ns),
-        idle=idle,
+        done=done,
         expired=now_ns > plan.valid_until_ns,
+        open_roads=open_roads,
+        silent=silent,
+        charge_kwh=None if position is None else position.charge_kwh,
     )
 
 
-def _driving(plan: VehiclePlan, position: VehiclePosition, index: int, now_ns: int) -> VehicleView:
+def _driving(
+    plan: VehiclePlan,
+    position: VehiclePosition,
+    index: int,
+    now_ns: int,
+    open_roads: Container[str],
+) -> VehicleView:
     """The view of a vehicle that reports its position on a plan, which may be an older one."""
     kmh = 3.6 * position.speed_mps
     leg = position.leg or 0
@@ -88,9 +156,10 @@ def _driving(plan: VehiclePlan, position: VehiclePosition, index: int, now_ns: i
         plan,
         index,
         activity=activity,
-        position=(position.segment, position.share),
-        idle=False,
+        done=progress.reported(plan, position, now_ns),
         expired=False,
+        open_roads=open_roads,
+        charge_kwh=position.charge_kwh,
     )
 
 
@@ -104,42 +173,24 @@ def _view(
     index: int,
     *,
     activity: str,
-    position: tuple[str, float] | None,
-    idle: bool,
+    done: Progress,
     expired: bool,
+    open_roads: Container[str],
+    silent: bool = False,
+    charge_kwh: float | None = None,
 ) -> VehicleView:
     return VehicleView(
         vehicle=plan.vehicle,
         rgb=labels.VEHICLE_RGB[index % len(labels.VEHICLE_RGB)],
-        cycle=plan.cycle,
-        expired=expired,
-        idle=idle,
-        route=tuple((part.segment, part.platoon) for part in plan.segments),
-        stops=tuple((stop.stop, stop.node) for stop in plan.stops),
-        position=position,
+        colour=index % COLOURS,
+        plan=plan,
+        open_roads=open_roads,
+        progress=done,
         activity=activity,
-        distance_km=plan.distance_m / 1000,
-        platoon_km=sum(
-            part.speed_mps * (part.exit_ns - part.entry_ns) / 1e12
-            for part in plan.segments
-            if part.platoon is not None
-        ),
-        energy_kwh=plan.energy_kwh,
+        expired=expired,
+        charge_kwh=charge_kwh,
+        silent=silent,
     )
-
-
-def planned_position(plan: VehiclePlan, now_ns: int) -> tuple[str, float] | None:
-    """Planned position: the segment, and the fraction of it driven, 0 to 1."""
-    if not plan.segments:
-        return None
-    last = plan.segments[0].segment, 0.0
-    for part in plan.segments:
-        if now_ns < part.entry_ns:
-            return last
-        if now_ns < part.exit_ns:
-            return part.segment, (now_ns - part.entry_ns) / (part.exit_ns - part.entry_ns)
-        last = part.segment, 1.0
-    return last
 
 
 def _standing(stop: PlannedStop, now_ns: int) -> str:

@@ -8,7 +8,10 @@ from fastapi import APIRouter, Depends, FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from dispatcher_daemon.api import (
+    alarms,
+    control,
     cycles,
+    energy,
     events,
     feeds,
     health,
@@ -28,9 +31,12 @@ ROUTERS: Final[tuple[APIRouter, ...]] = (
     orders.router,
     vehicles.router,
     cycles.router,
+    energy.router,
     segments.router,
     feeds.router,
     events.router,
+    alarms.router,
+    control.router,
     solve.router,
     vroom.router,
     health.router,
@@ -66,6 +72,7 @@ def create_app(services: Services | None = None) -> FastAPI:
         app.include_router(router)
     handle_problems(app)
     orders.handle_refusals(app)
+    control.handle_refusals(app)
     document: dict[str, Any] = {}
 
     def openapi() -> dict[str, Any]:

@@ -65,6 +65,13 @@ def describe_body(model: type[BaseModel], prefix: str = "") -> dict[str, Any]:
     }
 
 
+def describe_optional_body(model: type[BaseModel]) -> dict[str, Any]:
+    """The same of an operation that may be called without a body."""
+    operation = describe_body(model)
+    operation["requestBody"]["required"] = False
+    return operation
+
+
 def collect_definitions(document: dict[str, Any]) -> None:
     """Put what `describe_body` refers to among the components of an OpenAPI document."""
     schemas = document.setdefault("components", {}).setdefault("schemas", {})

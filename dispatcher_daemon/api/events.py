@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
+from collections.abc import AsyncIterator
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Header, Query
 from fastapi.responses import Response
-from starlette.types import Receive, Scope, Send
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.api.auth import requires
-from dispatcher_daemon.api.gate import abort
 from dispatcher_daemon.api.hub import KINDS, MAX_STREAMS, EventHub, Kind, Stream
 from dispatcher_daemon.api.problems import Problem
 from dispatcher_daemon.api.services import Dispatch
+from slipstream.http.streaming import EndlessResponse
 
 HEARTBEAT_S: Final = 15.0
 SEND_WITHIN_S: Final = 10.0
@@ -27,50 +26,26 @@ _PATTERN: Final = f"^({'|'.join(KINDS)})(,({'|'.join(KINDS)}))*$"
 router = APIRouter(prefix="/v1/events", tags=["events"], dependencies=[requires("read")])
 
 
-class EventStream(Response):
-    """Sends a stream's events until its caller goes, is too slow, or the dispatcher ends."""
+async def _parts(stream: Stream) -> AsyncIterator[bytes]:
+    """What the stream's caller is sent, until it is closed or too old."""
+    ends = time.monotonic() + MAX_AGE_S
+    yield b"retry: 3000\n\n"
+    while not stream.closed and time.monotonic() < ends:
+        events = await stream.take(HEARTBEAT_S)
+        yield b"".join(event.encoded for event in events) or b": heartbeat\n\n"
 
-    media_type = "text/event-stream"
 
-    def __init__(self, hub: EventHub, stream: Stream) -> None:
-        super().__init__(headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"})
-        self._hub, self._stream = hub, stream
-        del self.headers["content-length"]
+def _response(hub: EventHub, stream: Stream) -> Response:
+    def end(slow: bool) -> None:
+        hub.close(stream)
+        metrics.API_STREAMS.dec()
+        if slow:
+            metrics.API_STREAMS_DROPPED.inc()
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send."""
-        stream = self._stream
-        ends = time.monotonic() + MAX_AGE_S
-
-        async def put(body: bytes, *, more: bool = True) -> None:
-            async with asyncio.timeout(SEND_WITHIN_S):
-                await send({"type": "http.response.body", "body": body, "more_body": more})
-
-        async def follow() -> None:
-            while (await receive())["type"] != "http.disconnect":
-                pass
-            stream.close()
-
-        watching = asyncio.create_task(follow())
-        metrics.API_STREAMS.inc()
-        try:
-            start = {"type": "http.response.start", "status": 200, "headers": self.raw_headers}
-            await send(start)
-            await put(b"retry: 3000\n\n")
-            while not stream.closed and time.monotonic() < ends:
-                events = await stream.take(HEARTBEAT_S)
-                await put(b"".join(event.encoded for event in events) or b": heartbeat\n\n")
-            if not stream.dropped:
-                await put(b"", more=False)
-        except TimeoutError:
-            stream.dropped = True
-        finally:
-            watching.cancel()
-            self._hub.close(stream)
-            metrics.API_STREAMS.dec()
-            if stream.dropped:
-                metrics.API_STREAMS_DROPPED.inc()
-                abort(scope)
+    metrics.API_STREAMS.inc()
+    return EndlessResponse(
+        _parts(stream), "text/event-stream", send_within_s=SEND_WITHIN_S, end=end
+    )
 
 
 @router.get(
@@ -92,10 +67,10 @@ async def follow_events(
         str | None, Header(max_length=100, description="Go on behind this event.")
     ] = None,
 ) -> Response:
-    """Server-sent events. Plans, cycles and orders have ids; `reset` says that some are lost."""
+    """Server-sent events. All but states have ids; `reset` says that some are lost."""
     wanted: list[Kind] = [kind for kind in KINDS if kind in kinds.split(",")]
     stream = dispatch.events.open(wanted, last_event_id)
     if stream is None:
         detail = f"{MAX_STREAMS} event streams are open"
         raise Problem(503, detail, "close one of them", headers={"Retry-After": "10"})
-    return EventStream(dispatch.events, stream)
+    return _response(dispatch.events, stream)

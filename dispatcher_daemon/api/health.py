@@ -33,6 +33,7 @@ class Readiness(BaseModel):
     """Whether the dispatcher can do its work now."""
 
     ready: bool
+    paused: bool = Field(description="No cycle runs, as somebody has paused it; it is ready.")
     checks: dict[str, CheckResult]
 
 
@@ -52,7 +53,8 @@ def readyz(dispatch: Dispatch) -> Response:
         detail = check()
         checks[name] = CheckResult(ok=detail is None, detail=detail)
     ready = all(result.ok for result in checks.values())
-    answer = Readiness(ready=ready, checks=checks)
+    paused = dispatch.control.paused is not None
+    answer = Readiness(ready=ready, paused=paused, checks=checks)
     return JSONResponse(answer.model_dump(), 200 if ready else 503)
 
 

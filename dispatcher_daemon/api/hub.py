@@ -1,8 +1,8 @@
 """What happens, on its way from the dispatcher's threads to each caller that listens.
 
-Plans, cycles and changes of orders are numbered and kept for a while, so that a caller that was
-away goes on where it stopped. States are not: the newest of an RSU replaces one that a caller has
-not taken yet. Nothing here ever waits for a caller.
+Plans, cycles, alarms and changes of orders are numbered and kept for a while, so that a caller that
+was away goes on where it stopped. States are not: the newest of an RSU replaces one that a caller
+has not taken yet. Nothing here ever waits for a caller.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Final, Literal, get_args
 from slipstream.messages import Message, SegmentState
 from slipstream.orders import OrderChange
 
-Kind = Literal["plan", "state", "cycle", "order"]
+Kind = Literal["plan", "state", "cycle", "order", "alarm"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 
 KEPT_EVENTS: Final = 1000
@@ -60,13 +60,11 @@ class Stream:
     """The events that one caller has not taken yet; filled by any thread, taken in its loop.
 
     Attributes:
-        dropped: it was too slow.
         closed: nothing more will come.
     """
 
     def __init__(self, kinds: Collection[Kind], loop: asyncio.AbstractEventLoop) -> None:
         self.kinds = frozenset(kinds)
-        self.dropped = False
         self.closed = False
         self._loop = loop
         self._lock = threading.Lock()

@@ -12,7 +12,8 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field, RootModel
 
 from dispatcher_daemon.api.auth import requires
-from dispatcher_daemon.api.body import SOURCE, describe_body, json_body
+from dispatcher_daemon.api.body import SOURCE, describe_body, describe_optional_body, json_body
+from dispatcher_daemon.api.control import actor_of
 from dispatcher_daemon.api.parameters import After, Limit, Name
 from dispatcher_daemon.api.problems import MEDIA_TYPE, Problem
 from dispatcher_daemon.api.services import Dispatch
@@ -104,10 +105,6 @@ async def _pin(request: Request) -> Pin:
     return check(await json_body(request), Pin, SOURCE)
 
 
-def _optional(operation: dict[str, Any]) -> dict[str, Any]:
-    return {**operation, "requestBody": {**operation["requestBody"], "required": False}}
-
-
 @router.post(
     "",
     dependencies=[requires("orders")],
@@ -150,25 +147,32 @@ def show(dispatch: Dispatch, order: Name) -> OrderHistory:
 
 
 @router.delete(_PATH, dependencies=[requires("orders")])
-def cancel(dispatch: Dispatch, order: Name) -> OrderStatus:
+def cancel(dispatch: Dispatch, request: Request, order: Name) -> OrderStatus:
     """Cancel an order. Refused where a vehicle has left with it, or it has ended."""
-    return dispatch.orders.cancel(order)
+    return _logged(dispatch, request, "cancel", dispatch.orders.cancel(order))
 
 
 @router.post(
     _PATH + "/pin",
     dependencies=[requires("control")],
-    openapi_extra=_optional(describe_body(Pin)),
+    openapi_extra=describe_optional_body(Pin),
 )
-def pin(dispatch: Dispatch, order: Name, pin: Annotated[Pin, Depends(_pin)]) -> OrderStatus:
+def pin(
+    dispatch: Dispatch, request: Request, order: Name, pin: Annotated[Pin, Depends(_pin)]
+) -> OrderStatus:
     """Keep an order for one vehicle; without a body, for the one whose plan has it."""
-    return dispatch.orders.pin(order, pin.vehicle)
+    return _logged(dispatch, request, "pin", dispatch.orders.pin(order, pin.vehicle))
 
 
 @router.post(_PATH + "/release", dependencies=[requires("control")])
-def release(dispatch: Dispatch, order: Name) -> OrderStatus:
+def release(dispatch: Dispatch, request: Request, order: Name) -> OrderStatus:
     """Let any vehicle serve an order that is pinned."""
-    return dispatch.orders.release(order)
+    return _logged(dispatch, request, "release", dispatch.orders.release(order))
+
+
+def _logged(dispatch: Dispatch, request: Request, kind: str, status: OrderStatus) -> OrderStatus:
+    dispatch.control.note(kind, f"order/{status.order}", actor_of(request))
+    return status
 
 
 def handle_refusals(app: FastAPI) -> None:

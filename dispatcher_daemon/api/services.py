@@ -8,8 +8,10 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from dispatcher_daemon.alarms import AlarmWatch
 from dispatcher_daemon.api.hub import EventHub
 from dispatcher_daemon.api.solving import SolveJobs
+from dispatcher_daemon.dispatcher import Control
 from dispatcher_daemon.feeds.publisher import Feeds
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.intake import OrderIntake
@@ -35,6 +37,8 @@ class Services:
         orders: of callers.
         feeds: for road authorities.
         reader: of the database.
+        alarms: in force, and lately ended.
+        control: of the dispatcher.
         events: that callers follow; what happens is published there.
         solve_jobs: fleets that callers have planned.
         is_live: the condition that feeds the watchdog.
@@ -48,6 +52,8 @@ class Services:
     orders: OrderIntake
     feeds: Feeds
     reader: Reader
+    alarms: AlarmWatch
+    control: Control
     events: EventHub
     solve_jobs: SolveJobs
     is_live: Callable[[], bool]

@@ -163,6 +163,8 @@ def arc_form_obstacle(fleet: Fleet) -> str | None:
     demand = {stop.id: stop.demand for stop in fleet.stops}
     pooled = sum(demand[name] for name in fleet.pooled)
     for vehicle in fleet.vehicles:
+        if vehicle.breaks:
+            return f"vehicle {vehicle.id!r} has breaks"
         if vehicle.return_by_s is not None:
             return f"vehicle {vehicle.id!r} has to be back in time"
         if fleet.overload(vehicle.model_copy(update={"capacity": None}), fleet.stops) is not None:

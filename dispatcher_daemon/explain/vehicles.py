@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 
 from dispatcher_daemon.explain.words import duration, in_kwh, more_or_less, way
 from dispatcher_daemon.plans import VehicleAccount
 from dispatcher_daemon.replay import CycleRecord
+from dispatcher_daemon.tracking import utc
 from slipstream.messages import PlannedSegment, VehiclePlan
 
 
@@ -48,9 +49,10 @@ def explained_vehicles(
             lines += _stop_lines(account, served, served_before)
             lines += _figure_lines(account)
         elif plan is not None:
-            stops = [stop.stop for stop in plan.stops[1:-1]]
+            stops = [stop.stop for stop in plan.service_stops]
             lines.append(f"serves {', '.join(stops) or 'no stop'}, {in_kwh(plan.energy_kwh)}")
         if plan is not None:
+            lines += _break_lines(plan)
             lines += _platoon_lines(plan, plans)
         elif account is not None and account.driven_kwh > 0:
             lines.append(
@@ -112,6 +114,13 @@ def _figure_lines(account: VehicleAccount) -> Iterator[str]:
         yield f"it drives for {duration(account.driving_s)}; in the baseline it stays where it is"
     if account.waiting_s >= 0.05:
         yield f"it waits {account.waiting_s:.1f} s longer than in the baseline, to meet others"
+
+
+def _break_lines(plan: VehiclePlan) -> Iterator[str]:
+    for before, stop in pairwise(plan.stops):
+        if stop.kind == "break":
+            begins = utc(stop.departure_ns - round(1e9 * stop.break_s))
+            yield f"has its break of {duration(stop.break_s)} at {before.stop}, from {begins} on"
 
 
 def _platoon_lines(plan: VehiclePlan, plans: Sequence[VehiclePlan]) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dispatcher_daemon.fleet.loading import DEMO_FLEET, check_fleet, fleet_from, load_fleet
 from dispatcher_daemon.fleet.models import (
     DEPOT,
+    Break,
     ChargingStop,
     Depot,
     Fleet,
@@ -25,6 +26,7 @@ __all__ = [
     "DEMO_FLEET",
     "DEPOT",
     "MAX_SNAP_M",
+    "Break",
     "ChargingStop",
     "Depot",
     "Fleet",

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 
-from dispatcher_daemon.fleet.models import DEPOT, Fleet, Vehicle
+from dispatcher_daemon.fleet.clock import given_twice
+from dispatcher_daemon.fleet.models import DEPOT, Break, Fleet, Stop, Vehicle
 from dispatcher_daemon.fleet.places import distances, located, with_unknown_nodes
 from slipstream.config import check, read_data
-from slipstream.errors import InputError
+from slipstream.errors import InputError, refuse
 from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import PRESETS
 
@@ -39,10 +40,15 @@ def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
 
 
 def fleet_from(
-    data: object, network: RoadNetwork, source: str | Path, *, may_lack_stops: bool = False
+    data: object,
+    network: RoadNetwork,
+    source: str | Path,
+    *,
+    may_lack_stops: bool = False,
+    may_have_clock_times: bool = False,
 ) -> Fleet:
     """Check plain data as a fleet; errors as in `load_fleet`, also where it has no stop and may not
-    lack them.
+    lack them, or clock times and may not have them.
 
     A place with latitude and longitude gets a node: the nearer end of the nearest road that some
     vehicle of the fleet may use, no more than `MAX_SNAP_M` away.
@@ -50,6 +56,7 @@ def fleet_from(
     fleet = located(check(with_unknown_nodes(data), Fleet, source), network, source)
     if not (fleet.stops or may_lack_stops):
         raise InputError(source, "no stop", "add one", key="stops")
+    refuse(_clock_faults(fleet, source, may_have_clock_times))
     check_fleet(fleet, network, source)
     furthest = max(
         distances(fleet, network, source), key=lambda found: found[1].distance_m, default=None
@@ -58,6 +65,27 @@ def fleet_from(
         key, snapped = furthest
         log.info("%s: places lie at most %.0f m from roads (%s)", source, snapped.distance_m, key)
     return fleet
+
+
+def _clock_faults(fleet: Fleet, source: str | Path, allowed: bool) -> Iterator[InputError]:
+    """Clock times that are given in seconds too, or where times count from no known moment."""
+    tables: dict[str, tuple[Stop | Vehicle, ...]] = {
+        "stops": fleet.stops,
+        "vehicles": fleet.vehicles,
+    }
+    keyed: list[tuple[str, Stop | Vehicle | Break]] = [
+        (f"{table}.{row.id}", row) for table, rows in tables.items() for row in rows
+    ]
+    for vehicle in fleet.vehicles:
+        key = f"vehicles.{vehicle.id}.breaks"
+        keyed += [(f"{key}.{number}", own) for number, own in enumerate(vehicle.breaks)]
+    if fleet.has_clock_times:
+        for key, row in keyed:
+            yield from given_twice(row.clocks, row.model_fields_set, source, key)
+            for name, text in row.clocks.items() if not allowed else ():
+                if text is not None:
+                    problem = "a clock time, which only a fleet file of the dispatcher has"
+                    yield InputError(source, problem, f"give {name}_s", key=f"{key}.{name}")
 
 
 def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: str = "") -> None:
@@ -73,30 +101,50 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
             fit the battery, a first stop that does not exist, is claimed twice or is for other
             vehicles, or a stop for which the fleet has no vehicle.
     """
-    _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
-    _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
-    _no_duplicates(source, f"{prefix}vehicles", "id", (v.id for v in fleet.vehicles))
-    _no_duplicates(source, f"{prefix}vehicle_types", "id", (t.id for t in fleet.vehicle_types))
-    _no_duplicates(source, f"{prefix}charging_stops", "id", (c.id for c in fleet.charging_stops))
-    _no_duplicates(source, f"{prefix}hubs", "id", (h.id for h in fleet.hubs))
+    refuse(_faults(fleet, network, source, prefix))
+
+
+def _faults(
+    fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: str
+) -> Iterator[InputError]:
+    yield from _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
+    yield from _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
+    yield from _no_duplicates(source, f"{prefix}vehicles", "id", (v.id for v in fleet.vehicles))
+    yield from _no_duplicates(
+        source, f"{prefix}vehicle_types", "id", (t.id for t in fleet.vehicle_types)
+    )
+    yield from _no_duplicates(
+        source, f"{prefix}charging_stops", "id", (c.id for c in fleet.charging_stops)
+    )
+    yield from _no_duplicates(source, f"{prefix}hubs", "id", (h.id for h in fleet.hubs))
     for name in (DEPOT, *fleet.depot_by_id):
         if name in fleet.stop_by_id:
-            raise InputError(
+            yield InputError(
                 source, "a stop has a depot's id", "rename it", key=f"{prefix}stops.{name}"
             )
     for name in fleet.charging_stop_by_id:
         if name == DEPOT or name in fleet.stop_by_id or name in fleet.depot_by_id:
             problem = "a charging stop has the id of a stop or depot"
-            raise InputError(source, problem, "rename it", key=f"{prefix}charging_stops.{name}")
+            yield InputError(source, problem, "rename it", key=f"{prefix}charging_stops.{name}")
     for name in fleet.hub_by_id:
         others = (fleet.stop_by_id, fleet.depot_by_id, fleet.charging_stop_by_id)
         if name == DEPOT or any(name in other for other in others):
             problem = "a hub has the id of a stop, charging stop or depot"
-            raise InputError(source, problem, "rename it", key=f"{prefix}hubs.{name}")
+            yield InputError(source, problem, "rename it", key=f"{prefix}hubs.{name}")
+    places: dict[str, Mapping[str, object]] = {
+        "depots": fleet.depot_by_id,
+        "stops": fleet.stop_by_id,
+        "charging_stops": fleet.charging_stop_by_id,
+        "hubs": fleet.hub_by_id,
+    }
+    for table, known in places.items():
+        for name in sorted(fleet.break_ids.intersection(known)):
+            problem = "it has the name that a vehicle's break has in plans"
+            yield InputError(source, problem, "rename it", key=f"{prefix}{table}.{name}")
     for kind in fleet.vehicle_types:
         if kind.id in PRESETS:
             key = f"{prefix}vehicle_types.{kind.id}"
-            raise InputError(source, "a vehicle type has a preset's id", "rename it", key=key)
+            yield InputError(source, "a vehicle type has a preset's id", "rename it", key=key)
     for place, node in (
         *((f"depots.{d.id}", d.node) for d in fleet.depots),
         *((f"stops.{s.id}", s.node) for s in fleet.stops),
@@ -104,7 +152,7 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
         *((f"hubs.{h.id}", h.node) for h in fleet.hubs),
     ):
         if node not in network.junctions:
-            raise InputError(
+            yield InputError(
                 source,
                 f"unknown node {node!r}",
                 f"use a junction of network {network.name!r}",
@@ -113,51 +161,53 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
     for vehicle in fleet.vehicles:
         key = f"{prefix}vehicles.{vehicle.id}"
         if vehicle.depot is not None and vehicle.depot not in fleet.depot_by_id:
-            raise InputError(
+            yield InputError(
                 source, f"no depot {vehicle.depot!r}", "name one of the depots", key=f"{key}.depot"
             )
         if vehicle.first_stop is not None and vehicle.first_stop not in fleet.stop_by_id:
-            raise InputError(
+            yield InputError(
                 source,
                 f"no stop {vehicle.first_stop!r}",
                 "name one of the stops",
                 key=f"{key}.first_stop",
             )
-        _check_type(fleet, vehicle, source, key)
-    _check_carriers(fleet, source, prefix)
+        yield from _check_type(fleet, vehicle, source, key)
+    yield from _check_carriers(fleet, source, prefix)
     first = [v.first_stop for v in fleet.vehicles if v.first_stop is not None]
     mend = "give each vehicle a stop of its own"
-    _no_duplicates(source, f"{prefix}vehicles", "first_stop", first, mend)
+    yield from _no_duplicates(source, f"{prefix}vehicles", "first_stop", first, mend)
 
 
-def _check_carriers(fleet: Fleet, source: str | Path, prefix: str) -> None:
+def _check_carriers(fleet: Fleet, source: str | Path, prefix: str) -> Iterator[InputError]:
     for stop in fleet.stops:
         if stop.carrier is not None and stop.carrier not in fleet.carriers:
-            raise InputError(
+            yield InputError(
                 source,
                 f"no vehicle of carrier {stop.carrier!r}",
                 "give that carrier a vehicle, or leave the stop's carrier out for any vehicle",
                 key=f"{prefix}stops.{stop.id}.carrier",
             )
+            continue
         key = f"{prefix}stops.{stop.id}"
         if stop.vehicle is not None and stop.vehicle not in fleet.vehicle_by_id:
             mend = "name one of the vehicles"
-            raise InputError(source, f"no vehicle {stop.vehicle!r}", mend, key=f"{key}.vehicle")
-        if not any(fleet.may_serve(vehicle, stop) for vehicle in fleet.vehicles):
+            yield InputError(source, f"no vehicle {stop.vehicle!r}", mend, key=f"{key}.vehicle")
+        elif not any(fleet.may_serve(vehicle, stop) for vehicle in fleet.vehicles):
             problem = f"no vehicle has all the skills {', '.join(stop.skills)}"
             if stop.carrier is not None or stop.vehicle is not None:
                 problem = "no vehicle meets its carrier, skills and vehicle together"
             mend = "give a vehicle what the stop needs, or ask less"
-            raise InputError(source, problem, mend, key=f"{key}.skills")
+            yield InputError(source, problem, mend, key=f"{key}.skills")
     for vehicle in fleet.vehicles:
         if vehicle.first_stop is None:
             continue
-        stop = fleet.stop_by_id[vehicle.first_stop]
-        if not fleet.may_serve(vehicle, stop):
-            problem = f"stop {stop.id!r} is for other vehicles"
-            if stop.carrier not in (None, vehicle.carrier):
-                problem = f"stop {stop.id!r} is of carrier {stop.carrier!r}, and the vehicle is not"
-            raise InputError(
+        first = fleet.stop_by_id.get(vehicle.first_stop)
+        if first is not None and not fleet.may_serve(vehicle, first):
+            problem = f"stop {first.id!r} is for other vehicles"
+            if first.carrier not in (None, vehicle.carrier):
+                carrier = first.carrier
+                problem = f"stop {first.id!r} is of carrier {carrier!r}, and the vehicle is not"
+            yield InputError(
                 source,
                 problem,
                 "give the vehicle what the stop asks for, or another first stop",
@@ -165,27 +215,29 @@ def _check_carriers(fleet: Fleet, source: str | Path, prefix: str) -> None:
             )
 
 
-def _check_type(fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str) -> None:
+def _check_type(
+    fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str
+) -> Iterator[InputError]:
     known = [*PRESETS, *(kind.id for kind in fleet.vehicle_types)]
     if vehicle.type is not None and vehicle.type not in known:
         mend = f"use one of {', '.join(known)}"
-        raise InputError(source, f"no vehicle type {vehicle.type!r}", mend, key=f"{key}.type")
+        yield InputError(source, f"no vehicle type {vehicle.type!r}", mend, key=f"{key}.type")
     kind = fleet.type_of(vehicle)
     capacity_kwh = None if kind is None else kind.battery_kwh
     if vehicle.charge_kwh is None:
         return
     if capacity_kwh is None:
         problem, mend = "a charge without a battery", "give its type a battery_kwh"
-        raise InputError(source, problem, mend, key=f"{key}.charge_kwh")
-    if vehicle.charge_kwh > capacity_kwh:
+        yield InputError(source, problem, mend, key=f"{key}.charge_kwh")
+    elif vehicle.charge_kwh > capacity_kwh:
         problem = f"{vehicle.charge_kwh:g} kWh in a battery of {capacity_kwh:g} kWh"
-        raise InputError(source, problem, "give what is in it", key=f"{key}.charge_kwh")
+        yield InputError(source, problem, "give what is in it", key=f"{key}.charge_kwh")
 
 
 def _no_duplicates(
     source: str | Path, table: str, key: str, values: Iterable[str], mend: str = "rename one"
-) -> None:
+) -> Iterator[InputError]:
     for value, count in Counter(values).items():
         if count > 1:
             what = table.rpartition(".")[2]
-            raise InputError(source, f"{count} {what} with {key} {value!r}", mend, key=table)
+            yield InputError(source, f"{count} {what} with {key} {value!r}", mend, key=table)

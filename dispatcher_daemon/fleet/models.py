@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Final, Self
+from zoneinfo import ZoneInfo
 
 from pydantic import Field, model_validator
 
+from dispatcher_daemon.fleet.clock import Clock, ZoneName, seconds_after
 from slipstream.config import Settings
 from slipstream.messages import Identifier
 from slipstream.vehicle_types import PRESETS, VehicleType
@@ -45,7 +47,7 @@ class _Point(Settings):
 class Depot(_Point):
     """Where vehicles start and end."""
 
-    id: Identifier = DEPOT
+    id: Identifier = Field(default=DEPOT, description="Its name.")
     node: Identifier = Field(description="Junction of the road network; or `lat` and `lon`.")
     charging_power_kw: _PowerKw | None = Field(
         default=None, description="Vehicles charge while they wait there; None: they cannot."
@@ -76,13 +78,15 @@ class NamedVehicleType(VehicleType):
 class Stop(_Point):
     """One delivery. Stops may share a junction with each other and with a depot.
 
-    All times count from the reference time of the cycle: when a vehicle that is ready at once
-    leaves.
+    Times in seconds count from the reference time of the cycle: when a vehicle that is ready at
+    once leaves.
     """
 
-    id: Identifier
+    id: Identifier = Field(description="Its name, an order's: never used again for another one.")
     node: Identifier = Field(description="Junction of the road network; or `lat` and `lon`.")
-    service_s: float = Field(default=60.0, ge=0, le=_DAY_S, allow_inf_nan=False)
+    service_s: float = Field(
+        default=60.0, ge=0, le=_DAY_S, allow_inf_nan=False, description="Time that service takes."
+    )
     demand: int = Field(
         default=0, ge=0, le=10**9, description="What it takes of a vehicle's capacity."
     )
@@ -103,6 +107,12 @@ class Stop(_Point):
         allow_inf_nan=False,
         description="Service starts no later; None: whenever.",
     )
+    earliest: Clock | None = Field(
+        default=None,
+        description='Instead of `earliest_s`, in a fleet file: "08:30" of each day, or with a '
+        'date, "2026-11-23T08:30:00+01:00".',
+    )
+    latest: Clock | None = Field(default=None, description="Instead of `latest_s`, likewise.")
     carrier: Identifier | None = Field(
         default=None, description="Only vehicles of this carrier serve it; None: any vehicle."
     )
@@ -120,12 +130,70 @@ class Stop(_Point):
         return self
 
     @property
+    def clocks(self) -> dict[str, str | None]:
+        """Its clock times, in the order in which they follow each other."""
+        return {"earliest": self.earliest, "latest": self.latest}
+
+    def at(self, zone: ZoneInfo, reference_ns: int) -> Stop:
+        """The stop with its clock times as seconds after a moment; a window that has closed closes
+        then.
+        """
+        after = seconds_after(self.clocks, zone, reference_ns)
+        times = {f"{name}_s": min(max(value, 0.0), _DAY_S) for name, value in after.items()}
+        earliest_s = times.get("earliest_s", self.earliest_s)
+        if "latest_s" in times:
+            times["latest_s"] = max(times["latest_s"], earliest_s)
+        return self.model_copy(update=times) if times else self
+
+    @property
     def requirement(self) -> tuple[str | None, frozenset[str]]:
         """Carrier and skills that it asks for."""
         return self.carrier, frozenset(self.skills)
 
 
 Place = Depot | Stop | ChargingStop | Hub
+
+
+class Break(Settings):
+    """A time in which a vehicle stands and nobody works, between two stops of a tour."""
+
+    duration_s: float = Field(gt=0, le=_DAY_S, allow_inf_nan=False, description="Its length.")
+    earliest_s: float = Field(
+        default=0.0, ge=-_DAY_S, le=_DAY_S, allow_inf_nan=False, description="Begins no sooner."
+    )
+    latest_s: float = Field(
+        default=_DAY_S, ge=-_DAY_S, le=_DAY_S, allow_inf_nan=False, description="Begins no later."
+    )
+    earliest: Clock | None = Field(
+        default=None,
+        description='Instead of `earliest_s`, in a fleet file: "11:30" of each day, or with a '
+        "date.",
+    )
+    latest: Clock | None = Field(default=None, description="Instead of `latest_s`, likewise.")
+
+    @model_validator(mode="after")
+    def _window_is_open(self) -> Self:
+        if self.latest_s < self.earliest_s:
+            raise ValueError(
+                f"latest_s ({self.latest_s:g}) must not be below earliest_s ({self.earliest_s:g})"
+            )
+        return self
+
+    @property
+    def clocks(self) -> dict[str, str | None]:
+        """Its clock times, in the order in which they follow each other."""
+        return {"earliest": self.earliest, "latest": self.latest}
+
+    def at(self, zone: ZoneInfo, reference_ns: int) -> Break:
+        """The break with its clock times as seconds after a moment, below 0 before it."""
+        after = seconds_after(self.clocks, zone, reference_ns)
+        times = {f"{name}_s": min(max(s, -_DAY_S), _DAY_S) for name, s in after.items()}
+        return self.model_copy(update=times) if times else self
+
+    def is_outside(self, leaves_s: float, back_s: float) -> bool:
+        """Whether a tour leaves it to the time at the depot: after it, before it, or both."""
+        before = leaves_s >= self.earliest_s + self.duration_s or leaves_s > self.latest_s
+        return before or back_s <= self.latest_s
 
 
 class Vehicle(Settings):
@@ -136,11 +204,13 @@ class Vehicle(Settings):
     its depot within [``ready_s``, ``depart_by_s``], s after the reference time of the cycle.
     """
 
-    id: Identifier
+    id: Identifier = Field(description="Its name, as its agent's.")
     depot: Identifier | None = Field(
         default=None, description="Where it starts and ends; None: the first depot."
     )
-    first_stop: Identifier | None = None
+    first_stop: Identifier | None = Field(
+        default=None, description="The stop whose parcel it has loaded and drives to first."
+    )
     capacity: int | None = Field(
         default=None, ge=0, le=10**9, description="Total demand it can carry; None: any."
     )
@@ -161,6 +231,12 @@ class Vehicle(Settings):
         allow_inf_nan=False,
         description="Is back at its depot by then; None: whenever.",
     )
+    ready: Clock | None = Field(
+        default=None,
+        description='Instead of `ready_s`, in a fleet file: "07:00" of each day, or with a date.',
+    )
+    depart_by: Clock | None = Field(default=None, description="Instead of `depart_by_s`, likewise.")
+    return_by: Clock | None = Field(default=None, description="Instead of `return_by_s`, likewise.")
     type: Identifier | None = Field(
         default=None,
         description="A preset or one of `vehicle_types`; None: the paper's car.",
@@ -180,6 +256,36 @@ class Vehicle(Settings):
         description="Who runs it. Vehicles without one count together as one carrier.",
     )
     skills: Skills = Field(default=(), description="It can serve stops that need any of these.")
+    breaks: Annotated[tuple[Break, ...], Field(max_length=10)] = Field(
+        default=(), description="In the order in which they are taken."
+    )
+
+    def break_id(self, number: int) -> str:
+        """Name that the stop for one of its breaks has in plans.
+
+        Args:
+            number: of the break, from 0.
+        """
+        return f"{self.id} break {number + 1}"
+
+    @property
+    def clocks(self) -> dict[str, str | None]:
+        """Its clock times, in the order in which they follow each other."""
+        return {"ready": self.ready, "depart_by": self.depart_by, "return_by": self.return_by}
+
+    def at(self, zone: ZoneInfo, reference_ns: int) -> Vehicle:
+        """The vehicle with its clock times as seconds after a moment; what has passed is now."""
+        after = seconds_after(self.clocks, zone, reference_ns)
+        breaks = tuple(own.at(zone, reference_ns) for own in self.breaks)
+        if not after:
+            return self if breaks == self.breaks else self.model_copy(update={"breaks": breaks})
+        ready_s = min(max(after.get("ready", self.ready_s), 0.0), _DAY_S)
+        times = {f"{name}_s": max(value, ready_s) for name, value in after.items()}
+        if "depart_by_s" in times:
+            times["depart_by_s"] = min(times["depart_by_s"], _DAY_S)
+        if "return_by_s" in times:
+            times["return_by_s"] = min(times["return_by_s"], 2 * _DAY_S)
+        return self.model_copy(update={**times, "ready_s": ready_s, "breaks": breaks})
 
     @model_validator(mode="after")
     def _one_type(self) -> Self:
@@ -199,7 +305,10 @@ class Vehicle(Settings):
 class Fleet(Settings):
     """Depots, stops and vehicles of one dispatch."""
 
-    name: str = "fleet"
+    name: str = Field(default="fleet", description="For people.")
+    time_zone: ZoneName = Field(
+        default="UTC", description="Of clock times without one, such as Europe/Berlin."
+    )
     depots: tuple[Depot, ...] = Field(min_length=1)
     stops: tuple[Stop, ...] = ()
     vehicles: tuple[Vehicle, ...] = Field(min_length=1)
@@ -211,6 +320,24 @@ class Fleet(Settings):
     def parts(self) -> dict[str, Any]:
         """What it was made of, to make another one: a copy would keep what this one has cached."""
         return {name: getattr(self, name) for name in Fleet.model_fields}
+
+    @cached_property
+    def has_clock_times(self) -> bool:
+        """Whether some times of it are no seconds."""
+        breaks = (own for vehicle in self.vehicles for own in vehicle.breaks)
+        rows: tuple[Stop | Vehicle | Break, ...] = (*self.stops, *self.vehicles, *breaks)
+        return any(text is not None for row in rows for text in row.clocks.values())
+
+    def at(self, reference_ns: int) -> Fleet:
+        """The fleet with its clock times as seconds after a moment, UTC."""
+        if not self.has_clock_times:
+            return self
+        zone = ZoneInfo(self.time_zone)
+        rows = {
+            "stops": tuple(stop.at(zone, reference_ns) for stop in self.stops),
+            "vehicles": tuple(vehicle.at(zone, reference_ns) for vehicle in self.vehicles),
+        }
+        return Fleet(**{**self.parts, **rows})
 
     @cached_property
     def stop_by_id(self) -> dict[str, Stop]:
@@ -236,6 +363,15 @@ class Fleet(Settings):
     def vehicle_by_id(self) -> dict[str, Vehicle]:
         """Vehicles by their id."""
         return {vehicle.id: vehicle for vehicle in self.vehicles}
+
+    @cached_property
+    def break_ids(self) -> frozenset[str]:
+        """Names that the stops for breaks have in plans; no other place may have them."""
+        return frozenset(
+            vehicle.break_id(number)
+            for vehicle in self.vehicles
+            for number in range(len(vehicle.breaks))
+        )
 
     @cached_property
     def carriers(self) -> tuple[str | None, ...]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
+from dispatcher_daemon.problem import ArcProblem, BinaryProblem, Problem, RouteProblem
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,11 @@ def decode(problem: Problem, selected: Collection[int]) -> Decoded:
 
     Valid means in the arc form: every vehicle drives exactly one closed tour from the depot over at
     least one stop, and no selected arc is left over. In the route form: every vehicle has exactly
-    one option. In both: every stop is served exactly once.
+    one option. In both: every stop is served exactly once. A QUBO as such has no
+    rules.
     """
+    if isinstance(problem, BinaryProblem):
+        return Decoded({}, ())
     if isinstance(problem, ArcProblem):
         routes, faults = _arc_routes(problem, selected)
         stops = problem.customers
@@ -58,6 +61,8 @@ def valid_selections(problem: Problem) -> npt.NDArray[np.bool_]:
     at_most_one: list[np.uint32]
     if isinstance(problem, ArcProblem):
         exactly_one, at_most_one = _arc_masks(problem)
+    elif isinstance(problem, BinaryProblem):
+        exactly_one, at_most_one = [], []
     else:
         exactly_one, at_most_one = _option_masks(problem), []
     valid = np.ones(1 << problem.choices, dtype=bool)

@@ -1,4 +1,4 @@
-"""Models as files that other tools read: the MILP as LP or MPS, the QUBO as JSON or coordinates."""
+"""Models as files that other tools read: MILP as LP or MPS, QUBO as JSON, coordinates or QS."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any
 import dimod
 import highspy
 
-from dispatcher_daemon.formulations.milp import build_milp
+from dispatcher_daemon.formulations.milp import QuietHighs, build_milp
 from dispatcher_daemon.formulations.qubo import QuboModel
-from dispatcher_daemon.problem import ArcProblem, Problem
+from dispatcher_daemon.problem import ArcProblem, BinaryProblem, Problem
 
 
 def write_milp(problem: Problem, path: Path) -> None:
@@ -28,8 +28,7 @@ def write_milp(problem: Problem, path: Path) -> None:
     lp = build_milp(problem)
     lp.col_names_ = column_names(problem)
     lp.row_names_ = [f"r{i}" for i in range(lp.num_row_)]
-    solver: Any = highspy.Highs()  # type: ignore[no-untyped-call]
-    solver.setOptionValue("output_flag", False)
+    solver: Any = QuietHighs()
     solver.passModel(lp)
     path.touch()  # HiGHS does not say what is wrong with a path
     if solver.writeModel(str(path)) == highspy.HighsStatus.kError:
@@ -41,6 +40,8 @@ def column_names(problem: Problem) -> list[str]:
     if isinstance(problem, ArcProblem):
         x = [f"{a.vehicle}_{a.start}_{a.end}" for a in problem.arcs]
         orders = list(problem.customers)
+    elif isinstance(problem, BinaryProblem):
+        x, orders = list(problem.names), []
     else:
         x = [f"{o.vehicle}_{'_'.join(o.stops)}" for o in problem.options]
         orders = []
@@ -79,6 +80,30 @@ def write_qubo_coo(model: QuboModel, path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def write_qubo_qs(model: QuboModel, path: Path) -> None:
+    """Write H_total as ``.qs``, as ZIMPL does: variables from 1 on, the number of entries above.
+
+    An entry counts once on the diagonal and twice beside it, where half of the bias is written, as
+    in a symmetric matrix of which the upper half is stored. The offset is in a comment.
+    """
+    total = model.total
+    index = {variable: i for i, variable in enumerate(model.variables, 1)}
+    entries = [(i, i, float(total.get_linear(v))) for v, i in index.items()]
+    for (u, v), bias in total.quadratic.items():
+        i, j = sorted((index[u], index[v]))
+        entries.append((i, j, float(bias) / 2))
+    entries = sorted(entry for entry in entries if entry[2])
+    lines = [
+        "# kWh, binary variables:",
+        *(f"# {i} {variable}" for variable, i in index.items()),
+        f"# ObjectiveOffset {float(total.offset)!r}",
+        "# Vars Non-zeros",
+        f"{len(index)} {len(entries)}",
+        *(f"{i} {j} {bias!r}" for i, j, bias in entries),
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def _with_text_labels(model: QuboModel) -> Any:
     named: Any = dimod.BinaryQuadraticModel(model.total)
     named.relabel_variables({variable: str(variable) for variable in model.variables})
@@ -90,5 +115,6 @@ WRITERS: dict[str, Callable[[QuboModel, Path], None]] = {
     ".mps": lambda model, path: write_milp(model.problem, path),
     ".json": write_qubo_json,
     ".coo": write_qubo_coo,
+    ".qs": write_qubo_qs,
 }
 """Writers by file suffix."""

@@ -1,4 +1,4 @@
-"""The linearised MILP of either form, solved exactly with HiGHS.
+"""The linearised MILP of each form, solved exactly with HiGHS.
 
 It shares choices, costs and savings with the QUBO and nothing else: in the arc form subtours are
 excluded by the classical Miller–Tucker–Zemlin inequalities with continuous orders, in the route
@@ -80,6 +80,17 @@ class _Rows:
         self.start += ends.tolist()
 
 
+class QuietHighs(highspy.Highs):
+    """HiGHS without output: also without the two lines that 1.16 prints when callbacks are set up,
+    before it can be told not to.
+    """
+
+    def __init__(self) -> None:
+        """Set up without callbacks."""
+        super(highspy.Highs, self).__init__()
+        self.setOptionValue("output_flag", False)
+
+
 def build_milp(problem: Problem) -> highspy.HighsLp:
     """The model: columns are x (binary), pair savings y (continuous), orders u (continuous)."""
     n, m = problem.choices, len(problem.pair_savings)
@@ -88,7 +99,7 @@ def build_milp(problem: Problem) -> highspy.HighsLp:
     if isinstance(problem, ArcProblem):
         orders = len(problem.customers)
         _arc_rows(problem, rows, n + m)
-    else:
+    elif isinstance(problem, RouteProblem):
         _route_rows(problem, rows)
     _product_rows(problem, rows)
 
@@ -175,7 +186,9 @@ def _exclusive_group(problem: Problem, index: int) -> tuple[str, ...]:
     if isinstance(problem, ArcProblem):
         arc = problem.arcs[index]
         return (arc.vehicle, arc.start)
-    return (problem.options[index].vehicle,)
+    if isinstance(problem, RouteProblem):
+        return (problem.options[index].vehicle,)
+    return (str(index),)
 
 
 def solve_milp(problem: Problem, deadline_s: float, seed: int = 0) -> MilpResult:
@@ -186,9 +199,8 @@ def solve_milp(problem: Problem, deadline_s: float, seed: int = 0) -> MilpResult
     """
     ends = time.perf_counter() + deadline_s
     model = build_milp(problem)
-    solver: Any = highspy.Highs()  # type: ignore[no-untyped-call]
+    solver: Any = QuietHighs()
     for option, value in (
-        ("output_flag", False),
         ("threads", 1),
         ("random_seed", seed % 2**31),
         ("time_limit", max(0.01, ends - time.perf_counter())),

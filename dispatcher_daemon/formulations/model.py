@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dispatcher_daemon.formulations.arc import build_arc_model
-from dispatcher_daemon.formulations.qubo import Encoding, QuboModel
+from dispatcher_daemon.formulations.qubo import Encoding, QuboModel, build_binary_model
 from dispatcher_daemon.formulations.route import build_route_model
-from dispatcher_daemon.problem import ArcProblem, Problem
+from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
 
 __all__ = ["Encoding", "QuboModel", "build_model"]
 
@@ -13,12 +13,14 @@ __all__ = ["Encoding", "QuboModel", "build_model"]
 def build_model(
     problem: Problem, gamma: float | None = None, *, encoding: Encoding = "reduced"
 ) -> QuboModel:
-    """Build the QUBO of an arc or route problem.
+    """Build the QUBO of a problem.
 
     Args:
         gamma: penalty weight, kWh; None: one computed for the problem that suffices.
-        encoding: of the arc form's subtour terms; the route form has none.
+        encoding: of the arc form's subtour terms; the others have none.
     """
     if isinstance(problem, ArcProblem):
         return build_arc_model(problem, gamma, encoding)
-    return build_route_model(problem, gamma)
+    if isinstance(problem, RouteProblem):
+        return build_route_model(problem, gamma)
+    return build_binary_model(problem)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import dimod
 
-from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.problem import BinaryProblem, Problem
 
 Encoding = Literal["reduced", "full"]
 """How the arc form excludes subtours: with the bits that a cycle can need, or with the paper's."""
@@ -44,6 +44,16 @@ class QuboModel:
     def selected(self, bits: Sequence[int]) -> frozenset[int]:
         """Indices of the arcs or options that a state selects; bits as in `variables`."""
         return frozenset(i for i in range(self.problem.choices) if bits[i])
+
+
+def build_binary_model(problem: BinaryProblem) -> QuboModel:
+    """A QUBO as it is, without a penalty."""
+    objective = empty_bqm(problem.names)
+    for name, cost in zip(problem.names, problem.costs_kwh, strict=True):
+        objective.add_linear(name, cost)
+    for (first, second), saving in problem.pair_savings.items():
+        objective.add_quadratic(problem.names[first], problem.names[second], -saving)
+    return QuboModel(problem, problem.names, objective, empty_bqm(problem.names), 1.0)
 
 
 def empty_bqm(variables: Iterable[Hashable]) -> Any:

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dispatcher_daemon.formulations import QuboModel
-from dispatcher_daemon.problem import ArcProblem, Problem
+from dispatcher_daemon.problem import ArcProblem, BinaryProblem, Problem
 from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver, Place, VariantError, counts_to_bits
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz
@@ -168,6 +168,8 @@ def problem_key(problem: Problem, encoding: str) -> str:
         arcs = tuple((arc.vehicle, arc.start, arc.end) for arc in problem.arcs)
         parts = (problem.depot, problem.customers, problem.vehicles, arcs)
         return fingerprint("arc", encoding, *parts)
+    if isinstance(problem, BinaryProblem):
+        return fingerprint("binary", encoding, problem.names)
     options = tuple((option.vehicle, option.stops) for option in problem.options)
     return fingerprint("route", encoding, problem.vehicles, problem.stops, options)
 

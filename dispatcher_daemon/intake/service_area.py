@@ -189,6 +189,7 @@ def _is_place(fleet: Fleet, name: str) -> bool:
         fleet.depot_by_id,
         fleet.charging_stop_by_id,
         fleet.hub_by_id,
+        fleet.break_ids,
     )
     return any(name in table for table in tables)
 

@@ -4,16 +4,29 @@ vehicles for the solvers, and sweeps over the blocks (block-coordinate descent).
 from __future__ import annotations
 
 from dispatcher_daemon.planning.cycle import route_cycle
-from dispatcher_daemon.planning.fleet_plan import FleetPlan, initial_plans, plan_fleet
+from dispatcher_daemon.planning.fleet_plan import (
+    NO_VEHICLE,
+    FleetPlan,
+    initial_plans,
+    plan_fleet,
+)
 from dispatcher_daemon.planning.form import RouteForm, route_form
 from dispatcher_daemon.planning.insertion import insert_stops
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.pyvrp_search import Searched, search_within
 from dispatcher_daemon.planning.refused import RefusedPlatoon, refused_platoons
-from dispatcher_daemon.planning.servability import servable_part, unservable
+from dispatcher_daemon.planning.servability import (
+    NO_WAY,
+    WINDOW_CLOSES,
+    servable_part,
+    unservable,
+)
 from dispatcher_daemon.planning.sweeps import Choice, initial_choices
 
 __all__ = [
+    "NO_VEHICLE",
+    "NO_WAY",
+    "WINDOW_CLOSES",
     "Choice",
     "FleetPlan",
     "Planner",

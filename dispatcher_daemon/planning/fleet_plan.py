@@ -267,19 +267,20 @@ def departing_when_ready(
     planner: Planner, stops: StopsByVehicle, missing: dict[str, str]
 ) -> list[Itinerary]:
     """All vehicles leave when ready. Stops whose windows are then missed, or for which the battery
-    does not last, are not served; they are added to ``missing`` with the reason.
+    does not last, are not served; they are added to ``missing`` with the reason. What the search
+    does not know, charge and breaks, may leave room for them elsewhere.
     """
     itineraries: list[Itinerary] = []
-    discharged: list[str] = []
+    retried: list[str] = []
     for number, vehicle in enumerate(planner.problem.fleet.vehicles):
         visits = stops[vehicle.id]
         itinerary = planner.itinerary(number, visits, planner.legs(number, visits))
         if itinerary is None:
             itinerary, dropped = _feasible_part(planner, number, visits)
             missing |= {stop: f"{vehicle.id} {why}" for stop, why in dropped.items()}
-            discharged += [s for s, why in dropped.items() if why == _NO_CHARGE]
+            retried += [s for s, why in dropped.items() if why == _NO_CHARGE or vehicle.breaks]
         itineraries.append(itinerary)
-    for stop in discharged:
+    for stop in retried:
         better = cheapest_insertion(planner, itineraries, stop)
         if better is not None and stop in planner.problem.fleet.pooled:
             itineraries[better.number] = better

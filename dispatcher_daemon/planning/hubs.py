@@ -29,6 +29,8 @@ def over_hubs(planner: Planner, itinerary: Itinerary) -> Iterator[tuple[int, Iti
     fixed = len(planner.fixed_legs(itinerary.number) or ())
     found: list[tuple[float, int, Leg, Leg]] = []
     for at, leg in enumerate(legs[fixed:], fixed):
+        if leg.pause is not None:
+            continue
         gains_kwh = planner.followed_kwh(itinerary, visits[at].departure_s)
         for hub in fleet.hubs:
             there, on = travel.leg(leg.start, hub.id), travel.leg(hub.id, leg.end)

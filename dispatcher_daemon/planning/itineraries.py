@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
+from dispatcher_daemon.planning.breaks import with_breaks
 from dispatcher_daemon.planning.charging_stops import Batteries
 from dispatcher_daemon.planning.continuing import (
     committed_legs,
@@ -189,8 +190,8 @@ class Planner:
         )
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
-        """Legs of a route, over charging stops where the battery needs them; None if one of them
-        has no path or the battery does not last.
+        """Legs of a route, over charging stops where the battery needs them, with the breaks of a
+        vehicle that is free; None if one of them has no path or the battery does not last.
         """
         fleet = self.problem.fleet
         vehicle = fleet.vehicles[number]
@@ -205,7 +206,10 @@ class Planner:
                 return None
             legs.append(leg)
         bound = number in self.bound
-        return self.batteries.with_stops(number, own, legs, len(fixed), under_way=bound)
+        found = self.batteries.with_stops(number, own, legs, len(fixed), under_way=bound)
+        if found is None or bound or not vehicle.breaks:
+            return found
+        return with_breaks(self.problem, vehicle, found, self.reference_s)
 
     def lasts(self, number: int, legs: Sequence[Leg]) -> bool:
         """Whether a vehicle's battery lasts for a route, charged at its depot if need be."""

@@ -81,6 +81,8 @@ def _detours(planner: Planner, itinerary: Itinerary) -> Iterator[Itinerary]:
     fixed = len(planner.fixed_legs(itinerary.number) or ())
     travel = planner.travels[0].of(planner.problem.fleet.vehicles[itinerary.number])
     for at, leg in enumerate(legs[fixed:], fixed):
+        if leg.pause is not None:
+            continue
         for other in travel.paths(leg.start, leg.end, planner.paths_per_leg):
             if other.path != leg.path:
                 changed = [*legs[:at], replace(other, charging=leg.charging), *legs[at + 1 :]]

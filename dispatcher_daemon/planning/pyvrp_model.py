@@ -234,7 +234,9 @@ class VrpModel:
         if kind.depart_by_s is not None:
             latest_s += kind.depart_by_s - kind.ready_s
         early, late = _up(begins_s), max(_up(begins_s), _down(latest_s))
-        back = _NO_LIMIT_TENTHS if kind.return_by_s is None else _down(kind.return_by_s)
+        # PyVRP knows no breaks: they are put into finished routes, and here only cost time.
+        rest_s = sum(own.duration_s for own in kind.breaks if own.latest_s > begins_s)
+        back = _NO_LIMIT_TENTHS if kind.return_by_s is None else _down(kind.return_by_s - rest_s)
         return pyvrp.VehicleType(
             num_available=number,
             capacity=self._free(kind),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.planning.charging_stops import with_charging_stops
@@ -14,6 +15,9 @@ from dispatcher_daemon.roads import Leg, Travel, fleet_travel
 from dispatcher_daemon.roads.charge import battery_of, leg_energy_kwh
 from dispatcher_daemon.traffic import TrafficSnapshot
 
+NO_WAY: Final = "node "
+WINDOW_CLOSES: Final = "its window closes"
+"""Begins of reasons that are not for want of a free vehicle."""
 _TOLERANCE_S = 2.0
 """Durations of paths are known to about a second; a doubtful stop is left to the planner."""
 
@@ -143,10 +147,10 @@ def _refusal(
     home_s = float(travel.duration_s[rows[-1], rows[0]])
     if not math.isfinite(sum(seconds)):
         where = f"depot {depot.id!r}" if len(stops) == 1 else f"stop {stops[-2].id!r}"
-        reason = f"node {last.node!r} cannot be reached from {where}{_by_whom(problem, vehicle)}"
+        reason = f"{NO_WAY}{last.node!r} cannot be reached from {where}{_by_whom(problem, vehicle)}"
         return _Refusal(0, 0.0, reason)
     if not math.isfinite(home_s):
-        reason = f"node {last.node!r} cannot be left for depot {depot.id!r}"
+        reason = f"{NO_WAY}{last.node!r} cannot be left for depot {depot.id!r}"
         return _Refusal(1, 0.0, reason + _by_whom(problem, vehicle))
     demand = sum(stop.demand for stop in stops)
     if vehicle.capacity is not None and demand > vehicle.capacity:
@@ -161,7 +165,7 @@ def _refusal(
     for stop, driven_s in zip(stops, seconds, strict=True):
         arrival = clock + driven_s
         if stop is last and stop.latest_s is not None and arrival > stop.latest_s + _TOLERANCE_S:
-            reason = f"its window closes at {stop.latest_s:g} s, the first to arrive"
+            reason = f"{WINDOW_CLOSES} at {stop.latest_s:g} s, the first to arrive"
             reason += f" ({vehicle.id!r}) is there at {arrival:.0f} s"
             return _Refusal(3, -arrival, reason)
         clock = max(arrival, stop.earliest_s) + stop.service_s

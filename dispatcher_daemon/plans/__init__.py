@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.plans.accounts import VehicleAccount, vehicle_accounts
+from dispatcher_daemon.plans.accounts import VehicleAccount, plan_energies, vehicle_accounts
 from dispatcher_daemon.plans.candidates import (
     Attempt,
     Candidate,
@@ -30,6 +30,7 @@ __all__ = [
     "RouteEnergy",
     "VehicleAccount",
     "attempt",
+    "plan_energies",
     "plans_to_send",
     "route_energy",
     "solver_report",

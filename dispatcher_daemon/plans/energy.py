@@ -7,9 +7,16 @@ from dataclasses import dataclass
 
 from dispatcher_daemon.platooning import Passage, Place, drag_reductions
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Route
+from dispatcher_daemon.roads import Leg, Route
 from dispatcher_daemon.roads.charge import battery_of, charges_kwh, leg_energy_kwh
-from slipstream.energy import ETA_ALONE, Energy, drive_energies, split_saving, total
+from slipstream.energy import (
+    ETA_ALONE,
+    Energy,
+    drive_energies,
+    segment_energies,
+    split_saving,
+    total,
+)
 from slipstream.messages import EnergySummary
 
 
@@ -23,12 +30,16 @@ class RouteEnergy:
         platooned_m: distance on which it is expected to drive in a close platoon, as leader or
             follower.
         driving_s: time on the road, without stands at stops.
+        driven_kwh: on each segment, with the drag reductions.
+        undrafted_kwh: likewise without.
     """
 
     driven: Energy
     undrafted: Energy
     platooned_m: float
     driving_s: float
+    driven_kwh: tuple[float, ...]
+    undrafted_kwh: tuple[float, ...]
 
 
 def route_energy(
@@ -37,12 +48,14 @@ def route_energy(
     """Energy of a route from its speed profile; standing at stops needs none.
 
     Expected energy of a leg beyond that of its profile counts as acceleration: traffic and signals
-    cause it.
+    cause it. On the leg's segments it is spread by their lengths.
     """
     reductions = drag_reductions(problem, route, places)
     none = [[ETA_ALONE] * len(reduction) for reduction in reductions]
     drives = [leg.drive for leg in route.legs]
     physics = problem.profile_of(route.vehicle).physics
+    by_segment = segment_energies(drives, reductions, physics)
+    alone_by_segment = segment_energies(drives, none, physics)
     driven = drive_energies(drives, reductions, physics).sum()
     undrafted = drive_energies(drives, none, physics).sum()
     beyond = sum(leg.beyond_kwh for leg in route.legs)
@@ -55,7 +68,22 @@ def route_energy(
         for number, position, segment, _, _ in route.entries_s()
         if (place := places.get((route.vehicle, number, position))) is not None
     )
-    return RouteEnergy(driven, undrafted, platooned_m, sum(d.duration_s for d in drives))
+    spread = [kwh for leg in route.legs for kwh in _spread_beyond(problem, leg)]
+    return RouteEnergy(
+        driven,
+        undrafted,
+        platooned_m,
+        sum(d.duration_s for d in drives),
+        tuple((by_segment.total_kwh + spread).tolist()),
+        tuple((alone_by_segment.total_kwh + spread).tolist()),
+    )
+
+
+def _spread_beyond(problem: RoutingProblem, leg: Leg) -> list[float]:
+    """The energy of a leg beyond its drive's, by segment."""
+    lengths_m = [problem.network.segments[segment].length_m for segment in leg.path]
+    whole_m = sum(lengths_m)
+    return [leg.beyond_kwh * length_m / whole_m for length_m in lengths_m]
 
 
 def planned_charges_kwh(

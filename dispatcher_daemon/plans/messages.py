@@ -64,10 +64,12 @@ def vehicle_plans(
             None if stop is None or stop.latest_s is None else utc_ns(reference_s + stop.latest_s)
         )
 
-    def node(vehicle: str, number: int, place: str) -> str:
-        if number == 0 and vehicle in bound:
-            return bound[vehicle].node
-        return problem.fleet.node(place)
+    def node(route: Route, number: int) -> str:
+        if number == 0 and route.vehicle in bound:
+            return bound[route.vehicle].node
+        if number > 0 and route.legs[number - 1].pause is not None:
+            return node(route, number - 1)
+        return problem.fleet.node(route.visits[number].place)
 
     def segments(route: Route) -> tuple[PlannedSegment, ...]:
         planned = []
@@ -98,20 +100,23 @@ def vehicle_plans(
     def visits(route: Route) -> tuple[PlannedStop, ...]:
         charges = planned_charges_kwh(problem, route, reference_s)
         taken = [0.0, *(leg.charging.energy_kwh if leg.charging else 0.0 for leg in route.legs)]
+        breaks_s = [0.0, *(leg.pause.duration_s if leg.pause else 0.0 for leg in route.legs)]
         return tuple(
             PlannedStop(
                 stop=visit.place,
-                node=node(route.vehicle, number, visit.place),
+                node=node(route, number),
                 arrival_ns=utc_ns(visit.arrival_s),
                 departure_ns=utc_ns(visit.departure_s),
                 latest_ns=latest_ns(visit.place),
                 charge_kwh=charge_kwh,
                 charged_kwh=charged_kwh,
-                wait_s=visit.wait_s,
-                is_hub=visit.place in problem.fleet.hub_by_id,
+                # All of a break's stay is one wait, so that older agents take it too.
+                wait_s=visit.departure_s - visit.arrival_s if break_s > 0 else visit.wait_s,
+                is_hub=break_s > 0 or visit.place in problem.fleet.hub_by_id,
+                break_s=break_s,
             )
-            for number, (visit, charge_kwh, charged_kwh) in enumerate(
-                zip(route.visits, charges, taken, strict=True)
+            for number, (visit, charge_kwh, charged_kwh, break_s) in enumerate(
+                zip(route.visits, charges, taken, breaks_s, strict=True)
             )
         )
 
@@ -119,8 +124,8 @@ def vehicle_plans(
         intervals = BOUND_VALID_INTERVALS if route.vehicle in bound else VALID_INTERVALS
         lasts_s = interval_s * intervals
         hubs = problem.fleet.hub_by_id
-        keeps = any(leg.charging is not None or leg.end in hubs for leg in route.legs)
-        # It is not planned again until it has charged, or left its hub.
+        keeps = any(leg.charging or leg.pause or leg.end in hubs for leg in route.legs)
+        # It is not planned again until it has charged, left its hub, or had its break.
         return lasts_s + route.visits[-1].arrival_s if keeps else lasts_s
 
     return tuple(

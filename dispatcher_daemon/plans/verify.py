@@ -68,6 +68,7 @@ def verify_plans(
                 *_path_faults(plan, network, own),
                 *access_faults(plan, network, fleet, own),
                 *_time_faults(plan, network, fleet, own),
+                *_break_faults(plan, fleet, reference_s, own),
                 *charge_faults(plan, network, fleet, reference_s, own),
                 *_commitment_faults(plan, own),
             )
@@ -147,6 +148,34 @@ def _window_faults(
         yield f"carries {overload}"
 
 
+def _break_faults(
+    plan: VehiclePlan, fleet: Fleet, reference_s: float, own: Commitment | None
+) -> Iterator[str]:
+    """Breaks of a free vehicle, in their windows and whole; a bound one has had them."""
+    vehicle = fleet.vehicle_by_id.get(plan.vehicle)
+    if vehicle is None or not plan.stops or own is not None:
+        return
+    begin_ns = plan.issued_ns + round(reference_s * 1e9)
+    tolerance_s = 1e-9 * _TOLERANCE_NS
+    taken = [stop for stop in plan.stops if stop.kind == "break"]
+    for pause in vehicle.breaks:
+        leaves_s = 1e-9 * (plan.depart_ns - begin_ns)
+        back_s = 1e-9 * (plan.stops[-1].arrival_ns - begin_ns)
+        for stop in taken:
+            earliest_s = max(pause.earliest_s, 1e-9 * (stop.arrival_ns - begin_ns))
+            ends_s = 1e-9 * (stop.departure_ns - begin_ns)
+            whole = ends_s - earliest_s >= pause.duration_s - tolerance_s
+            same = abs(stop.break_s - pause.duration_s) < tolerance_s
+            if same and whole and earliest_s <= pause.latest_s + tolerance_s:
+                taken.remove(stop)
+                break
+        else:
+            late_s = back_s - pause.latest_s
+            if not pause.is_outside(leaves_s, back_s) and late_s > tolerance_s:
+                yield f"has no break of {pause.duration_s:g} s in its window"
+    yield from (f"takes a break that it does not have, {stop.stop}" for stop in taken)
+
+
 def _stop_faults(
     plan: VehiclePlan, fleet: Fleet, unserved: Collection[str], own: Commitment | None
 ) -> Iterator[str]:
@@ -164,7 +193,11 @@ def _stop_faults(
             yield "does not start at the place that it left last"
         if (last.stop, last.node) != (depot.id, depot.node):
             yield "does not end at its depot"
-    for stop in plan.stops[1:-1]:
+    for before, stop in pairwise(plan.stops[:-1]):
+        if stop.kind == "break":
+            if not stop.is_hub or stop.node != before.node or stop.stop in fleet.stop_by_id:
+                yield f"no break {stop.stop} at node {stop.node}"
+            continue
         hub, other = stop.stop in fleet.hub_by_id, stop.stop in fleet.charging_stop_by_id
         known = hub if stop.is_hub else other or stop.stop in fleet.stop_by_id
         if not known or fleet.node(stop.stop) != stop.node:

@@ -16,6 +16,7 @@ from dispatcher_daemon.replay.inputs import (
 from dispatcher_daemon.replay.parts import PlanOf
 from dispatcher_daemon.replay.trace import Player
 from dispatcher_daemon.solvers.execution.pool import Solve
+from dispatcher_daemon.tracking import HIDDEN
 from slipstream.messages import CycleReport, VehiclePlan
 from storage import StoredCycle
 
@@ -57,8 +58,11 @@ def replayed(stored: StoredCycle, plan_of: PlanOf, solve: Solve, executor: Execu
     player = Player(record.trace, solve, executor)
     cycle = restored_cycle(stored, plan_of)
     result = run_cycle(cycle, player.solve, player.executor, player.clock)
+    # Stops that were hidden from the cycle are in its report only.
+    planned = tuple(stop for stop in stored.report.unserved if stop.reason != HIDDEN)
+    before = stored.report.model_copy(update={"unserved": planned})
     differences = [
-        *_report_differences(stored.report, result.report),
+        *_report_differences(before, result.report),
         *_plan_differences(stored.plans, result.plans, record.made),
     ]
     return Replayed(

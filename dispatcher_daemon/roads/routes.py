@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dispatcher_daemon.fleet import Vehicle
+from dispatcher_daemon.fleet import Break, Vehicle
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.drive import Drive
 
@@ -30,6 +30,7 @@ class Leg:
         drive: speed profile and times.
         beyond_kwh: expected energy beyond that of the drive, because of traffic and signals.
         charging: at its end; None: none.
+        pause: break that is taken at its end, which is the place of its begin; None: none.
     """
 
     start: str
@@ -39,6 +40,7 @@ class Leg:
     drive: Drive
     beyond_kwh: float = 0.0
     charging: Charging | None = None
+    pause: Break | None = None
 
 
 @dataclass(frozen=True)
@@ -225,6 +227,8 @@ def timed(
             clock = max(arrival, reference_s + stop.earliest_s) + stop.service_s
         if leg.charging is not None:
             clock += leg.charging.duration_s
+        if leg.pause is not None:
+            clock = max(clock, reference_s + leg.pause.earliest_s) + leg.pause.duration_s
         clock += wait_s
         visits.append(StopVisit(leg.end, arrival, clock, wait_s))
     return Route(vehicle.id, tuple(visits), tuple(legs))
@@ -263,7 +267,23 @@ def lateness_by_window_s(
         stop = problem.fleet.stop_by_id.get(visit.place)
         if stop is not None and stop.latest_s is not None:
             late.append(visit.arrival_s - reference_s - stop.latest_s)
-    return late
+    return late if under_way else [*late, *_late_for_breaks_s(vehicle, route, reference_s)]
+
+
+def _late_for_breaks_s(vehicle: Vehicle, route: Route, reference_s: float) -> Iterator[float]:
+    """By how much each break of a vehicle begins too late on its route: those that it has none for,
+    and that the time at the depot does not take, by the whole tour.
+    """
+    taken = {leg.pause: visit for leg, visit in zip(route.legs, route.visits[1:], strict=True)}
+    leaves_s = route.visits[0].departure_s - reference_s
+    back_s = route.visits[-1].arrival_s - reference_s
+    for own in vehicle.breaks:
+        visit = taken.get(own)
+        if visit is not None:
+            begins_s = visit.departure_s - visit.wait_s - own.duration_s - reference_s
+            yield begins_s - own.latest_s
+        elif not own.is_outside(leaves_s, back_s):
+            yield back_s - own.latest_s
 
 
 def _places(problem: RoutingProblem, vehicle: Vehicle, stops: Sequence[str]) -> list[str]:

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dispatcher_daemon.problem import ArcProblem, Problem, RouteProblem
+from dispatcher_daemon.problem import ArcProblem, BinaryProblem, Problem, RouteProblem
 from dispatcher_daemon.solvers.protocol import Outcome
 
 
@@ -22,6 +22,9 @@ class InsertionSolver:
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """See `Solver.solve`; the deadline is of no concern, and nothing is random."""
         began = time.perf_counter()
+        if isinstance(problem, BinaryProblem):
+            wall_s = time.perf_counter() - began
+            return Outcome(self.name, "failed", None, wall_s, reason="there are no routes in it")
         if isinstance(problem, ArcProblem):
             selected = cheapest_insertion(problem)
         else:

@@ -15,8 +15,10 @@ from dispatcher_daemon.formulations import Encoding, QuboModel, build_model
 from dispatcher_daemon.problem import Problem, RouteProblem
 from dispatcher_daemon.settings import LcQaoaSettings
 from dispatcher_daemon.solvers.distribution import BitDistribution
+from dispatcher_daemon.solvers.pace import Pace, measure_pace
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
+from dispatcher_daemon.solvers.quantum.backends.base import Backend
 from dispatcher_daemon.solvers.quantum.backends.fallback import Opened, open_or_fall_back
 from dispatcher_daemon.solvers.quantum.chain.layout import Placement
 from dispatcher_daemon.solvers.quantum.chain.one_hot import (
@@ -37,7 +39,7 @@ from dispatcher_daemon.solvers.quantum.chain.training import (
 )
 from dispatcher_daemon.solvers.quantum.circuits import circuit_of
 from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
-from dispatcher_daemon.solvers.sampling import Bits, Counts, SampledBits, solve_by_sampling
+from dispatcher_daemon.solvers.sampling import Bits, Counts, SampledBits, solve_by_sampling, stages
 
 Place = Callable[[int, Sequence[float]], Placement]
 """`Backend.place`."""
@@ -46,6 +48,12 @@ _CVAR_SHOTS = 1024
 
 _TRAINING_SHARE = 0.6
 """Share of the deadline for training; the rest is for sampling and post-processing."""
+
+_LEAST_TRAINING_SHARE = 0.3
+"""The same where simulated samples take more than the rest: there are fewer of them then."""
+
+_FINISHED_SHARE = 0.85
+"""Share of the deadline in which simulated samples are drawn and processed as planned."""
 
 _WAITING_SHARE = 0.9
 """Share of the deadline after which waiting for a device ends."""
@@ -291,18 +299,26 @@ class LcQaoaSolver:
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """See `Solver.solve`; training ends in time to sample, which cannot be cut short.
 
-        A device that is out of reach, fails or is late is replaced by Aer.
+        A simulator's time for samples is measured before training; where it is too short for all
+        shots, there are fewer. A device that is out of reach, fails or is late is replaced by Aer.
         """
         began = time.perf_counter()
-        deadline = _end_of_training(deadline_s)
+        deadline, finished = _end_of_training(deadline_s), began + _FINISHED_SHARE * deadline_s
 
         def draw(model: QuboModel) -> SampledBits:
-            opened = self._opened()
+            opened, shots, until = self._opened(), self.settings.shots, deadline
             place = None if opened.backend.target is None else opened.backend.place
-            prepared = prepare_model(
-                model, self.settings, seed=seed, deadline=deadline, place=place
-            )
-            return self._draw(prepared, opened, seed, began + _WAITING_SHARE * deadline_s)
+            pace = None
+            if opened.backend.kind != "hardware":
+                enough_s = (_FINISHED_SHARE - _TRAINING_SHARE) * deadline_s
+                pace = self._pace(model, opened.backend, place, enough_s, seed)
+                least = began + _LEAST_TRAINING_SHARE * deadline_s
+                until = min(deadline, max(least, finished - pace.time_s(shots)))
+            prepared = prepare_model(model, self.settings, seed=seed, deadline=until, place=place)
+            if pace is not None:
+                shots = pace.shots_in(finished - time.perf_counter(), shots)
+            until = began + _WAITING_SHARE * deadline_s
+            return self._draw(prepared, opened, seed, until, shots)
 
         try:
             return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)
@@ -313,8 +329,26 @@ class LcQaoaSolver:
     def _opened(self) -> Opened:
         return open_or_fall_back(self.backend or self.settings.backend)
 
-    def _draw(self, prepared: Prepared, opened: Opened, seed: int, until: float) -> SampledBits:
-        circuit, shots = circuit_of(prepared.ansatz), self.settings.shots
+    def _pace(
+        self, model: QuboModel, backend: Backend, place: Place | None, enough_s: float, seed: int
+    ) -> Pace:
+        """Of drawing and processing samples of the circuit before it is trained."""
+        one_hot = self.settings.variant.startswith("one-hot")
+        untrained = {"variant": "one-hot" if one_hot else "ramp", "iterations": 1}
+        settings = self.settings.model_copy(update=untrained)
+        prepared = prepare_model(model, settings, seed=seed, deadline=0.0, place=place)
+        circuit = circuit_of(prepared.ansatz)
+
+        def take(shots: int) -> None:
+            found = backend.sample(circuit, shots, seed)
+            stages(model, *counts_to_bits(found.counts, prepared.order), seed)
+
+        return measure_pace(take, self.settings.shots, enough_s)
+
+    def _draw(
+        self, prepared: Prepared, opened: Opened, seed: int, until: float, shots: int
+    ) -> SampledBits:
+        circuit = circuit_of(prepared.ansatz)
         opened, found = opened.sample(circuit, shots, seed, until - time.perf_counter())
         execution = Execution(
             backend=opened.backend.name,

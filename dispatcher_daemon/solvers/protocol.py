@@ -25,7 +25,8 @@ class Samples:
         raw: as drawn.
         descended: each sample after one-flip steepest descent on the full QUBO.
         repaired: route form: one option for each vehicle, then that descent; arc form: routes that
-            follow the arcs of the descended sample where these lead to valid ones.
+            follow the arcs of the descended sample where these lead to valid ones; a QUBO as
+            such: the descended ones.
     """
 
     qubits: int | None

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.formulations import Encoding, QuboModel, build_model, violations
-from dispatcher_daemon.problem import Problem, RouteProblem
+from dispatcher_daemon.problem import BinaryProblem, Problem, RouteProblem
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from dispatcher_daemon.solvers.distribution import BitDistribution
 from dispatcher_daemon.solvers.protocol import Execution, Histogram, Outcome, Samples
@@ -127,6 +127,8 @@ def stages(
     descended = descend(model, bits, seed)
     if isinstance(model.problem, RouteProblem):
         repaired = descend(model, one_option_each(model, bits), seed)
+    elif isinstance(model.problem, BinaryProblem):
+        repaired = descended
     else:
         repaired = follow_arcs(model.problem, descended[:, : model.problem.choices])
     histograms, best = _valid_samples(model.problem, (bits, descended, repaired), counts)

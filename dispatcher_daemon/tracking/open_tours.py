@@ -56,7 +56,7 @@ def open_tours(
         if not tracked.listed or available.obstacle(tracked, cycle, now_ns) is not None:
             continue
         record = tracked.accepted or tracked.offered
-        vehicle = tracked.charged()
+        vehicle = tracked.plannable(reference_ns)
         if record is None:
             loaded = vehicle.first_stop
             if loaded is None or _has_ended(book, loaded):

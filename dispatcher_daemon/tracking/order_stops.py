@@ -9,6 +9,10 @@ from typing import Any, Final
 from dispatcher_daemon.fleet import DEPOT, Fleet, Stop
 from slipstream.orders import OrderRecord
 
+OPENS_LATER: Final = "its window opens later"
+"""Begin of the reason of an order that is not planned yet."""
+NO_PLACE: Final = ("the network has no junction", "another place of the fleet's file has its id")
+"""Begins of reasons for which an order has no place in any plan."""
 _DAY_S: Final = 86_400.0
 
 
@@ -92,6 +96,20 @@ def stop_of(order: OrderRecord, fleet: Fleet | None, reference_ns: int) -> Stop:
     return listed.model_copy(update={**times, "vehicle": order.pinned or listed.vehicle})
 
 
+def outside_windows(fleet: Fleet, reference_ns: int, ahead_s: float) -> dict[str, str]:
+    """Stops of the file whose window by the clock is far ahead or has closed, with the reason; as
+    of callers' orders.
+    """
+    found = {}
+    for stop in fleet.stops:
+        if stop.earliest is not None and stop.earliest_s > ahead_s:
+            begins = utc(reference_ns + round(1e9 * (stop.earliest_s - ahead_s)))
+            found[stop.id] = f"{OPENS_LATER}: it is planned from {begins} on"
+        elif stop.latest is not None and stop.latest_s == 0:
+            found[stop.id] = "its window closes before a plan can be out"
+    return found
+
+
 def requested_stops(
     orders: Iterable[OrderRecord],
     may_plan: Callable[[str], bool],
@@ -117,12 +135,12 @@ def requested_stops(
             continue
         opens_ns = order.earliest_ns or 0
         if order.node not in junctions:
-            kept[order.order] = f"the network has no junction {order.node!r}"
+            kept[order.order] = f"{NO_PLACE[0]} {order.node!r}"
         elif order.order in places:
-            kept[order.order] = "another place of the fleet's file has its id"
+            kept[order.order] = NO_PLACE[1]
         elif opens_ns > reference_ns + round(1e9 * ahead_s):
             begins = utc(opens_ns - round(1e9 * ahead_s))
-            kept[order.order] = f"its window opens later: it is planned from {begins} on"
+            kept[order.order] = f"{OPENS_LATER}: it is planned from {begins} on"
         elif order.latest_ns is not None and order.latest_ns <= reference_ns:
             kept[order.order] = "its window closes before a plan can be out"
         else:
@@ -140,4 +158,4 @@ def _places(fleet: Fleet | None) -> frozenset[str]:
     if fleet is None:
         return frozenset({DEPOT})
     tables = fleet.depot_by_id, fleet.charging_stop_by_id, fleet.hub_by_id
-    return frozenset({DEPOT}).union(*tables)
+    return frozenset({DEPOT}).union(*tables, fleet.break_ids)

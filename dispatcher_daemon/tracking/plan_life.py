@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from dispatcher_daemon.tracking.driven import DrivenBook
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, ended
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import PlanAcknowledgement, VehiclePlan
 from slipstream.orders import PlanRecord, PlanStatus
 
@@ -30,6 +32,7 @@ class PlanLife:
     def __init__(self, book: OrderBook, may_have: Callable[[str, int], bool]) -> None:
         self._book, self._may_have = book, may_have
         self._changed: dict[tuple[int, str], PlanRecord] = {}
+        self.driven = DrivenBook()
 
     @property
     def pending(self) -> tuple[PlanRecord, ...]:
@@ -39,17 +42,20 @@ class PlanLife:
     def stored(self) -> None:
         """What was pending is in the database."""
         self._changed = {}
+        self.driven.stored()
 
     def note(self, record: PlanRecord) -> None:
         """The status of a plan has changed."""
         self._changed[record.plan.cycle, record.plan.vehicle] = record
 
-    def offer(self, vehicle: TrackedVehicle, plan: VehiclePlan, now_ns: int) -> None:
+    def offer(
+        self, vehicle: TrackedVehicle, plan: VehiclePlan, now_ns: int, energy: PlanEnergy | None
+    ) -> None:
         """A plan goes out to its vehicle."""
         if vehicle.offered is not None:
             reason = f"by the plan of cycle {plan.cycle}"
             self.note(ended(vehicle.offered, "superseded", now_ns, reason))
-        vehicle.offered = PlanRecord(plan, "published", now_ns)
+        vehicle.offered = PlanRecord(plan, "published", now_ns, energy=energy)
 
     def refused(self, vehicle: TrackedVehicle, answer: PlanAcknowledgement, now_ns: int) -> None:
         """A vehicle refuses a plan. What it has acknowledged it may give back until it leaves; a
@@ -92,6 +98,7 @@ class PlanLife:
                 if accepted is None:
                     self._book.release(vehicle.id, now_ns, f"{vehicle.id} follows another plan")
             vehicle.offered, vehicle.withdrawn = withdrawn, None
+        self.driven.replace(vehicle, now_ns)
         for record in vehicle.accept(now_ns):
             self.note(record)
         assert vehicle.accepted is not None
@@ -103,6 +110,10 @@ class PlanLife:
         """A vehicle is on a leg of its plan, or will drive it next."""
         assert vehicle.position is not None
         vehicle.leg = max(vehicle.leg, min(leg, len(plan.stops) - 2))
+        left = plan.stops[: vehicle.leg + vehicle.position.on_road]
+        breaks = [stop for stop in left if stop.kind == "break"]
+        if breaks and vehicle.rested_ns < breaks[-1].arrival_ns:
+            vehicle.rested_ns = now_ns
         if vehicle.position.on_road or vehicle.leg > 0:
             self.leave(vehicle, now_ns)
         if not vehicle.reports_progress and vehicle.left:
@@ -133,6 +144,7 @@ class PlanLife:
         else:
             for order in self._book.held_by(vehicle.id):
                 self._book.assume_served(vehicle.id, order, now_ns, f"{vehicle.id} is back")
+        self.driven.finish(vehicle, now_ns)
         self.note(ended(accepted, "done", now_ns))
         if vehicle.offered is not None:
             self.drop_offer(vehicle, "superseded", now_ns, "its vehicle is back")

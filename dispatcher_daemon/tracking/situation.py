@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
@@ -11,6 +12,9 @@ from dispatcher_daemon.platooning import RoadUser
 from dispatcher_daemon.tracking.order_stops import stops_at
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 from slipstream.orders import OrderRecord
+
+HIDDEN: Final = "a caller's order that has not ended has its id"
+"""Reason of the file's stops that are not planned for this."""
 
 
 @dataclass(frozen=True)

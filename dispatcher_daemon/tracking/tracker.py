@@ -11,11 +11,12 @@ from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.tracking.availability import Availability
 from dispatcher_daemon.tracking.committing import behind_s, commitment
 from dispatcher_daemon.tracking.open_tours import OpenTour, open_tours
-from dispatcher_daemon.tracking.order_stops import requested_stops
+from dispatcher_daemon.tracking.order_stops import outside_windows, requested_stops
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.plan_life import PlanLife
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, loaded
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
     OrderState,
     PlanAcknowledgement,
@@ -199,12 +200,17 @@ class FleetTracker:
                 held = self.book.held_by(vehicle.id)
                 bound.append(commitment(vehicle, held, now_ns, reference_ns))
             elif vehicle.listed:
-                free.append(vehicle.charged())
+                free.append(vehicle.plannable(reference_ns))
+
+        orders, windows = self.book.orders, (reference_ns, self._plan_ahead_s)
+        found_outside = {} if fleet is None else outside_windows(fleet, *windows)
+        # A caller's order hides a stop of the file with its id.
+        outside = {k: why for k, why in found_outside.items() if orders[k].request is None}
 
         def may_plan(order: str) -> bool:
-            return self._may_have(order, now_ns)
+            return order not in outside and self._may_have(order, now_ns)
 
-        requested, self.unplanned = requested_stops(
+        requested, kept_back = requested_stops(
             self.book.orders.values(),
             may_plan,
             fleet,
@@ -212,6 +218,7 @@ class FleetTracker:
             reference_ns,
             self._plan_ahead_s,
         )
+        self.unplanned = {**outside, **kept_back}
         found = cycle_fleet(
             fleet,
             free,
@@ -225,7 +232,6 @@ class FleetTracker:
         plans = [vehicle.accepted.plan for vehicle in kept if vehicle.accepted is not None]
         late_s = {vehicle.id: behind_s(vehicle, now_ns) for vehicle in kept}
         listed = () if fleet is None else fleet.stops
-        orders = self.book.orders
         hidden = tuple(stop.id for stop in listed if orders[stop.id].request is not None)
         return Situation(found, tuple(bound), left_out, on_road(plans, now_ns, late_s), hidden)
 
@@ -270,18 +276,23 @@ class FleetTracker:
         stops: Mapping[str, Stop],
         reference_ns: int,
         now_ns: int,
+        energies: Mapping[str, PlanEnergy] | None = None,
     ) -> None:
-        """Admissible plans of a cycle go out.
+        """Admissible plans of a cycle go out, and what was driven until now is booked.
 
         Args:
             plans: each is on offer to its vehicle from now on.
             stops: of the cycle's fleet, by id.
             reference_ns: UTC that its times count from.
             now_ns: UTC.
+            energies: of plans, by vehicle; nothing is booked of others.
         """
+        for vehicle in self._vehicles.values():
+            self._life.driven.advance(vehicle, now_ns)
         for plan in plans:
             vehicle = self._vehicles[plan.vehicle]
-            self._life.offer(vehicle, plan, now_ns)
+            energy = None if energies is None else energies.get(plan.vehicle)
+            self._life.offer(vehicle, plan, now_ns, energy)
             self._reported.add(vehicle.id)
             before = None if vehicle.accepted is None else vehicle.accepted.plan
             self.book.plan(plan, stops, reference_ns, now_ns, before)
@@ -307,6 +318,7 @@ class FleetTracker:
             changes,
             self._life.pending,
             tuple(self._vehicles[name].record() for name in sorted(self._reported)),
+            driven=self._life.driven.pending,
         )
 
     def mark_all(self) -> None:

@@ -36,6 +36,8 @@ class TrackedVehicle:
         free_since_ns: since when it stands at its depot and says that it follows no plan, without
             a silence in between; None: it does not.
         left_out_until: cycle from which on it is planned again.
+        booked: up to where the accepted plan is in the energy ledger, in segments of its way.
+        rested_ns: when its last break ended, UTC; 0: it has had none.
     """
 
     definition: Vehicle
@@ -53,6 +55,8 @@ class TrackedVehicle:
     left: bool = False
     free_since_ns: int | None = None
     left_out_until: int = 0
+    booked: float = 0.0
+    rested_ns: int = 0
 
     @property
     def id(self) -> str:
@@ -80,10 +84,22 @@ class TrackedVehicle:
             return given
         return given.model_copy(update={"charge_kwh": charge_kwh})
 
+    def plannable(self, reference_ns: int) -> Vehicle:
+        """`charged`, without the breaks that it has had.
+
+        Args:
+            reference_ns: UTC that its times count from.
+        """
+        vehicle = self.charged()
+        due = [b for b in vehicle.breaks if reference_ns + 1e9 * b.earliest_s >= self.rested_ns]
+        if len(due) == len(vehicle.breaks):
+            return vehicle
+        return vehicle.model_copy(update={"breaks": tuple(due)})
+
     @property
     def keeps_its_plan(self) -> bool:
-        """Whether a charging stop or a hub lies ahead of it, or it stands at one: stops of a plan
-        that no commitment tells.
+        """Whether a charging stop, a hub or a break lies ahead of it, or it stands at one: stops of
+        a plan that no commitment tells.
         """
         if self.accepted is None or self.position is None:
             return False
@@ -122,6 +138,8 @@ class TrackedVehicle:
             reports_progress=self.reports_progress,
             answered_ns=self.answered_ns,
             left_out_until=self.left_out_until,
+            booked=self.booked,
+            rested_ns=self.rested_ns,
         )
 
 
@@ -135,6 +153,8 @@ def loaded(record: VehicleRecord) -> TrackedVehicle:
         reports_progress=record.reports_progress,
         answered_ns=record.answered_ns,
         left_out_until=record.left_out_until,
+        booked=record.booked,
+        rested_ns=record.rested_ns,
     )
 
 

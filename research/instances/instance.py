@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import tomli_w
 
@@ -81,6 +81,10 @@ class Instance:
     def under(self, objective: Literal["paper", "energy"]) -> Instance:
         """The same roads, fleet and traffic under an objective."""
         return replace(self, problem=replace(self.problem, objective=objective))
+
+
+_LATER: Final = ("recuperation_efficiency", "vehicle_types", "charging_stops", "hubs", "time_zone")
+"""Fields that files have where they differ from the default."""
 
 
 def load_instance(path: str | Path) -> Instance:
@@ -193,12 +197,12 @@ def _plain(instance: Instance) -> dict[str, Any]:
         (data["vehicle"], brief.get("vehicle", {})),
         (data["fleet"], brief["fleet"]),
     ):
-        for key in ("recuperation_efficiency", "vehicle_types", "charging_stops", "hubs"):
+        for key in _LATER:
             if key not in later:
                 table.pop(key, None)
     for table in ("stops", "vehicles"):
         for row, given in zip(data["fleet"][table], brief["fleet"][table], strict=True):
-            for key in ("mass_kg", "skills"):
+            for key in ("mass_kg", "skills", "breaks"):
                 if key not in given:
                     row.pop(key, None)
     if "objective" not in brief:

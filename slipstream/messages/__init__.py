@@ -5,6 +5,14 @@ promises is noticed where it arrives; `decode` reads newer minor versions too. T
 nanoseconds since 1970; units are in names.
 """
 
+from slipstream.messages.alarms import (
+    ALARMS_KEY,
+    MAX_ALARMS,
+    SEVERITIES,
+    Alarm,
+    Alarms,
+    Severity,
+)
 from slipstream.messages.base import (
     ROOT,
     SCHEMA,
@@ -82,6 +90,7 @@ from slipstream.messages.roadside import (
     KinematicFeatures,
     RsuHealth,
     SegmentState,
+    StabilityLimits,
     StoppedVehicle,
     StoppedVehicles,
     UnknownReason,
@@ -118,6 +127,7 @@ from slipstream.messages.vehicle import (
 )
 
 __all__ = [
+    "ALARMS_KEY",
     "ALL_ACKNOWLEDGEMENTS",
     "ALL_ORDERS",
     "ALL_PLANS",
@@ -132,10 +142,14 @@ __all__ = [
     "CAMERA_FAULTS",
     "CYCLE_KEY",
     "DISPATCHER_HEALTH_KEY",
+    "MAX_ALARMS",
     "MAY_GO",
     "ROOT",
     "SCHEMA",
+    "SEVERITIES",
     "AdviceMode",
+    "Alarm",
+    "Alarms",
     "CameraFault",
     "CarrierSummary",
     "Count",
@@ -174,10 +188,12 @@ __all__ = [
     "RsuReception",
     "SegmentState",
     "SensedVehicle",
+    "Severity",
     "SignalPhaseAndTiming",
     "SignalRequest",
     "SignalStatus",
     "SolverReport",
+    "StabilityLimits",
     "StoppedVehicle",
     "StoppedVehicles",
     "TimeNs",

@@ -183,6 +183,10 @@ class DispatcherHealth(Message):
         description="File that a damaged database became when this dispatcher started; senders "
         "before: null.",
     )
+    paused: bool = Field(
+        default=False,
+        description="Somebody has paused it: no cycle runs and no order is put into plans.",
+    )
 
 
 CYCLE_KEY: Final = f"{ROOT}/dispatcher/cycle"

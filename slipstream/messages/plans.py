@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -93,8 +93,23 @@ class PlannedStop(Message):
         description="For other vehicles, at the end of its stay: it leaves no sooner than planned.",
     )
     is_hub: bool = Field(
-        default=False, description="Nothing is served there, it waits for other vehicles."
+        default=False,
+        description="Nothing is served there: it waits for other vehicles, or takes a break.",
     )
+    break_s: NonNegative = Field(
+        default=0.0,
+        description="Length of the break that the vehicle takes there, where the stop before is; "
+        "0: none. Receivers before this field take it for a hub.",
+    )
+
+    @property
+    def kind(self) -> Literal["stop", "hub", "break", "charging"]:
+        """What it is there for; a depot counts as a stop."""
+        if self.break_s > 0:
+            return "break"
+        if self.is_hub:
+            return "hub"
+        return "charging" if self.charged_kwh > 0 else "stop"
 
 
 class DrivingAdvice(Message):

@@ -140,6 +140,15 @@ class StoppedVehicles(Message):
         return tuple(sorted(vehicles, key=lambda vehicle: vehicle.since_ns))
 
 
+class StabilityLimits(Message):
+    """What an RSU holds traffic against; one limit crossed, and it is turbulent."""
+
+    max_speed_cv: NonNegative = Field(
+        description="Coefficient of variation of speed, dimensionless."
+    )
+    max_acceleration_variance_m2ps4: NonNegative
+
+
 class RsuHealth(Message):
     """How an edge daemon is doing; counters run from its start."""
 
@@ -167,6 +176,9 @@ class RsuHealth(Message):
     latency_ms_p95: NonNegative | None
     vehicles_in_view: Count
     rss_mb: NonNegative
+    stability: StabilityLimits | None = Field(
+        default=None, description="Senders before this field left null."
+    )
 
 
 def state_key(rsu: str, segment: str) -> str:

@@ -10,9 +10,7 @@ from slipstream.config import load
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
-    command = commands.add_parser(
-        "agent", help="advise one vehicle, or a depot's, by plan, traffic, signals and partners"
-    )
+    command = commands.add_parser("agent", help="advise one vehicle, or a depot's")
     command.add_argument("--config", type=Path, required=True, help="settings (TOML)")
     command.set_defaults(run=run)
 

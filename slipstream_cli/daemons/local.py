@@ -31,22 +31,29 @@ def http_status(address: str) -> int | None:
         return None
 
 
-def check_port_is_free(port: int) -> None:
-    """Make sure that the page can be served.
+def scene_port_of(port: int) -> int:
+    """The 3D view's port beside that of the operator's page."""
+    return port + 1
+
+
+def check_ports_are_free(port: int) -> None:
+    """Make sure that the operator's page and the 3D view can be served.
 
     Raises:
-        InputError: the port is no port, or taken.
+        InputError: the page's port is no port, or one of both is taken.
     """
-    if not 1 <= port <= 65535:
-        raise InputError("--port", f"{port} is no port", "give 1 to 65535")
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError as error:
-            raise InputError(
-                f"127.0.0.1:{port}", f"{error.strerror}".lower(), "choose another with --port"
-            ) from None
+    if not 1 <= port < 65535:
+        mend = "give 1 to 65534; the 3D view has the next one"
+        raise InputError("--port", f"{port} is no port", mend)
+    for each in (port, scene_port_of(port)):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", each))
+            except OSError as error:
+                raise InputError(
+                    f"127.0.0.1:{each}", f"{error.strerror}".lower(), "choose another with --port"
+                ) from None
 
 
 @contextmanager
@@ -73,7 +80,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 def watch(
     supervisor: Supervisor,
-    address: str,
+    port: int,
     seconds: float | None,
     stopping: threading.Event,
     look: Callable[[float], None] = lambda elapsed_s: None,
@@ -81,10 +88,11 @@ def watch(
     """Look after the daemons until the end; returns the page's last HTTP status.
 
     Args:
-        address: of the page.
+        port: of the operator's page; the 3D view is at `scene_port_of` it.
         seconds: until the end; None: until `stopping` is set.
         look: called each time with the seconds that have passed.
     """
+    address, scene = (f"http://127.0.0.1:{at}" for at in (port, scene_port_of(port)))
     began = time.monotonic()
     status: int | None = None
     announced = False
@@ -98,7 +106,8 @@ def watch(
             status = http_status(address)
             if status == 200:
                 announced = True
-                supervisor.say("slipstream", f"the dashboard is at {address} (Ctrl-C stops all)")
+                text = f"the dashboard is at {address}, its 3D view at {scene} (Ctrl-C stops all)"
+                supervisor.say("slipstream", text)
         supervisor.poll()
         look(elapsed)
         stopping.wait(_POLL_S)

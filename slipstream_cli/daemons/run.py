@@ -18,7 +18,7 @@ from slipstream.config import BusSettings, check
 from slipstream.errors import InputError
 from slipstream_cli.daemons.bus_counts import BusCounts
 from slipstream_cli.daemons.demo import make_clips, write_settings
-from slipstream_cli.daemons.local import check_port_is_free, locked, watch
+from slipstream_cli.daemons.local import check_ports_are_free, locked, watch
 from slipstream_cli.daemons.movement import Movement
 from slipstream_cli.daemons.supervisor import Supervisor
 
@@ -30,7 +30,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "run",
-        help="the demo here: two RSUs on video, a town's vans, dispatcher, dashboard",
+        help="the demo: two RSUs on video, a town's vans, dispatcher, page",
     )
     command.add_argument("--port", type=int, default=8080, help="dashboard's port (default 8080)")
     command.add_argument(
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
     with locked(options.state):
-        check_port_is_free(options.port)
+        check_ports_are_free(options.port)
         return _run(options, stopping)
 
 
@@ -91,12 +91,11 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             hardware=options.hardware,
             town=None if town is None else town.spec,
         )
-        address = f"http://127.0.0.1:{options.port}"
         try:
             for name, (command, path) in files.items():
                 supervisor.start(name, (command, "--config", str(path)))
             look = _town_monitor(town, supervisor)
-            status = watch(supervisor, address, options.seconds, stopping, look)
+            status = watch(supervisor, options.port, options.seconds, stopping, look)
         finally:
             supervisor.stop()
     if options.json:

@@ -17,7 +17,7 @@ from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream_cli.daemons.bus_counts import BusCounts
-from slipstream_cli.daemons.local import check_port_is_free, locked, watch
+from slipstream_cli.daemons.local import check_ports_are_free, locked, watch
 from slipstream_cli.daemons.movement import Movement
 from slipstream_cli.daemons.supervisor import Supervisor
 from slipstream_cli.progress import Progress
@@ -35,7 +35,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "world",
-        help="the closed loop live: SUMO's traffic before cameras, plans that move vehicles",
+        help="the closed loop live: SUMO before cameras, plans move vehicles",
         epilog="A world of your own: --net, and what belongs to it; see docs/world.md.",
     )
     command.add_argument("--scenario", help="troy (default), corridor, or a name")
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
     with locked(options.state):
-        check_port_is_free(options.port)
+        check_ports_are_free(options.port)
         return _run(options, begin_s, stopping)
 
 
@@ -160,12 +160,11 @@ def _run(options: argparse.Namespace, begin_s: float | None, stopping: threading
                 supervisor.say(
                     camera.rsu, f"{', '.join(camera.segments)}: pictures at {camera.url}"
                 )
-            address = f"http://127.0.0.1:{options.port}"
             try:
                 for name, (command, path) in settings.items():
                     supervisor.start(name, (command, "--config", str(path)))
                 look = _world_monitor(world, supervisor)
-                status = watch(supervisor, address, options.seconds, stopping, look)
+                status = watch(supervisor, options.port, options.seconds, stopping, look)
             finally:
                 supervisor.stop()
         counts = world.counts

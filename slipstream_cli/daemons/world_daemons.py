@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from slipstream.config import Settings
 from slipstream_cli.daemons.demo import agents, write_daemons
+from slipstream_cli.daemons.local import scene_port_of
 
 if TYPE_CHECKING:
     from simulation.live.world_spec import CameraEndpoint, WorldSpec
@@ -90,6 +91,7 @@ def write_world_settings(
                 "network": net,
                 "depots": depots,
                 "port": dashboard_port,
+                "scene_port": scene_port_of(dashboard_port),
             }
         ),
     )

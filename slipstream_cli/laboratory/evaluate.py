@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream_cli import sumo_files
 from slipstream_cli.laboratory.curve import Curve, add_options, parse_numbers
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
     from simulation.closed_loop.policy import Policy
     from simulation.evaluation.measures import Evaluation
     from simulation.evaluation.report import Table
-    from simulation.evaluation.runs import Store, World, WorldFiles
+    from simulation.evaluation.runs import Simulate, Store, World, WorldFiles
     from simulation.exogenous.recorded import Watched
     from simulation.sumo import SumoFiles
 
@@ -67,10 +70,21 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
             *names, type=Path, metavar="FILE", help=f"{what} instead of the scenario's"
         )
     sumo_files.add_options(command)
-    command.add_argument("--signals", choices=("actuated", "fixed"), default="actuated")
+    command.add_argument(
+        "--signals", choices=("actuated", "fixed"), default="actuated", help="how they are timed"
+    )
     add_options(command)
     command.add_argument(
-        "--workers", type=int, metavar="N", help="arms at once (default: as many as cores)"
+        "--workers",
+        type=int,
+        metavar="N",
+        help="arms at once (default: as many as cores, or as the cluster has processes)",
+    )
+    command.add_argument(
+        "--cluster",
+        type=Path,
+        metavar="FILE",
+        help="settings of the cluster whose workers simulate the arms: the scheduler's file",
     )
     command.add_argument(
         "--stored", action="store_true", help="simulate nothing, report what is stored"
@@ -144,7 +158,7 @@ def _evaluate(
             file=sys.stderr,
         )
     with Store(out, world.provenance, code_stamp()) as store:
-        kept = 0 if options.stored else _simulate(policies, seeds, store, world, workers)
+        kept = 0 if options.stored else _simulate(options, policies, seeds, store, world, workers)
         evaluation = collect(store, world.provenance, seeds)
         if not evaluation.arms:
             raise InputError(out, "no arm of these seeds is stored", "run it without --stored")
@@ -171,15 +185,30 @@ def _evaluate(
 
 
 def _simulate(
-    policies: Sequence[Policy], seeds: Sequence[int], store: Store, world: World, workers: int
+    options: argparse.Namespace,
+    policies: Sequence[Policy],
+    seeds: Sequence[int],
+    store: Store,
+    world: World,
+    workers: int,
 ) -> int:
     """Simulate what the store lacks; how many arms it had."""
     from simulation.evaluation.runs import run_missing
 
     span_s = world.provenance.begin_s, world.provenance.end_s
-    with Progress("simulating", sys.stderr) as progress:
+    simulate: Simulate = world.simulate
+    with contextlib.ExitStack() as stack:
+        if options.cluster is not None:
+            from dispatcher_daemon.settings import SchedulerSettings
+            from simulation.evaluation.runs.cluster import arms_on
+
+            settings = load(options.cluster, SchedulerSettings)
+            arms = stack.enter_context(arms_on(settings.cluster))
+            simulate = partial(world.simulate, run=arms.run)
+            workers = options.workers or arms.processes
+        progress = stack.enter_context(Progress("simulating", sys.stderr))
         update = _update_of(progress)
-        done = run_missing(policies, seeds, span_s, store, world.simulate, workers, update)
+        done = run_missing(policies, seeds, span_s, store, simulate, workers, update)
     return done.kept
 
 

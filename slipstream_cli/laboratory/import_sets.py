@@ -1,4 +1,4 @@
-"""`slipstream import vrplib|solomon`: problems of the published sets as instance files."""
+"""`slipstream import vrplib|solomon|qoblib`: problems of the published sets as instance files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 _FORMATS = {
     "vrplib": "CVRPLIB's files (.vrp): distances rounded to whole numbers",
     "solomon": "Solomon's files (.txt): time windows, distances cut to tenths",
+    "qoblib": "QOBLIB's routing files (.vrp): no more vehicles than the name says",
 }
 
 
@@ -17,7 +18,7 @@ def add_formats(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         kind = kinds.add_parser(
             name, help=what, description=f"{what}. `slipstream solve --instance` takes the result."
         )
-        kind.add_argument("files", type=Path, nargs="+", metavar="FILE")
+        kind.add_argument("files", type=Path, nargs="+", metavar="FILE", help="of the set")
         kind.add_argument(
             "--out", type=Path, required=True, metavar="DIR", help="for the instances"
         )

@@ -42,7 +42,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "model",
-        help="export YOLO11 weights for an RSU, fine-tune them, or try a model on a clip",
+        help="export, fine-tune and try YOLO11 weights for an RSU",
         description="`export` and `train` need the `train` extra, best in an environment of its "
         "own: it brings torch.",
     )
@@ -75,7 +75,7 @@ def _add_export(actions: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "car, truck, bus and motorcycle. The input stays dynamic: an RSU cuts the road's part out "
         "of the picture and looks at it at the scale of --imgsz.",
     )
-    export.add_argument("weights", type=Path, metavar="WEIGHTS.pt")
+    export.add_argument("weights", type=Path, metavar="WEIGHTS.pt", help="of YOLO11")
     export.add_argument(
         "--imgsz",
         type=_size,
@@ -119,21 +119,21 @@ def _add_train(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         "`python -m simulation.training --only-render` renders such sets. "
         "The weights of the last epoch are kept, so that the val pictures choose nothing.",
     )
-    train.add_argument("data", type=Path, metavar="DATA.yaml")
+    train.add_argument("data", type=Path, metavar="DATA.yaml", help="labelled set")
     train.add_argument(
         "--weights", type=Path, metavar="W.pt", help=f"start from these (default: {_BUILTIN})"
     )
-    train.add_argument("--epochs", type=_positive, default=10)
-    train.add_argument("--batch", type=_positive, default=4)
+    train.add_argument("--epochs", type=_positive, default=10, help="of training")
+    train.add_argument("--batch", type=_positive, default=4, help="pictures a step")
     train.add_argument("--rate", type=float, default=5e-4, help="AdamW's rate (default 0.0005)")
     train.add_argument("--width", type=_positive, default=640, help="pictures are scaled to, px")
-    train.add_argument("--threads", type=_positive, default=2)
+    train.add_argument("--threads", type=_positive, default=2, help="of torch")
     train.add_argument(
         "--hard-swish",
         action="store_true",
         help="with hard-swish for SiLU: a quarter faster in INT8 (the shipped weights have it)",
     )
-    train.add_argument("--seed", type=int, default=1)
+    train.add_argument("--seed", type=int, default=1, help="of everything random")
     train.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder for the run (default runs)"
     )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from slipstream.config import read_data
 from slipstream.errors import InputError
-from slipstream_cli.laboratory import solve_vroom
+from slipstream_cli.laboratory import solve_model, solve_vroom
 from slipstream_cli.laboratory.solve_matrices import solve_matrices
 from slipstream_cli.laboratory.solve_missed import missed_rewards
 from slipstream_cli.laboratory.solve_quantum import (
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from research.instances.instance import Instance
     from research.instances.matrices import MatrixInstance
 
-_ENDINGS = (".lp", ".mps", ".json", ".coo")
+_ENDINGS = (".lp", ".mps", ".json", ".coo", ".qs")
 _LARGEST_ARC_FLEET = 2
 
 
@@ -82,7 +82,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--deadline", type=_positive, default=10.0, metavar="S", help="for each solver, s"
     )
-    command.add_argument("--seed", type=_seed, default=1)
+    command.add_argument("--seed", type=_seed, default=1, help="of all solvers")
     command.add_argument(
         "--explain", action="store_true", help="list every reward and why others are 0"
     )
@@ -90,7 +90,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--write",
         type=Path,
         metavar="FILE",
-        help="write the MILP (.lp, .mps) or the QUBO (.json for dimod, .coo); solves only if "
+        help="write the MILP (.lp, .mps) or the QUBO (.json for dimod, .coo, .qs); solves only if "
         "--solver is given",
     )
     command.add_argument("--list", action="store_true", help="list the published instances")
@@ -99,6 +99,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument("--json", action="store_true", help="print the results as JSON")
     add_options(command)
+    solve_model.add_options(command)
     solve_vroom.add_options(command)
     command.set_defaults(run=run)
 
@@ -119,8 +120,12 @@ def run(options: argparse.Namespace) -> int:
     for name in solve_vroom.ONLY_FOR_IT:
         if getattr(options, name):
             raise InputError(f"--{name.replace('_', '-')}", "only for --vroom", "leave it out")
+    if options.model is not None:
+        return solve_model.solve_model(options)
     if options.instance is None:
-        raise InputError("solve", "no instance", "give --instance, see --list for names")
+        raise InputError(
+            "solve", "no instance", "give --instance, see --list for names, or --model"
+        )
     if options.write is not None and options.write.suffix not in _ENDINGS:
         raise InputError(
             options.write, "no such kind of model file", f"end its name in {', '.join(_ENDINGS)}"
@@ -142,7 +147,7 @@ def _solve(options: argparse.Namespace) -> int:
         instance = instance.under(options.objective)
     form = _form(options, instance)
     model = build_model(form.problem, options.gamma, encoding=options.encoding)
-    check_fit(options, names, form, model)
+    check_fit(options, names, form.name, model)
     if options.write is not None:
         _write(model, options.write)
     known = instance.known
@@ -217,7 +222,8 @@ def _run_solvers(
         report.missed[solver.name] = missed_rewards(form, tried, instance.sync_window_s)
     if any(tried.outcome.execution is not None for tried in report.attempts):
         best = best_known_kwh(form, report.attempts, options.deadline, options.seed)
-        report.quantum = records(model, report.attempts, best, options)
+        outcomes = [tried.outcome for tried in report.attempts]
+        report.quantum = records(model, outcomes, best, options)
 
 
 def _write(model: QuboModel, path: Path) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dispatcher_daemon.formulations.qubo import QuboModel
     from dispatcher_daemon.plans import Attempt, Form
     from dispatcher_daemon.settings import DispatcherSettings
-    from dispatcher_daemon.solvers.protocol import Solver
+    from dispatcher_daemon.solvers.protocol import Outcome, Solver
 
 QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
 _OPTION_OF_FIELD: Final = {
@@ -84,19 +84,21 @@ def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
 
 
 def check_fit(
-    options: argparse.Namespace, names: Sequence[str], form: Form, model: QuboModel
+    options: argparse.Namespace, names: Sequence[str], form: str, model: QuboModel
 ) -> None:
     """Refuse what no simulation or device can do, before anything takes time.
 
+    Args:
+        form: arc, route, or "model" where it is anybody's.
+
     Raises:
         InputError: a back end is unknown or has no credentials; too many qubits for it or for a
-            state vector; a one-hot variant in arc form.
+            state vector; a one-hot variant of another form than route.
     """
     variant = options.variant or ""
-    if form.name == "arc" and (variant.startswith("one-hot") or variant == "xy"):
-        raise InputError(
-            "solve", "this variant needs route options", "add --form route", key="--variant"
-        )
+    if form != "route" and (variant.startswith("one-hot") or variant == "xy"):
+        mend = "add --form route" if form == "arc" else "take another one"
+        raise InputError("solve", "this variant needs route options", mend, key="--variant")
     if "qaoa" in names:
         from dispatcher_daemon.solvers.quantum.statevector.diagonal import MAX_QUBITS
 
@@ -215,7 +217,7 @@ def _iskay(options: argparse.Namespace) -> Solver:
 
 def records(
     model: QuboModel,
-    attempts: Sequence[Attempt],
+    outcomes: Sequence[Outcome],
     best: tuple[float | None, bool],
     options: argparse.Namespace,
 ) -> dict[str, dict[str, Any]]:
@@ -233,7 +235,7 @@ def records(
     optimum_kwh, proven = best
     iterations = _iterations(options)
     found = {}
-    for outcome in (tried.outcome for tried in attempts):
+    for outcome in outcomes:
         if outcome.execution is None:
             continue
         controls = {}

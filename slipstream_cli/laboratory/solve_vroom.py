@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dispatcher_daemon.vroom import RoutingEngine
 
 ONLY_FOR_IT = ("network", "out", "geometry", "choose_eta")
-_NOT_FOR_IT = ("instance", "solver", "form", "write")
+_NOT_FOR_IT = ("instance", "model", "solver", "form", "write")
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

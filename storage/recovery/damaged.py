@@ -94,9 +94,11 @@ def _readable_fleet(path: Path, now_ns: int) -> FleetRecords | None:
 
 
 def _take_over(database: Database, records: FleetRecords) -> None:
-    plans = sorted((record.plan for record in records.plans), key=lambda plan: plan.cycle)
-    for cycle, of_cycle in groupby(plans, key=lambda plan: plan.cycle):
-        some = list(of_cycle)
+    plans = sorted(records.plans, key=lambda record: record.plan.cycle)
+    for cycle, of_cycle in groupby(plans, key=lambda record: record.plan.cycle):
+        with_energies = {record.plan.vehicle: record for record in of_cycle}
+        some = [record.plan for record in with_energies.values()]
+        energies = {v: r.energy for v, r in with_energies.items() if r.energy is not None}
         report = empty_report(cycle, some[0].issued_ns, "taken over from a damaged file", len(some))
-        database.record_cycle(report, some, [])
+        database.record_cycle(report, some, [], energies=energies)
     database.save_fleet(records)

@@ -168,6 +168,27 @@ def of_segment(
             yield _read(row, segment)
 
 
+def counts(session: Session, begin_ns: int, end_ns: int) -> dict[str, tuple[int, int]]:
+    """States of each segment in the hours that begin in a range of time, and those with features.
+
+    Of hours that have not ended yet it is what their stored minutes have.
+    """
+    names = segments.names(session)
+    last_ns = _extreme(session, func.max, HOUR_S)
+    minutes_from_ns = begin_ns if last_ns is None else max(begin_ns, last_ns + HOUR_S * 10**9)
+    found: dict[str, tuple[int, int]] = {}
+    for period_s, from_ns in ((HOUR_S, begin_ns), (MINUTE_S, minutes_from_ns)):
+        query = (
+            select(_T.segment_id, func.sum(_T["count"]), func.sum(_T.measured))
+            .where(_T.period_s == period_s, _T.began_ns >= from_ns, _T.began_ns < end_ns)
+            .group_by(_T.segment_id)
+        )
+        for number, came, measured in session.execute(query):
+            before = found.get(names[number], (0, 0))
+            found[names[number]] = before[0] + int(came), before[1] + int(measured)
+    return found
+
+
 def delete_oldest(session: Session, period_s: int, before_ns: int) -> bool:
     """Delete the roll-ups of the oldest periods that ended before; False if there are none.
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.service.costs import message_costs
+from benchmarks.service.loaded import Cost
 from benchmarks.service.telemetry import Figures, checks, measure, write
 
 GOOD = Figures(
@@ -23,6 +25,8 @@ GOOD = Figures(
     late_s=0.0,
 )
 
+COST = Cost("segment state", 700.0, 65e-6, 20e-6, 0)
+
 
 @pytest.mark.parametrize(
     "changes", [{"accepted": 299}, {"cpu_share": 1.1}, {"within": 0.98, "p99_s": 0.25}]
@@ -31,7 +35,7 @@ def test_each_aim_can_be_missed(changes: dict[str, float], tmp_path: Path) -> No
     """A lost state, a second core and a late hundredth each end in status 1."""
     assert all(check.reached for check in checks(GOOD))
     bad = replace(GOOD, **changes)  # type: ignore[arg-type]
-    assert [check.reached for check in write(tmp_path, bad, [bad], {})].count(False) == 1
+    assert [check.reached for check in write(tmp_path, bad, [bad], [COST], {})].count(False) == 1
     assert "MISSED" in (tmp_path / "report.md").read_text()
 
 
@@ -45,3 +49,13 @@ def test_no_state_is_lost_between_publishers_and_the_traffic_table(tmp_path: Pat
     assert found.missed == 0
     assert found.outcomes == {"taken": found.sent, "superseded": 0, "dropped": 0, "oversized": 0}
     assert found.p99_s is not None
+
+
+@pytest.mark.process
+@pytest.mark.slow(long=True)
+def test_a_message_has_a_cost_in_each_process(tmp_path: Path) -> None:
+    """Two rates each of states and positions; all of them are handled."""
+    for cost in message_costs(3.0, tmp_path, lambda _: None):
+        assert cost.lost == 0
+        assert 100 < cost.bytes < 2000
+        assert 1e-6 < cost.dispatcher_s < 5e-3

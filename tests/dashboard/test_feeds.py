@@ -10,7 +10,8 @@ import pytest
 import storage
 from dashboard.feeds import HistoryFeed
 from dashboard.live import LiveData
-from dashboard.panels import PANELS
+from dashboard.panels import PANELS, card_html
+from dashboard.selection import Selection
 from dashboard.view import build_view
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
@@ -66,8 +67,9 @@ def test_a_database_of_a_former_version_serves_the_page(tmp_path, live, world, n
     shown = {panel.name: panel.html(view) for panel in PANELS}
     assert "Last dispatch cycle: #3" in shown["cycle"]
     assert "Energy of the last 3 cycles" in shown["history"]
-    assert "c2 → c1" in shown["vehicles"]
-    assert "platooning open in cycle #3" in shown["roads"]
+    assert "c2 → c1" in card_html(view, Selection("van", "van-a"), None)
+    road = card_html(view, Selection("road", "avenue_east"), None)
+    assert "Platooning open in cycle #3" in road
 
 
 def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):

@@ -114,27 +114,26 @@ def test_stops_at_one_junction_share_a_label_and_every_depot_is_marked(server, w
     stops = tuple(stop.model_copy(update={"node": "c1"}) for stop in plan.stops)
     plan = plan.model_copy(update={"stops": stops})
     snapshot = Snapshot(states={}, rsus={}, plans={"van-a": plan}, cycles=(), previews={})
-    road_map.update(build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0))
+    drawn = road_map.update(build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0))
     names = sorted(stop.stop for stop in stops)
     assert len(names) == 2
-    assert server.scene.get_handle_by_name("/stop_0").text == " + ".join(names)
-    assert server.scene.get_handle_by_name("/stop_1") is None
-    assert len(server.scene.get_handle_by_name("/depots").points) == 2
-    assert server.scene.get_handle_by_name("/depot_label_1") is not None
-    assert server.scene.get_handle_by_name("/depot_label_2") is None
+    assert [mark.text for mark in drawn.marks if mark.kind == "stop"] == [" + ".join(names)]
+    assert len(server.scene.get_handle_by_name("/depots").batched_positions) == 2
+    depots = [mark.id for mark in drawn.marks if mark.text == "Depot"]
+    assert depots == ["depot", "west"]
 
 
 def test_the_server_is_replaced_after_its_updates(world, now_ns, monkeypatch):
     """After so many updates the page goes on being served at its address by a new server."""
     monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 8)
-    settings = DashboardSettings(port=free_port(), database_url=None)
+    settings = DashboardSettings(scene_port=free_port(), database_url=None)
     page = Page(settings, world.network, threading.Event())
     try:
         servers = []
         for _ in range(10):
             page.show(LiveData(2, lambda: now_ns), now_ns)
             servers.append(page._server)
-            with socket.create_connection((settings.host, settings.port), timeout=5):
+            with socket.create_connection((settings.host, settings.scene_port), timeout=5):
                 pass
         assert [server is servers[0] for server in servers] == [True] * 4 + [False] * 6
     finally:
@@ -147,7 +146,7 @@ def page_due_for_restart(world, monkeypatch):
     monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 0)
     monkeypatch.setattr("dashboard.page.RETRY_AFTER_S", (0.01, 0.01, 0.3))
     stopping = threading.Event()
-    settings = DashboardSettings(port=free_port(), database_url=None)
+    settings = DashboardSettings(scene_port=free_port(), database_url=None)
     page = Page(settings, world.network, stopping)
     yield page, settings, stopping
     page.close()
@@ -176,7 +175,7 @@ def test_a_port_that_comes_free_late_is_waited_for(page_due_for_restart, now_ns,
     monkeypatch.setattr("dashboard.page.start_server", starts)
     page.show(LiveData(2, lambda: now_ns), now_ns)
     assert starts.tries == 3
-    with socket.create_connection((settings.host, settings.port), timeout=5):
+    with socket.create_connection((settings.host, settings.scene_port), timeout=5):
         pass
 
 

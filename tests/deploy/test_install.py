@@ -169,6 +169,9 @@ class Machine:
         shutil.copytree(DEPLOY, self.source / "deploy")
         (self.source / "docs").mkdir()
         (self.source / "docs" / "operations.md").touch()
+        router = Path("slipstream_cli") / "daemons" / "router.py"
+        (self.source / router).parent.mkdir(parents=True)
+        shutil.copy(DEPLOY.parent / router, self.source / router)
         script = self.source / "deploy" / "install.sh"
         text = script.read_text()
         # An environment below a folder cannot run elsewhere, which does not matter here.

@@ -20,8 +20,17 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
+from dashboard.live import Snapshot
 from dashboard.server import start_server, stop_server
+from dashboard.settings import DashboardSettings
+from dashboard.view.places import Places
+from dashboard.web.app import make_app
+from dashboard.web.hub import Hub
+from dashboard.web.rows import Scene
+from dashboard.web.services import Known, Services
 from slipstream.bus import free_port
+from slipstream.http.server import HttpServer
+from slipstream.sumo_net import load_network
 
 from .conftest import DEPLOY
 
@@ -64,14 +73,15 @@ NAME = "slipstream.example.org"
 def proxy(
     request: pytest.FixtureRequest, tool: Callable[[str], str], tmp_path: Path
 ) -> Iterator[int]:
-    """Port of nginx with the shipped configuration before a viser server that allows a name."""
+    """Port of nginx with the shipped configuration before both pages, which allow a name."""
     nginx, openssl = tool("nginx"), tool("openssl")
     _self_signed(openssl, tmp_path)
     hashed = subprocess.run(
         [openssl, "passwd", "-apr1", PASSWORD], capture_output=True, text=True, check=True
     ).stdout.strip()
     (tmp_path / "htpasswd").write_text(f"anna:{hashed}\n")
-    page, plain, tls = free_port(), free_port(), free_port()
+    scene, plain, tls = free_port(), free_port(), free_port()
+    page = HttpServer("the operator's page", "127.0.0.1", 0, "port")
     api = ThreadingHTTPServer(("127.0.0.1", 0), _Echo)
     text = (DEPLOY / "proxy" / "nginx.conf").read_text()
     for old, new in {
@@ -81,7 +91,8 @@ def proxy(
         "listen 443 ": f"listen 127.0.0.1:{tls} ",
         "/etc/letsencrypt/live/slipstream.example.org": str(tmp_path),
         "/etc/nginx/slipstream.htpasswd": str(tmp_path / "htpasswd"),
-        "127.0.0.1:8080": f"127.0.0.1:{page}",
+        "127.0.0.1:8080": f"127.0.0.1:{page.port}",
+        "127.0.0.1:8081": f"127.0.0.1:{scene}",
         "127.0.0.1:8090": f"127.0.0.1:{api.server_port}",
     }.items():
         assert old in text
@@ -99,7 +110,12 @@ def proxy(
     checked = subprocess.run([nginx, "-t", "-c", str(main)], capture_output=True, text=True)
     assert checked.returncode == 0, checked.stderr
     assert "warn" not in checked.stderr
-    server = start_server("127.0.0.1", page, request.param)
+    server = start_server("127.0.0.1", scene, request.param)
+    network = load_network("demo")
+    settings = DashboardSettings(allowed_hosts=request.param)
+    nothing = Known(Snapshot(), {"t": 0, "seq": 0, "rsus": {}}, 0)
+    services = Services(settings, Scene(Places(network)), lambda: nothing, Hub())
+    page.start(make_app(services))
     threading.Thread(target=api.serve_forever, daemon=True).start()
     process = subprocess.Popen([nginx, "-c", str(main)], stderr=subprocess.DEVNULL)
     try:
@@ -115,6 +131,7 @@ def proxy(
         process.terminate()
         process.wait(timeout=10)
         stop_server(server)
+        page.close()
         api.shutdown()
         api.server_close()
 
@@ -146,6 +163,10 @@ def test_only_who_logs_in_sees_the_page(proxy: int) -> None:
     wrong = "Basic " + base64.b64encode(b"anna:guess").decode()
     assert _get(proxy, {"Authorization": wrong}) == 401
     assert _get(proxy, {**LOGIN, "Host": NAME}) == 200
+    assert _fetch(proxy, "/3d/", {**LOGIN, "Host": NAME})[0] == 200
+    assert _fetch(proxy, "/3d/", {"Host": NAME})[0] == 401
+    status, body = _fetch(proxy, "/api/config", {**LOGIN, "Host": NAME})
+    assert (status, json.loads(body)["live"]) == (200, True)
     with _open_socket(proxy, f"https://{NAME}") as page:
         assert isinstance(page.recv(timeout=10), bytes)
 
@@ -187,7 +208,7 @@ def _open_socket(proxy: int, origin: str) -> ClientConnection:
     from viser import __version__
 
     return connect(
-        f"wss://{NAME}",
+        f"wss://{NAME}/3d",
         sock=socket.create_connection(("127.0.0.1", proxy), timeout=10),
         server_hostname=NAME,
         ssl=_trusting(),

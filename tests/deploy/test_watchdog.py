@@ -164,7 +164,7 @@ def test_the_servers_daemons_tell_their_progress(
         "database_url": f"sqlite:///{tmp_path / 'slipstream.db'}",
     }
     if daemon == "dashboard":
-        content["port"] = free_port()
+        content |= {"port": free_port(), "scene_port": free_port()}
     config = settings(tmp_path, daemon, content)
     with managed(tmp_path, "-m", "slipstream_cli", daemon, "--config", config) as manager:
         assert manager.hears("READY=1", 90)

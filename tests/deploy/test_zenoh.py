@@ -50,6 +50,7 @@ from slipstream.zenoh_config import RECEIVE_LIMIT_BYTES, TRANSMIT_QUEUE
 from .conftest import DEPLOY
 
 ZENOH = DEPLOY / "zenoh"
+ROUTER = DEPLOY.parent / "slipstream_cli" / "daemons" / "router.py"
 
 
 class Seen:
@@ -71,7 +72,8 @@ class Seen:
 
 USERS = (
     *("dispatcher", "dashboard", "fleet", "signals", "edge-rsu-1", "box-1", "box-2", "van-1"),
-    *("agent-depot-1", "vehicle-depot-1", "agent-van-1", "vehicle-van-1", "orders"),
+    *("agent-depot-1", "vehicle-depot-1", "agent-van-1", "vehicle-van-1"),
+    *("orders", "control"),
 )
 CREDENTIALS = "/run/credentials/slipstream-router.service"
 
@@ -282,7 +284,7 @@ def test_an_agent_speaks_for_no_pattern_of_names(machine: int, users: Path) -> N
 @pytest.mark.attack
 @pytest.mark.process
 def test_who_may_not_order_is_not_heard_by_the_dispatcher(machine: int, users: Path) -> None:
-    """Nor by a pattern of keys; who may order may not pin, and nobody else may answer."""
+    """Nor by a pattern; who orders may not pin, nor the other way, and nobody else answers."""
     asked: list[str] = []
 
     def answer(key: str, payload: bytes) -> tuple[bool, bytes]:
@@ -296,7 +298,7 @@ def test_who_may_not_order_is_not_heard_by_the_dispatcher(machine: int, users: P
         others = ("dashboard", "fleet", "signals", "agent-depot-1", "edge-rsu-1")
         buses = {
             user: stack.enter_context(open_bus(machine, users / user))
-            for user in ("dispatcher", "orders", *others)
+            for user in ("dispatcher", "orders", "control", *others)
         }
         for user in others:
             buses[user].answer(ALL_ORDERS, forge)
@@ -305,16 +307,21 @@ def test_who_may_not_order_is_not_heard_by_the_dispatcher(machine: int, users: P
         while buses["orders"].ask(key, b"orders", 5.0) != (True, b"taken"):
             assert time.monotonic() < ends
         for user in others:
-            for action in ("submit", "cancel", "pin", "show"):
+            for action in ("submit", "cancel", "pin", "release", "show"):
                 assert buses[user].ask(order_key("o", action), user.encode(), 1.0) != (
                     True,
                     b"taken",
                 )
             for pattern in ("slipstream/v1/order/*/submit", "slipstream/v1/**"):
                 assert buses[user].ask(pattern, user.encode(), 1.0) != (True, b"taken")
-        assert buses["orders"].ask(order_key("o", "pin"), b"orders", 1.0) is None
-        assert buses["orders"].ask(order_key("o", "cancel"), b"orders", 5.0) == (True, b"taken")
-        assert set(asked) == {"orders submit", "orders cancel"}
+        for user, action in (("orders", "cancel"), ("control", "pin"), ("control", "release")):
+            answered = buses[user].ask(order_key("o", action), user.encode(), 5.0)
+            assert answered == (True, b"taken"), action
+        for user, actions in (("orders", ("pin", "release")), ("control", ("submit", "cancel"))):
+            for action in (*actions, "*"):
+                assert buses[user].ask(order_key("o", action), user.encode(), 1.0) is None
+        expected = {"orders submit", "orders cancel", "control pin", "control release"}
+        assert set(asked) == expected
 
 
 BEFORE = Path(__file__).with_name("router-before-agents.json5")
@@ -463,7 +470,7 @@ def test_the_service_carries_messages(tmp_path: Path, users: Path) -> None:
     config = tmp_path / "router.json5"
     text = (ZENOH / "router.json5").read_text().replace(":7447", f":{port}")
     config.write_text(text.replace(CREDENTIALS, str(users)))
-    process = subprocess.Popen([sys.executable, str(ZENOH / "router.py"), str(config)])
+    process = subprocess.Popen([sys.executable, str(ROUTER), str(config)])
     try:
         with (
             open_bus(port, users / "edge-rsu-1") as edge,
@@ -488,7 +495,7 @@ def test_a_bad_configuration_is_one_line(tmp_path: Path) -> None:
     broken.write_text('{ mode: "router", nonsense: 1 }')
     for path in (broken, tmp_path / "missing.json5"):
         done = subprocess.run(
-            [sys.executable, str(ZENOH / "router.py"), str(path)], capture_output=True, text=True
+            [sys.executable, str(ROUTER), str(path)], capture_output=True, text=True
         )
         assert done.returncode == 2
         assert str(path) in done.stderr

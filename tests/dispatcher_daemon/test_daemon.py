@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -17,7 +17,8 @@ import pytest
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.cycle import cycle_seed
-from dispatcher_daemon.daemon import Dispatcher, check_health
+from dispatcher_daemon.daemon import check_health
+from dispatcher_daemon.dispatcher import Dispatcher
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
@@ -26,6 +27,7 @@ from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_in_proces
 from dispatcher_daemon.store import PRUNE_BATCH
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
+from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
     ALL_PLANS,
     CYCLE_KEY,
@@ -39,7 +41,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.orders import FleetRecords
-from storage import CycleInputs, RollUp, StorageError, open_reader
+from storage import CycleInputs, Event, RollUp, Room, StorageError, open_reader
 
 State = Callable[..., SegmentState]
 SETTINGS = DispatcherSettings(solvers=("exact",))
@@ -54,6 +56,7 @@ class Log:
     old: int = 0
     pruned: list[int] = field(default_factory=list)
     rollups: list[RollUp] = field(default_factory=list)
+    told: list[Event] = field(default_factory=list)
 
     def publisher(self, key: str) -> _Outlet:
         """A publisher that writes down."""
@@ -66,6 +69,7 @@ class Log:
         states: Sequence[SegmentState],
         records: FleetRecords | None = None,
         made_from: CycleInputs | None = None,
+        energies: Mapping[str, PlanEnergy] | None = None,
     ) -> None:
         """Store, or fail as a full disk does."""
         if self.broken:
@@ -92,6 +96,28 @@ class Log:
         if self.broken:
             raise StorageError("x.db: disk full")
         self.rollups += minutes
+
+    def save_fleet(self, records: FleetRecords) -> None:
+        """Store what vehicles reported."""
+        self.events.append(("stored", records))
+
+    def save_events(self, changed: Sequence[Event]) -> None:
+        """Store, or fail as a full disk does."""
+        if self.broken:
+            raise StorageError("x.db: disk full")
+        self.told += changed
+
+    def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
+        """None was in force."""
+        return ()
+
+    def last_event(self, kinds: Collection[str]) -> Event | None:
+        """As `Database.last_event`."""
+        return next((event for event in reversed(self.told) if event.kind in kinds), None)
+
+    def room(self) -> Room | None:
+        """Enough."""
+        return Room(10**6, 10**12)
 
     def tidy(self, now_ns: int, *, budget_s: float) -> None:
         """No traffic is old."""
@@ -120,7 +146,7 @@ def make(demo: RoutingProblem, log: Log, solve: Solve | None = None) -> Dispatch
 def feed(dispatcher: Dispatcher, state: State, segment: str, y_e: int | None) -> None:
     """Send a fresh state."""
     seen = state(segment, y_e, time_ns=time.time_ns())
-    dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+    dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
 
 
 def test_a_cycle_is_stored_before_it_is_published(demo: RoutingProblem, state: State) -> None:
@@ -159,13 +185,13 @@ def test_a_cycle_that_cannot_be_stored_sends_no_plan(
         (number, "failed", 0, None) for number in (7, 8, 9)
     ]
     assert "disk full" in reports[0].reason  # type: ignore[attr-defined]
-    assert (dispatcher.cycles, dispatcher.cycles_failed) == (0, 3)
+    assert (dispatcher.delivery.cycles, dispatcher.delivery.failed) == (0, 3)
     (record,) = caplog.records
     assert "disk full" in record.message
     assert record.exc_info is None
     log.broken = False
     dispatcher.run_cycle()
-    assert dispatcher.cycles == 1
+    assert dispatcher.delivery.cycles == 1
     assert len(log.published(VehiclePlan)) == 2
 
 
@@ -179,7 +205,7 @@ def test_every_admitted_state_is_rolled_up(
     for sequence in range(5):
         seen = state("avenue_east", 1, time_ns=old_ns + sequence * 10**6, sequence=sequence)
         for _ in range(2):
-            dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+            dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
     log.broken = True
     with caplog.at_level(logging.WARNING):
         dispatcher.run_cycle()
@@ -216,14 +242,14 @@ def test_a_cycle_that_raises_is_recorded_with_its_reason(demo: RoutingProblem) -
     assert isinstance(report, CycleReport)
     assert (report.status, report.reason) == ("failed", "ZeroDivisionError: a bug")
     assert log.published(VehiclePlan) == []
-    assert (dispatcher.cycles, dispatcher.cycles_failed) == (1, 1)
+    assert (dispatcher.delivery.cycles, dispatcher.delivery.failed) == (1, 1)
 
 
 def test_a_cycle_given_up_at_the_end_leaves_nothing(demo: RoutingProblem) -> None:
     """A dispatcher that is stopping publishes no plan made without its solvers."""
     log = Log()
     dispatcher = make(demo, log)
-    dispatcher.stopping.set()
+    dispatcher.delivery.stopping.set()
     dispatcher.run_cycle()
     assert log.events == []
 
@@ -238,15 +264,15 @@ def test_bad_messages_are_counted_and_logged_once(
     good = state("avenue_east", 1, time_ns=time.time_ns())
     with caplog.at_level(logging.WARNING):
         for payload in (b"", b"\xff\xfe", b"[]", b'{"rsu": 3}', good.to_bytes()[:-5]):
-            dispatcher.on_state(key, payload)
-        dispatcher.on_state(state_key("rsu-other", "avenue_east"), good.to_bytes())
-    assert dispatcher.bad_messages == 6
-    assert dispatcher.states_received == 0
+            dispatcher.receiver.on_state(key, payload)
+        dispatcher.receiver.on_state(state_key("rsu-other", "avenue_east"), good.to_bytes())
+    assert dispatcher.receiver.bad_messages == 6
+    assert dispatcher.receiver.received == 0
     lines = [r.message for r in caplog.records]
     assert len(lines) == 1
     assert "not a SegmentState" in lines[0]
-    dispatcher.on_state(key, good.to_bytes())
-    assert dispatcher.states_received == 1
+    dispatcher.receiver.on_state(key, good.to_bytes())
+    assert dispatcher.receiver.received == 1
 
 
 def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: State) -> None:
@@ -256,7 +282,7 @@ def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: Stat
     feed(dispatcher, state, "avenue_east", 1)
     dispatcher.run_cycle()
     soon = time.time_ns() + 10**9
-    dispatcher.publish_health(soon)
+    dispatcher.health.publish(soon)
     (health,) = log.published(DispatcherHealth)
     assert isinstance(health, DispatcherHealth)
     assert (health.cycles, health.states_received, health.next_cycle_ns) == (1, 1, soon)
@@ -317,11 +343,11 @@ def test_a_state_of_an_unlisted_rsu_opens_no_gate_and_is_told(
         feed(dispatcher, state, "avenue_west", 1)
         feed(dispatcher, state, "avenue_west", 1)
         seen = state("avenue_east", 1, time_ns=time.time_ns(), speed_mps=-5.0)
-        dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
     dispatcher.run_cycle()
     (report,) = log.published(CycleReport)
     assert not any(gate.open for gate in report.gates)  # type: ignore[attr-defined]
-    assert dispatcher.states_refused == 3
+    assert dispatcher.receiver.refused == 3
     assert metrics.STATES.labels("unlisted")._value.get() == before + 2
     assert [record.getMessage() for record in caplog.records] == [
         "slipstream/v1/rsu/rsu-avenue_west/segment/avenue_west/state: state refused: unlisted",

@@ -6,12 +6,14 @@ import pytest
 
 from dispatcher_daemon.cycle import CycleResult
 from dispatcher_daemon.explain import as_text, explanation, refusal_line
+from dispatcher_daemon.explain.vehicles import explained_vehicles
 from dispatcher_daemon.planning import RefusedPlatoon
 from dispatcher_daemon.planning.refused import RefusalReason
 from dispatcher_daemon.plans import Cycle, VehicleAccount
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.replay import InputEncoder, Trace
 from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.tracking import utc
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.messages import (
     CycleReport,
@@ -180,3 +182,15 @@ def test_each_reason_of_a_refusal_has_its_words(
     )
     assert line.startswith("van-a and van-b on north … west (4 segments): ")
     assert words in line
+
+
+def test_a_break_is_told_with_its_place_and_time() -> None:
+    """It is no stop that the vehicle serves."""
+    own = plan("van-a", 0)
+    at, begins_ns = own.stops[1], own.stops[1].departure_ns
+    told = {"stop": "van-a break 1", "is_hub": True, "break_s": 1800.0, "arrival_ns": begins_ns}
+    pause = at.model_copy(update={**told, "departure_ns": begins_ns + 1800 * 10**9})
+    rested = own.model_copy(update={"stops": (*own.stops[:2], pause, *own.stops[2:])})
+    (found,) = explained_vehicles((rested,), None)
+    assert found.lines[0].startswith(f"serves {at.stop}, ")
+    assert f"has its break of 30 min 0 s at {at.stop}, from {utc(begins_ns)} on" in found.lines

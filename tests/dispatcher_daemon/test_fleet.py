@@ -113,6 +113,11 @@ def _depot_id(data: dict[str, Any]) -> None:
     data["stops"].append({"id": "depot", "node": "west"})
 
 
+def _named_as_break(data: dict[str, Any]) -> None:
+    data["vehicles"][0]["breaks"] = [{"duration_s": 60.0}]
+    data["stops"].append({"id": "van-a break 1", "node": "west"})
+
+
 def _negative(data: dict[str, Any]) -> None:
     data["stops"][0]["service_s"] = -1
 
@@ -141,6 +146,7 @@ def _spelling(data: dict[str, Any]) -> None:
         (_half_parcel, "stops.c1.demand: "),
         (_nan, "stops.c1.latest_s: "),
         (_depot_id, "stops.depot: a stop has a depot's id"),
+        (_named_as_break, "stops.van-a break 1: it has the name that a vehicle's break has"),
         (_negative, "stops.c1.service_s"),
         (_spelling, "vehicles.van-a.first_stopp: unknown key"),
     ],

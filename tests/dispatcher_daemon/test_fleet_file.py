@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.dispatcher import Dispatcher
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings

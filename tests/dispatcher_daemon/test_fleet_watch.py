@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.dispatcher import Dispatcher
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -120,7 +120,7 @@ def test_a_van_in_mid_route_is_never_planned_from_its_depot(demo: RoutingProblem
         (later,) = bus.plans("van-a")[1:]  # and no other before it is answered
         accept(dispatcher, later)
         tell(dispatcher, at(later, plan.segments[0].segment, 0.5))  # not stored any more
-        dispatcher.publish_health(None)
+        dispatcher.health.publish(None)
     own = {stop.stop for stop in plan.stops[1:-1]}
     assert later.continues == plan.cycle
     assert later.segments[0].segment == plan.segments[0].segment
@@ -169,7 +169,7 @@ def test_measured_speeds_are_learned_and_survive_a_restart(
 
     def report(dispatcher: Dispatcher) -> None:
         seen = state("avenue_east", 0).model_copy(update={"time_ns": time.time_ns()})
-        dispatcher.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
         dispatcher.run_cycle()
 
     with open_database(url) as database:
@@ -206,6 +206,6 @@ def test_messages_that_are_not_what_their_key_says_are_counted(
         watch.on_acknowledgement(acknowledgement_key("van-a"), b"\xff")
         strange = here.model_copy(update={"segment": "moon_street"})
         watch.on_position(position_key("van-a"), strange.to_bytes())
-        assert dispatcher.bad_messages == 5
+        assert dispatcher.receiver.bad_messages == 5
         dispatcher.run_cycle()
     assert len(bus.plans("van-a")) == 1

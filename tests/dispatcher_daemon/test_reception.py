@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from prometheus_client import REGISTRY
 
 from dispatcher_daemon import metrics
+from dispatcher_daemon.dispatcher.reports import worst_receptions
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.reception import MAX_JUMP, MAX_RSUS, Reception, ReceptionTable
-from dispatcher_daemon.reports import worst_receptions
 from dispatcher_daemon.states import LatestStates, Verdict
 from slipstream.messages import SegmentState
 

@@ -19,9 +19,10 @@ import pytest
 import tomli_w
 from prometheus_client import REGISTRY
 
-from dispatcher_daemon.daemon import Dispatcher, check_health
+from dispatcher_daemon.daemon import check_health
+from dispatcher_daemon.dispatcher import Dispatcher
+from dispatcher_daemon.dispatcher.reports import failed_report
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.reports import failed_report
 from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -169,7 +170,7 @@ def test_a_spoiled_database_costs_cycles_until_it_is_restored(
         assert unstored[-3:] == [14, 15, 16]
         assert all("not stored" in (report.reason or "") for report in reports[-3:])
         assert {plan.cycle for plan in plans}.isdisjoint(unstored)
-        assert dispatcher.cycles_failed == len(unstored)
+        assert dispatcher.delivery.failed == len(unstored)
         assert metric("cycles_total", status="lost") == lost + len(unstored)
         if path.is_dir():
             path.rmdir()
@@ -202,7 +203,7 @@ def test_a_deleted_database_costs_one_cycle(demo: RoutingProblem, tmp_path: Path
             assert [report.status == "failed" for report in reports] == [True, False, False]
             assert {plan.cycle for plan in plans} == {number + 1, number + 2}
             assert stored(path) == [number + 1, number + 2]
-        assert dispatcher.cycles_failed == 2
+        assert dispatcher.delivery.failed == 2
 
 
 @pytest.mark.attack
@@ -254,7 +255,7 @@ def test_a_dispatcher_whose_database_another_one_writes_ends(
             dispatcher.run_cycle()
             (report,), plans = bus.take()
             assert (report.status, plans) == ("failed", [])
-            assert dispatcher.stopping.is_set()
+            assert dispatcher.delivery.stopping.is_set()
             scheduler = CycleScheduler(dispatcher.run_cycle, 30.0, lambda _: None)
             # Not an InputError: status 2 would keep systemd from starting it again.
             with pytest.raises(StorageError, match="another dispatcher has taken over"):
@@ -265,7 +266,7 @@ def test_a_dispatcher_whose_database_another_one_writes_ends(
 
 def failed_cycles(dispatcher: Dispatcher) -> int:
     """Cycles that its health calls failed."""
-    return dispatcher.cycles_failed
+    return dispatcher.delivery.failed
 
 
 def test_systemd_waits_for_the_check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

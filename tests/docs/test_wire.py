@@ -44,6 +44,7 @@ KEYS = {
     messages.spat_key("{intersection}"),
     messages.state_key("{rsu}", "{segment}"),
     messages.stopped_key("{rsu}", "{segment}"),
+    messages.ALARMS_KEY,
     messages.CYCLE_KEY,
     messages.DISPATCHER_HEALTH_KEY,
 }

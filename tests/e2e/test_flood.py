@@ -187,11 +187,13 @@ def server(
         assert shipped in text
         text = text.replace(shipped, here)
     router.write_text(text)
-    commands = {"router": (str(DEPLOY / "zenoh" / "router.py"), str(router))}
+    commands = {
+        "router": (str(DEPLOY.parent / "slipstream_cli" / "daemons" / "router.py"), str(router))
+    }
     ports = {"router": 0}
     for name, settings in {
         "dispatcher": {"database_url": f"sqlite:///{folder / 'slipstream.db'}", **dispatcher},
-        "dashboard": {"port": free_port()},
+        "dashboard": {"port": free_port(), "scene_port": free_port()},
     }.items():
         if name not in names:
             continue

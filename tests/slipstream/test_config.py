@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from pydantic import Field
 
 from slipstream.config import BusSettings, ServiceSettings, Settings, load, read_secret
 from slipstream.errors import InputError
@@ -45,6 +46,55 @@ def test_faults_are_one_line_with_file_key_and_mend(
     assert expected in line
     assert "; " in line
     assert "\n" not in line
+
+
+class Row(Settings):
+    """A table in a list."""
+
+    id: str
+    speed_mps: float = 1.0
+
+
+class Nested(Settings):
+    """Tables in tables, in lists and under names of the user's."""
+
+    rows: tuple[Row, ...] = ()
+    named: dict[str, Row] = Field(default_factory=dict)
+    bus: BusSettings = BusSettings()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("buss = 1", "buss: unknown key; did you mean bus?"),
+        ("[bus]\nconect = []", "bus.conect: unknown key; did you mean connect?"),
+        ("[[rows]]\nid = 'a'\nspeed = 3.0", "rows.a.speed: unknown key; did you mean speed_mps?"),
+        ("[named.x]\nid = 'a'\nsped_mps = 3.0", "named.x.sped_mps: unknown key; did you mean sp"),
+        ("xyzzy = 1", "xyzzy: unknown key; remove it or use one of: bus, named, rows"),
+    ],
+)
+def test_an_unknown_key_names_the_nearest_of_its_table(
+    tmp_path: Path, text: str, expected: str
+) -> None:
+    """Of the table that it is in, however deep."""
+    path = tmp_path / "nested.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load(path, Nested)
+    assert f"{path}: {expected}" in str(caught.value)
+
+
+def test_further_faults_stand_beside_the_first(tmp_path: Path) -> None:
+    """As many as are told, the misspelt key first; a key that it left missing is none of them."""
+    path = tmp_path / "example.toml"
+    path.write_text("nam = 'x'\n[service]\nmetrics_port = 70000\nlog_level = 'LOUD'")
+    with pytest.raises(InputError) as caught:
+        load(path, Example)
+    assert caught.value.key == "nam"
+    assert [fault.key for fault in caught.value.others] == [
+        "service.metrics_port",
+        "service.log_level",
+    ]
 
 
 def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.dispatcher import Dispatcher
 from dispatcher_daemon.fleet import load_fleet
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver

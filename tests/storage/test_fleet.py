@@ -149,6 +149,8 @@ def test_an_ended_order_is_forgotten_only_when_no_file_has_it(any_url, make_cycl
             "gone-today",
             "under-way",
         }
+        lately = reader.orders(ended_since_ns=NOW_NS - DAY_NS)
+        assert {o.order for o in lately} == {"gone-today", "under-way"}
         database.prune(7.0, NOW_NS)
         kept = {o.order for o in reader.orders()}
         assert kept == {"listed", "gone-today", "gone-yesterday", "under-way"}

@@ -160,10 +160,12 @@ def test_the_upgrade_trusts_the_newest_cycle(url, make_cycle):
     with closing(sqlite3.connect(_path(url))) as old:
         newer = ("clock", "speeds", "movements", "vehicles", "order_changes", "orders")
         traffic = ("segment_rollups", "gate_changes", "cycle_traffic", "segments")
-        for table in (*newer, *traffic, "input_uses", "cycle_inputs", "input_parts"):
+        inputs = ("input_uses", "cycle_inputs", "input_parts")
+        for table in (*newer, *traffic, *inputs, "events", "energy_ledger"):
             old.execute(f"DROP TABLE {table}")
         old.execute("DROP INDEX ix_plans_status")
-        for column in ("continues", "status", "status_ns", "status_reason"):
+        lives = ("continues", "status", "status_ns", "status_reason", "segment_energy")
+        for column in lives:
             old.execute(f"ALTER TABLE plans DROP COLUMN {column}")
         for column in (
             "baseline_driving_s",

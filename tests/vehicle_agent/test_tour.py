@@ -91,6 +91,21 @@ def test_nothing_is_served_at_a_hub() -> None:
         assert [v.stop for v in tour.progress(ns(300)).visits] == ["b"]
 
 
+def test_a_break_is_whole_however_late() -> None:
+    """In time it ends as planned; later by the lateness. Agents of before see a hub."""
+    whole = plan()
+    pause = whole.stops[1].model_copy(update={"wait_s": 60.0, "is_hub": True, "break_s": 60.0})
+    assert pause.kind == "break"
+    with_pause = whole.model_copy(update={"stops": (whole.stops[0], pause, *whole.stops[2:])})
+    assert [stop.stop for stop in with_pause.service_stops] == ["b"]
+    for arrives_s, due_s in ((110.0, 180.0), (200.0, 261.0)):
+        tour = Tour(VAN)
+        tour.offer(with_pause, ns(1))
+        drive(tour, 0, arrives_s)
+        assert tour.due_ns() == ns(due_s)
+        assert tour.progress(ns(arrives_s + 1)).visits == ()
+
+
 def test_a_wait_before_a_leg_without_a_road_is_kept() -> None:
     """The next stop at the same junction is due when the wait ends."""
     whole = plan()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -11,27 +12,42 @@ from research.instances.matrices.solomon import solomon_data
 from research.instances.matrices.vrplib import vrplib_data
 from slipstream.errors import InputError
 
-SetFormat = Literal["vrplib", "solomon"]
+SetFormat = Literal["vrplib", "solomon", "qoblib"]
 
 
 def read_published(path: Path, form: SetFormat, solution: Path | None = None) -> MatrixInstance:
     """Read one instance of a published set.
 
     Args:
+        form: "qoblib" is VRPLIB's with as many vehicles as the name ends with, -k4: more are not
+            allowed there.
         solution: a file with its best known cost; None: the one of the same name with the suffix
-            .sol, if there is one.
+            .sol, if there is one; of QOBLIB also .opt.sol and .bst.sol, there or in the folder
+            `solutions` beside.
 
     Raises:
         InputError: naming file, line and mend: the file is missing, too large or malformed, or has
             what instances with matrices cannot express.
     """
     text = set_text(path)
-    data = vrplib_data(text, path) if form == "vrplib" else solomon_data(text, path)
-    if solution is None and path.with_suffix(".sol").exists():
-        solution = path.with_suffix(".sol")
+    if form == "solomon":
+        data = solomon_data(text, path)
+    else:
+        data = vrplib_data(text, path, exact_vehicles=form == "qoblib")
+    if solution is None:
+        solution = next((p for p in _solutions(path, form) if p.exists()), None)
     if solution is not None:
         data["best_known"] = {"cost": _best_cost(solution), "source": solution.name[:200]}
     return matrix_instance_from(data, path)
+
+
+def _solutions(path: Path, form: SetFormat) -> Iterator[Path]:
+    """Where a solution may lie."""
+    yield path.with_suffix(".sol")
+    if form == "qoblib":
+        for folder in (path.parent, path.parent.parent / "solutions"):
+            for kind in ("opt", "bst"):
+                yield folder / f"{path.stem}.{kind}.sol"
 
 
 def _best_cost(path: Path) -> float:

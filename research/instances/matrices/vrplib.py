@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -24,8 +25,12 @@ _Rows = list[tuple[int, list[float]]]
 """(line, its numbers)."""
 
 
-def vrplib_data(text: str, path: Path) -> dict[str, Any]:
+def vrplib_data(text: str, path: Path, *, exact_vehicles: bool = False) -> dict[str, Any]:
     """Plain data of an instance file; distances are rounded to the nearest whole number.
+
+    Args:
+        exact_vehicles: the number in the name (-k4) is the most that are allowed, not about how
+            many are needed.
 
     Raises:
         InputError: a line, section or specification is malformed, missing or not supported.
@@ -70,6 +75,12 @@ def vrplib_data(text: str, path: Path) -> dict[str, Any]:
     name = given.get("NAME") or path.stem
     if "VEHICLES" in given:
         count = whole_of(given["VEHICLES"], path, "VEHICLES")
+    elif exact_vehicles:
+        limit = re.search(r"-k(\d{1,4})(?:-|$)", name)
+        if limit is None:
+            mend = "end the name with -k and their number, or give VEHICLES"
+            raise InputError(path, "no number of vehicles", mend, key="NAME")
+        count = int(limit[1])
     else:
         of_name = name.rpartition("-k")[2]
         count = math.ceil(1.15 * max(needed, int(of_name) if of_name.isdecimal() else 0)) + 1

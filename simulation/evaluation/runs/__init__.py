@@ -1,12 +1,13 @@
 """Simulation of an evaluation's arms, and their storage with everything that results depend on."""
 
 from simulation.evaluation.runs.provenance import Provenance, code_stamp
-from simulation.evaluation.runs.run import run_missing
+from simulation.evaluation.runs.run import Simulate, run_missing
 from simulation.evaluation.runs.store import Store, StoredArm, not_writable, write_atomically
 from simulation.evaluation.runs.world import World, WorldFiles
 
 __all__ = [
     "Provenance",
+    "Simulate",
     "Store",
     "StoredArm",
     "World",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from simulation.scenarios.scenario import (
     prepare,
 )
 from simulation.sumo import Progress
+
+RunArm = Callable[[ArmSpec, Progress], ArmResult]
 
 
 @dataclass(frozen=True)
@@ -116,8 +119,13 @@ class World:
         """
         return self._background(seed)[0]
 
-    def simulate(self, policy: Policy, seed: int, progress: Progress) -> ArmResult:
-        """Simulate an arm in a subprocess.
+    def simulate(
+        self, policy: Policy, seed: int, progress: Progress, run: RunArm | None = None
+    ) -> ArmResult:
+        """Simulate an arm.
+
+        Args:
+            run: other than `run_arm`, which starts a subprocess.
 
         Raises:
             InputError: the background cannot be made, or SUMO cannot run it.
@@ -140,7 +148,7 @@ class World:
             end_s=end_s,
             step_s=STEP_S,
         )
-        return run_arm(order, progress)
+        return (run or run_arm)(order, progress)
 
     def _history(self, seed: int, progress: Progress) -> Path:
         """What movements cost in these hours of another day, recorded when an arm needs it.

@@ -10,12 +10,14 @@ from jinja2 import UndefinedError
 
 import dashboard.panels
 from dashboard.live import Snapshot
-from dashboard.panels import PANELS
-from dashboard.panels.environment import MAX_ROWS, MAX_UNSERVED, render
+from dashboard.panels import PANELS, card_html
+from dashboard.panels.environment import MAX_UNSERVED, render
+from dashboard.selection import Selection
 from dashboard.view import DashboardView, build_view
 from slipstream.messages import Unserved
 
 S = 1_000_000_000
+SCRIPT = "<script>alert(1)</script>"
 EVIL = '<img src=x onerror="alert(1)">&"'
 
 
@@ -41,7 +43,11 @@ class _Tags(HTMLParser):
 
 
 def _blocks(view: DashboardView) -> dict[str, str]:
-    return {panel.name: panel.html(view) for panel in PANELS}
+    cards = {
+        f"card of the {kind}": card_html(view, Selection(kind, name), "http://page.example")
+        for kind, name in (("van", EVIL), ("road", EVIL), ("rsu", EVIL), ("van", SCRIPT))
+    }
+    return {panel.name: panel.html(view) for panel in PANELS} | cards
 
 
 def _view(snapshot, now_ns):
@@ -88,13 +94,13 @@ def test_foreign_text_is_escaped(world, now_ns):
         tags.feed(block)
         assert not tags.open, name
         assert not any(attribute == "onerror" for _, attribute in tags.seen), name
-        assert name == "cameras" or ("img", None) not in tags.seen, name
+        assert name == "card of the rsu" or ("img", None) not in tags.seen, name
 
 
-@pytest.mark.parametrize("name", ["roads", "vehicles", "rsus", "cameras", "cycle"])
+@pytest.mark.parametrize("name", ["van", "road", "rsu", "cycle"])
 def test_a_script_in_an_id_arrives_as_text(world, now_ns, name):
     """A vehicle, segment, RSU or stop whose id is a script is shown letter by letter."""
-    script = "<script>alert(1)</script>"
+    script = SCRIPT
     state = world.state("avenue_east", now_ns).model_copy(update={"segment": script, "rsu": script})
     health = world.health("avenue_east", now_ns).model_copy(update={"rsu": script})
     plan = world.plan("van-a", 1, now_ns).model_copy(update={"vehicle": script})
@@ -108,7 +114,12 @@ def test_a_script_in_an_id_arrives_as_text(world, now_ns, name):
         cycles=(report,),
         previews={script: (world.jpeg(), now_ns)},
     )
-    block = _html(name, _view(snapshot, now_ns))
+    view = _view(snapshot, now_ns)
+    block = (
+        _html(name, view)
+        if name == "cycle"
+        else card_html(view, Selection(name, script), "http://page.example")
+    )
     assert "<script" not in block
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in block
 
@@ -117,25 +128,21 @@ def test_each_template_has_its_panel():
     """Panels have unique names, and no template lies unused beside theirs and the shared ones."""
     assert len({panel.name for panel in PANELS}) == len(PANELS)
     folder = Path(dashboard.panels.__file__).parent / "templates"
-    shared = {"macros.html.j2", "style.html.j2"}
+    shared = {"macros.html.j2", "style.html.j2", "card.html.j2"}
     assert {path.name for path in folder.iterdir()} == {p.template for p in PANELS} | shared
 
 
 def test_a_name_that_a_template_lacks_is_an_error():
     """A template without its data fails instead of showing an empty block."""
     with pytest.raises(UndefinedError, match="'data' is undefined"):
-        render("roads.html.j2", title="Watched roads")
+        render("cycle.html.j2", title="Last dispatch cycle")
 
 
 def test_an_empty_world(now_ns):
     """Before the first message each block says what it waits for."""
     blocks = _blocks(_view(Snapshot(), now_ns))
     assert "Waiting for the first roadside camera" in blocks["summary"]
-    assert "No camera has reported yet" in blocks["roads"]
-    assert "No plan has been sent yet" in blocks["vehicles"]
     assert "None yet" in blocks["cycle"]
-    assert "None has reported yet" in blocks["rsus"]
-    assert "Waiting for the first camera picture" in blocks["cameras"]
 
 
 def test_the_cycle_names_its_baseline_and_split(world, now_ns):
@@ -160,9 +167,32 @@ def test_a_road_that_has_changed_since_the_last_cycle(world, now_ns):
     snapshot = Snapshot(
         states={("avenue_east", state.rsu): state}, cycles=(world.cycle(3, now_ns),)
     )
-    block = _html("roads", _view(snapshot, now_ns))
-    assert "now: no fresh data · platooning open in cycle #3" in block
-    assert "platooning closed in cycle #3, turbulent traffic" in block
+    view = _view(snapshot, now_ns)
+    block = card_html(view, Selection("road", "avenue_east"), None)
+    assert "no fresh data" in block
+    assert "Platooning open in cycle #3." in block
+    block = card_html(view, Selection("road", "avenue_west"), None)
+    assert "Platooning closed in cycle #3, turbulent traffic." in block
+
+
+def test_a_card_leads_to_the_operators_page(world, now_ns):
+    """The link names the same thing there; without an address there is none."""
+    view = _view(Snapshot(plans={"van-a": world.plan("van-a", 1, now_ns)}), now_ns)
+    chosen = Selection("van", "van-a")
+    block = card_html(view, chosen, "https://page.example/slipstream/")
+    assert 'href="https://page.example/slipstream/#van/van-a"' in block
+    assert "c2 → c1" in block
+    assert "href" not in card_html(view, chosen, None)
+    odd = card_html(view, Selection("road", "a/b c#1"), "http://x")
+    assert 'href="http://x/#road/a%2Fb%20c%231"' in odd
+
+
+def test_what_is_not_there_is_said_to_be_missing(world, now_ns):
+    """A selection that no message names has a card that says so; none at all says how to select."""
+    view = _view(Snapshot(), now_ns)
+    assert "No camera watches it" in card_html(view, Selection("road", "side_street"), None)
+    assert "no such vehicle" in card_html(view, Selection("van", "ghost"), None)
+    assert "Click a vehicle" in card_html(None, None, None)
 
 
 def test_a_loss_is_called_a_loss(world, now_ns):
@@ -174,20 +204,17 @@ def test_a_loss_is_called_a_loss(world, now_ns):
     assert "Extra" in _html("summary", view)
 
 
-def test_long_tables_are_cut(world, now_ns):
-    """A table ends after so many rows and says how many are left out."""
-    rsus = {f"rsu-{n:03}": world.health(f"road-{n:03}", now_ns) for n in range(60)}
-    block = _html("rsus", _view(Snapshot(rsus=rsus), now_ns))
-    assert block.count("<tr>") == MAX_ROWS + 1
-    assert "and 40 more" in block
-
-
 def test_an_old_picture_is_faded(world, now_ns):
-    """A picture that has stopped moving is grey and called old."""
-    view = _view(Snapshot(previews={"a": (world.jpeg(), now_ns - 60 * S)}), now_ns)
-    block = _html("cameras", view)
+    """A picture that has stopped moving is grey and called old; one of another RSU is not shown."""
+    health = world.health("avenue_east", now_ns)
+    pictures = {name: (world.jpeg(), now_ns - 60 * S) for name in (health.rsu, "other")}
+    view = _view(Snapshot(rsus={health.rsu: health}, previews=pictures), now_ns)
+    block = card_html(view, Selection("rsu", health.rsu), None)
     assert "grayscale" in block
     assert "old picture, 60 s ago" in block
+    assert block.count("<img") == 1
+    view = _view(Snapshot(rsus={health.rsu: health}), now_ns)
+    assert "No picture yet" in card_html(view, Selection("rsu", health.rsu), None)
 
 
 def _cycle_view(world, now_ns, *unserved: Unserved) -> DashboardView:
@@ -216,21 +243,3 @@ def test_nothing_is_said_where_all_stops_are_served(world, now_ns):
     """A cycle that serves every stop has no word on stops that it does not."""
     view = _cycle_view(world, now_ns)
     assert "not served" not in _html("cycle", view) + _html("summary", view)
-
-
-def test_a_large_fleet_stays_readable(world, now_ns):
-    """Of 200 vans the first rows are listed, the idle ones after the others and counted."""
-    plans = {f"van-{n:03}": world.plan("van-a", 3, now_ns) for n in range(200)}
-    plans = {name: plan.model_copy(update={"vehicle": name}) for name, plan in plans.items()}
-    assert "and 180 more" in _html("vehicles", _view(Snapshot(plans=plans), now_ns))
-    idle = {"stops": (), "segments": (), "distance_m": 0.0, "energy_kwh": 0.0}
-    for n in range(0, 200, 2):
-        plans[f"van-{n:03}"] = plans[f"van-{n:03}"].model_copy(update=idle)
-    block = _html("vehicles", _view(Snapshot(plans=plans), now_ns))
-    assert "Vans (200, 100 idle)" in block
-    assert block.count("<tr>") == MAX_ROWS + 1
-    assert "van-001" in block
-    assert "van-000" not in block
-    one = _html("vehicles", _view(Snapshot(plans={"van-000": plans["van-000"]}), now_ns))
-    assert '<td class="l">idle</td>' in one
-    assert "0.0" not in one

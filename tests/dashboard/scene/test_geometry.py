@@ -69,7 +69,23 @@ def test_every_road_of_the_demo_can_be_drawn():
         assert np.isfinite(cut).all()
 
 
-def test_neighbours_share_a_group():
-    """Points near a group's first point join it, others start their own."""
-    points = np.array([[0.0, 0.0], [3.0, 0.0], [30.0, 0.0], [4.0, 0.0]])
-    assert geometry.group_nearby(points, 5.0) == [[0, 1, 3], [2]]
+def _area(corners, faces) -> float:
+    a, b, c = np.moveaxis(corners[faces], 1, 0)
+    twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    assert (twice > 0).all()
+    return float(twice.sum() / 2)
+
+
+def test_a_ribbon_is_as_wide_as_it_is_said_to_be():
+    """A line's band has its length times its width, all of it seen from above."""
+    corners, faces = geometry.ribbon(BENT, 10.0)
+    assert _area(corners, faces) == pytest.approx(150.0 * 10.0)
+    cut = geometry.strokes(BENT)
+    assert _area(*geometry.bands(cut, np.array([10.0, 4.0]))) == pytest.approx(1000.0 + 200.0)
+
+
+def test_the_nearest_stroke_is_found():
+    """A place belongs to the stroke it is nearest to, beyond its ends too."""
+    cut = geometry.strokes(BENT)
+    assert geometry.nearest_stroke(cut, np.array([50.0, 3.0])) == (0, pytest.approx(3.0))
+    assert geometry.nearest_stroke(cut, np.array([104.0, 53.0])) == (1, pytest.approx(5.0))

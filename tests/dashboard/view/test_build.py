@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dashboard.live import Snapshot
 from dashboard.view import build_view, labels
-from dashboard.view.model import DashboardView
-from dashboard.view.vehicles import LIST_FOR_S, planned_position
+from dashboard.view.model import LIST_FOR_S, DashboardView
+from dashboard.view.progress import planned_part
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.messages import (
     CAMERA_FAULTS,
@@ -307,13 +310,13 @@ def test_planned_position_follows_the_plan(world, now_ns):
     """A van stands at the depot until it leaves, runs along its segments, and ends at the last."""
     plan = world.plan("van-a", 1, now_ns)
     first, second = plan.segments[:2]
-    assert planned_position(plan, now_ns) == (first.segment, 0.0)
+    assert planned_part(plan, now_ns)[1] == (first.segment, 0.0)
     middle_ns = (second.entry_ns + second.exit_ns) // 2
-    assert planned_position(plan, middle_ns) == (second.segment, pytest.approx(0.5))
+    assert planned_part(plan, middle_ns)[1] == (second.segment, pytest.approx(0.5))
     at_stop_ns = plan.stops[0].arrival_ns + S
-    assert planned_position(plan, at_stop_ns) == ("mill_street_east", 1.0)
-    assert planned_position(plan, plan.segments[-1].exit_ns + S) == ("depot_road_west", 1.0)
-    assert planned_position(plan.model_copy(update={"segments": ()}), now_ns) is None
+    assert planned_part(plan, at_stop_ns)[1] == ("mill_street_east", 1.0)
+    assert planned_part(plan, plan.segments[-1].exit_ns + S)[1] == ("depot_road_west", 1.0)
+    assert planned_part(plan.model_copy(update={"segments": ()}), now_ns) == (None, None)
 
 
 def test_what_a_van_does(world, now_ns):
@@ -421,6 +424,53 @@ def test_states_differ_by_more_than_colour():
     for rgb in labels.VEHICLE_RGB:
         for state in labels.TRAFFIC_RGB.values():
             assert sum((a - b) ** 2 for a, b in zip(rgb, state, strict=True)) > 60**2
+
+
+PROTANOPIA = (
+    (0.152286, 1.052583, -0.204868),
+    (0.114503, 0.786281, 0.099216),
+    (-0.003882, -0.048116, 1.051998),
+)
+DEUTERANOPIA = (
+    (0.367322, 0.860646, -0.227968),
+    (0.280085, 0.672501, 0.047413),
+    (-0.011820, 0.042940, 0.968881),
+)
+"""In linear light; Machado, Oliveira and Fernandes 2009, severity 1."""
+XYZ = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
+
+
+def _page_palettes():
+    """Colours of the operator's page, on white and on dark."""
+    text = Path("dashboard/web/static/map/map.css").read_text()
+    found = re.findall(r"--vehicle-\d+: #(..)(..)(..);", text)
+    return np.array([[int(part, 16) for part in rgb] for rgb in found]).reshape(2, 12, 3)
+
+
+def test_both_pages_have_the_same_colours():
+    """A van on the operator's page is found again in the 3D view."""
+    assert _page_palettes()[0].tolist() == [list(rgb) for rgb in labels.VEHICLE_RGB]
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["white", "dark"])
+@pytest.mark.parametrize(
+    "seen", [np.eye(3), PROTANOPIA, DEUTERANOPIA], ids=["all", "no-red", "no-green"]
+)
+def test_vehicles_are_told_apart_without_red_or_green_cones(seen, dark):
+    """Twelve colours differ by 20 in CIELAB, also as a dichromat sees them, and from the map."""
+    share = _page_palettes()[int(dark)] / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    xyz = np.clip(linear @ np.transpose(seen), 0, 1) @ np.transpose(XYZ) / (0.9505, 1.0, 1.089)
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    x, y, z = f.T
+    lab = np.column_stack((116 * y - 16, 500 * (x - y), 200 * (y - z)))
+    apart = np.linalg.norm(lab[:, None] - lab, axis=2)
+    assert len(lab) == 12
+    assert apart[~np.eye(12, dtype=bool)].min() > 20
+    # WCAG 1.4.11: marks have a contrast of 3 to what is behind them.
+    luminance = linear @ XYZ[1]
+    contrast = (luminance + 0.05) / (0.008 + 0.05) if dark else 1.05 / (luminance + 0.05)
+    assert contrast.min() > 3
 
 
 def _stopped(now_ns, *since_s, y_e=1):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+import viser
 from pydantic import ValidationError
 
 from dashboard.live import LiveData, Snapshot
@@ -20,10 +21,10 @@ S = 1_000_000_000
 
 
 @pytest.fixture
-def canvas(world) -> Iterator[Canvas]:
-    """The demo network's canvas on a server of its own."""
+def scene() -> Iterator[viser.SceneApi]:
+    """The scene of a server of its own."""
     server = start_server("127.0.0.1", free_port())
-    yield Canvas(server.scene, world.network)
+    yield server.scene
     stop_server(server)
 
 
@@ -67,10 +68,10 @@ def test_a_van_is_shown_where_it_is_not_where_its_plan_puts_it(world, now_ns):
         positions={"van-a": _position(now_ns)},
         followed={"van-a": plan},
     )
-    (van,) = vehicle_views(snapshot, now_ns)
+    (van,) = vehicle_views(snapshot, now_ns, frozenset())
     assert van.position == ("avenue_east", 0.25)
     assert van.activity == f"to {plan.stops[2].stop}, 36 km/h"
-    (late,) = vehicle_views(snapshot, now_ns + 6 * S)
+    (late,) = vehicle_views(snapshot, now_ns + 6 * S, frozenset())
     assert late.position == ("depot_road_east", 0.0)
 
 
@@ -90,7 +91,7 @@ def test_what_a_van_tells_of_itself(world, now_ns, changes, activity):
         positions={"van-a": _position(now_ns, **changes)},
         followed={"van-a": plan},
     )
-    (van,) = vehicle_views(snapshot, now_ns)
+    (van,) = vehicle_views(snapshot, now_ns, frozenset())
     assert van.activity == activity
 
 
@@ -108,10 +109,10 @@ def test_a_newer_plan_does_not_hide_the_one_that_is_driven(world, now_ns):
         )
         take(key, message.to_bytes())
     live.add_history((world.cycle(3, now_ns),), ())
-    (van,) = vehicle_views(live.snapshot(), now_ns)
+    (van,) = vehicle_views(live.snapshot(), now_ns, frozenset())
     assert (van.cycle, van.idle) == (1, False)
     live.on_position(position_key("van-a"), _position(now_ns, cycle=2).to_bytes())
-    (van,) = vehicle_views(live.snapshot(), now_ns)
+    (van,) = vehicle_views(live.snapshot(), now_ns, frozenset())
     assert van.cycle == 2
 
 
@@ -120,7 +121,7 @@ def test_an_unknown_route_is_left_out(world, now_ns):
     snapshot = Snapshot(
         plans={"van-a": _round(world, 5, now_ns)}, positions={"van-a": _position(now_ns)}
     )
-    (van,) = vehicle_views(snapshot, now_ns)
+    (van,) = vehicle_views(snapshot, now_ns, frozenset())
     assert (van.route, van.stops, van.activity) == ((), (), "36 km/h")
     assert van.position == ("avenue_east", 0.25)
 
@@ -132,10 +133,10 @@ def test_a_position_under_another_key_is_refused(now_ns):
         live.on_position(position_key("van-b"), _position(now_ns).to_bytes())
 
 
-def test_the_marker_moves_with_the_van(world, now_ns, canvas):
+def test_the_marker_moves_with_the_van(world, now_ns, scene):
     """A later position moves the van's marker on the map; one on another net's road shows none."""
     plan = _round(world, 1, now_ns)
-    layer = FleetLayer(canvas)
+    layer = FleetLayer(scene, Canvas(world.network))
     places = []
     for share in (0.1, 0.9):
         snapshot = Snapshot(
@@ -143,13 +144,13 @@ def test_the_marker_moves_with_the_van(world, now_ns, canvas):
             positions={"van-a": _position(now_ns, share=share)},
             followed={"van-a": plan},
         )
-        layer.update(vehicle_views(snapshot, now_ns))
-        places.append(canvas.scene.get_handle_by_name("/vans").points.copy())
+        layer.update(vehicle_views(snapshot, now_ns, frozenset()), ())
+        places.append(scene.get_handle_by_name("/vans").batched_positions.copy())
     assert abs(places[1] - places[0]).max() > 0
     strange = Snapshot(
         plans={"van-a": plan},
         positions={"van-a": _position(now_ns, segment="elsewhere")},
         followed={"van-a": plan},
     )
-    layer.update(vehicle_views(strange, now_ns))
-    assert canvas.scene.get_handle_by_name("/vans") is None
+    layer.update(vehicle_views(strange, now_ns, frozenset()), ())
+    assert scene.get_handle_by_name("/vans") is None

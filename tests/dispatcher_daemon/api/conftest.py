@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.api import ApiServer, RateLimit, Services, token_hash
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.dispatcher import AlarmSource, Dispatcher
 from dispatcher_daemon.intake import OrderIntake
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
@@ -44,6 +44,7 @@ class Api:
     port: int
     dispatcher: Dispatcher
     services: Services
+    watched: AlarmSource
 
     def ask(
         self,
@@ -71,7 +72,7 @@ class Api:
 
     def feed(self, state: SegmentState) -> None:
         """Send a segment's state as the bus does."""
-        self.dispatcher.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+        self.dispatcher.receiver.on_state(state_key(state.rsu, state.segment), state.to_bytes())
 
     def get(self, path: str, token: str | None = None) -> Answer:
         """Send a GET."""
@@ -135,13 +136,24 @@ def serve(
             )
             reader = stack.enter_context(open_reader(url))
             watch = dispatcher.fleet_watch
+            watched = AlarmSource(
+                dispatcher,
+                settings,
+                demo.network,
+                SilentBus(),
+                database,
+                server.events.publish,
+                lambda names: None,
+            )
             values: dict[str, Any] = {
                 "settings": settings,
                 "network": demo.network,
                 "fleet": watch,
                 "orders": OrderIntake(watch, database, reader, demo.network),
-                "states": dispatcher.latest_states,
+                "states": dispatcher.receiver.latest,
                 "reader": reader,
+                "alarms": watched.alarms,
+                "control": dispatcher.control,
                 "events": server.events,
                 "solve_jobs": server.solve_jobs,
                 "feeds": dispatcher.feeds,
@@ -150,7 +162,7 @@ def serve(
             }
             services = Services(**{**values, **others})
             server.start(services)
-            return Api(server.port, dispatcher, services)
+            return Api(server.port, dispatcher, services, watched)
 
         yield make
 

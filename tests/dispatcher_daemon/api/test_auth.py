@@ -19,6 +19,7 @@ NEEDS = {
     ("GET", "/v1/cycles"): "read",
     ("GET", "/v1/cycles/{number}"): "read",
     ("GET", "/v1/cycles/{number}/explain"): "read",
+    ("GET", "/v1/energy"): "read",
     ("GET", "/v1/segments"): "read",
     ("GET", "/v1/segments/{segment}"): "read",
     ("GET", "/v1/feeds/datex2/sites"): "read",
@@ -36,6 +37,12 @@ NEEDS = {
     ("GET", "/v1/solve/{job}"): "control",
     ("DELETE", "/v1/solve/{job}"): "control",
     ("POST", "/v1/vroom"): "control",
+    ("GET", "/v1/alarms"): "read",
+    ("POST", "/v1/alarms/{alarm}/acknowledge"): "control",
+    ("GET", "/v1/log"): "read",
+    ("POST", "/v1/control/pause"): "control",
+    ("POST", "/v1/control/resume"): "control",
+    ("POST", "/v1/control/cycle"): "control",
     ("GET", "/healthz"): None,
     ("GET", "/readyz"): None,
     ("GET", "/metrics"): None,
@@ -45,7 +52,7 @@ NEEDS = {
 
 def _status(api: Api, operation: tuple[str, str], token: str | None) -> int:
     method, path = operation
-    for name in ("{vehicle}", "{segment}", "{job}", "{number}", "{order}"):
+    for name in ("{vehicle}", "{segment}", "{job}", "{number}", "{order}", "{alarm}"):
         path = path.replace(name, "0")
     # Too long: where it counts, the operation ends with 422 after the caller was let in.
     return api.ask(method, path, token, headers={"Last-Event-ID": "x" * 101}).status

@@ -13,7 +13,7 @@ import pytest
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.api import events, hub
-from dispatcher_daemon.reports import failed_report
+from dispatcher_daemon.dispatcher.reports import failed_report
 from slipstream.messages import SegmentState
 
 from .conftest import Api
@@ -63,9 +63,12 @@ class Listener:
 
 
 @contextmanager
-def listening(api: Api, query: str = "", last_id: str | None = None) -> Iterator[Listener]:
+def listening(
+    api: Api, query: str = "", last_id: str | None = None, token: str | None = None
+) -> Iterator[Listener]:
     """A caller of /v1/events, from whose answer's beginning on nothing is missed."""
     header = "" if last_id is None else f"Last-Event-ID: {last_id}\r\n"
+    header += "" if token is None else f"Authorization: Bearer {token}\r\n"
     with socket.create_connection(("127.0.0.1", api.port), timeout=30) as connection:
         request = f"GET /v1/events{query} HTTP/1.1\r\nHost: localhost\r\n{header}"
         connection.sendall(f"{request}Connection: close\r\n\r\n".encode())

@@ -26,6 +26,7 @@ def test_readiness_names_each_condition(serve: Callable[..., Api]) -> None:
     assert answer.status == 503
     assert answer.json == {
         "ready": False,
+        "paused": False,
         "checks": {
             "bus": {"ok": False, "detail": "no router answers"},
             "cycle": {"ok": True, "detail": None},

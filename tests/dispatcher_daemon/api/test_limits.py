@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.api import ApiServer, RateLimit, gate, server
+from dispatcher_daemon.api import ApiServer, RateLimit, gate
 from slipstream.errors import InputError
+from slipstream.http import bodies, server
 
 from .conftest import Answer, Api
 
@@ -71,7 +72,7 @@ def test_a_body_that_does_not_come_ends_the_request(
     serve: Callable[..., Api], monkeypatch: MONKEY
 ) -> None:
     """408 after the time that a body has."""
-    monkeypatch.setattr(gate, "BODY_WITHIN_S", 0.2)
+    monkeypatch.setattr(bodies, "BODY_WITHIN_S", 0.2)
     head = b"POST /v1/solve HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer controller\r\n"
     answer = _raw(serve(tokens=True), head + b"Content-Length: 9\r\n\r\n{")
     assert (answer.status, answer.json["status"]) == (408, 408)

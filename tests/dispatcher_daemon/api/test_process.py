@@ -16,7 +16,9 @@ from typing import Any
 
 import pytest
 
-from slipstream.bus import Router, free_port
+from slipstream.bus import Bus, Router, free_port
+from slipstream.messages import ALARMS_KEY, Alarms, RsuHealth, decode, rsu_health_key
+from storage import open_reader
 
 from .conftest import write_tokens
 
@@ -103,3 +105,63 @@ def test_a_dispatcher_serves_its_cycle_and_ends_in_time(router: Router, tmp_path
             assert stream.recv(12) == b"HTTP/1.1 200"
             process.send_signal(signal.SIGTERM)
             assert process.wait(timeout=30) == 0
+
+
+@pytest.mark.process
+@pytest.mark.slow(long=True)
+def test_a_pause_and_alarms_outlive_the_process(router: Router, bus: Bus, tmp_path: Path) -> None:
+    """An RSU without a picture and a pause are alarms on the bus and over HTTP; SIGKILL, and the
+    next process is paused and has both, with who acknowledged what.
+    """
+    port, told = free_port(), list[Alarms]()
+    bus.subscribe(ALARMS_KEY, lambda key, data: told.append(decode(Alarms, data, key)))
+    counts = ("frames", "frames_skipped", "decode_errors", "reconnects", "states")
+    health = RsuHealth(
+        rsu="rsu-a",
+        time_ns=time.time_ns(),
+        started_ns=time.time_ns(),
+        source="rtsp://a",
+        segments=("avenue_east",),
+        status="no_signal",
+        fps=0.0,
+        latency_ms_p50=None,
+        latency_ms_p95=None,
+        vehicles_in_view=0,
+        rss_mb=1.0,
+        **dict.fromkeys(counts, 0),
+    )
+    publisher = bus.publisher(rsu_health_key("rsu-a"))
+
+    def alarms() -> dict[str, dict[str, Any]]:
+        publisher.put(health)
+        found = _ask(port, "/v1/alarms", "reader")[1]["alarms"]
+        return {alarm["kind"]: alarm for alarm in found if alarm["ended_ns"] is None}
+
+    with _dispatcher(tmp_path, router.endpoint, port) as process:
+        _until(lambda: bool(_ask(port, "/v1/cycles", "reader")[1]["cycles"]), process)
+        assert _ask(port, "/v1/control/cycle", "controller", {})[0] == 202
+        _until(lambda: len(_ask(port, "/v1/cycles", "reader")[1]["cycles"]) == 2, process)
+        assert _ask(port, "/v1/control/pause", "controller", {})[1]["paused"]
+        _until(lambda: {"paused", "rsu_no_signal"} <= set(alarms()), process)
+        before = alarms()
+        path = f"/v1/alarms/{before['rsu_no_signal']['id']}/acknowledge"
+        before["rsu_no_signal"] = _ask(port, path, "controller", {"by": "Ada"})[1]
+        kinds = {"paused", "rsu_no_signal"}
+        _until(lambda: {alarm.kind for alarm in told[-1].alarms} == kinds, process)
+        _until(lambda: len(_ask(port, "/v1/log", "reader")[1]["entries"]) >= 5, process)
+        process.kill()
+        process.wait(timeout=30)
+    with _dispatcher(tmp_path, router.endpoint, port) as process:
+        _until(lambda: _ask(port, "/readyz")[1]["paused"], process)
+        assert {kind: alarm["id"] for kind, alarm in alarms().items()} == {
+            kind: alarm["id"] for kind, alarm in before.items()
+        }
+        assert alarms()["rsu_no_signal"]["acknowledged_by"] == "Ada"
+        assert len(_ask(port, "/v1/cycles", "reader")[1]["cycles"]) == 2
+        assert _ask(port, "/v1/control/resume", "controller", {})[0] == 200
+        _until(lambda: len(_ask(port, "/v1/cycles", "reader")[1]["cycles"]) == 3, process)
+        _until(lambda: "paused" not in alarms(), process)
+    with open_reader(f"sqlite:///{tmp_path}/d.db") as reader:
+        log = {(event.kind, event.actor) for event in reader.events(0, 2**62, limit=100)}
+    assert {("pause", "controller"), ("resume", "controller"), ("cycle", "controller")} <= log
+    assert {("acknowledge", "controller"), ("rsu_no_signal", None), ("paused", None)} <= log

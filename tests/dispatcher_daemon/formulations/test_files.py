@@ -97,6 +97,25 @@ def test_coordinates_are_the_qubo(problem: Problem, tmp_path: Path) -> None:
     )
 
 
+def test_qs_is_the_qubo_as_a_symmetric_matrix(problem: Problem, tmp_path: Path) -> None:
+    """x^T Q x with Q's upper half in the file, plus the offset, is the energy of any state."""
+    model = build_model(problem)
+    path = tmp_path / "model.qs"
+    WRITERS[".qs"](model, path)
+    lines = path.read_text().splitlines()
+    (offset,) = (float(line.split()[2]) for line in lines if "ObjectiveOffset" in line)
+    (n, count), *entries = (line.split() for line in lines if not line.startswith("#"))
+    assert (int(n), int(count)) == (len(model.variables), len(entries))
+    matrix = np.zeros((int(n), int(n)))
+    for i, j, value in entries:
+        matrix[int(i) - 1, int(j) - 1] = matrix[int(j) - 1, int(i) - 1] = float(value)
+    states = np.random.default_rng(2).integers(0, 2, size=(20, int(n)))
+    energies = np.einsum("si,ij,sj->s", states, matrix, states) + offset
+    assert energies == pytest.approx(
+        model.total.energies((states, list(model.variables))), rel=1e-9, abs=1e-9
+    )
+
+
 def test_a_path_that_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
     """HiGHS would only say that it failed."""
     with pytest.raises(OSError, match="No such file"):

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import pytest
 
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.dispatcher import Dispatcher
 from dispatcher_daemon.hardware.manager import JobManager
 from dispatcher_daemon.plans.solver_report import solver_report
 from dispatcher_daemon.problem import RoutingProblem
@@ -70,6 +70,9 @@ class Log:
         """Six came before."""
         return 7
 
+    def last_event(self, *_: object) -> None:
+        """None was stored."""
+
     def prune(self, *_: object, **__: object) -> int:
         """Nothing is old."""
         return 0
@@ -85,7 +88,7 @@ def test_the_dispatcher_solves_through_the_job_manager(demo: RoutingProblem) -> 
     )
     for _ in range(2):
         dispatcher.run_cycle()
-    dispatcher.publish_health(None)
+    dispatcher.health.publish(None)
     assert device.cycles == [7, 8]
     report = next(m for m in log.messages if isinstance(m, CycleReport))
     assert report.status == "ok"
@@ -100,7 +103,7 @@ def test_the_dispatcher_solves_through_the_job_manager(demo: RoutingProblem) -> 
     (health,) = (m for m in log.messages if isinstance(m, DispatcherHealth))
     assert health.hardware == HEALTH
     plain = Dispatcher(settings, demo.network, demo.fleet, plain_log := Log(), plain_log, solve)
-    plain.publish_health(None)
+    plain.health.publish(None)
     assert plain_log.messages[0].hardware is None
 
 
@@ -125,11 +128,11 @@ def test_a_fault_in_the_health_ends_no_dispatcher(
 
     device.health = broken  # type: ignore[method-assign]
     for _ in range(3):
-        dispatcher.publish_health(None)
+        dispatcher.health.publish(None)
     assert log.messages == []
     assert len(caplog.records) == 1
     device.health = health  # type: ignore[method-assign]
-    dispatcher.publish_health(None)
+    dispatcher.health.publish(None)
     assert len(log.messages) == 1
 
 

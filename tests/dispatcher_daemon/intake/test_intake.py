@@ -15,13 +15,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.dispatcher import Dispatcher
 from dispatcher_daemon.fleet import fleet_from
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.intake import OrderIntake, OrdersRefused
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import Solve, solve_in_process
+from dispatcher_daemon.tracking import HIDDEN
 from slipstream.messages import (
     CycleReport,
     OrderReceipt,
@@ -465,7 +466,7 @@ def test_a_change_is_told_before_any_other_can_follow(
 def test_a_stop_of_the_file_takes_its_id_over_when_a_callers_order_has_ended(
     district: RoutingProblem, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Until then it is not planned, and the log says so."""
+    """Until then it is not planned, and the log and the cycle's report say so."""
     data = district.fleet.model_dump(mode="json", exclude_none=True)
     data["stops"].append({"id": "o", "node": "22"})
     later = fleet_from(data, district.network, "later")
@@ -478,6 +479,9 @@ def test_a_stop_of_the_file_takes_its_id_over_when_a_callers_order_has_ended(
         desk.dispatcher._fleet = later
         desk.dispatcher.run_cycle()
         assert "callers' orders have their ids: o" in caplog.text
+        last = desk.dispatcher.delivery.last
+        assert last is not None
+        assert [stop.stop for stop in last.unserved if stop.reason == HIDDEN] == ["o"]
         desk.intake.cancel("o")
         assert watch.situation(later, 2, time.time_ns(), 1.0).hidden == ()
         told = desk.intake.show("o")

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.cycle import CycleResult
-from dispatcher_daemon.daemon import Dispatcher
+from dispatcher_daemon.dispatcher import Dispatcher
+from dispatcher_daemon.dispatcher.reports import failed_report
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import Problem, RoutingProblem, routing_problem
@@ -26,7 +27,6 @@ from dispatcher_daemon.replay import (
     replayed,
     restored_cycle,
 )
-from dispatcher_daemon.reports import failed_report
 from dispatcher_daemon.settings import (
     CitySettings,
     DispatcherSettings,
@@ -120,7 +120,7 @@ def stored(
         for _ in range(cycles):
             for state in states:
                 fresh = state.model_copy(update={"time_ns": time.time_ns()})
-                dispatcher.on_state(state_key(state.rsu, state.segment), fresh.to_bytes())
+                dispatcher.receiver.on_state(state_key(state.rsu, state.segment), fresh.to_bytes())
             dispatcher.run_cycle()
     with open_reader(url) as reader:
         found = reader.stored_cycle(cycles)

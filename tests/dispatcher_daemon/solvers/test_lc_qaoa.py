@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import math
+import os
 import pickle
+import time
 from collections.abc import Callable, Sequence
 from functools import reduce
 from itertools import permutations, product
@@ -169,7 +171,7 @@ def test_descent_ends_in_local_minima_of_the_full_qubo(demo_arcs: Demo) -> None:
 def test_demo_is_solved_with_raw_and_repaired_samples_apart(demo_arcs: Demo) -> None:
     """The answer is valid; raw statistics are those of the samples as drawn, and near zero."""
     problem = demo_arcs(avenue_east=1, avenue_west=1)
-    outcome = LcQaoaSolver(LcQaoaSettings(variant="ramp")).solve(problem, 10.0, seed=7)
+    outcome = LcQaoaSolver(LcQaoaSettings(variant="ramp")).solve(problem, 120.0, seed=7)
     assert outcome.status == "feasible"
     assert outcome.selected is not None
     assert decode(problem, outcome.selected).routes is not None
@@ -189,7 +191,7 @@ def test_same_seed_same_answer(demo_arcs: Demo) -> None:
     problem = demo_arcs(avenue_east=1, avenue_west=1)
     solver = LcQaoaSolver(LcQaoaSettings(variant="ramp", shots=512))
     for seed in (0, 11):
-        one, two = (solver.solve(problem, 10.0, seed) for _ in range(2))
+        one, two = (solver.solve(problem, 120.0, seed) for _ in range(2))
         assert (one.selected, one.samples) == (two.selected, two.samples)
 
 
@@ -277,3 +279,35 @@ def test_random_order_depends_on_the_seed_alone(demo_arcs: Demo) -> None:
     heavy = prepare(demo_arcs(), LcQaoaSettings(variant="ramp"), 1, math.inf).order
     assert sorted(heavy) == sorted(orders[0])
     assert heavy != orders[0]
+
+
+@pytest.mark.slow(long=True)
+@pytest.mark.parametrize("variant", ["one-hot-multi-angle", "trained"])
+def test_a_wide_circuit_holds_its_deadline(variant: LcQaoaVariant) -> None:
+    """By the processor's time: training, samples and their processing fit, with fewer samples.
+
+    All 4,096 of 100 options would take more than the deadline after training.
+    """
+    rng = np.random.default_rng(1)
+    vehicles, options = tuple(f"v{i}" for i in range(20)), 5
+    costs = rng.uniform(1.0, 2.0, size=len(vehicles) * options)
+    problem = RouteProblem(
+        vehicles,
+        (),
+        tuple(RouteOption(vehicles[i // options], (), float(c)) for i, c in enumerate(costs)),
+        {
+            (a, b): float(rng.uniform(0.0, 0.2))
+            for a in range(len(costs))
+            for b in range(a + 1, len(costs))
+            if a // options != b // options and rng.random() < 0.4
+        },
+    )
+    solver = LcQaoaSolver(LcQaoaSettings(variant=variant))
+    solver.warm_up()
+    began = time.process_time()
+    outcome = solver.solve(problem, 2.5, 1)
+    # Circuits are computed in as many threads as there are cores, at least two.
+    assert time.process_time() - began < 2.5 * max(2, os.cpu_count() or 1)
+    assert outcome.status == "feasible"
+    assert outcome.samples is not None
+    assert 16 <= outcome.samples.shots < 4096

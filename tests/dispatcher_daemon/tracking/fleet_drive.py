@@ -5,10 +5,10 @@ pure objects.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
-from dispatcher_daemon.cycle import run_cycle
+from dispatcher_daemon.cycle import CycleResult, run_cycle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
@@ -17,6 +17,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.tracking import FleetTracker, Situation
 from dispatcher_daemon.traffic import TrafficSnapshot
+from slipstream.energy_ledger import EnergyHour, PlanEnergy
 from slipstream.messages import (
     PlanAcknowledgement,
     PlannedSegment,
@@ -159,6 +160,8 @@ class Van:
             known = self.visits.get(stop.stop)
             if number == 0 and known is None:
                 continue  # its depot
+            if stop.is_hub:
+                continue
             if arrived_ns > now_ns or (known is not None and known.status != "arrived"):
                 continue
             done = left_ns <= now_ns
@@ -176,14 +179,24 @@ class Store:
 
     def __init__(self) -> None:
         self.changes: list[OrderChange] = []
+        self.driven: list[EnergyHour] = []
         self._kept: list[dict[object, object]] = [{}, {}, {}]
 
-    def save(self, records: FleetRecords, plans: Collection[VehiclePlan], now_ns: int) -> None:
+    def save(
+        self,
+        records: FleetRecords,
+        plans: Collection[VehiclePlan],
+        now_ns: int,
+        energies: Mapping[str, PlanEnergy],
+    ) -> None:
         """As `Database.record_cycle`."""
+        self.driven += records.driven
         self.changes += records.changes
         orders, kept, vehicles = self._kept
         orders.update({o.order: o for o in records.orders})
-        new = [PlanRecord(plan, "published", now_ns) for plan in plans]
+        new = [
+            PlanRecord(plan, "published", now_ns, energy=energies[plan.vehicle]) for plan in plans
+        ]
         kept.update({(r.plan.cycle, r.plan.vehicle): r for r in (*new, *records.plans)})
         vehicles.update({v.vehicle: v for v in records.vehicles})
 
@@ -206,6 +219,7 @@ class Day:
     number: int = 0
     situation: Situation | None = None
     sent: list[VehiclePlan] = field(default_factory=list)
+    results: list[CycleResult] = field(default_factory=list)
     store: Store = field(default_factory=Store)
 
     def __post_init__(self) -> None:
@@ -225,6 +239,7 @@ class Day:
         situation = tracker.situation(self.file, self.number, now_ns, reference_s)
         self.situation = situation
         plans: tuple[VehiclePlan, ...] = ()
+        energies: Mapping[str, PlanEnergy] = {}
         if situation.fleet is not None:
             cycle = Cycle(
                 replace(self.problem, fleet=situation.fleet),
@@ -240,8 +255,12 @@ class Day:
             assert result.report.status != "failed", result.report.reason
             plans = tracker.admissible(result.plans)
             reference_ns = now_ns + round(reference_s * S)
-            tracker.publish(plans, situation.fleet.stop_by_id, reference_ns, now_ns)
-        self.store.save(tracker.pending_records(), plans, now_ns)
+            energies = result.energies
+            tracker.publish(plans, situation.fleet.stop_by_id, reference_ns, now_ns, energies)
+            self.results.append(result)
+        else:
+            tracker.publish((), {}, now_ns, now_ns)
+        self.store.save(tracker.pending_records(), plans, now_ns, energies)
         tracker.stored()
         self.sent += plans
         return plans

@@ -291,7 +291,7 @@ SEGMENT = "network.segments.ab"
         ("optimum.routes.+", {"vehicle": "v"}, "optimum.routes.v: two routes of this vehicle"),
         ("format", "slipstream-instance/9", "format: "),
         ("name", "", "name: "),
-        ("nmae", "x", "nmae: unknown key; remove it or use one of: "),
+        ("nmae", "x", "nmae: unknown key; did you mean name?"),
     ],
 )
 def test_bad_input_is_one_line_with_file_key_and_mend(

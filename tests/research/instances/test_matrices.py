@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -121,6 +122,23 @@ def test_an_explicit_matrix_is_read_from_its_lower_half(tmp_path: Path) -> None:
     rows = read_published(written(tmp_path, "e.vrp", text), "vrplib").measures["distance"]
     assert rows.tolist()[4] == [7, 8, 9, 10, 0]
     assert (rows == rows.T).all()
+
+
+def test_qoblib_allows_no_more_vehicles_than_its_names_say(tmp_path: Path) -> None:
+    """CVRPLIB's reader gives some to spare; the solution lies in a folder beside."""
+    (tmp_path / "instances").mkdir()
+    (tmp_path / "solutions").mkdir()
+    text = re.sub(r"NAME : .*", "NAME : XSH-n4-k3-01", VRP)
+    source = written(tmp_path / "instances", "XSH-n4-k3-01.vrp", text)
+    written(tmp_path / "solutions", "XSH-n4-k3-01.opt.sol", "Route #1: 1\nCost 12\n")
+    read = read_published(source, "qoblib")
+    assert len(read.fleet.vehicles) == 3
+    assert read.file.best_known is not None
+    assert read.file.best_known.cost == 12
+    assert len(read_published(source, "vrplib").fleet.vehicles) > 3
+    unnamed = written(tmp_path, "a.vrp", re.sub(r"NAME : .*", "NAME : a", VRP))
+    with pytest.raises(InputError, match="no number of vehicles"):
+        read_published(unnamed, "qoblib")
 
 
 def test_thousand_stops_load(tmp_path: Path) -> None:

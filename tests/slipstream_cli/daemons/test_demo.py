@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from dispatcher_daemon.settings import DispatcherSettings
+from simulation.live.world_spec import WorldSpec
 from slipstream.config import load
-from slipstream_cli.daemons.demo import ROADSIDES, write_settings
+from slipstream_cli.daemons.demo import ROADSIDES, _of_town, write_settings
 
 
 @pytest.mark.parametrize(
@@ -34,3 +37,12 @@ def test_a_device_is_configured_where_it_is_asked_for(
     assert command == "dispatcher"
     assert (device.backend, device.shots, device.budget_s_per_day) == (hardware, shots, budget_s)
     assert ("hardware" in path.read_text()) == bool(hardware)
+
+
+def test_a_towns_circuit_is_one_that_its_form_has(tmp_path: Path) -> None:
+    """One-hot circuits need route options; without them each cycle would say that it failed."""
+    town = cast(WorldSpec, SimpleNamespace(fleet=tmp_path / "fleet.json"))
+    settings = DispatcherSettings.model_validate(_of_town(town))
+    assert "lc-qaoa" in settings.solvers
+    assert settings.lc_qaoa.variant.startswith("one-hot")
+    assert settings.form == "route"

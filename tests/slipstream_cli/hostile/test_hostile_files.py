@@ -15,6 +15,8 @@ from typing import Any
 
 import pytest
 
+from slipstream.errors import MAX_FAULTS
+
 from .child import CPU_S, GROWTH_MB
 from .mutations import NO_FILES, known_attacks, mutate
 from .seeds import Kind, make_kinds
@@ -97,8 +99,8 @@ def kinds(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Kind], Path]:
     return make_kinds(folder), folder
 
 
-def fault_of(outcome: dict[str, Any], *, may_fail: bool) -> str | None:
-    """What is wrong with how a command took a file."""
+def fault_of(outcome: dict[str, Any], *, may_fail: bool, all_faults: bool = False) -> str | None:
+    """What is wrong with how a command took a file; `check` tells all faults, a line each."""
     said = outcome["stderr"]
     if outcome["ended"]:
         return str(outcome["ended"])
@@ -111,8 +113,11 @@ def fault_of(outcome: dict[str, Any], *, may_fail: bool) -> str | None:
     if outcome["status"] not in ((0, 1, 2) if may_fail else (0, 2)):
         return f"exit status {outcome['status']}"
     lines = said.splitlines()
-    if outcome["status"] == 2 and (len(lines) != 1 or not lines[0].startswith("slipstream: ")):
-        return "not one line"
+    told = sum(line.startswith("slipstream: ") for line in lines)
+    if outcome["status"] == 2 and not (
+        told == len(lines) and 1 <= told <= (MAX_FAULTS if all_faults else 1)
+    ):
+        return "not one line a fault"
     return None
 
 
@@ -144,7 +149,9 @@ class Attack:
         self.outcomes[outcome["status"]] += 1
         self.slowest = max(self.slowest, (outcome["cpu_s"], what))
         self.largest = max(self.largest, (outcome["growth_mb"], what))
-        fault = fault_of(outcome, may_fail=kind.may_fail)
+        fault = fault_of(
+            outcome, may_fail=kind.may_fail, all_faults=kind.command.startswith("check")
+        )
         if fault is not None:
             figures = f"{outcome['cpu_s']:.1f} s, {outcome['growth_mb']:.0f} MB"
             self.faults.append(f"{what}: {fault} ({figures}): {outcome['stderr'][-800:]}")

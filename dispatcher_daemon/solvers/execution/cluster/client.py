@@ -12,7 +12,7 @@ from concurrent.futures import Future
 from typing import Any, Final
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.cluster_settings import LOCAL, ClusterSettings
+from dispatcher_daemon.settings import LOCAL, ClusterSettings
 from dispatcher_daemon.solvers.execution.cluster.arrays import SentArrays
 from dispatcher_daemon.solvers.execution.cluster.calls import (
     Answer,

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any, Final
 
-from dispatcher_daemon.cluster_settings import ClusterSettings
+from dispatcher_daemon.settings import ClusterSettings
 from dispatcher_daemon.solvers.execution.cluster.calls import use_processes
 from dispatcher_daemon.solvers.execution.cluster.security import (
     ANY_LOOPBACK_PORT,

@@ -7,7 +7,7 @@ import logging
 import tempfile
 from typing import Any, Final
 
-from dispatcher_daemon.cluster_settings import SchedulerSettings, WorkerSettings
+from dispatcher_daemon.settings import SchedulerSettings, WorkerSettings
 from dispatcher_daemon.solvers.execution.cluster.calls import build, use_processes
 from dispatcher_daemon.solvers.execution.cluster.connection import closed
 from dispatcher_daemon.solvers.execution.cluster.security import (

@@ -7,7 +7,7 @@ import ssl
 from importlib import import_module
 from typing import Any, Final
 
-from dispatcher_daemon.cluster_settings import ClusterSettings
+from dispatcher_daemon.settings import ClusterSettings
 from slipstream.errors import InputError
 
 ANY_LOOPBACK_PORT: Final = "127.0.0.1:0"

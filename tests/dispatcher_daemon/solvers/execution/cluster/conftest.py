@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.cluster_settings import ClusterSettings
 from dispatcher_daemon.planning import search_within
+from dispatcher_daemon.settings import ClusterSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.cluster.client import Cluster
 from slipstream.bus import free_port

@@ -16,10 +16,14 @@ import psutil
 import pytest
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.cluster_settings import ClusterSettings
 from dispatcher_daemon.daemon import with_cluster
 from dispatcher_daemon.planning import FleetPlan, plan_fleet
-from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
+from dispatcher_daemon.settings import (
+    CitySettings,
+    ClusterSettings,
+    DispatcherSettings,
+    SearchSettings,
+)
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.cluster.calls import CallFailed
 from dispatcher_daemon.solvers.execution.cluster.client import Cluster
@@ -233,11 +237,13 @@ def test_a_dispatcher_plans_by_its_setting(address: str, expected: Any) -> None:
     settings = DispatcherSettings(city=CITY, cluster=ClusterSettings(address=address))
     solvers, before = [ExactSolver()], answered()
     with SolverPool(solvers, 2) as pool:
-        solve, executor = with_cluster(settings, solvers, pool, WorkerExecutor(2))
+        solve, executor, slots = with_cluster(settings, solvers, pool, WorkerExecutor(2))
         with executor:
             if address == "local":
                 wait_until(lambda: metrics.CLUSTER_PROCESSES._value.get() == 2)
             assert stops_of(plan(executor, solve, 600.0)) == expected
+            assert slots is not None
+            assert slots() == (2 if address == "local" else 0)
     assert (answered() > before) == (address == "local")
 
 

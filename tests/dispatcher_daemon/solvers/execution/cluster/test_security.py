@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from dispatcher_daemon.cluster_settings import ClusterSettings
+from dispatcher_daemon.settings import ClusterSettings
 from dispatcher_daemon.solvers.execution.cluster.client import Cluster
 from dispatcher_daemon.solvers.execution.cluster.security import security_of
 from slipstream.errors import InputError

@@ -1,0 +1,147 @@
+"""What one vehicle does now, by what it reports or else by its plan; pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from slipstream.freshness import age_s
+from slipstream.messages import PlannedStop, VehiclePlan, VehiclePosition
+
+VehicleState = Literal["driving", "stopped", "waiting", "depot", "idle", "expired"]
+
+STOPPED_BELOW_MPS: Final = 0.5
+"""A vehicle on its road that is slower has stopped, m/s."""
+DELAY_STEP_S: Final = 10.0
+"""Delays are told in steps of so much, s: what is shown changes no more often."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a vehicle does now.
+
+    Attributes:
+        state: in one word.
+        text: in some more; without times, which run.
+        reported: whether the vehicle itself tells it.
+        part: number of the plan's segment that it is on; None: on none, or not known.
+        position: (segment, share of it driven); None: not known.
+        stop: number of the stop that it drives to next; None: there is none.
+        delay_s: behind its plan, below 0 ahead, in steps of `DELAY_STEP_S`; None: not known.
+    """
+
+    state: VehicleState
+    text: str
+    reported: bool
+    part: int | None = None
+    position: tuple[str, float] | None = None
+    stop: int | None = None
+    delay_s: float | None = None
+
+    def eta_ns(self, plan: VehiclePlan) -> int | None:
+        """UTC of its arrival at the next stop; None where there is none."""
+        if self.stop is None:
+            return None
+        late_s = max(0.0, self.delay_s or 0.0)
+        return plan.stops[self.stop].arrival_ns + round(late_s * 1e9)
+
+
+def idle(text: str = "has no plan", position: VehiclePosition | None = None) -> Progress:
+    """Of a vehicle without a plan to follow."""
+    place = None if position is None else (position.segment, position.share)
+    return Progress("idle", text, reported=position is not None, position=place)
+
+
+def planned(plan: VehiclePlan, now_ns: int) -> Progress:
+    """Of a vehicle that is taken to be where its plan puts it."""
+    part, position = planned_part(plan, now_ns)
+    following = _stop_after(plan, now_ns)
+    if now_ns > plan.valid_until_ns:
+        return Progress("expired", "its plan has run out", False, part, position)
+    if now_ns < plan.depart_ns:
+        return Progress("depot", "waits to leave", False, part, position, following)
+    for stop in plan.stops:
+        if stop.arrival_ns <= now_ns < stop.departure_ns:
+            text = _standing(stop, now_ns)
+            return Progress("waiting", text, False, part, position, following)
+    if plan.segments and now_ns < plan.segments[-1].exit_ns:
+        text = _driving(plan, following)
+        return Progress("driving", text, False, part, position, following)
+    return Progress("depot", "is back", False, None, position)
+
+
+def reported(plan: VehiclePlan, position: VehiclePosition, now_ns: int) -> Progress:
+    """Of a vehicle that reports its position on a plan."""
+    leg = position.leg or 0
+    place = position.segment, position.share
+    part = _reported_part(plan, position)
+    following = leg + 1 if leg + 1 < len(plan.stops) else None
+    if position.on_road:
+        moves = position.speed_mps >= STOPPED_BELOW_MPS
+        text = _driving(plan, following)
+        delay_s = None if part is None else _delay_on_road_s(plan, part, position)
+        state: VehicleState = "driving" if moves else "stopped"
+        return Progress(
+            state, text if moves else f"stands, {text}", True, part, place, following, delay_s
+        )
+    if 0 < leg < len(plan.stops):
+        stop = plan.stops[leg]
+        late_s = _in_steps(max(0.0, age_s(stop.departure_ns, now_ns)))
+        return Progress("waiting", _standing(stop, now_ns), True, part, place, following, late_s)
+    late_s = _in_steps(max(0.0, age_s(plan.depart_ns, now_ns)))
+    text = "waits to leave" if now_ns < plan.depart_ns else "leaves now"
+    return Progress("depot", text, True, part, place, following, late_s)
+
+
+def planned_part(plan: VehiclePlan, now_ns: int) -> tuple[int | None, tuple[str, float] | None]:
+    """Number of the segment that it is planned to be on, and (segment, share driven)."""
+    last: tuple[int | None, tuple[str, float] | None] = None, None
+    for number, part in enumerate(plan.segments):
+        if now_ns < part.entry_ns:
+            return last if number else (0, (part.segment, 0.0))
+        if now_ns < part.exit_ns:
+            share = (now_ns - part.entry_ns) / (part.exit_ns - part.entry_ns)
+            return number, (part.segment, share)
+        last = number, (part.segment, 1.0)
+    return last
+
+
+def _reported_part(plan: VehiclePlan, position: VehiclePosition) -> int | None:
+    found = None
+    for number, part in enumerate(plan.segments):
+        if part.segment == position.segment:
+            if part.leg == position.leg:
+                return number
+            found = number
+    return found
+
+
+def _delay_on_road_s(plan: VehiclePlan, part: int, position: VehiclePosition) -> float:
+    planned_part = plan.segments[part]
+    driven_ns = position.share * (planned_part.exit_ns - planned_part.entry_ns)
+    return _in_steps(age_s(planned_part.entry_ns + round(driven_ns), position.time_ns))
+
+
+def _in_steps(seconds: float) -> float:
+    return DELAY_STEP_S * round(seconds / DELAY_STEP_S)
+
+
+def _stop_after(plan: VehiclePlan, now_ns: int) -> int | None:
+    """Number of the first stop that is reached later; the first of all is where it begins."""
+    for number, stop in enumerate(plan.stops):
+        if stop.arrival_ns > max(now_ns, plan.depart_ns):
+            return number
+    return None
+
+
+def _driving(plan: VehiclePlan, following: int | None) -> str:
+    if following is None or following == len(plan.stops) - 1 > 0:
+        return "drives back"
+    return f"drives to {plan.stops[following].stop}"
+
+
+def _standing(stop: PlannedStop, now_ns: int) -> str:
+    if stop.charged_kwh > 0:
+        return f"charges at {stop.stop}"
+    waits = stop.departure_ns - round(stop.wait_s * 1e9) <= now_ns < stop.departure_ns
+    return f"waits at {stop.stop}" if waits else f"at {stop.stop}"

@@ -1,0 +1,186 @@
+"""Builds the views of the watched roads; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from dashboard.live import Snapshot, published_tolerance_s
+from dashboard.view import labels
+from dashboard.view.model import LIST_FOR_S, RoadView
+from slipstream import freshness
+from slipstream.freshness import age_s
+from slipstream.messages import DispatcherHealth, Gate, SegmentState, StoppedVehicles
+
+KMH_PER_MPS: Final = 3.6
+MAX_STOPPED_LINES: Final = 5
+
+
+@dataclass(frozen=True)
+class RoadLimits:
+    """Limits within which a SegmentState counts, s."""
+
+    stale_after_s: float
+    future_tolerance_s: float
+
+    def fault(self, time_ns: int, now_ns: int) -> freshness.Fault | None:
+        """Why data of a time count for nothing; None where they count."""
+        return freshness.fault(
+            time_ns,
+            now_ns,
+            stale_after_s=self.stale_after_s,
+            future_tolerance_s=self.future_tolerance_s,
+        )
+
+
+def road_limits(dispatcher: DispatcherHealth | None, stale_after_s: float) -> RoadLimits:
+    """The limits that the dispatcher publishes; an age limit of one's own where it has not."""
+    published_s = None if dispatcher is None else dispatcher.stale_after_s
+    return RoadLimits(
+        stale_after_s=stale_after_s if published_s is None else published_s,
+        future_tolerance_s=published_tolerance_s(dispatcher),
+    )
+
+
+@dataclass(frozen=True)
+class RoadData:
+    """The latest messages of one watched road.
+
+    Attributes:
+        segment: the road.
+        watched_by: RSU that says that it watches it; empty: none.
+        states: of each RSU.
+        stopped: of each RSU.
+        gate: of the last cycle; None: it had none.
+        flag_since: UTC ns since when each RSU's flag is what it is, by road and RSU.
+    """
+
+    segment: str
+    watched_by: str
+    states: tuple[SegmentState, ...] = ()
+    stopped: tuple[StoppedVehicles, ...] = ()
+    gate: Gate | None = None
+    flag_since: Mapping[tuple[str, str], int] = field(default_factory=dict)
+
+
+def road_data(snapshot: Snapshot, now_ns: int) -> dict[str, RoadData]:
+    """The messages by road, of all that are watched, by name."""
+    last = snapshot.cycles[-1] if snapshot.cycles else None
+    gates = {gate.segment: gate for gate in last.gates} if last else {}
+    oldest_ns = now_ns - round(LIST_FOR_S * 1e9)
+    watching = {
+        segment: health.rsu
+        for health in snapshot.rsus.values()
+        if health.time_ns > oldest_ns
+        for segment in health.segments
+    }
+    states: dict[str, list[SegmentState]] = {}
+    for (segment, _), state in snapshot.states.items():
+        if state.time_ns > oldest_ns:
+            states.setdefault(segment, []).append(state)
+    stopped: dict[str, list[StoppedVehicles]] = {}
+    for (segment, _), vehicles in snapshot.stopped.items():
+        stopped.setdefault(segment, []).append(vehicles)
+    return {
+        segment: RoadData(
+            segment,
+            watching.get(segment, ""),
+            tuple(states.get(segment, ())),
+            tuple(stopped.get(segment, ())),
+            gates.get(segment),
+            snapshot.flag_since,
+        )
+        for segment in sorted({*watching, *states, *gates})
+    }
+
+
+def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits) -> RoadView:
+    """The view of one road.
+
+    Args:
+        road: its messages.
+        cycle: number of the last cycle.
+        now_ns: UTC.
+        limits: within which its states count.
+    """
+    decisive = freshness.decisive(
+        road.states,
+        now_ns,
+        stale_after_s=limits.stale_after_s,
+        future_tolerance_s=limits.future_tolerance_s,
+    )
+    state = None if decisive is None else decisive.state
+    traffic: labels.Traffic = "unknown"
+    code: str | None = "missing"
+    since_ns = None
+    if decisive is not None and decisive.fault is not None:
+        code = decisive.fault
+        if code == "stale":
+            since_ns = decisive.state.time_ns + round(limits.stale_after_s * 1e9)
+    elif state is not None:
+        traffic, code = labels.traffic(state.y_e), state.reason
+        since_ns = road.flag_since.get((road.segment, state.rsu))
+    speed = cv = variance = vehicles = None
+    if state is not None and traffic != "unknown":
+        vehicles = state.vehicles
+        if state.features is not None:
+            mean_mps = state.features.mean_speed_mps.value
+            speed = mean_mps * KMH_PER_MPS
+            cv = state.features.speed_std_mps.value / mean_mps if mean_mps > 0 else None
+            variance = state.features.acceleration_variance_m2ps4.value
+    gate = road.gate
+    return RoadView(
+        segment=road.segment,
+        rsu=state.rsu if state is not None else road.watched_by,
+        traffic=traffic,
+        reason=labels.reason(code),
+        speed_kmh=speed,
+        cv=cv,
+        acceleration_variance=variance,
+        age_s=None if decisive is None else decisive.age_s,
+        gate_cycle=cycle if gate else None,
+        gate_open=gate is not None and gate.open,
+        gate_reason="" if gate is None or gate.open else labels.gate_reason(gate.y_e, gate.reason),
+        reason_code=code,
+        vehicles=vehicles,
+        since_ns=since_ns,
+        stopped=sum(
+            len(told.unusual) for told in road.stopped if limits.fault(told.time_ns, now_ns) is None
+        ),
+    )
+
+
+def road_views(snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> tuple[RoadView, ...]:
+    """The views of all watched roads, by name."""
+    cycle = snapshot.cycles[-1].cycle if snapshot.cycles else None
+    return tuple(
+        road_view(road, cycle, now_ns, limits) for road in road_data(snapshot, now_ns).values()
+    )
+
+
+def open_roads(roads: Collection[RoadView]) -> frozenset[str]:
+    """Roads on which platoons may drive close now: an open gate, and traffic still stable."""
+    return frozenset(road.segment for road in roads if road.platoons_allowed)
+
+
+def stopped_lines(snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> list[str]:
+    """A line for each segment on which vehicles stand as in no queue, the longest first."""
+    lines = []
+    for _, stopped in sorted(snapshot.stopped.items()):
+        unusual = stopped.unusual
+        if not unusual or limits.fault(stopped.time_ns, now_ns) is not None:
+            continue
+        first, more = unusual[0], len(unusual) - 1
+        lines.append(
+            (
+                first.since_ns,
+                f"A vehicle stands on {stopped.segment}, lane {first.lane + 1} from the right, "
+                f"{first.along_m:.0f} m along, for {age_s(first.since_ns, now_ns):.0f} s"
+                + (f", and {more} more" if more else "")
+                + f"; traffic is {labels.traffic(stopped.y_e)}",
+            )
+        )
+    told = [line for _, line in sorted(lines)]
+    more = len(told) - MAX_STOPPED_LINES
+    return told[:MAX_STOPPED_LINES] + ([f"Vehicles stand on {more} more roads"] if more > 0 else [])

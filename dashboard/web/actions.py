@@ -1,0 +1,100 @@
+"""What an operator may do from the page, as calls of the dispatcher's HTTP API; pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal, Self
+from urllib.parse import quote
+
+from pydantic import Field, model_validator
+
+from slipstream.config import Settings
+from slipstream.messages import Identifier
+
+Kind = Literal["pause", "resume", "solve", "pin", "release", "cancel", "acknowledge"]
+_OF_DISPATCHER: Final = ("pause", "resume", "solve")
+_OF_ORDER: Final = ("pin", "release", "cancel")
+
+
+class Action(Settings):
+    """What somebody asks for.
+
+    Attributes:
+        action: what.
+        subject: `dispatcher`, `order/ID` or `alarm/ID`.
+        vehicle: to pin an order to; None: the one whose plan has it.
+        reason: in words, for the log; None: none was given.
+    """
+
+    action: Kind
+    subject: Annotated[str, Field(min_length=1, max_length=300)]
+    vehicle: Identifier | None = None
+    reason: Annotated[str, Field(max_length=500)] | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        kind, _, name = self.subject.partition("/")
+        if self.action in _OF_DISPATCHER:
+            if self.subject != "dispatcher":
+                raise ValueError(f"{self.action} is for the subject 'dispatcher'")
+        elif (kind, bool(name)) != ("order" if self.action in _OF_ORDER else "alarm", True):
+            wanted = "order/ID" if self.action in _OF_ORDER else "alarm/ID"
+            raise ValueError(f"{self.action} is for a subject {wanted!r}")
+        if self.vehicle is not None and self.action != "pin":
+            raise ValueError("vehicle is for pin only")
+        return self
+
+    @property
+    def name(self) -> str:
+        """Of the order or alarm; empty for the dispatcher."""
+        return self.subject.partition("/")[2]
+
+
+@dataclass(frozen=True)
+class Call:
+    """One call of the API: method, path below its address, and JSON body."""
+
+    method: str
+    path: str
+    body: dict[str, object] | None = None
+
+
+def call_of(action: Action) -> Call:
+    """The call that does what is asked for."""
+    name = quote(action.name, safe="")
+    match action.action:
+        case "pause" | "resume":
+            return Call("POST", f"/v1/control/{action.action}")
+        case "solve":
+            return Call("POST", "/v1/control/cycle")
+        case "pin":
+            body: dict[str, object] | None = None
+            if action.vehicle is not None:
+                body = {"vehicle": action.vehicle}
+            return Call("POST", f"/v1/orders/{name}/pin", body)
+        case "release":
+            return Call("POST", f"/v1/orders/{name}/release")
+        case "cancel":
+            return Call("DELETE", f"/v1/orders/{name}")
+        case "acknowledge":
+            return Call("POST", f"/v1/alarms/{name}/acknowledge")
+
+
+def told(action: Action) -> str:
+    """What has been done, for people."""
+    match action.action:
+        case "pause":
+            return "The dispatcher is paused: no new cycles until it is resumed."
+        case "resume":
+            return "The dispatcher goes on."
+        case "solve":
+            return "A cycle begins now."
+        case "pin":
+            to = f"to {action.vehicle}" if action.vehicle else "to the vehicle whose plan has it"
+            return f"Order {action.name} is locked {to}."
+        case "release":
+            return f"Order {action.name} may go to any vehicle."
+        case "cancel":
+            return f"Order {action.name} is cancelled."
+        case "acknowledge":
+            return "The alarm is acknowledged."

@@ -1,0 +1,50 @@
+"""The application of the operator's page: its routes, and what each request passes before."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Final
+
+from fastapi import APIRouter, FastAPI
+from fastapi.responses import FileResponse
+from fastapi.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+
+from dashboard.web import cameras, cards, control, history, live, network
+from dashboard.web.gate import Gate
+from dashboard.web.services import Services
+from slipstream import __version__
+from slipstream.http.problems import handle_problems
+from storage import StorageError
+
+ROUTERS: Final[tuple[APIRouter, ...]] = (
+    network.router,
+    live.router,
+    # Before the cards, whose ids may hold slashes.
+    cameras.router,
+    history.router,
+    control.router,
+    cards.router,
+)
+"""A further room of the page is a module with a `router`, and its line here."""
+
+STATIC: Final = Path(str(resources.files("dashboard") / "web" / "static"))
+
+
+def make_app(services: Services) -> ASGIApp:
+    """The application, behind its gate."""
+    app = FastAPI(title="Slipstream", version=__version__, openapi_url=None, redirect_slashes=False)
+    app.state.services = services
+    for router in ROUTERS:
+        app.include_router(router)
+
+    @app.get("/", include_in_schema=False)
+    def index() -> FileResponse:
+        """The page."""
+        return FileResponse(STATIC / "index.html")
+
+    app.mount("/static", StaticFiles(directory=STATIC))
+    handle_problems(app, paths="docs/page.md", unavailable=(StorageError,))
+    settings = services.settings
+    return Gate(app, settings.host.lower(), frozenset(map(str.lower, settings.allowed_hosts)))

@@ -1,0 +1,67 @@
+"""Pictures of the cameras: a stream for as long as it is looked at, and the latest one."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from typing import Final
+
+from fastapi import APIRouter
+from fastapi.responses import Response
+
+from dashboard.web.pictures import Pictures
+from dashboard.web.services import Page, Services
+from slipstream.http.problems import Problem
+from slipstream.http.streaming import EndlessResponse
+
+SEND_WITHIN_S: Final = 10.0
+FIRST_WITHIN_S: Final = 10.0
+"""A stream ends where no picture comes for so long."""
+_BOUNDARY: Final = "slipstream-picture"
+
+router = APIRouter(prefix="/api/rsus")
+
+
+@router.get("/{rsu:path}/picture")
+async def picture(page: Page, rsu: str) -> Response:
+    """A stream of JPEGs, as browsers show it in an image."""
+    pictures = _pictures(page, rsu)
+    return EndlessResponse(
+        _parts(pictures, rsu),
+        f"multipart/x-mixed-replace; boundary={_BOUNDARY}",
+        send_within_s=SEND_WITHIN_S,
+    )
+
+
+@router.get("/{rsu:path}/still")
+async def still(page: Page, rsu: str) -> Response:
+    """The latest picture. Browsers keep few connections, so grids of pictures ask for one after the
+    other; the unit is asked to send on for a while.
+    """
+    pictures = _pictures(page, rsu)
+    pictures.glance(rsu)
+    jpeg = pictures.latest(rsu)
+    if jpeg is None:
+        with pictures.looking(rsu):
+            async for first in pictures.following(rsu, FIRST_WITHIN_S):
+                jpeg = first
+                break
+    if jpeg is None:
+        raise Problem(404, f"no picture came from {rsu}", "look at the unit's health")
+    return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+
+
+def _pictures(page: Services, rsu: str) -> Pictures:
+    if page.pictures is None or rsu not in page.now().moment["rsus"]:
+        raise Problem(404, f"no camera {rsu[:200]} is here", "ask for one of the table's")
+    return page.pictures
+
+
+async def _parts(pictures: Pictures, rsu: str) -> AsyncIterator[bytes]:
+    with pictures.looking(rsu) as taken:
+        if not taken:
+            return
+        async for jpeg in pictures.following(rsu, FIRST_WITHIN_S):
+            head = (
+                f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+            )
+            yield head.encode() + jpeg + b"\r\n"

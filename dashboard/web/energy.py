@@ -1,0 +1,207 @@
+"""What was driven and saved, out of the energy ledger: by hour and day, this day, this week, since
+the start, in the page's time zone.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from datetime import datetime, timedelta
+from math import fsum
+from typing import Any, Final, Literal
+from zoneinfo import ZoneInfo
+
+from dashboard.web import rows
+from slipstream.energy_ledger import HOUR_NS, EnergySum
+from storage import Reader
+
+Zone = ZoneInfo | None
+"""None: the machine's."""
+DAY_NS: Final = 24 * HOUR_NS
+_EVER_NS: Final = 2**62
+_FIGURES: Final = tuple(field.name for field in fields(EnergySum))[1:]
+
+
+def zone_of(name: str | None) -> Zone:
+    """The zone of a name; None: the machine's."""
+    return None if name is None else ZoneInfo(name)
+
+
+@dataclass(frozen=True)
+class Factors:
+    """What a kilowatt hour is worth.
+
+    Attributes:
+        co2_kg_per_kwh: emitted for it.
+        price_per_kwh: in the page's currency.
+    """
+
+    co2_kg_per_kwh: float
+    price_per_kwh: float
+
+
+def sum_row(driven: EnergySum, factors: Factors, baseline: str | None) -> dict[str, Any]:
+    """What was driven in some time, as the page shows it.
+
+    Args:
+        driven: from the ledger.
+        factors: for CO2 and money.
+        baseline: name of the plan that it is held against; None: not known.
+    """
+    saved = driven.baseline_kwh - driven.plan_kwh
+    return {
+        "baseline": baseline,
+        "baseline_kwh": round(driven.baseline_kwh, 3),
+        "plan_kwh": round(driven.plan_kwh, 3),
+        "saved_kwh": round(saved, 3),
+        "saved_share": round(saved / driven.baseline_kwh, 4) if driven.baseline_kwh > 0 else 0.0,
+        "distance_kwh": round(driven.saved_distance_kwh, 3),
+        "drag_kwh": round(driven.saved_drag_kwh, 3),
+        "acceleration_kwh": round(driven.saved_acceleration_kwh, 3),
+        "km": round(driven.distance_m / 1000, 1),
+        "platoon_km": round(driven.platooned_m / 1000, 1),
+        "co2_kg": round(saved * factors.co2_kg_per_kwh, 3),
+        "money": round(saved * factors.price_per_kwh, 2),
+    }
+
+
+def total(parts: Iterable[EnergySum], begin_ns: int) -> EnergySum:
+    """The sum of several times."""
+    found = list(parts)
+    figures = {name: fsum(getattr(part, name) for part in found) for name in _FIGURES}
+    return EnergySum(begin_ns, **figures)
+
+
+def local(time_ns: int, zone: Zone) -> datetime:
+    """A moment in a zone."""
+    return datetime.fromtimestamp(time_ns / 1e9, zone).astimezone(zone)
+
+
+def midnight_ns(day: datetime, zone: Zone) -> int:
+    """UTC of the begin of a moment's day in a zone; days may have 23 or 25 hours."""
+    begin = datetime(day.year, day.month, day.day, tzinfo=zone)
+    return round(begin.timestamp()) * 10**9
+
+
+def day_begins(time_ns: int, zone: Zone) -> int:
+    """UTC of the begin of the day that a moment lies in."""
+    return midnight_ns(local(time_ns, zone), zone)
+
+
+def week_begins(time_ns: int, zone: Zone) -> int:
+    """UTC of the begin of the week, Monday, that a moment lies in."""
+    day = local(time_ns, zone)
+    return midnight_ns(day.replace(hour=12) - timedelta(days=day.weekday()), zone)
+
+
+def by_day(hours: Iterable[EnergySum], zone: Zone) -> list[EnergySum]:
+    """Sums of days from those of hours, oldest first. An hour counts to the day it begins in."""
+    groups: dict[int, list[EnergySum]] = {}
+    for hour in hours:
+        groups.setdefault(day_begins(hour.begin_ns, zone), []).append(hour)
+    return [total(group, begin_ns) for begin_ns, group in sorted(groups.items())]
+
+
+class EnergyBook:
+    """Reads the ledger; from any thread. Days that are long over are read once.
+
+    Args:
+        reader: of the database.
+        zone: of days and weeks.
+        factors: for CO2 and money.
+    """
+
+    def __init__(self, reader: Reader, zone: Zone, factors: Factors) -> None:
+        self._reader = reader
+        self._zone = zone
+        self._factors = factors
+        self._lock = threading.Lock()
+        self._upto_ns = 0
+        self._days: tuple[EnergySum, ...] = ()
+        self._since_ns: int | None = None
+        self.latest: dict[str, Any] | None = None
+        """What `refresh` has read; None: it has not."""
+
+    def refresh(self, now_ns: int) -> None:
+        """Read the sums until now for `latest`.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        self.latest = self.at(now_ns)
+
+    def at(self, time_ns: int) -> dict[str, Any]:
+        """Sums until a moment: of its day, its week, and since the start, with those of the last
+        cycle that drove. The hour that it lies in counts as far as it is booked.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        end_ns = time_ns + 1
+        week_ns, day_ns = week_begins(time_ns, self._zone), day_begins(time_ns, self._zone)
+        last = self._reader.last_energy(time_ns)
+        baseline = None if last is None or last.energy is None else last.energy.baseline
+        hours = self._reader.energy_sums(week_ns, end_ns, by="hour")
+        found: dict[str, Any] = {
+            "today": None,
+            "week": None,
+            "total": None,
+            "since": None,
+            "last_cycle": None
+            if last is None or last.energy is None
+            else rows.energy_sum(last.energy, **asdict(self._factors)),
+        }
+        whole, since_ns = self._whole(time_ns)
+        if since_ns is None:
+            return found
+        today = [hour for hour in hours if hour.begin_ns >= day_ns]
+
+        def row(driven: EnergySum) -> dict[str, Any]:
+            return sum_row(driven, self._factors, baseline)
+
+        return found | {
+            "today": row(total(today, day_ns)),
+            "week": row(total(hours, week_ns)),
+            "total": row(whole),
+            "since": since_ns // 10**6,
+        }
+
+    def rows(self, begin_ns: int, end_ns: int, by: Literal["hour", "day"]) -> list[dict[str, Any]]:
+        """Sums of the hours or days of a range of time, with their begin as `t`, ms of UTC; those
+        in which nothing was driven are missing.
+
+        Raises:
+            StorageError: the database cannot be read.
+        """
+        hours: Sequence[EnergySum] = self._reader.energy_sums(begin_ns, end_ns, by="hour")
+        parts = by_day(hours, self._zone) if by == "day" else hours
+        last = self._reader.last_energy(_EVER_NS)
+        baseline = None if last is None or last.energy is None else last.energy.baseline
+        return [
+            {"t": part.begin_ns // 10**6, **sum_row(part, self._factors, baseline)}
+            for part in parts
+        ]
+
+    def _whole(self, time_ns: int) -> tuple[EnergySum, int | None]:
+        """The sum since the start, and UTC of its first hour; None: nothing was driven yet."""
+        end_ns = time_ns + 1
+        # What is booked late belongs to the last hours.
+        over_ns = time_ns // DAY_NS * DAY_NS - DAY_NS
+        with self._lock:
+            if over_ns > self._upto_ns:
+                self._days = self._reader.energy_sums(0, over_ns, by="day")
+                self._since_ns, self._upto_ns = None, over_ns
+            begin_ns = min(over_ns, self._upto_ns)
+            days = [day for day in self._days if day.begin_ns < begin_ns]
+            if days and self._since_ns is None:
+                first_ns = days[0].begin_ns
+                self._since_ns = self._reader.energy_sums(first_ns, first_ns + DAY_NS, by="hour")[
+                    0
+                ].begin_ns
+            since_ns = self._since_ns if days else None
+        rest = self._reader.energy_sums(begin_ns, end_ns, by="hour")
+        if since_ns is None and rest:
+            since_ns = rest[0].begin_ns
+        whole = total([*days, *rest], since_ns or 0)
+        return replace(whole, begin_ns=since_ns or 0), since_ns

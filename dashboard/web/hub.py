@@ -1,0 +1,182 @@
+"""What changes, on its way from the daemon to each browser: encoded and compressed once for all.
+
+A compressed part ends on a whole byte and refers to nothing before it (zlib's full flush), so that
+the same bytes fit into the stream of any browser.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+import zlib
+from collections import deque
+from typing import Any, Final
+
+MAX_VIEWERS: Final = 64
+MAX_WAITING: Final = 8
+"""Deltas that a viewer may have ahead of it; beyond, a new moment takes their place."""
+_LEVEL: Final = 6
+GZIP_HEAD: Final = b"\x1f\x8b\x08\x00\x00\x00\x00\x00\x00\xff"
+"""Begin of a compressed stream."""
+
+
+def event(kind: str, data: object) -> bytes:
+    """One server-sent event."""
+    # JSON has no line ends of its own.
+    return b"event: " + kind.encode() + b"\ndata: " + encoded(data) + b"\n\n"
+
+
+def encoded(data: object) -> bytes:
+    """Compact JSON; what is not finite, which JSON has not, is refused."""
+    return json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode(
+        "utf-8", "replace"
+    )
+
+
+def packed(part: bytes) -> bytes:
+    """A part of a gzip stream."""
+    deflate = zlib.compressobj(_LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS)
+    return deflate.compress(part) + deflate.flush(zlib.Z_FULL_FLUSH)
+
+
+class Part:
+    """An event, as text and compressed."""
+
+    def __init__(self, plain: bytes, *, compress: bool = True) -> None:
+        self.plain = plain
+        self.gzip = packed(plain) if compress else b""
+
+    def of(self, gzip: bool) -> bytes:
+        """As a viewer reads it."""
+        return self.gzip if gzip else self.plain
+
+
+HEARTBEAT: Final = Part(b": heartbeat\n\n")
+
+
+class Viewer:
+    """What one browser has not taken yet; filled by any thread, taken in its event loop."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.closed = False
+        self._loop = loop
+        self._wake = asyncio.Event()
+        self._waiting: deque[Part] = deque()
+        self._lock = threading.Lock()
+
+    def put(self, part: Part) -> bool:
+        """Add one; False: too many wait, and it is left out."""
+        with self._lock:
+            if len(self._waiting) >= MAX_WAITING:
+                return False
+            self._waiting.append(part)
+        self._notify()
+        return True
+
+    def replace(self, part: Part) -> None:
+        """Put one in place of all that wait."""
+        with self._lock:
+            self._waiting.clear()
+            self._waiting.append(part)
+        self._notify()
+
+    def close(self) -> None:
+        """End it."""
+        self.closed = True
+        self._notify()
+
+    async def take(self, within_s: float) -> list[Part]:
+        """What waits, as soon as something does; empty if nothing comes in time, or it ends."""
+        try:
+            async with asyncio.timeout(within_s):
+                await self._wake.wait()
+        except TimeoutError:
+            return []
+        with self._lock:
+            self._wake.clear()
+            found = list(self._waiting)
+            self._waiting.clear()
+        return found
+
+    def _notify(self) -> None:
+        try:
+            self._loop.call_soon_threadsafe(self._wake.set)
+        except RuntimeError:  # the loop is closed: the server went down
+            self.closed = True
+
+
+class Hub:
+    """Passes moments and deltas on to browsers; safe for threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._viewers: set[Viewer] = set()
+        self._moment: dict[str, Any] | None = None
+        self._encoded: tuple[int, Part] | None = None
+        self.connected = threading.Event()
+        """Set when a browser comes; the owner clears it."""
+
+    @property
+    def viewers(self) -> int:
+        """Number of browsers that follow."""
+        return len(self._viewers)
+
+    @property
+    def moment(self) -> dict[str, Any] | None:
+        """The latest; None before the first."""
+        return self._moment
+
+    def publish(self, moment: dict[str, Any], delta: dict[str, Any] | None) -> int:
+        """Tell all that follow.
+
+        Args:
+            moment: the whole; it must not be changed any more.
+            delta: what is new in it; None: nothing.
+
+        Returns:
+            The bytes of the compressed delta.
+        """
+        with self._lock:
+            self._moment = moment
+            self._viewers = {viewer for viewer in self._viewers if not viewer.closed}
+            if delta is None or not self._viewers:
+                return 0
+            part = Part(event("delta", delta))
+            for viewer in self._viewers:
+                if not viewer.put(part):
+                    viewer.replace(self._whole())
+            return len(part.gzip)
+
+    def open(self) -> Viewer | None:
+        """A new viewer in the running event loop, the moment first; None: there are too many."""
+        viewer = Viewer(asyncio.get_running_loop())
+        with self._lock:
+            self._viewers = {known for known in self._viewers if not known.closed}
+            if len(self._viewers) >= MAX_VIEWERS:
+                return None
+            if self._moment is not None:
+                viewer.put(self._whole())
+            self._viewers.add(viewer)
+        self.connected.set()
+        return viewer
+
+    def close(self, viewer: Viewer) -> None:
+        """End one."""
+        viewer.close()
+        with self._lock:
+            self._viewers.discard(viewer)
+
+    def close_all(self) -> None:
+        """End all."""
+        with self._lock:
+            for viewer in self._viewers:
+                viewer.close()
+            self._viewers = set()
+
+    def _whole(self) -> Part:
+        assert self._moment is not None
+        number = self._moment["seq"]
+        if self._encoded is None or self._encoded[0] != number:
+            self._encoded = number, Part(event("moment", self._moment))
+        return self._encoded[1]

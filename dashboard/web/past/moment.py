@@ -1,0 +1,107 @@
+"""The page's tables of a past moment; pure."""
+
+from __future__ import annotations
+
+from typing import Any, Final, cast
+
+from dashboard.live import Snapshot
+from dashboard.view import VehicleView
+from dashboard.view.roads import open_roads
+from dashboard.view.vehicles import vehicle_views
+from dashboard.web import rows
+from dashboard.web.past import views
+from dashboard.web.past.facts import Facts
+from dashboard.web.rows import Moment, Row, Scene, Tour, ms
+from slipstream.messages import Alarm, Severity
+from storage import Event
+
+_LEVEL: Final = {"critical": "bad", "warning": "warn", "info": "ok"}
+_RANK: Final = {"bad": 0, "warn": 1, "ok": 2}
+
+
+def snapshot_at(facts: Facts) -> Snapshot:
+    """The messages that are stored of a moment."""
+    return Snapshot(
+        plans=facts.plans_in_force, cycles=tuple(facts.cycles), orders=tuple(facts.orders)
+    )
+
+
+def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
+    """The tables of a moment; vehicles are where their plans put them.
+
+    Args:
+        facts: that are stored of it.
+        snapshot: `snapshot_at` of them.
+        scene: roads and fleet.
+    """
+    roads = views.road_views(facts)
+    names = {*scene.vehicles, *(record.plan.vehicle for record in facts.plans)}
+    vans = vehicle_views(snapshot, facts.time_ns, open_roads(roads), names, left_out_is_idle=False)
+    partners = rows.platoons(van.plan for van in vans if not van.idle)
+    alarms = facts.alarms
+
+    def vehicle_row(van: VehicleView) -> Row:
+        tour = Tour.of(van.plan, scene)
+        return rows.vehicle_row(van, tour, tour.drawn(van.open_roads), scene, partners)
+
+    return {
+        "t": ms(facts.time_ns),
+        "seq": 0,
+        "live": False,
+        "vehicles": {van.vehicle: vehicle_row(van) for van in vans},
+        "roads": {road.segment: rows.road_row(road) for road in roads},
+        "rsus": views.rsu_rows(facts, scene.places),
+        "orders": {
+            order.order: rows.order_row(order, snapshot.plans.get(order.vehicle or ""), scene)
+            for order in facts.orders
+        },
+        "cycles": {
+            str(report.cycle): rows.cycle_row(report) for report in facts.cycles[-rows.MAX_CYCLES :]
+        },
+        "alarms": {
+            str(event.alarm): rows.alarm_row(alarm_at(event, facts.time_ns)) for event in alarms
+        },
+        "status": status([event for event in alarms if facts.in_force(event)]),
+        "energy": facts.energy,
+        "next_cycle": None,
+        "paused": facts.paused,
+    }
+
+
+def alarm_at(event: Event, time_ns: int) -> Alarm:
+    """An alarm as it was at a moment: what came later was not known."""
+    ended_ns, acknowledged_ns = event.ended_ns, event.acknowledged_ns
+    acknowledged = acknowledged_ns is not None and acknowledged_ns <= time_ns
+    return Alarm(
+        id=str(event.alarm),
+        severity=cast(Severity, event.severity),
+        kind=event.kind,
+        subject=event.subject,
+        since_ns=event.time_ns,
+        ended_ns=None if ended_ns is None or ended_ns > time_ns else ended_ns,
+        text=event.text,
+        mend=event.mend,
+        acknowledged_by=event.acknowledged_by if acknowledged else None,
+        acknowledged_ns=acknowledged_ns if acknowledged else None,
+    )
+
+
+def status(alarms: list[Event]) -> dict[str, Any]:
+    """The banner of a moment: what its alarms told, the worst first."""
+    items = [
+        {
+            "subject": event.subject,
+            "level": _LEVEL.get(event.severity, "warn"),
+            "text": event.text,
+            "since": ms(event.time_ns),
+        }
+        for event in alarms
+        if event.severity != "info"
+    ]
+    items.sort(key=lambda item: _RANK[str(item["level"])])
+    return {
+        "level": items[0]["level"] if items else "ok",
+        "text": items[0]["text"] if items else "No alarm was in force",
+        "count": len(items),
+        "items": items,
+    }

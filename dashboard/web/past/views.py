@@ -1,0 +1,118 @@
+"""Views of roads and roadside units at a moment, from gates and roll-ups; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from dashboard.view import labels
+from dashboard.view.model import RoadView
+from dashboard.view.places import Places
+from dashboard.web.past.facts import Facts
+from slipstream.messages import KinematicFeatures
+from storage import RollUp, SegmentAt
+
+KMH_PER_MPS: Final = 3.6
+MAJORITY: Final = 0.5
+"""Share of a minute's states from which on their flag is the road's."""
+FEATURES: Final = tuple(KinematicFeatures.model_fields)
+
+
+def road_views(facts: Facts) -> list[RoadView]:
+    """The watched roads, by name."""
+    watcher = {road: rsu for rsu, roads in facts.watched.items() for road in roads}
+    cycle = facts.cycles[-1].cycle if facts.cycles else None
+    return [
+        road_view(at, watcher.get(at.gate.segment, ""), cycle)
+        for at in sorted(facts.segments, key=lambda at: at.gate.segment)
+    ]
+
+
+def road_view(at: SegmentAt, rsu: str, cycle: int | None) -> RoadView:
+    """A road: its flag is that of most states of the minute; without them that of its gate."""
+    gate, rollup = at.gate, at.rollup
+    traffic, code = labels.traffic(gate.y_e), gate.reason
+    speed = cv = variance = vehicles = None
+    if rollup is not None:
+        # An hour says nothing of a moment's flag.
+        if rollup.period_s == 60:
+            traffic = majority(rollup)
+        vehicles = round(rollup.vehicles_mean)
+        if traffic != "unknown":
+            mean = {name: spread.mean for name, spread in rollup.features.items()}
+            mean_mps = mean.get("mean_speed_mps")
+            if mean_mps is not None:
+                speed = mean_mps * KMH_PER_MPS
+                cv = mean["speed_std_mps"] / mean_mps if mean_mps > 0 else None
+            variance = mean.get("acceleration_variance_m2ps4")
+    if traffic == "unknown" and code is None and rollup is None:
+        code = "missing"
+    return RoadView(
+        segment=gate.segment,
+        rsu=rsu,
+        traffic=traffic,
+        reason=labels.reason(code) if traffic == "unknown" else "",
+        speed_kmh=speed,
+        cv=cv,
+        acceleration_variance=variance,
+        age_s=None,
+        gate_cycle=cycle,
+        gate_open=gate.open,
+        gate_reason="" if gate.open else labels.gate_reason(gate.y_e, gate.reason),
+        reason_code=code,
+        vehicles=vehicles,
+    )
+
+
+def majority(rollup: RollUp) -> labels.Traffic:
+    """The flag of most states; unknown where neither is."""
+    if rollup.stable_share >= MAJORITY:
+        return "stable"
+    return "turbulent" if rollup.turbulent_share >= MAJORITY else "unknown"
+
+
+def rsu_rows(facts: Facts, places: Places) -> dict[str, dict[str, Any]]:
+    """Roadside units: whether states of their roads had come. Their health is not stored."""
+    came = {at.gate.segment: at.rollup for at in facts.segments if at.rollup is not None}
+    alarms = {event.subject: event.text for event in facts.alarms if facts.in_force(event)}
+    return {
+        rsu: _rsu_row(rsu, roads, came, alarms, places)
+        for rsu, roads in sorted(facts.watched.items())
+    }
+
+
+def _rsu_row(
+    rsu: str,
+    roads: Sequence[str],
+    came: Mapping[str, RollUp],
+    alarms: Mapping[str, str],
+    places: Places,
+) -> dict[str, Any]:
+    heard = [came[road] for road in roads if road in came]
+    why = alarms.get(f"rsu/{rsu}")
+    status, level = "ok", "ok"
+    if not came:
+        # Nothing of this minute is stored, of nobody.
+        status, level = "not known", "idle"
+    elif not heard:
+        status, level = "silent", "bad"
+    elif not any(rollup.measured for rollup in heard):
+        status, level = "measures nothing", "warn"
+    if why is not None:
+        level = "bad"
+    known = [place for road in roads if (place := places.on_road(road, 0.5)) is not None]
+    return {
+        "x": round(sum(x for x, _, _ in known) / len(known), 1) if known else None,
+        "y": round(sum(y for _, y, _ in known) / len(known), 1) if known else None,
+        "status": status,
+        "level": level,
+        "why": why if why is not None else None if level == "ok" else status,
+        "fps": None,
+        "latency_ms": None,
+        "skipped_share": None,
+        "faults": [],
+        "segments": list(roads),
+        "vehicles": round(sum(rollup.vehicles_mean for rollup in heard)),
+        "seen": None,
+        "picture": False,
+    }

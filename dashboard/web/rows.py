@@ -1,0 +1,352 @@
+"""The operator's page as JSON: rows of its tables, status, energy; pure. See docs/page.md.
+
+A row has only what is shown, rounded to what is shown, and times in place of ages: one that tells
+nothing new is equal to the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Any, Final
+
+from dashboard.view import VehicleView, labels
+from dashboard.view.model import RoadView, RsuView, platoon_km
+from dashboard.view.places import Places
+from dashboard.view.troubles import Trouble
+from slipstream.messages import Alarm, CycleReport, EnergySummary, VehiclePlan
+from slipstream.orders import OrderRecord
+
+Row = dict[str, Any]
+Rows = dict[str, Row]
+Moment = dict[str, Any]
+
+TABLES: Final = ("vehicles", "roads", "rsus", "orders", "cycles", "alarms")
+ENDED_ORDERS_FOR_S: Final = 24 * 3600.0
+MAX_ORDERS: Final = 5000
+MAX_CYCLES: Final = 200
+LATE_AFTER_S: Final = 300.0
+"""Behind its plan, s: a vehicle beyond it is in trouble."""
+_HARMLESS: Final = frozenset({"too_few_vehicles", "window_not_covered"})
+"""Reasons of an unknown flag that are no fault."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is known of roads and fleet beforehand.
+
+    Attributes:
+        places: of the network.
+        depots: junctions by the name of their depot.
+        vehicles: carriers by vehicle, of the whole fleet; None: it has none.
+        trucks: vehicles that are trucks.
+    """
+
+    places: Places
+    depots: Mapping[str, str] = field(default_factory=dict)
+    vehicles: Mapping[str, str | None] = field(default_factory=dict)
+    trucks: frozenset[str] = frozenset()
+
+
+def ms(time_ns: int | None) -> int | None:
+    """UTC nanoseconds as a browser's milliseconds."""
+    return None if time_ns is None else time_ns // 1_000_000
+
+
+def road_row(road: RoadView) -> Row:
+    """One watched road."""
+    level = "ok"
+    if road.traffic == "turbulent":
+        level = "warn"
+    elif road.traffic == "unknown":
+        level = "idle" if road.reason_code in _HARMLESS else "warn"
+    return {
+        "flag": road.traffic,
+        "why": road.reason or None,
+        "kmh": None if road.speed_kmh is None else round(road.speed_kmh),
+        "cv": None if road.cv is None else round(road.cv, 2),
+        "vehicles": road.vehicles,
+        "gate": None if road.gate_cycle is None else "open" if road.gate_open else "closed",
+        "gate_why": road.gate_reason or None,
+        "rsu": road.rsu or None,
+        "stopped": road.stopped,
+        "since": ms(road.since_ns),
+        "level": "warn" if road.stopped and level == "ok" else level,
+    }
+
+
+def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
+    """One roadside unit.
+
+    Args:
+        rsu: its view.
+        scene: the roads.
+        pictured: whether it can be asked for pictures.
+    """
+    places = [scene.places.on_road(segment, 0.5) for segment in rsu.segments]
+    known = [place for place in places if place is not None]
+    fault = rsu.health.fault
+    faults = [] if fault is None else [labels.camera_fault(fault)]
+    return {
+        "x": round(sum(x for x, _, _ in known) / len(known), 1) if known else None,
+        "y": round(sum(y for _, y, _ in known) / len(known), 1) if known else None,
+        "status": rsu.status,
+        "level": rsu.level,
+        "why": None if rsu.level == "ok" else rsu.status,
+        "fps": None if rsu.fps is None else round(rsu.fps),
+        "latency_ms": None if rsu.latency_ms_p50 is None else round(rsu.latency_ms_p50),
+        "skipped_share": round(rsu.skipped_share, 3),
+        "faults": faults,
+        "segments": list(rsu.segments),
+        "vehicles": rsu.vehicles_in_view if rsu.fps is not None else 0,
+        # Of one that is heard each second the time tells nothing.
+        "seen": ms(rsu.health.time_ns) if rsu.fps is None else None,
+        "picture": pictured,
+    }
+
+
+@dataclass(frozen=True)
+class Tour:
+    """What of a vehicle's plan stays the same for as long as it has it.
+
+    Attributes:
+        plan: the plan.
+        shared: roads on which it is to drive in a platoon.
+        route: its roads by their indices, those that are known.
+        before: how many of them lie before each segment of the plan.
+        left: stops to serve from each stop of the plan on.
+        fixed: fields of its row.
+    """
+
+    plan: VehiclePlan
+    shared: tuple[str, ...]
+    route: tuple[tuple[int, str | None], ...]
+    before: tuple[int, ...]
+    left: tuple[int, ...]
+    fixed: Row
+
+    @classmethod
+    def of(cls, plan: VehiclePlan, scene: Scene) -> Tour:
+        """The tour of a plan."""
+        index = scene.places.index
+        route: list[tuple[int, str | None]] = []
+        before: list[int] = []
+        for part in plan.segments:
+            before.append(len(route))
+            if part.segment in index:
+                shared = part.segment if part.platoon is not None else None
+                route.append((index[part.segment], shared))
+        serve = {id(stop) for stop in plan.service_stops}
+        left = accumulate((id(stop) in serve for stop in reversed(plan.stops)), initial=0)
+        return cls(
+            plan,
+            tuple(sorted({road for _, road in route if road is not None})),
+            tuple(route),
+            tuple(before),
+            tuple(left)[:0:-1],
+            {
+                "carrier": scene.vehicles.get(plan.vehicle),
+                "kwh": round(plan.energy_kwh, 2),
+                "saved_kwh": None,
+                "km": round(plan.distance_m / 1000, 1),
+                "platoon_km": round(platoon_km(plan), 1),
+                "cycle": plan.cycle,
+            },
+        )
+
+    def drawn(self, open_roads: Container[str]) -> list[list[int]]:
+        """The route as a browser draws it: 1 where the vehicle may drive close now."""
+        return [[index, int(road is not None and road in open_roads)] for index, road in self.route]
+
+
+def vehicle_row(
+    van: VehicleView,
+    tour: Tour,
+    drawn: list[list[int]],
+    scene: Scene,
+    partners: Mapping[tuple[str, str], Sequence[str]],
+) -> Row:
+    """One vehicle.
+
+    Args:
+        van: its view.
+        tour: of its plan.
+        drawn: see `Tour.drawn`.
+        scene: roads and fleet.
+        partners: vehicles by platoon and road, see `platoons`.
+    """
+    done, plan = van.progress, van.plan
+    place = None if done.position is None else scene.places.on_road(*done.position)
+    part = None if done.part is None else plan.segments[done.part]
+    platoon = None
+    if part is not None and done.state in ("driving", "stopped") and part.segment in van.open_roads:
+        platoon = part.platoon
+    eta_ns = done.eta_ns(plan)
+    together = partners.get((platoon, part.segment), ()) if part is not None and platoon else ()
+    return {
+        "x": None if place is None else round(place[0], 1),
+        "y": None if place is None else round(place[1], 1),
+        "heading": None if place is None else round(place[2]) % 360,
+        "source": None if place is None else "reported" if done.reported else "planned",
+        "state": done.state,
+        "text": done.text,
+        "road": None if done.position is None else done.position[0],
+        "platoon": platoon,
+        "place": part.place if part is not None and platoon else None,
+        "with": [name for name in together if name != van.vehicle],
+        "next": None if done.stop is None else plan.stops[done.stop].stop,
+        "eta": ms(eta_ns),
+        "delay_s": done.delay_s,
+        "stops_left": 0 if done.stop is None else tour.left[done.stop],
+        "level": _vehicle_level(van, eta_ns),
+        "route": drawn,
+        "at": None if done.part is None else tour.before[done.part],
+        "colour": van.colour,
+        "charge_kwh": None if van.charge_kwh is None else round(van.charge_kwh, 1),
+        **tour.fixed,
+    }
+
+
+def _vehicle_level(van: VehicleView, eta_ns: int | None) -> str:
+    done = van.progress
+    if done.state == "idle":
+        return "idle"
+    if done.stop is not None and eta_ns is not None:
+        latest_ns = van.plan.stops[done.stop].latest_ns
+        if latest_ns is not None and eta_ns > latest_ns:
+            return "bad"
+    late = done.delay_s is not None and done.delay_s >= LATE_AFTER_S
+    return "warn" if late or van.silent or done.state == "expired" else "ok"
+
+
+def platoons(plans: Iterable[VehiclePlan]) -> dict[tuple[str, str], list[str]]:
+    """The vehicles of each platoon on each road, by platoon and road, the leader first."""
+    found: dict[tuple[str, str], list[tuple[int, str]]] = {}
+    for plan in plans:
+        for part in plan.segments:
+            if part.platoon is not None:
+                key = part.platoon, part.segment
+                found.setdefault(key, []).append((part.place or 0, plan.vehicle))
+    return {key: [name for _, name in sorted(members)] for key, members in found.items()}
+
+
+def order_row(order: OrderRecord, plan: VehiclePlan | None, scene: Scene) -> Row:
+    """One order.
+
+    Args:
+        order: as it is stored.
+        plan: the latest of its vehicle; None: it has none.
+        scene: the roads.
+    """
+    place = scene.places.at_node(order.node)
+    arrival_ns = None
+    if plan is not None and not order.ended:
+        stops = (stop for stop in plan.stops if stop.stop == order.order)
+        arrival_ns = next((stop.arrival_ns for stop in stops), None)
+    ends_ns = order.since_ns if order.state == "served" else arrival_ns
+    late_s = None
+    if ends_ns is not None and order.latest_ns is not None:
+        late_s = max(0, round((ends_ns - order.latest_ns) / 1e9))
+    level = {"failed": "bad", "cancelled": "idle"}.get(order.state, "ok")
+    if level == "ok" and late_s:
+        level = "warn"
+    if order.state == "open" and order.cycle is None and order.reason:
+        level = "warn" if level == "ok" and order.latest_ns is not None else level
+    return {
+        "state": order.state,
+        "level": level,
+        "node": order.node,
+        "x": None if place is None else round(place[0], 1),
+        "y": None if place is None else round(place[1], 1),
+        "vehicle": order.vehicle,
+        "eta": ms(arrival_ns),
+        "earliest": ms(order.earliest_ns),
+        "latest": ms(order.latest_ns),
+        "late_s": late_s,
+        "pinned": order.pinned,
+        "source": order.source,
+        "why": order.reason or None,
+        "since": ms(order.since_ns),
+    }
+
+
+def alarm_row(alarm: Alarm) -> Row:
+    """One alarm of the dispatcher's."""
+    return {
+        "severity": alarm.severity,
+        "since": ms(alarm.since_ns),
+        "subject": alarm.subject,
+        "text": alarm.text,
+        "mend": alarm.mend,
+        "ended": ms(alarm.ended_ns),
+        "by": alarm.acknowledged_by,
+        "acknowledged": ms(alarm.acknowledged_ns),
+    }
+
+
+def own_alarm_row(trouble: Trouble, since_ms: int | None) -> Row:
+    """One of the page's own, of what the dispatcher cannot tell."""
+    return {
+        "severity": "critical" if trouble.level == "bad" else "warning",
+        "since": since_ms,
+        "subject": trouble.subject,
+        "text": trouble.text,
+        "mend": trouble.mend,
+        "ended": None,
+        "by": None,
+        "acknowledged": None,
+    }
+
+
+def cycle_row(report: CycleReport) -> Row:
+    """One dispatch cycle."""
+    energy = None if report.energy is None else energy_sum(report.energy)
+    status, level = labels.CYCLE_STATUS[report.status]
+    return {
+        "t": ms(report.started_ns),
+        "status": status,
+        "level": level,
+        "why": labels.reason(report.reason) or None,
+        "wall_s": round(report.wall_s, 1),
+        "plans": report.plans,
+        "solver": report.solver,
+        "variables": report.variables,
+        "saved_kwh": None if energy is None else energy["saved_kwh"],
+        "saved_share": None if energy is None else energy["saved_share"],
+        "platoon_km": None if energy is None else energy["platoon_km"],
+        "unserved": len(report.unserved),
+        "refused": None,
+    }
+
+
+def energy_sum(
+    energy: EnergySummary,
+    *,
+    km: float | None = None,
+    co2_kg_per_kwh: float = 0.0,
+    price_per_kwh: float = 0.0,
+) -> Row:
+    """What a cycle's plans save against their baseline, split.
+
+    Args:
+        energy: of the cycle.
+        km: driven by its plans; None: not known.
+        co2_kg_per_kwh: emitted for a kilowatt hour.
+        price_per_kwh: in the page's currency.
+    """
+    saved = energy.baseline_kwh - energy.cooperative_kwh
+    return {
+        "baseline": energy.baseline,
+        "baseline_kwh": round(energy.baseline_kwh, 3),
+        "plan_kwh": round(energy.cooperative_kwh, 3),
+        "saved_kwh": round(saved, 3),
+        "saved_share": round(saved / energy.baseline_kwh, 4) if energy.baseline_kwh else 0.0,
+        "distance_kwh": round(energy.saved_distance_kwh, 3),
+        "drag_kwh": round(energy.saved_drag_kwh, 3),
+        "acceleration_kwh": round(energy.saved_acceleration_kwh, 3),
+        "km": None if km is None else round(km, 1),
+        "platoon_km": round(energy.platooned_distance_m / 1000, 1),
+        "co2_kg": round(saved * co2_kg_per_kwh, 3),
+        "money": round(saved * price_per_kwh, 2),
+    }

@@ -1,0 +1,33 @@
+/** A cycle's card: its result, what its solvers said, who was left out and why. */
+
+import { h } from "../dom.js";
+import { words } from "../format.js";
+import { chip } from "../marks.js";
+import { energyParts } from "../energy_parts.js";
+import { facts, link, longTable, section, sentences, tile } from "./parts.js";
+
+/** @param {string} id @param {any} row @param {any} detail @param {import("./parts.js").CardContext} ctx */
+export function cycleCard(id, row, detail, ctx) {
+  const { f } = ctx;
+  return [
+    h("div.lead", {}, chip(row.level, row.why ? `${words(row.status)}: ${row.why}` : words(row.status))),
+    h("div.tiles", {},
+      tile("Saved", f.kwh(row.saved_kwh), f.share(row.saved_share)),
+      tile("In platoons", f.km(row.platoon_km)),
+      tile("Took", `${f.number(row.wall_s, 1)}\u00a0s`),
+      tile("Unserved", f.number(row.unserved?.length ?? row.unserved))),
+    facts([
+      ["Time", f.moment(row.t)],
+      ["Solver", row.solver],
+      ["Plans", f.number(row.plans)],
+      ["Variables", f.number(row.variables)],
+      ["Platoons refused", row.refused === null ? null : f.number(row.refused)],
+    ]),
+    detail?.energy ? section("Energy", energyParts(detail.energy, f)) : null,
+    detail?.unserved?.length ? section("Not served", longTable(["Order", "Why"], detail.unserved.map((one) => [link("order", one.stop), words(one.reason)]), "Not served")) : null,
+    detail ? section("Solvers", detail.solvers?.length ? longTable(["Solver", "Result", "#Cost kWh", "#Time s"], detail.solvers.map((one) => [
+      one.solver, words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
+    ]), "Solvers", 12) : h("p.muted", {}, "No solver ran.")) : h("p.muted", {}, "Loading…"),
+    detail?.explain?.length ? section("In words", sentences(detail.explain, "")) : null,
+  ];
+}

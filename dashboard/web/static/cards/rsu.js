@@ -1,0 +1,49 @@
+/** A roadside unit's card: its picture, its figures, its faults and its calibration. */
+
+import { subjectUrl } from "../api.js";
+import { h } from "../dom.js";
+import { count, words } from "../format.js";
+import { chip } from "../marks.js";
+import { facts, links, section, tile } from "./parts.js";
+
+/** @param {string} id @param {any} row @param {any} detail @param {import("./parts.js").CardContext} ctx */
+export function rsuCard(id, row, detail, ctx) {
+  const { f } = ctx;
+  return [
+    h("div.lead", {}, chip(row.level, row.why || words(row.status))),
+    picture(id, row, ctx),
+    h("div.tiles", {},
+      tile("Frames/s", f.number(row.fps, 1)),
+      tile("Latency", row.latency_ms === null ? "–" : `${f.number(row.latency_ms)}\u00a0ms`),
+      tile("Skipped", f.share(row.skipped_share)),
+      tile("Vehicles", f.number(row.vehicles))),
+    facts([
+      ["Faults", row.faults?.length ? row.faults.map(words).join(", ") : "none"],
+      ["Watches", h("span", {}, links("road", row.segments, ctx.roadName))],
+      ["Last heard", row.seen === null ? "now, as each second" : f.moment(row.seen)],
+      ...(detail ? [
+        ["Calibration", detail.calibration ?? "not told"],
+        ["Source", detail.source],
+        ["Running since", f.moment(detail.started)],
+        ["Frames", `${f.number(detail.frames)}, ${f.number(detail.repeated)} repeated, ${count(detail.decode_errors ?? 0, "decode error")}`],
+        ["Reconnects", f.number(detail.reconnects)],
+        ["Memory", detail.rss_mb === null ? null : `${f.number(detail.rss_mb)}\u00a0MB`],
+      ] : []),
+    ]),
+    detail?.reception ? section("Reception", facts([
+      ["Messages", f.number(detail.reception.received)],
+      ["Missed", f.number(detail.reception.missed)],
+      ["Twice", f.number(detail.reception.duplicates)],
+      ["Out of order", f.number(detail.reception.out_of_order)],
+      ["Delay", detail.reception.delay_s === null ? null : `${f.number(detail.reception.delay_s, 2)}\u00a0s`],
+    ])) : null,
+  ];
+}
+
+function picture(id, row, ctx) {
+  if (ctx.t !== null) return h("p.muted", {}, "Pictures are not stored: there is none of a past moment.");
+  if (!row.picture) return h("p.empty.picture", {}, "It sends no picture.");
+  return h("figure.picture", { "data-key": id },
+    h("img", { src: subjectUrl("rsus", id, null, "/picture"), alt: `Live picture of ${id}` }),
+    h("figcaption", {}, "Live, with the boxes of the vehicles that it recognises"));
+}

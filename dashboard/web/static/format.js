@@ -1,0 +1,157 @@
+/** Figures in the reader's units, clock times in the settings' time zone. */
+
+const MISSING = "–";
+const NBSP = "\u00a0";
+const KM_PER_MILE = 1.609344;
+const M_PER_FOOT = 0.3048;
+
+/** Formats values of one configuration. Every method answers "–" for null. */
+export class Format {
+  /** @param {{units?: string, time_zone?: string|null, currency?: string}} config */
+  constructor(config) {
+    this.imperial = config.units === "imperial";
+    this.currency = config.currency ?? "EUR";
+    const timeZone = config.time_zone ?? undefined;
+    const clock = { hour: "2-digit", minute: "2-digit", hourCycle: "h23", timeZone };
+    const make = (options) => new Intl.DateTimeFormat("en-GB", options);
+    this._clock = make({ ...clock, second: "2-digit" });
+    this._minute = make(clock);
+    this._day = make({ day: "numeric", month: "short", timeZone });
+    this._date = make({ weekday: "short", day: "numeric", month: "short", year: "numeric", timeZone });
+    this._zone = make({ timeZoneName: "short", timeZone });
+    this._iso = new Intl.DateTimeFormat("en-CA", { year: "numeric", month: "2-digit", day: "2-digit", timeZone });
+    this._parts = make({ ...clock, year: "numeric", month: "2-digit", day: "2-digit", second: "2-digit", timeZone });
+    this._digits = [0, 1, 2, 3].map(
+      (n) => new Intl.NumberFormat("en-GB", { minimumFractionDigits: n, maximumFractionDigits: n }),
+    );
+  }
+
+  /** "14:02:11" @param {number|null} ms */
+  clock(ms) { return missing(ms) ? MISSING : this._clock.format(ms); }
+
+  /** "14:02", and the day before it if that is not the day of `now`. @param {number|null} ms */
+  time(ms, now = Date.now()) {
+    if (missing(ms)) return MISSING;
+    const minute = this._minute.format(ms);
+    return this.isoDay(ms) === this.isoDay(now) ? minute : `${this._day.format(ms).replace(" ", NBSP)}, ${minute}`;
+  }
+
+  /** "Mon 23 Nov 2026, 14:02:11" @param {number|null} ms */
+  moment(ms) { return missing(ms) ? MISSING : `${this._date.format(ms).replace(",", "")}, ${this._clock.format(ms)}`; }
+
+  /** "Mon 23 Nov 2026" @param {number|null} ms */
+  date(ms) { return missing(ms) ? MISSING : this._date.format(ms).replace(",", ""); }
+
+  /** "23 Nov" @param {number|null} ms */
+  day(ms) { return missing(ms) ? MISSING : this._day.format(ms); }
+
+  /** "2026-11-23" @param {number} ms */
+  isoDay(ms) { return this._iso.format(ms); }
+
+  /** "CET" @param {number} ms */
+  zone(ms) { return this._zone.formatToParts(ms).find((part) => part.type === "timeZoneName")?.value ?? ""; }
+
+  /** The value of a datetime-local input. @param {number} ms */
+  localInput(ms) {
+    const part = Object.fromEntries(this._parts.formatToParts(ms).map(({ type, value }) => [type, value]));
+    return `${part.year}-${part.month}-${part.day}T${part.hour}:${part.minute}:${part.second}`;
+  }
+
+  /** UTC of a datetime-local input's value, which is in the page's zone; null if it is none. @param {string} text */
+  fromLocalInput(text) {
+    const naive = Date.parse(`${text}Z`);
+    if (Number.isNaN(naive)) return null;
+    // Twice: the first guess may lie on the other side of a change to summer time.
+    let ms = naive;
+    for (let i = 0; i < 2; i += 1) ms += naive - Date.parse(`${this.localInput(ms)}Z`);
+    return ms;
+  }
+
+  /** "14:02–14:30"; an open end is left out. */
+  window(begin, end, now = Date.now()) {
+    if (missing(begin) && missing(end)) return MISSING;
+    if (missing(begin)) return `by ${this.time(end, now)}`;
+    if (missing(end)) return `from ${this.time(begin, now)}`;
+    return `${this.time(begin, now)}–${this.time(end, now)}`;
+  }
+
+  /** "4 min 10 s" @param {number|null} seconds */
+  duration(seconds) {
+    if (missing(seconds)) return MISSING;
+    const all = Math.round(Math.abs(seconds));
+    const sign = seconds < 0 && all > 0 ? "−" : "";
+    const [d, hours, m, sec] = [Math.floor(all / 86400), Math.floor(all / 3600) % 24, Math.floor(all / 60) % 60, all % 60];
+    const parts = [[d, "d"], [hours, "h"], [m, "min"], [sec, "s"]].filter(([n]) => n);
+    if (!parts.length) return `0${NBSP}s`;
+    return sign + parts.slice(0, 2).map(([n, unit]) => `${n}${NBSP}${unit}`).join(" ");
+  }
+
+  /** "+4 min" late, "−2 min" early, "on time" within half a minute. @param {number|null} seconds */
+  delay(seconds) {
+    if (missing(seconds)) return MISSING;
+    if (Math.abs(seconds) < 30) return "on time";
+    return `${seconds > 0 ? "+" : "−"}${Math.round(Math.abs(seconds) / 60)}${NBSP}min`;
+  }
+
+  /** @param {number|null} value */
+  number(value, digits = 0) {
+    if (missing(value)) return MISSING;
+    return this._digits[digits].format(value).replace("-", "−");
+  }
+
+  /** A number with as many digits as it is worth. @param {number|null} value */
+  measure(value) {
+    if (missing(value)) return MISSING;
+    const size = Math.abs(value);
+    return this.number(value, size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 || size === 0 ? 2 : 3);
+  }
+
+  /** The number of a speed in the reader's unit. @param {number} kmh */
+  speedValue(kmh) { return this.imperial ? kmh / KM_PER_MILE : kmh; }
+
+  get speedUnit() { return this.imperial ? "mph" : "km/h"; }
+
+  speed(kmh) { return missing(kmh) ? MISSING : `${this.number(this.speedValue(kmh))}${NBSP}${this.speedUnit}`; }
+
+  /** @param {number|null} m */
+  distance(m) {
+    if (missing(m)) return MISSING;
+    if (Math.abs(m) >= 1000) return this.km(m / 1000);
+    return this.imperial ? `${this.number(m / M_PER_FOOT)}${NBSP}ft` : `${this.number(m)}${NBSP}m`;
+  }
+
+  /** @param {number|null} km */
+  km(km) {
+    if (missing(km)) return MISSING;
+    const value = this.imperial ? km / KM_PER_MILE : km;
+    return `${this.number(value, Math.abs(value) < 100 ? 1 : 0)}${NBSP}${this.imperial ? "mi" : "km"}`;
+  }
+
+  kwh(kwh, signed = false) {
+    if (missing(kwh)) return MISSING;
+    const digits = Math.abs(kwh) < 10 ? 2 : Math.abs(kwh) < 1000 ? 1 : 0;
+    return `${signed && kwh > 0 ? "+" : ""}${this.number(kwh, digits)}${NBSP}kWh`;
+  }
+
+  share(share, digits = 1) { return missing(share) ? MISSING : `${this.number(share * 100, digits)}${NBSP}%`; }
+
+  mass(kg) {
+    if (missing(kg)) return MISSING;
+    return Math.abs(kg) >= 1000 ? `${this.number(kg / 1000, 2)}${NBSP}t` : `${this.number(kg, Math.abs(kg) < 10 ? 1 : 0)}${NBSP}kg`;
+  }
+
+  money(value) {
+    if (missing(value)) return MISSING;
+    const sign = value < 0 ? "−" : "";
+    return `${sign}${this.currency}${NBSP}${this.number(Math.abs(value), 2)}`;
+  }
+}
+
+/** @param {any} value */
+function missing(value) { return value === null || value === undefined || Number.isNaN(value); }
+
+/** "under_way" as words. @param {string|null|undefined} code */
+export function words(code) { return code ? String(code).replaceAll("_", " ") : MISSING; }
+
+/** "1 van", "2 vans", "1,000 roads" @param {number} n @param {string} noun */
+export function count(n, noun, plural = `${noun}s`) { return `${n.toLocaleString("en-GB")}${NBSP}${n === 1 ? noun : plural}`; }

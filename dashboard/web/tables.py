@@ -1,0 +1,281 @@
+"""The page's tables of one moment after the other, and what has changed between two; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import is_
+from typing import Any, Final
+
+from dashboard.live import Snapshot
+from dashboard.view.model import RoadView, VehicleView
+from dashboard.view.roads import RoadData, RoadLimits, open_roads, road_data, road_limits, road_view
+from dashboard.view.rsus import rsu_views
+from dashboard.view.troubles import Trouble, troubles
+from dashboard.view.vehicles import vehicle_views
+from dashboard.web import rows
+from dashboard.web.rows import TABLES, Moment, Row, Rows, Scene, Tour, ms
+from slipstream.messages import CycleReport, VehiclePlan
+from slipstream.orders import OrderRecord
+
+Partners = dict[tuple[str, str], list[str]]
+OWN_ALARMS: Final = ("bus", "dispatcher", "database")
+"""Subjects whose trouble the dispatcher may not be able to tell of: the page tells it."""
+_ORDERS_AGAIN_NS: Final = 60 * 10**9
+"""For so long orders that have ended stay, though their time is over."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Ages above which messages count for nothing, s.
+
+    Attributes:
+        stale_after_s: RSU health, and road data where the dispatcher publishes no limit.
+        silent_after_s: the dispatcher's health.
+    """
+
+    stale_after_s: float
+    silent_after_s: float
+
+
+@dataclass(frozen=True)
+class _Road:
+    data: RoadData
+    view: RoadView
+    row: Row
+    expires_ns: int
+
+
+class Tables:
+    """The tables of the latest moment; of roads only what has changed is made anew.
+
+    Args:
+        scene: roads and fleet.
+        limits: see there.
+        live: whether they are of the present.
+        energy_factors: keyword arguments of `rows.energy_sum`.
+
+    Attributes:
+        moment: the whole, with `seq` 0 before the first update.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        limits: Limits,
+        *,
+        live: bool = True,
+        energy_factors: Mapping[str, float] | None = None,
+    ) -> None:
+        self._scene, self._limits = scene, limits
+        self._factors = dict(energy_factors or {})
+        self._roads: dict[str, _Road] = {}
+        self._tours: dict[str, tuple[Tour, tuple[bool, ...], list[list[int]]]] = {}
+        self._partners: tuple[tuple[int, ...], tuple[VehiclePlan, ...], Partners] = (), (), {}
+        self._road_limits: RoadLimits | None = None
+        self._orders: tuple[Sequence[OrderRecord], tuple[VehiclePlan, ...], int, Rows]
+        self._orders = (), (), 0, {}
+        self._cycles: tuple[tuple[CycleReport, ...], Rows] = (), {}
+        self._last_energy: Row | None = None
+        self.moment: Moment = {
+            "t": 0,
+            "seq": 0,
+            "live": live,
+            **{table: {} for table in TABLES},
+            "status": None,
+            "energy": None,
+            "next_cycle": None,
+            "paused": False,
+        }
+
+    def update(
+        self,
+        snapshot: Snapshot,
+        now_ns: int,
+        *,
+        energy: Mapping[str, Any] | None = None,
+        pictured: bool = True,
+    ) -> dict[str, Any] | None:
+        """Bring `moment` up to a snapshot.
+
+        Args:
+            snapshot: the messages.
+            now_ns: UTC of the moment.
+            energy: what is saved today, this week, in total, and since when; None: not known.
+            pictured: whether cameras can be asked for pictures.
+
+        Returns:
+            What has changed, as a browser gets it; None: nothing.
+        """
+        roads = self._road_views(snapshot, now_ns)
+        rsus = rsu_views(snapshot.rsus, now_ns, self._limits.stale_after_s)
+        vans = vehicle_views(snapshot, now_ns, open_roads(roads), self._scene.vehicles)
+        wrong = troubles(snapshot, roads, rsus, vans, now_ns, self._limits.silent_after_s)
+        heard = not any(trouble.subject in ("bus", "dispatcher") for trouble in wrong[:1])
+        new: Moment = {
+            "vehicles": self._vehicle_rows(vans, heard),
+            "roads": {name: road.row for name, road in self._roads.items()},
+            "rsus": {rsu.rsu: rows.rsu_row(rsu, self._scene, pictured) for rsu in rsus},
+            "orders": self._order_rows(snapshot, now_ns),
+            "cycles": self._cycle_rows(snapshot),
+            "alarms": self._alarm_rows(snapshot, wrong, now_ns),
+            "status": status(wrong),
+            "energy": self._energy(snapshot, energy),
+            "next_cycle": _next_cycle(snapshot, heard),
+            "paused": snapshot.dispatcher is not None and snapshot.dispatcher.paused,
+        }
+        return self._take(new, ms(now_ns) or 0)
+
+    def _take(self, new: Moment, t: int) -> dict[str, Any] | None:
+        old = self.moment
+        changed: dict[str, Any] = {"set": {}, "del": {}}
+        for table in TABLES:
+            before, after = old[table], new[table]
+            told = {}
+            for name, row in after.items():
+                known = before.get(name)
+                if known is None:
+                    told[name] = row
+                elif known is not row and known != row:
+                    told[name] = {key: value for key, value in row.items() if known[key] != value}
+            if told:
+                changed["set"][table] = told
+            if gone := [name for name in before if name not in after]:
+                changed["del"][table] = gone
+        for key in ("status", "energy", "next_cycle", "paused"):
+            if old[key] != new[key]:
+                changed[key] = new[key]
+        if len(changed) == 2 and not changed["set"] and not changed["del"]:
+            old["t"] = t
+            return None
+        seq = old["seq"] + 1
+        self.moment = {"t": t, "seq": seq, "live": old["live"], **new}
+        return {"t": t, "seq": seq, **changed}
+
+    def _road_views(self, snapshot: Snapshot, now_ns: int) -> list[RoadView]:
+        limits = road_limits(snapshot.dispatcher, self._limits.stale_after_s)
+        if limits != self._road_limits:
+            self._road_limits, self._roads = limits, {}
+        cycle = snapshot.cycles[-1].cycle if snapshot.cycles else None
+        old, self._roads = self._roads, {}
+        for name, data in road_data(snapshot, now_ns).items():
+            known = old.get(name)
+            if known is None or now_ns >= known.expires_ns or not _same(known.data, data):
+                view = road_view(data, cycle, now_ns, limits)
+                known = _Road(data, view, rows.road_row(view), _expires_ns(data, now_ns, limits))
+            self._roads[name] = known
+        return [road.view for road in self._roads.values()]
+
+    def _vehicle_rows(self, vans: tuple[VehicleView, ...], heard: bool) -> Rows:
+        known, self._tours = self._tours, {}
+        plans, made = tuple(van.plan for van in vans if not van.idle), {}
+        key = tuple(map(id, plans))
+        if self._partners[0] != key:
+            # The plans are kept with their ids, so that no other one gets these.
+            self._partners = key, plans, rows.platoons(plans)
+        for van in vans:
+            tour, was_open, drawn = known.get(van.vehicle) or (None, (), [])
+            if tour is None or (tour.plan is not van.plan and tour.plan != van.plan):
+                tour, drawn = Tour.of(van.plan, self._scene), []
+            is_open = tuple(road in van.open_roads for road in tour.shared)
+            if not drawn or was_open != is_open:
+                drawn = tour.drawn(van.open_roads)
+            self._tours[van.vehicle] = tour, is_open, drawn
+            row = rows.vehicle_row(van, tour, drawn, self._scene, self._partners[2])
+            if not heard and row["level"] == "ok" and row["source"] != "reported":
+                # What is shown by plan cannot be confirmed: it must not look well.
+                row["level"] = "warn"
+            made[van.vehicle] = row
+        return made
+
+    def _order_rows(self, snapshot: Snapshot, now_ns: int) -> Rows:
+        # Plans and orders are replaced, never changed.
+        plans = tuple(snapshot.plans.values())
+        same = self._orders[0] is snapshot.orders and _identical(self._orders[1], plans)
+        if same and now_ns < self._orders[2]:
+            return self._orders[3]
+        oldest_ns = now_ns - round(rows.ENDED_ORDERS_FOR_S * 1e9)
+        shown = sorted(
+            (order for order in snapshot.orders if not order.ended or order.since_ns > oldest_ns),
+            key=lambda order: (order.ended, -order.since_ns),
+        )
+        made = {
+            order.order: rows.order_row(order, snapshot.plans.get(order.vehicle or ""), self._scene)
+            for order in shown[: rows.MAX_ORDERS]
+        }
+        self._orders = snapshot.orders, plans, now_ns + _ORDERS_AGAIN_NS, made
+        return made
+
+    def _cycle_rows(self, snapshot: Snapshot) -> Rows:
+        shown = tuple(snapshot.cycles[-rows.MAX_CYCLES :])
+        if not _identical(self._cycles[0], shown):
+            self._cycles = shown, {str(report.cycle): rows.cycle_row(report) for report in shown}
+        return self._cycles[1]
+
+    def _alarm_rows(self, snapshot: Snapshot, wrong: tuple[Trouble, ...], now_ns: int) -> Rows:
+        told = () if snapshot.alarms is None else snapshot.alarms.alarms
+        made = {alarm.id: rows.alarm_row(alarm) for alarm in told}
+        in_force = {alarm.subject for alarm in told if alarm.ended_ns is None}
+        for trouble in wrong:
+            if trouble.subject not in OWN_ALARMS or trouble.subject in in_force:
+                continue
+            name = f"page/{trouble.subject}/{trouble.level}"
+            before = self.moment["alarms"].get(name, {}).get("since")
+            made[name] = rows.own_alarm_row(trouble, before or ms(trouble.since_ns) or ms(now_ns))
+        return made
+
+    def _energy(self, snapshot: Snapshot, told: Mapping[str, Any] | None) -> Row:
+        reports = (report for report in reversed(snapshot.cycles) if report.energy is not None)
+        # A cycle without a vehicle to plan has no energy, and leaves the last figures standing.
+        last = next((r for r in reports if r.energy and r.energy.baseline_kwh > 0), None)
+        if last is not None and last.energy is not None:
+            self._last_energy = rows.energy_sum(last.energy, **self._factors)
+        unknown = {"today": None, "week": None, "total": None, "since": None}
+        return {**unknown, **(told or {}), "last_cycle": self._last_energy}
+
+
+def status(wrong: tuple[Trouble, ...]) -> Row:
+    """The banner: the worst first, with the number of things that are wrong."""
+    items = [
+        {"subject": t.subject, "level": t.level, "text": t.text, "since": ms(t.since_ns)}
+        for t in wrong
+    ]
+    return {
+        "level": wrong[0].level if wrong else "ok",
+        "text": wrong[0].text if wrong else "All is well",
+        "count": len(items),
+        "items": items,
+    }
+
+
+def _next_cycle(snapshot: Snapshot, heard: bool) -> int | None:
+    health = snapshot.dispatcher
+    return None if health is None or not heard else ms(health.next_cycle_ns)
+
+
+def _same(a: RoadData, b: RoadData) -> bool:
+    """Whether both have the same messages; these are replaced, never changed."""
+    return (
+        a.gate is b.gate
+        and a.watched_by == b.watched_by
+        and _identical(a.states, b.states)
+        and _identical(a.stopped, b.stopped)
+    )
+
+
+def _identical(a: Sequence[object], b: Sequence[object]) -> bool:
+    """Whether both hold the same objects."""
+    return len(a) == len(b) and all(map(is_, a, b))
+
+
+def _expires_ns(data: RoadData, now_ns: int, limits: RoadLimits) -> int:
+    """When its view changes by itself: as a message becomes stale, or no longer lies ahead."""
+    stale_ns = round(limits.stale_after_s * 1e9)
+    ahead_ns = round(limits.future_tolerance_s * 1e9)
+    if len(data.states) == 1 and not data.stopped and data.states[0].time_ns <= now_ns + ahead_ns:
+        # The usual case, once a second for each road.
+        stale_at_ns = data.states[0].time_ns + stale_ns + 1
+        return stale_at_ns if stale_at_ns > now_ns else 2**63
+    times = [state.time_ns for state in data.states] + [told.time_ns for told in data.stopped]
+    changes = [at for t in times for at in (t + stale_ns + 1, t - ahead_ns) if at > now_ns]
+    return min(changes, default=2**63)

@@ -1,0 +1,111 @@
+"""The kinds of alarms, and a condition that one of them is for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from slipstream.messages import Severity
+
+
+@dataclass(frozen=True)
+class AlarmKind:
+    """How a kind of condition is told of.
+
+    Attributes:
+        severity: unless a condition has its own.
+        mend: what to do about it.
+        raise_after_s: how long a condition lasts before it is an alarm, s.
+        end_after_s: how long it is gone before the alarm has ended, s.
+        many: what several subjects are or have, where one alarm stands for many: "12 `many`".
+    """
+
+    severity: Severity
+    mend: str
+    raise_after_s: float = 0.0
+    end_after_s: float = 10.0
+    many: str | None = None
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Something that is wrong now.
+
+    Attributes:
+        kind: of `KINDS`.
+        subject: as `slipstream.messages.Alarm` has it. There is one of each kind and subject.
+        text: in words, for people.
+        since_ns: UTC of its begin; None: it is not known.
+        severity: None: that of its kind.
+    """
+
+    kind: str
+    subject: str
+    text: str
+    since_ns: int | None = None
+    severity: Severity | None = None
+
+
+_JOURNAL: Final = "journalctl -u slipstream-dispatcher says more"
+
+KINDS: Final[Mapping[str, AlarmKind]] = {
+    "rsu_silent": AlarmKind(
+        "warning", "look at its box, its network and its journal", many="RSUs are silent"
+    ),
+    "rsu_no_signal": AlarmKind(
+        "warning", "mend the camera or its network", 5.0, many="RSUs have no picture"
+    ),
+    "camera_fault": AlarmKind(
+        "warning", "look at the camera and its view", 5.0, many="cameras have a fault"
+    ),
+    "rsu_clock": AlarmKind(
+        "warning", "set its clock: NTP", 10.0, many="RSUs have a clock that is off"
+    ),
+    "rsu_states_missed": AlarmKind(
+        "warning", "look at its network and its load", many="RSUs have states that do not come"
+    ),
+    "vehicle_stopped": AlarmKind(
+        "warning", "look at the camera; send help", 10.0, many="roads have a vehicle that stands"
+    ),
+    "cycle_failed": AlarmKind("critical", f"mend what it names; {_JOURNAL}", 0.0, 0.0),
+    "cycle_overran": AlarmKind(
+        "warning", "raise interval_s, or lower deadline_s or city.search.time_limit_s", 0.0, 0.0
+    ),
+    "baseline_only": AlarmKind("warning", "look at what each solver says, or raise deadline_s"),
+    "paused": AlarmKind("warning", "resume it: POST /v1/control/resume", 0.0, 0.0),
+    "bus_lost": AlarmKind("critical", "systemctl restart slipstream-router", 3.0),
+    "database_fault": AlarmKind(
+        "critical", f"make room, or restore a backup; {_JOURNAL}", 0.0, 0.0
+    ),
+    "database_set_aside": AlarmKind(
+        "warning", "restore a backup, or acknowledge this if the new database shall stay"
+    ),
+    "database_nearly_full": AlarmKind(
+        "info", "raise keep_mb, or lower keep_days, if older cycles shall stay", 0.0, 600.0
+    ),
+    "disk_nearly_full": AlarmKind("warning", "make room on the disk", 0.0, 60.0),
+    "solver_broken": AlarmKind("warning", "mend what it names, or take it off the solvers"),
+    "cluster_lost": AlarmKind("warning", "restart scheduler and workers", 10.0),
+    "vehicle_silent": AlarmKind(
+        "warning", "call its driver; look at its box", many="vehicles are silent"
+    ),
+    "plan_refused": AlarmKind(
+        "warning",
+        "ask its driver; what it says is the reason",
+        0.0,
+        0.0,
+        "vehicles have refused their plan",
+    ),
+    "vehicle_late": AlarmKind(
+        "warning", "tell the customer, or move the window", 10.0, 30.0, "vehicles are late"
+    ),
+    "order_failed": AlarmKind(
+        "warning", "tell the customer; submit it again", 0.0, 0.0, "orders have failed"
+    ),
+    "order_unserved": AlarmKind(
+        "warning",
+        "mend the order, move its window or add a vehicle",
+        many="orders have no vehicle",
+    ),
+}

@@ -1,0 +1,137 @@
+"""What operators may do to the dispatcher: pause it, resume it, have a cycle now."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from storage import Event, StorageError
+
+log = logging.getLogger(__name__)
+
+PAUSE: Final = "pause"
+RESUME: Final = "resume"
+CYCLE: Final = "cycle"
+
+
+class EventStore(Protocol):
+    """What is needed of the database here."""
+
+    def save_events(self, changed: Sequence[Event]) -> None:
+        """Store durably, or raise."""
+        ...
+
+    def last_event(self, kinds: Collection[str]) -> Event | None:
+        """The one of some kinds that was stored last."""
+        ...
+
+
+@dataclass(frozen=True)
+class Pause:
+    """A pause that lasts.
+
+    Attributes:
+        by: name of the token that asked for it.
+        since_ns: UTC of its begin.
+    """
+
+    by: str
+    since_ns: int
+
+
+class ControlRefused(Exception):
+    """What was asked for cannot be done now.
+
+    Attributes:
+        problem: why.
+        mend: what the caller can do about it.
+    """
+
+    def __init__(self, problem: str, mend: str) -> None:
+        super().__init__(f"{problem}; {mend}")
+        self.problem, self.mend = problem, mend
+
+
+class Control:
+    """Each use is stored as an event before it counts; a pause lasts over restarts. Safe for
+    threads. `StorageError` means that nothing has happened.
+
+    Args:
+        store: database.
+
+    Attributes:
+        paused: the pause; None: cycles run.
+        run_soon: has a cycle run at once, False where one runs already; set once cycles are
+            scheduled.
+    """
+
+    def __init__(self, store: EventStore) -> None:
+        self._store = store
+        self._lock = threading.Lock()
+        self.run_soon: Callable[[], bool] = lambda: False
+        self.paused = self._stored_pause()
+        if self.paused is not None:
+            log.warning("paused by %s: no cycle runs until it is resumed", self.paused.by)
+
+    def pause(self, actor: str) -> None:
+        """Have no cycle begin and no order inserted any more; a cycle that runs goes on."""
+        with self._lock:
+            now_ns = self._record(PAUSE, actor, f"paused by {actor}")
+            self.paused = self.paused or Pause(actor, now_ns)
+
+    def store_pause(self) -> None:
+        """Store the pause once more where the database is another one by now."""
+        with self._lock:
+            try:
+                if self.paused is not None and self._stored_pause() is None:
+                    self._save(PAUSE, self.paused.by, self.paused.since_ns, "dispatcher", "paused")
+            except StorageError as error:
+                log.warning("the pause is not stored: %s", error)
+
+    def note(self, kind: str, subject: str, actor: str) -> None:
+        """Log what somebody did elsewhere, and what cannot be undone for want of a log."""
+        try:
+            self._save(kind, actor, time.time_ns(), subject, f"{kind} by {actor}")
+        except StorageError as error:
+            log.warning("%s of %s by %s is not stored: %s", kind, subject, actor, error)
+
+    def resume(self, actor: str) -> None:
+        """Have cycles run again, the first one now."""
+        with self._lock:
+            self._record(RESUME, actor, f"resumed by {actor}")
+            was_paused, self.paused = self.paused is not None, None
+        if was_paused:
+            self.run_soon()
+
+    def cycle(self, actor: str) -> None:
+        """Have a cycle run now; the next ones follow at the usual interval.
+
+        Raises:
+            ControlRefused: it is paused, or one runs already.
+        """
+        with self._lock:
+            if self.paused is not None:
+                by = self.paused.by
+                raise ControlRefused(f"the dispatcher is paused by {by}", "resume it first")
+            self._record(CYCLE, actor, f"a cycle wanted by {actor}")
+        if not self.run_soon():
+            raise ControlRefused("a cycle runs now", "try again when it has ended")
+
+    def _record(self, kind: str, actor: str, text: str) -> int:
+        now_ns = time.time_ns()
+        self._save(kind, actor, now_ns, "dispatcher", text)
+        log.warning("%s", text)
+        return now_ns
+
+    def _save(self, kind: str, actor: str, time_ns: int, subject: str, text: str) -> None:
+        self._store.save_events([Event(time_ns, kind, "info", subject, text, actor=actor)])
+
+    def _stored_pause(self) -> Pause | None:
+        last = self._store.last_event((PAUSE, RESUME))
+        if last is None or last.kind != PAUSE:
+            return None
+        return Pause(last.actor or "", last.time_ns)

@@ -1,0 +1,93 @@
+"""What the dispatcher says of itself: DispatcherHealth, once a second."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from dispatcher_daemon.dispatcher.control import Control
+from dispatcher_daemon.dispatcher.delivery import PlanDelivery
+from dispatcher_daemon.dispatcher.publishing import MessageBus
+from dispatcher_daemon.dispatcher.receiver import StateReceiver
+from dispatcher_daemon.dispatcher.reports import worst_receptions
+from dispatcher_daemon.fleet_watch import FleetWatch
+from dispatcher_daemon.hardware import JobManager
+from dispatcher_daemon.reception import Reception
+from dispatcher_daemon.settings import DispatcherSettings
+from slipstream.inbox import lost
+from slipstream.messages import DISPATCHER_HEALTH_KEY, DispatcherHealth
+from slipstream.service import LogLimiter, rss_mb
+
+log = logging.getLogger(__name__)
+
+
+class HealthPublisher:
+    """Publishes the dispatcher's health.
+
+    Args:
+        bus: to publish through.
+        settings: of the dispatcher.
+        receiver: of segment states.
+        fleet_watch: the tracked fleet.
+        delivery: counts cycles.
+        job_manager: of a quantum device.
+        started_ns: UTC of the dispatcher's start.
+        control: knows whether it is paused.
+
+    Attributes:
+        receptions: of each RSU's states, as they were told last.
+        database_set_aside: file that a damaged database became.
+    """
+
+    def __init__(
+        self,
+        bus: MessageBus,
+        settings: DispatcherSettings,
+        receiver: StateReceiver,
+        fleet_watch: FleetWatch,
+        delivery: PlanDelivery,
+        job_manager: JobManager | None,
+        started_ns: int,
+        control: Control,
+    ) -> None:
+        self._settings, self._receiver, self._delivery = settings, receiver, delivery
+        self._fleet_watch, self._job_manager = fleet_watch, job_manager
+        self._started_ns, self._control = started_ns, control
+        self._publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
+        self._limiter = LogLimiter()
+        self.receptions: tuple[tuple[str, Reception], ...] = ()
+        self.database_set_aside: str | None = None
+
+    def publish(self, next_cycle_ns: int | None) -> None:
+        """Publish it; errors are logged and do not stop the dispatcher."""
+        try:
+            self._publisher.put(self._health(next_cycle_ns))
+        except Exception as error:
+            if self._limiter.allow("health"):
+                log.exception("the health could not be published: %s", error)
+
+    def _health(self, next_cycle_ns: int | None) -> DispatcherHealth:
+        receiver = self._receiver
+        reporting, silent, orders = self._fleet_watch.figures()
+        self.receptions = tuple(receiver.latest.reception.figures())
+        return DispatcherHealth(
+            time_ns=time.time_ns(),
+            started_ns=self._started_ns,
+            cycles=self._delivery.cycles,
+            cycles_failed=self._delivery.failed,
+            states_received=receiver.received,
+            bad_messages=receiver.bad_messages,
+            states_refused=receiver.refused,
+            messages_lost=lost(),
+            rsus=worst_receptions(self.receptions),
+            next_cycle_ns=next_cycle_ns,
+            rss_mb=rss_mb(),
+            hardware=None if self._job_manager is None else self._job_manager.health(),
+            stale_after_s=self._settings.stale_after_s,
+            future_tolerance_s=self._settings.future_tolerance_s,
+            vehicles_reporting=reporting,
+            vehicles_silent=silent,
+            orders=orders,
+            database_set_aside=self.database_set_aside,
+            paused=self._control.paused is not None,
+        )

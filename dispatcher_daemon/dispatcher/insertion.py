@@ -1,0 +1,99 @@
+"""New orders between cycles: put into tours that have not begun."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Collection
+from typing import Final
+
+from dispatcher_daemon import metrics
+from dispatcher_daemon.cycle import cycle_seed
+from dispatcher_daemon.dispatcher.delivery import PlanDelivery
+from dispatcher_daemon.dispatcher.receiver import StateReceiver
+from dispatcher_daemon.dispatcher.reports import insertion_report
+from dispatcher_daemon.fleet_watch import FleetWatch
+from dispatcher_daemon.planning import insert_stops
+from dispatcher_daemon.plans import Cycle, plan_energies
+from dispatcher_daemon.problem import routing_problem
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.tracking import fleet_of
+from slipstream.roads import RoadNetwork
+
+log = logging.getLogger(__name__)
+
+INSERTION_S: Final = 2.0
+"""From the begin of an insertion between cycles to the first departure by its plans."""
+
+
+class OrderInsertion:
+    """Puts orders into plans between cycles; never while a cycle runs.
+
+    Args:
+        settings: of the dispatcher.
+        network: roads.
+        fleet_watch: the tracked fleet.
+        receiver: of segment states.
+        delivery: stores and sends plans.
+    """
+
+    def __init__(
+        self,
+        settings: DispatcherSettings,
+        network: RoadNetwork,
+        fleet_watch: FleetWatch,
+        receiver: StateReceiver,
+        delivery: PlanDelivery,
+    ) -> None:
+        self._settings, self._network = settings, network
+        self._fleet_watch, self._receiver = fleet_watch, receiver
+        self._delivery = delivery
+
+    def insert(self, orders: Collection[str]) -> None:
+        """Put new orders into tours that have not begun. Those for which there is none wait for the
+        next cycle.
+        """
+        delivery, watch = self._delivery, self._fleet_watch
+        number, began, now_ns = delivery.next_number, time.monotonic(), time.time_ns()
+        fleet = watch.fleet
+        tours, stops = watch.insertion(orders, number, now_ns, INSERTION_S)
+        if fleet is None or not tours or delivery.stopping.is_set() or delivery.storage_fault:
+            return
+        snapshot = self._receiver.snapshot(now_ns)
+        snapshot = watch.learned(now_ns).onto(snapshot)
+        joined = fleet_of(fleet, tours, stops)
+        cycle = Cycle(
+            routing_problem(self._network, joined, self._settings),
+            snapshot,
+            self._settings,
+            number,
+            now_ns,
+            cycle_seed(self._settings.seed, number),
+            reference_delay_s=INSERTION_S,
+        )
+        routes = {tour.vehicle.id: [stop.id for stop in tour.stops] for tour in tours}
+        found, missing = insert_stops(cycle, routes, [stop.id for stop in stops])
+        watch.note_unserved(missing)
+        if found is None:
+            return
+        wall_s = time.monotonic() - began
+        if wall_s > INSERTION_S:
+            # Its vehicles would leave in the past.
+            late = f"an insertion took {wall_s:.1f} s: it waits for the next cycle"
+            watch.note_unserved({stop.id: late for stop in stops} | dict(missing))
+            log.warning("orders were not inserted within %g s", INSERTION_S)
+            return
+        delivery.next_number += 1
+        report = insertion_report(number, now_ns, wall_s, snapshot, found, missing)
+        stored = delivery.store_and_send(
+            report,
+            found.plans,
+            snapshot.states,
+            joined.stop_by_id,
+            INSERTION_S,
+            plan_energies(cycle.problem, found, None),
+        )
+        if stored is not None:
+            watch.skip_number(number)
+            metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
+            log.info("orders inserted between cycles: %d plans", stored.plans)

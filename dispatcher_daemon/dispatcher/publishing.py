@@ -1,0 +1,41 @@
+"""What the dispatcher publishes through: the bus, and the API's stream of events."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+from slipstream.messages import Message
+from slipstream.orders import OrderChange
+
+
+class MessagePublisher(Protocol):
+    """A declared publisher: the part of `slipstream.bus.Publisher` that is used here."""
+
+    def put(self, message: Message | bytes) -> None:
+        """Publish."""
+        ...
+
+
+class MessageBus(Protocol):
+    """The part of `slipstream.bus.Bus` that is used here."""
+
+    def publisher(self, key: str) -> MessagePublisher:
+        """Declare a publisher."""
+        ...
+
+
+class Announce(Protocol):
+    """Tells callers of the API what has happened."""
+
+    def __call__(
+        self,
+        kind: Literal["plan", "state", "cycle", "order", "alarm"],
+        value: Message | OrderChange,
+        /,
+    ) -> None:
+        """Tell."""
+        ...
+
+
+def announce_nothing(kind: str, value: Message | OrderChange, /) -> None:
+    """Without an API nobody listens."""

@@ -1,0 +1,55 @@
+"""Settings of the dispatcher, and of the processes of its cluster."""
+
+from dispatcher_daemon.settings.city import (
+    CitySettings,
+    SearchSettings,
+)
+from dispatcher_daemon.settings.cluster import (
+    LOCAL,
+    ClusterSettings,
+    SchedulerSettings,
+    WorkerSettings,
+)
+from dispatcher_daemon.settings.dispatcher import (
+    ApiSettings,
+    DispatcherSettings,
+    FeedSettings,
+    OrderSettings,
+    PriceSettings,
+)
+from dispatcher_daemon.settings.hardware import (
+    HardwareSettings,
+)
+from dispatcher_daemon.settings.solvers import (
+    BUILT_IN_SOLVERS,
+    HARDWARE_SOLVER,
+    SOLVER_ENTRY_POINTS,
+    LcQaoaSettings,
+    LcQaoaVariant,
+    QaoaSettings,
+    SolverName,
+    solver_names,
+)
+
+__all__ = [
+    "BUILT_IN_SOLVERS",
+    "HARDWARE_SOLVER",
+    "LOCAL",
+    "SOLVER_ENTRY_POINTS",
+    "ApiSettings",
+    "CitySettings",
+    "ClusterSettings",
+    "DispatcherSettings",
+    "FeedSettings",
+    "HardwareSettings",
+    "LcQaoaSettings",
+    "LcQaoaVariant",
+    "OrderSettings",
+    "PriceSettings",
+    "QaoaSettings",
+    "SchedulerSettings",
+    "SearchSettings",
+    "SolverName",
+    "WorkerSettings",
+    "solver_names",
+]

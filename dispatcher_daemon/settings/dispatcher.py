@@ -1,0 +1,265 @@
+"""All settings of the dispatcher, and its short sections."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from dispatcher_daemon.settings.city import CitySettings
+from dispatcher_daemon.settings.cluster import ClusterSettings
+from dispatcher_daemon.settings.hardware import HardwareSettings
+from dispatcher_daemon.settings.solvers import (
+    HARDWARE_SOLVER,
+    LcQaoaSettings,
+    QaoaSettings,
+    SolverName,
+)
+from slipstream.admission import Rsus
+from slipstream.config import BusSettings, ServiceSettings, Settings
+from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
+from slipstream.messages import DrivingAdvice
+from slipstream.spacing import ADVISED_GAP_M
+
+
+class PriceSettings(Settings):
+    """What the objective weighs against energy (``[prices]``), in one currency."""
+
+    energy_kwh: float = Field(
+        default=0.30, gt=0, le=1e6, allow_inf_nan=False, description="A kWh of energy."
+    )
+    driving_hour: float = Field(
+        default=0.60,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="An hour of driving, such as a wage. 0: only energy counts.",
+    )
+    waiting_hour: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="An hour of waiting for other vehicles at the depot, within the departure "
+        "window, or at a hub. 0: a wait is free. At a stop it costs as much as driving.",
+    )
+
+    @property
+    def price_of_time_kw(self) -> float:
+        """Of driving: kWh an hour."""
+        return self.driving_hour / self.energy_kwh
+
+    @property
+    def price_of_waiting_kw(self) -> float:
+        """Of waiting: kWh an hour."""
+        return self.waiting_hour / self.energy_kwh
+
+
+class OrderSettings(Settings):
+    """Orders that callers submit."""
+
+    plan_ahead_s: float = Field(
+        default=7200.0,
+        ge=0,
+        le=86_400,
+        allow_inf_nan=False,
+        description="An order is planned from so long before its window opens, s: longer than the "
+        "way there, and not so long that vehicles wait at its door.",
+    )
+
+
+class FeedSettings(Settings):
+    """Who publishes the feeds for road authorities (``[feeds]``)."""
+
+    publisher: str = Field(
+        default="slipstream",
+        min_length=1,
+        max_length=200,
+        description="Name of the organisation that publishes: DATEX II's national identifier, "
+        "WZDx's publisher.",
+    )
+    country: str = Field(
+        default="ZZ",
+        pattern="^[A-Za-z]{2}$",
+        description="Its country, two letters of ISO 3166; ZZ: none.",
+    )
+    information_status: Literal["real", "test", "technicalExercise", "securityExercise"] = Field(
+        default="test",
+        description="What DATEX II publications say of themselves. Set real once what cameras see "
+        "may be acted on.",
+    )
+
+
+class ApiSettings(Settings):
+    """The HTTP API on 127.0.0.1 (`[api]`), see docs/api.md."""
+
+    port: int = Field(
+        default=0, ge=0, le=65535, description="Port on 127.0.0.1; 0: the API is not served."
+    )
+    tokens: Path | None = Field(
+        default=None,
+        description="File of bearer tokens, see `slipstream token new`; a plain name is first "
+        "looked for among systemd's credentials. Without it only callers of this machine are "
+        "served, and they may only read.",
+    )
+
+
+class DispatcherSettings(Settings):
+    """All settings of the dispatcher; the defaults run the built-in demo."""
+
+    bus: BusSettings = Field(default=BusSettings(), description="The zenoh bus.")
+    service: ServiceSettings = Field(
+        default=ServiceSettings(), description="Metrics and log of the service."
+    )
+    api: ApiSettings = Field(default=ApiSettings(), description="The HTTP API.")
+    orders: OrderSettings = Field(
+        default=OrderSettings(), description="Orders that callers submit."
+    )
+    network: str = Field(default="demo", min_length=1, description="A SUMO net, or 'demo'.")
+    fleet: str = Field(default="demo", min_length=1, description="A fleet file, or 'demo'.")
+    database_url: str = Field(
+        default="sqlite:///slipstream.db",
+        min_length=1,
+        description="SQLAlchemy URL of the database: SQLite or PostgreSQL.",
+    )
+    keep_days: float = Field(
+        default=90.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Age from which cycles are deleted, days.",
+    )
+    keep_mb: float = Field(
+        default=10_000.0,
+        ge=100,
+        allow_inf_nan=False,
+        description="Size of an SQLite database with its log and reserve, MB (10^6 bytes), above "
+        "which the oldest cycles are deleted.",
+    )
+    interval_s: float = Field(
+        default=30.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time from one cycle's start to the next one's, s.",
+    )
+    deadline_s: float = Field(
+        default=10.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time that the solvers have in a cycle, s. Vehicles leave no sooner than this "
+        "after the cycle starts, so that plans are out before.",
+    )
+    sync_window_s: float = Field(
+        default=3.0,
+        ge=0,
+        allow_inf_nan=False,
+        description="Maximum time between two vehicles' entries to a segment at which they can "
+        "platoon there, s.",
+    )
+    rsus: Rsus | None = Field(
+        default=None,
+        description='The segments that each RSU watches, as `rsu-1 = ["avenue_east"]`; states of '
+        "others are refused. Without it any RSU may open any gate.",
+    )
+    stale_after_s: float = Field(
+        default=STALE_AFTER_S,
+        gt=0,
+        allow_inf_nan=False,
+        description="Age from which a SegmentState is ignored, s.",
+    )
+    future_tolerance_s: float = Field(
+        default=FUTURE_TOLERANCE_S,
+        ge=0,
+        allow_inf_nan=False,
+        description="A SegmentState dated further ahead of this clock is refused, s.",
+    )
+    stops_at_signals: float = Field(
+        default=0.0,
+        ge=0,
+        le=100,
+        allow_inf_nan=False,
+        description="Expected number of full stops in a passage of a segment that ends at traffic "
+        "lights, which no camera measures.",
+    )
+    gap_m: float = Field(
+        default=ADVISED_GAP_M,
+        gt=0,
+        allow_inf_nan=False,
+        description="Gap advised to followers, m; while they drive they keep 0.1 s more.",
+    )
+    advice: DrivingAdvice = Field(
+        default=DrivingAdvice(),
+        description="Advice in plans for signals, turns and stops. Without a value_of_time_kw of "
+        "its own it takes the price of driving.",
+    )
+    objective: Literal["energy", "paper"] = Field(
+        default="energy",
+        description="What a route costs. energy: its drive with all changes of speed, expected "
+        "stops and turbulence, and the price of its time; paper: its segments at planning speed, "
+        "as in the paper.",
+    )
+    prices: PriceSettings = Field(
+        default=PriceSettings(), description="Of energy and of time, for the objective energy."
+    )
+    form: Literal["auto", "arc", "route"] = Field(
+        default="auto",
+        description="arc: the paper's form; route: the route form; auto: arc for up to two "
+        "vehicles and eight stops.",
+    )
+    solvers: tuple[SolverName, ...] = Field(
+        default=("exact", "lc-qaoa"),
+        min_length=1,
+        description="Solvers that run in parallel; the best answer is taken. Fleets of "
+        "many blocks use city.solvers instead.",
+    )
+    city: CitySettings = Field(default=CitySettings(), description="The route form.")
+    gamma: float | None = Field(
+        default=None,
+        gt=0,
+        allow_inf_nan=False,
+        description="Penalty weight of the QUBO, kWh; None: computed per instance.",
+    )
+    lc_qaoa: LcQaoaSettings = Field(default=LcQaoaSettings(), description="The solver lc-qaoa.")
+    qaoa: QaoaSettings = Field(default=QaoaSettings(), description="The solver qaoa.")
+    hardware: HardwareSettings = Field(
+        default=HardwareSettings(), description="A quantum device beside the solvers."
+    )
+    feeds: FeedSettings = Field(
+        default=FeedSettings(), description="The feeds for road authorities."
+    )
+    cluster: ClusterSettings = Field(
+        default=ClusterSettings(), description="Other machines that solve."
+    )
+    seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of everything random.")
+
+    @property
+    def priced_advice(self) -> DrivingAdvice:
+        """`advice`; where it has no price of time of its own, at that of driving time."""
+        if "value_of_time_kw" in self.advice.model_fields_set:
+            return self.advice
+        price_kw = self.prices.price_of_time_kw
+        return self.advice.model_copy(update={"value_of_time_kw": price_kw})
+
+    @field_validator("solvers")
+    @classmethod
+    def _each_solver_once(cls, solvers: tuple[SolverName, ...]) -> tuple[SolverName, ...]:
+        if len(set(solvers)) < len(solvers):
+            raise ValueError("a solver is named twice")
+        return solvers
+
+    @model_validator(mode="after")
+    def _deadline_fits(self) -> Self:
+        if self.deadline_s >= self.interval_s:
+            raise ValueError(
+                f"deadline_s ({self.deadline_s:g}) must be below interval_s ({self.interval_s:g})"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _device_has_its_solver(self) -> Self:
+        asked = {*self.solvers, *self.city.solvers}
+        if self.hardware.backend and HARDWARE_SOLVER not in asked:
+            raise ValueError(
+                f"hardware.backend runs circuits of {HARDWARE_SOLVER}: add it to solvers"
+            )
+        return self

@@ -1,0 +1,114 @@
+"""Settings of a quantum device."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from slipstream.config import Settings
+
+
+class HardwareSettings(Settings):
+    """A quantum device beside the solvers: its jobs, budget and circuit breaker."""
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "most_pending": "max_pending_jobs",
+        "most_poll_s": "max_poll_s",
+        "call_limit_s": "call_timeout_s",
+        "give_up_after_s": "job_timeout_s",
+        "faults": "fault_threshold",
+        "rest_s": "open_s",
+        "most_rest_s": "max_open_s",
+    }
+
+    backend: str = Field(
+        default="",
+        pattern=r"^(|ibm:[A-Za-z0-9_-]+|fake:Fake[A-Za-z0-9]+)$",
+        description="ibm:NAME, ibm:least-busy, or for a trial without an account fake:FakeBoston; "
+        "empty: no device.",
+    )
+    shots: int = Field(default=4096, ge=1, le=100_000, description="Number of samples of a job.")
+    budget_s_per_day: float = Field(
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Maximum device time in any 24 hours, s. A job's estimate is reserved before "
+        "it is submitted.",
+    )
+    max_pending_jobs: int = Field(
+        default=2, ge=1, le=100, description="Maximum number of jobs at the service at once."
+    )
+    jobs_per_cycle: int = Field(
+        default=1, ge=1, le=100, description="Maximum number of jobs that one cycle submits."
+    )
+    wait_s: float = Field(
+        default=3.0,
+        ge=0,
+        allow_inf_nan=False,
+        description="How long a cycle waits for the device once all other solvers are done, s: in "
+        "all its blocks together, and never into the last fifth of its deadline.",
+    )
+    poll_s: float = Field(
+        default=1.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time from submitting a job to its first poll, s; it grows by half with each "
+        "poll.",
+    )
+    max_poll_s: float = Field(
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Maximum time between two polls of a job, s; at least 3600 s where only its "
+        "charge is not known yet.",
+    )
+    call_timeout_s: float = Field(
+        default=20.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Maximum time of one call of the service, s; a longer one is ended with its "
+        "process.",
+    )
+    job_timeout_s: float = Field(
+        default=1800.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Maximum age of a pending job, s; an older one is cancelled. An answer that is "
+        "unused for so long is recorded as late.",
+    )
+    lost_after_s: float = Field(
+        default=300.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Time after which a job that the service does not know is given up, s.",
+    )
+    fault_threshold: int = Field(
+        default=3,
+        ge=1,
+        le=1000,
+        description="Number of faults, without a good answer in between, that opens the circuit "
+        "breaker. While it is open no job is submitted.",
+    )
+    open_s: float = Field(
+        default=60.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="First open time of the circuit breaker, s; it doubles each time the breaker "
+        "opens again.",
+    )
+    max_open_s: float = Field(
+        default=3600.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Maximum open time of the circuit breaker, s, and its open time after refused "
+        "credentials.",
+    )
+
+    @model_validator(mode="after")
+    def _limits_are_above(self) -> Self:
+        for low, high in (("poll_s", "max_poll_s"), ("open_s", "max_open_s")):
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(f"{low} must not be above {high}")
+        return self

@@ -1,0 +1,157 @@
+"""What files of one site have to agree about. Pure, but for nets that are read once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from slipstream.errors import InputError
+from slipstream_cli.checks.kinds import Checked, network_of
+
+
+def faults_between(files: Sequence[Checked], network: str | None) -> Iterator[InputError]:
+    """What does not fit together.
+
+    Args:
+        files: each valid by itself.
+        network: roads that are given beside them; None: those of the dispatchers, or else of the
+            dashboards.
+    """
+    by_kind: dict[str, list[Checked]] = {}
+    for file in files:
+        by_kind.setdefault(file.kind, []).append(file)
+    yield from _rsus(by_kind)
+    yield from _segments(by_kind, network)
+    yield from _dashboards(by_kind)
+    yield from _vehicles(by_kind)
+    yield from _ports(files)
+
+
+def nets_of(files: Mapping[str, Sequence[Checked]], network: str | None) -> dict[str, str]:
+    """The road networks of a site, and who names them."""
+    if network is not None:
+        return {network: "--network"}
+    owners = files.get("dispatcher") or files.get("dashboard") or ()
+    return {owner.content.network: str(owner.path) for owner in owners}
+
+
+def _rsus(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
+    """RSUs named twice, and those that the dispatcher does not admit."""
+    if not files.get("edge"):
+        return
+    from edge_daemon.camera import load_camera
+
+    seen: dict[str, Path] = {}
+    for edge in files.get("edge", ()):
+        rsu = edge.content.rsu
+        if rsu in seen:
+            problem = f"{rsu!r} is also the name in {seen[rsu]}"
+            yield InputError(edge.path, problem, "give each its own", key="rsu")
+        seen.setdefault(rsu, edge.path)
+        watched = [segment.id for segment in load_camera(edge.content.camera).segments]
+        for dispatcher in files.get("dispatcher", ()):
+            listed: Mapping[str, Sequence[str]] | None = dispatcher.content.rsus
+            if listed is None:
+                continue
+            if rsu not in listed:
+                problem = f"{dispatcher.path} does not list {rsu!r} in rsus"
+                yield InputError(edge.path, problem, "add it there, or rename one", key="rsu")
+                continue
+            for segment in watched:
+                if segment not in listed[rsu]:
+                    yield InputError(
+                        edge.content.camera,
+                        f"{dispatcher.path} does not list it for {rsu!r}",
+                        "add it to rsus there, or remove it here",
+                        key=f"segments.{segment}",
+                    )
+
+
+def _segments(files: Mapping[str, Sequence[Checked]], network: str | None) -> Iterator[InputError]:
+    """Segments of cameras that the roads lack."""
+    if not (files.get("edge") or files.get("camera")):
+        return
+    from edge_daemon.camera import load_camera
+
+    cameras = {camera.path.absolute(): camera.content for camera in files.get("camera", ())}
+    for edge in files.get("edge", ()):
+        path = Path(edge.content.camera).absolute()
+        if path not in cameras:
+            cameras[path] = load_camera(edge.content.camera)
+    for reference, owner in nets_of(files, network).items():
+        roads = network_of(reference)
+        for path, camera in cameras.items():
+            for segment in camera.segments:
+                if segment.id not in roads.segments:
+                    yield InputError(
+                        path,
+                        f"the network of {owner} has no such segment",
+                        "find its id with slipstream net find",
+                        key=f"segments.{segment.id}",
+                    )
+
+
+def _dashboards(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
+    """Roads and RSUs that a dashboard shows, and its dispatcher does not use."""
+    for dashboard in files.get("dashboard", ()):
+        for dispatcher in files.get("dispatcher", ()):
+            for key in ("network", "rsus", "database_url", "fleet"):
+                if key == "fleet" and dashboard.content.fleet is None:
+                    continue
+                if _plain(dashboard, key) != _plain(dispatcher, key):
+                    yield InputError(
+                        dashboard.path,
+                        f"not the same as in {dispatcher.path}",
+                        "write the dispatcher's",
+                        key=key,
+                    )
+
+
+def _plain(file: Checked, key: str) -> Any:
+    value = getattr(file.content, key)
+    if key == "rsus":
+        return None if value is None else {rsu: set(found) for rsu, found in value.items()}
+    return Path(value).absolute() if key in ("network", "fleet") else value
+
+
+def _vehicles(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
+    """Vehicles with two agents, and those that no fleet has."""
+    fleets = [f.fleet for f in (*files.get("fleet", ()), *files.get("dispatcher", ())) if f.fleet]
+    known = {vehicle.id for fleet in fleets for vehicle in fleet.vehicles}
+    seen: dict[str, Path] = {}
+    for agent in files.get("agent", ()):
+        for vehicle in agent.content.vehicles:
+            key = f"vehicles.{vehicle.id}"
+            if vehicle.id in seen:
+                problem = f"{seen[vehicle.id]} has an agent of it too"
+                yield InputError(agent.path, problem, "remove it from one", key=key)
+            seen.setdefault(vehicle.id, agent.path)
+            if known and vehicle.id not in known:
+                problem = "no fleet file has this vehicle"
+                yield InputError(agent.path, problem, "add it there, or mend its id", key=key)
+
+
+def _ports(files: Sequence[Checked]) -> Iterator[InputError]:
+    """Ports of this machine that two of the files ask for."""
+    seen: dict[int, tuple[Path, str]] = {}
+    for file in files:
+        for key, port in _ports_of(file):
+            if port in seen:
+                path, other = seen[port]
+                problem = f"port {port} is taken by {other} of {path}"
+                yield InputError(file.path, problem, "give each its own", key=key)
+            seen.setdefault(port, (file.path, key))
+
+
+def _ports_of(file: Checked) -> Iterator[tuple[str, int]]:
+    content = file.content
+    service = getattr(content, "service", None)
+    api = getattr(content, "api", None)
+    named = {
+        "port": getattr(content, "port", 0) if file.kind in ("dashboard", "worker") else 0,
+        "scene_port": getattr(content, "scene_port", 0),
+        "api.port": 0 if api is None else api.port,
+        "service.metrics_port": 0 if service is None else service.metrics_port,
+    }
+    yield from ((key, port) for key, port in named.items() if port)

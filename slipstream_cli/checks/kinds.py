@@ -1,0 +1,227 @@
+"""Each kind of file: how it is told, and what it has to be by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from slipstream.config import load, read_data
+from slipstream.errors import InputError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from dispatcher_daemon.fleet import Fleet
+    from slipstream.roads import RoadNetwork
+
+_BOXES: Final = (
+    ("agent", "vehicle_agent.settings", "AgentSettings"),
+    ("edge", "edge_daemon.settings", "EdgeSettings"),
+    ("camera", "edge_daemon.settings", "CameraSettings"),
+)
+"""Models of what is checked on boxes, which have no dispatcher."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A file that is valid by itself.
+
+    Attributes:
+        path: the file.
+        kind: what it is.
+        content: settings or camera.
+        notes: what else is worth knowing of it.
+        unserved: stops that cannot be served, with the reason.
+        fleet: of a fleet file, or the one that a dispatcher's settings name; None: no vehicle.
+    """
+
+    path: Path
+    kind: str
+    content: Any = None
+    notes: Sequence[str] = ()
+    unserved: Mapping[str, str] = field(default_factory=dict)
+    fleet: Fleet | None = None
+
+    @property
+    def title(self) -> str:
+        """What it is, in words."""
+        alone = ("fleet", "instance", "camera")
+        return self.kind if self.kind in alone else f"{self.kind} settings"
+
+
+def kind_of(path: Path) -> str:
+    """What a file is, by its keys; where they leave it open, by its name.
+
+    Raises:
+        InputError: neither tells, or it cannot be read.
+    """
+    content = read_data(path)
+    keys = set(content) if isinstance(content, dict) else set()
+    if "format" in keys:
+        return "instance"
+    # A box has the packages of its own daemon alone.
+    for kind, module, name in _BOXES:
+        if kind in path.stem and keys <= _keys(getattr(import_module(module), name)):
+            return kind
+    known = {kind: len(keys & _keys(model)) for kind, model in _models().items()}
+    most = max(known.values())
+    best = [kind for kind, count in known.items() if count == most and most]
+    named = [kind for kind in best or CHECKS if kind in path.stem]
+    for chosen in (named, best):
+        if len(chosen) == 1 or (chosen and chosen is named):
+            return chosen[0]
+    raise InputError(
+        path,
+        "cannot tell what it is",
+        f"say so with --as, or put {', '.join(CHECKS)} into its name",
+    )
+
+
+def _models() -> Mapping[str, type[BaseModel]]:
+    from dispatcher_daemon.fleet import Fleet
+    from edge_daemon.settings import CameraSettings
+    from slipstream_cli.settings_doc import DAEMONS
+
+    return {"fleet": Fleet, "camera": CameraSettings, **DAEMONS}
+
+
+def _keys(model: type[BaseModel]) -> set[str]:
+    return {field.alias or name for name, field in model.model_fields.items()}
+
+
+@lru_cache(maxsize=8)
+def network_of(reference: str) -> RoadNetwork:
+    """A road network, read once."""
+    from slipstream.sumo_net import load_network
+
+    return load_network(reference)
+
+
+def _check_edge(path: Path, _: str) -> Checked:
+    from edge_daemon.camera import load_camera
+    from edge_daemon.detection import open_detector
+    from edge_daemon.settings import EdgeSettings
+    from edge_daemon.sources.clip import open_clip
+    from edge_daemon.watch import read_reference
+
+    settings = load(path, EdgeSettings)
+    camera = load_camera(settings.camera)
+    read_reference(camera)
+    open_detector(settings.detector)
+    if settings.source.clips:
+        open_clip(*settings.source.clips, loop=False, size=camera.size).close()
+    return Checked(path, "edge", settings)
+
+
+def _check_camera(path: Path, _: str) -> Checked:
+    from edge_daemon.camera import load_camera
+    from edge_daemon.watch import read_reference
+
+    camera = load_camera(path)
+    read_reference(camera)
+    return Checked(path, "camera", camera)
+
+
+def _check_dispatcher(path: Path, _: str) -> Checked:
+    from dispatcher_daemon.settings import DispatcherSettings
+    from slipstream.admission import check_rsus
+
+    settings = load(path, DispatcherSettings)
+    roads = network_of(settings.network)
+    check_rsus(settings.rsus, roads, path)
+    service, _, device = settings.hardware.backend.partition(":")
+    if service == "fake":
+        from dispatcher_daemon.solvers.quantum.backends.aer import fake_target
+
+        try:
+            fake_target(device)
+        except InputError as error:
+            raise InputError(path, error.problem, error.mend, key="hardware.backend") from None
+    fleet = _fleet(Path(settings.fleet), roads)
+    return Checked(path, "dispatcher", settings, fleet.notes, fleet.unserved, fleet.fleet)
+
+
+def _check_agent(path: Path, _: str) -> Checked:
+    from vehicle_agent.settings import AgentSettings
+
+    return Checked(path, "agent", load(path, AgentSettings))
+
+
+def _check_dashboard(path: Path, _: str) -> Checked:
+    from dashboard.settings import DashboardSettings
+    from dashboard.web.fleet_file import make_scene
+    from slipstream.admission import check_rsus
+
+    settings = load(path, DashboardSettings)
+    roads = network_of(settings.network)
+    check_rsus(settings.rsus, roads, path)
+    make_scene(roads, settings.fleet, settings.depots)
+    return Checked(path, "dashboard", settings)
+
+
+def _check_scheduler(path: Path, _: str) -> Checked:
+    from dispatcher_daemon.settings import SchedulerSettings
+
+    return Checked(path, "scheduler", load(path, SchedulerSettings))
+
+
+def _check_worker(path: Path, _: str) -> Checked:
+    from dispatcher_daemon.settings import WorkerSettings
+
+    return Checked(path, "worker", load(path, WorkerSettings))
+
+
+def _check_fleet(path: Path, network: str) -> Checked:
+    return _fleet(path, network_of(network))
+
+
+def _fleet(path: Path, roads: RoadNetwork) -> Checked:
+    from dispatcher_daemon.fleet import distances
+    from dispatcher_daemon.fleet_file import FleetFile
+    from dispatcher_daemon.planning import unservable
+    from dispatcher_daemon.problem import RoutingProblem
+    from dispatcher_daemon.traffic import take_snapshot
+    from slipstream.freshness import STALE_AFTER_S
+
+    fleet = FleetFile(str(path), roads).current()
+    if fleet is None or not fleet.stops:
+        return Checked(path, "fleet", fleet=fleet)
+    notes = tuple(
+        f"{path}: {key}: {place.distance_m:.0f} m from {place.segment}, served at {place.node}"
+        for key, place in distances(fleet, roads, path)
+    )
+    free_flow = take_snapshot(roads, (), 0, stale_after_s=STALE_AFTER_S)
+    unserved = unservable(RoutingProblem(roads, fleet), free_flow)
+    return Checked(path, "fleet", notes=notes, unserved=unserved, fleet=fleet)
+
+
+def _check_instance(path: Path, _: str) -> Checked:
+    from dispatcher_daemon.planning import unservable
+    from research.instances.instance import instance_from
+    from research.instances.matrices import has_matrices, matrix_instance_from
+
+    data = read_data(path)
+    if has_matrices(data):
+        matrix_instance_from(data, path)
+        return Checked(path, "instance")
+    instance = instance_from(data, path)
+    unserved = unservable(instance.problem, instance.snapshot)
+    return Checked(path, "instance", unserved=unserved)
+
+
+CHECKS: Final[dict[str, Callable[[Path, str], Checked]]] = {
+    "edge": _check_edge,
+    "dispatcher": _check_dispatcher,
+    "agent": _check_agent,
+    "dashboard": _check_dashboard,
+    "scheduler": _check_scheduler,
+    "worker": _check_worker,
+    "camera": _check_camera,
+    "fleet": _check_fleet,
+    "instance": _check_instance,
+}
+"""Each checks one file, a fleet's on given roads."""

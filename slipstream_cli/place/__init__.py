@@ -1,0 +1,1 @@
+"""Sub-commands for one's own place: its roads, its first files."""

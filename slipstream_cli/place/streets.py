@@ -1,0 +1,86 @@
+"""Street names of a network, and what people write for them."""
+
+from __future__ import annotations
+
+import difflib
+import unicodedata
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+from slipstream.errors import InputError
+
+if TYPE_CHECKING:
+    from slipstream.roads import RoadNetwork, Segment
+
+_NEAR: Final = 0.6
+"""Likeness (difflib's ratio) from which a name is meant."""
+_SHORT: Final = {
+    "ave": "avenue", "blvd": "boulevard", "dr": "drive", "ln": "lane", "pl": "place",
+    "rd": "road", "st": "street", "str": "strasse",
+}  # fmt: skip
+
+
+def streets_of(network: RoadNetwork) -> Mapping[str, tuple[Segment, ...]]:
+    """Segments by street name; "" has those without one."""
+    found: dict[str, list[Segment]] = {}
+    for segment in network.segments.values():
+        found.setdefault(segment.name, []).append(segment)
+    return {name: tuple(segments) for name, segments in found.items()}
+
+
+def matching(query: str, network: RoadNetwork) -> tuple[str, ...]:
+    """Names of the streets that are meant, the best first: those that hold what was written, or
+    else those most like it.
+
+    Raises:
+        InputError: the net has no street names, or none is like it.
+    """
+    named = [name for name in streets_of(network) if name]
+    wanted = _plain(query)
+    words = set(wanted.split())
+    held = [n for n in named if wanted and (wanted in _plain(n) or words <= {*_plain(n).split()})]
+    if held:
+        return tuple(sorted(held, key=lambda name: (len(_plain(name)), name)))
+    like = sorted(((_likeness(wanted, _plain(name)), name) for name in named), reverse=True)
+    best = like[0][0] if like else 0.0
+    if best >= _NEAR:
+        # As good as the best one, not all that are barely like it.
+        return tuple(name for value, name in like if value >= max(_NEAR, best - 0.1))
+    if not named:
+        raise InputError(
+            query, "the net has no street names", "give a place, or import the net with names"
+        )
+    raise InputError(query, "no street is called so", f"the nearest is {like[0][1]!r}")
+
+
+def place_of(query: str, network: RoadNetwork) -> tuple[float, float] | None:
+    """The place in the network, m, that two numbers with a comma name; None: it is a name.
+
+    Raises:
+        InputError: latitude and longitude are nowhere.
+    """
+    parts = query.split(",")
+    try:
+        first, second = (float(part) for part in parts)
+    except ValueError:
+        return None
+    if network.projection is None:
+        return first, second
+    if not (abs(first) <= 90 and abs(second) <= 180):
+        mend = "give latitude, then longitude, in degrees"
+        raise InputError(query, "no latitude and longitude", mend)
+    try:
+        return network.projection.place_m(first, second)
+    except ValueError as error:
+        raise InputError(query, str(error), "give a place of the net") from None
+
+
+def _plain(text: str) -> str:
+    """Without case, accents and points, and with words written out."""
+    bare = unicodedata.normalize("NFKD", text.replace("ß", "ss")).casefold()
+    kept = "".join(c if c.isalnum() else " " for c in bare if not unicodedata.combining(c))
+    return " ".join(_SHORT.get(word, word) for word in kept.split())
+
+
+def _likeness(a: str, b: str) -> float:
+    return difflib.SequenceMatcher(None, a, b).ratio()

@@ -1,0 +1,131 @@
+"""What of Slipstream runs on this machine: processes with their settings, systemd's units."""
+
+from __future__ import annotations
+
+import subprocess
+import urllib.error
+import urllib.request
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import psutil
+
+from slipstream.config import load
+from slipstream.errors import InputError
+
+_DAEMONS: Final = (
+    *("run", "world", "router", "edge", "dispatcher", "agent", "dashboard"),
+    *("scheduler", "worker"),
+)
+_PROPERTIES: Final = ("Id", "LoadState", "ActiveState", "SubState", "Result", "UnitFileState")
+_PROBE_S: Final = 2.0
+_SYSTEMCTL_S: Final = 10.0
+
+
+@dataclass(frozen=True)
+class Running:
+    """A daemon's process.
+
+    Attributes:
+        command: sub-command.
+        pid: process.
+        started_s: UTC, s.
+        config: its settings file; None: it has none.
+        settings: read from it; None: it has none, or may not be read.
+    """
+
+    command: str
+    pid: int
+    started_s: float
+    config: Path | None
+    settings: Any
+
+
+def command_of(words: Sequence[str]) -> tuple[str, Sequence[str]] | None:
+    """A daemon's sub-command and its options, from a process's command line; None: it is none."""
+    for at, word in enumerate(words):
+        name = Path(word).name
+        if name == "router.py" and "slipstream" in word:
+            return "router", words[at + 1 :]
+        is_ours = name == "slipstream" or (name == "slipstream_cli" and words[at - 1] == "-m")
+        if is_ours and at + 1 < len(words) and words[at + 1] in _DAEMONS:
+            return words[at + 1], words[at + 2 :]
+    return None
+
+
+def processes() -> list[Running]:
+    """All daemons of this machine, by their command lines; workers that they fork are left out."""
+    found: dict[int, tuple[psutil.Process, str, Sequence[str]]] = {}
+    for process in psutil.process_iter(["pid", "cmdline", "ppid", "create_time"]):
+        daemon = command_of(process.info["cmdline"] or ())
+        if daemon is not None:
+            found[process.pid] = (process, *daemon)
+    running = []
+    for process, command, options in found.values():
+        parent = found.get(process.info["ppid"])
+        if parent is not None and (parent[1], [*parent[2]]) == (command, [*options]):
+            continue
+        path = _config(process, options)
+        settings = None if path is None else _settings(command, path)
+        created = float(process.info["create_time"])
+        running.append(Running(command, process.pid, created, path, settings))
+    return running
+
+
+def _config(process: psutil.Process, options: Sequence[str]) -> Path | None:
+    path = None
+    for at, word in enumerate(options):
+        if word.startswith("--config="):
+            path = Path(word.partition("=")[2])
+        elif word == "--config" and at + 1 < len(options):
+            path = Path(options[at + 1])
+    if path is None or path.is_absolute():
+        return path
+    try:
+        return Path(process.cwd()) / path
+    except (psutil.Error, OSError):
+        return path
+
+
+def _settings(command: str, path: Path) -> Any:
+    from slipstream_cli.settings_doc import DAEMONS
+
+    try:
+        return load(path, DAEMONS[command]) if command in DAEMONS else None  # type: ignore[type-var]
+    except InputError:
+        return None
+
+
+def units() -> Iterator[dict[str, str]]:
+    """The properties of systemd's units of Slipstream; none where systemd does not run."""
+    names = ",".join(_PROPERTIES)
+    command = ["systemctl", "show", "--all", f"--property={names}", "slipstream-*"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_SYSTEMCTL_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return
+    for block in done.stdout.split("\n\n") if done.returncode == 0 else ():
+        unit = dict(line.split("=", 1) for line in block.splitlines() if "=" in line)
+        if unit.get("Id", "").startswith("slipstream-"):
+            yield unit
+
+
+def ask(address: str) -> tuple[int, str] | None:
+    """HTTP status and first line of a page of this machine; None: nobody answers."""
+    # Past any proxy of the environment: it is this machine's own page.
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with opener.open(address, timeout=_PROBE_S) as answer:
+            return int(answer.status), _line(answer.read(500))
+    except urllib.error.HTTPError as error:
+        return int(error.code), _line(error.read(500))
+    except (OSError, ValueError):
+        return None
+
+
+def _line(text: bytes) -> str:
+    return next(iter(text.decode(errors="replace").splitlines()), "")

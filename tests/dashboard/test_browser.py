@@ -1,0 +1,231 @@
+"""The 3D view in a real browser, by geometry: panels, labels that do not overlap, clicks."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dashboard.live import Snapshot
+from dashboard.page import Page
+from dashboard.scene import geometry
+from dashboard.scene.labelling import HEIGHT_PX, width_px
+from dashboard.selection import Selection
+from dashboard.settings import DashboardSettings
+from slipstream.bus import free_port
+
+pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
+S = 1_000_000_000
+WIDTHS = (1024, 1920)
+DRAWN = "window.__viserTestpoints?.rendererInfo.render.triangles > 20"
+LABELS = """() => {
+  const context = document.createElement("canvas").getContext("2d");
+  context.font = "12px " + getComputedStyle(document.body).fontFamily;
+  const nodes = window.__viserSceneTree.getState(), shown = [];
+  for (const [name, node] of Object.entries(nodes)) {
+    if (node?.message?.type !== "LabelMessage" || node.visibility === false) continue;
+    const camera = window.__viserMutable.camera;
+    const pose = window.__viserMutable.nodePoseData[name];
+    const place = camera.position.clone().fromArray(pose.position);
+    const at = place.applyMatrix4(window.__viserMutable.nodeRefFromName["/labels"].matrixWorld)
+      .project(camera);
+    const canvas = window.__viserMutable.canvas.getBoundingClientRect();
+    const text = node.message.props.text;
+    shown.push({text, x: (at.x + 1) / 2 * canvas.width, y: (1 - at.y) / 2 * canvas.height,
+                width: context.measureText(text).width});
+  }
+  return shown;
+}"""
+
+
+@dataclass
+class View:
+    """A served 3D view whose data the test may change."""
+
+    page: Page
+    address: str
+    snapshot: Callable[[], Snapshot]
+
+
+@pytest.fixture
+def view(world) -> Iterator[View]:
+    """The demo's two vans behind each other, a calm road and a turbulent one; made anew each
+    0.3 s."""
+    began_ns = time.time_ns()
+    stopping = threading.Event()
+    settings = DashboardSettings(scene_port=free_port(), database_url=None)
+
+    def snapshot() -> Snapshot:
+        now_ns = time.time_ns()
+        # By whole seconds, so that a label's text does not change with each picture.
+        states = [
+            world.state(name, now_ns // S * S, y_e=y_e)
+            for name, y_e in (("avenue_east", 1), ("avenue_west", 0))
+        ]
+        return Snapshot(
+            states={(state.segment, state.rsu): state for state in states},
+            rsus={state.rsu: world.health(state.segment, now_ns // S * S) for state in states},
+            plans={
+                van: world.plan(van, 9, began_ns - behind_s * S)
+                for van, behind_s in (("van-a", 95), ("van-b", 93))
+            },
+            cycles=tuple(world.cycle(number, began_ns) for number in range(1, 10)),
+            dispatcher=world.dispatcher(now_ns),
+        )
+
+    shown = View(
+        Page(settings, world.network, stopping, "http://operator.example", ("van-b",)),
+        f"http://127.0.0.1:{settings.scene_port}",
+        snapshot,
+    )
+
+    class Now:
+        def snapshot(self) -> Snapshot:
+            return shown.snapshot()
+
+    def serve() -> None:
+        while not stopping.wait(0.3):
+            shown.page.show(Now(), time.time_ns())
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield shown
+    stopping.set()
+    thread.join()
+    shown.page.close()
+
+
+def _open(browser: Any, view: View, width: int, query: str = "") -> Any:
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    page.goto(f"{view.address}/{query}")
+    page.wait_for_function(DRAWN, timeout=90_000)
+    page.get_by_text("Traffic is calm on 1 of 2").wait_for(timeout=30_000)
+    return page
+
+
+def _until(condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + 60
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.2)
+    return condition()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_panel_covers_nothing(browser, view, width):
+    """Map and panel stand side by side, figures are one line high, no developer controls."""
+    page = _open(browser, view, width, "?select=van/van-a")
+    page.get_by_text("Vehicle van-a").wait_for(timeout=30_000)
+    canvas = page.locator("canvas[data-engine]").bounding_box()
+    blocks = page.locator(".sl")
+    boxes = [blocks.nth(index).bounding_box() for index in range(blocks.count())]
+    boxes = [box for box in boxes if box is not None and box["height"] > 0]
+    assert len(boxes) >= 4
+    for box in boxes:
+        assert box["x"] >= canvas["x"] + canvas["width"] - 1
+        assert box["x"] + box["width"] <= width
+    for upper, lower in pairwise(boxes):
+        assert lower["y"] >= upper["y"] + upper["height"] - 1
+    assert canvas["width"] > width / 2
+    head = page.locator(".sl .head").bounding_box()
+    assert 0 <= head["y"] < 200
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for selector in (".sl .tile b", ".sl .facts .n"):
+        figures = page.locator(selector)
+        assert figures.count() >= 3
+        for index in range(figures.count()):
+            assert figures.nth(index).bounding_box()["height"] < 30
+    for icon in ("adjustments", "share"):
+        assert not page.locator(f".tabler-icon-{icon}").first.is_visible()
+    page.close()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_two_labels_overlap_in_the_browser(browser, view, width):
+    """By the browser's own camera and font; and no label is wider than it is thought to be."""
+    page = _open(browser, view, width)
+    shown: list[dict[str, Any]] = []
+
+    def labelled() -> bool:
+        shown[:] = page.evaluate(LABELS)
+        return {"van-a", "Depot", "N"} <= {label["text"] for label in shown}
+
+    assert _until(labelled), shown
+    # Two looks, so that what was about to move has moved.
+    time.sleep(1)
+    shown = page.evaluate(LABELS)
+    for label in shown:
+        assert label["width"] + 4 <= width_px(label["text"]), label
+    for index, one in enumerate(shown):
+        for other in shown[index + 1 :]:
+            apart_x = abs(one["x"] - other["x"]) - (one["width"] + other["width"]) / 2
+            apart_y = abs(one["y"] - other["y"]) - HEIGHT_PX
+            assert max(apart_x, apart_y) > 0, (one, other)
+    page.close()
+
+
+def _pixel(view: View, kind: str, name: str) -> np.ndarray:
+    """Where the first browser draws a mark, px."""
+    (one,) = view.page._browsers.values()
+    eye = one.viewer.eye()
+    if kind == "road":
+        # Not in its middle, beside which its camera stands.
+        road_map = view.page._map
+        place, _ = geometry.point_at(road_map.line(name), 0.2)
+        return eye.pixels(road_map.canvas.positions(place, 0.0))[0][0]
+    mark = next(mark for mark in one._drawn.marks if (mark.kind, mark.id) == (kind, name))
+    return eye.pixels(np.array([mark.position]))[0][0]
+
+
+def test_a_click_selects(browser, view):
+    """A click on a vehicle, a camera, a road and beside them all changes the card, for this browser
+    alone, with its link to the operator's page."""
+    page = _open(browser, view, 1440)
+    (one,) = view.page._browsers.values()
+    assert _until(lambda: one._drawn is not None and "Click a vehicle" in one._sent)
+    time.sleep(1)
+    for kind, name, words in (
+        ("rsu", "rsu-avenue_east", "Roadside unit rsu-avenue_east"),
+        ("road", "avenue_west", "Road avenue_west"),
+        ("van", "van-b", "Vehicle van-b"),
+    ):
+        x, y = _pixel(view, kind, name)
+        page.mouse.click(x, y + (2 if kind != "road" else 0))
+        page.get_by_text(words).wait_for(timeout=30_000)
+        link = page.get_by_text("Open on the operator's page").get_attribute("href")
+        assert link == f"http://operator.example/#{kind}/{name}"
+        assert one.viewer.selection == Selection(kind, name)
+        wanted = {"rsu-avenue_east"} if kind == "rsu" else set()
+        assert view.page.pictured_rsus() == wanted
+    other = _open(browser, view, 1024)
+    assert other.get_by_text("Click a vehicle, a road or a camera").count() == 1
+    other.close()
+    page.mouse.click(20, 760)
+    page.get_by_text("Click a vehicle, a road or a camera").wait_for(timeout=30_000)
+    page.close()
+    assert _until(lambda: view.page.clients() == 0)
+
+
+def test_buttons_lead_the_camera(browser, view):
+    """The whole map, from above, and the selection from near by; an unknown name harms nothing."""
+    page = _open(browser, view, 1440, "?select=van/nobody")
+    page.get_by_text("no such vehicle is known").wait_for(timeout=30_000)
+    (one,) = view.page._browsers.values()
+
+    def ahead() -> np.ndarray:
+        return one.viewer.eye().turn[:, 2]
+
+    page.get_by_role("button", name="From above").click()
+    assert _until(lambda: ahead()[2] < -0.99)
+    page.get_by_role("button", name="Whole map").click()
+    assert _until(lambda: -0.9 < ahead()[2] < -0.5)
+    far = one.viewer.eye().position[2]
+    one.viewer.select(Selection("rsu", "rsu-avenue_east"))
+    page.get_by_role("button", name="Selection").click()
+    assert _until(lambda: one.viewer.eye().position[2] < far / 1.5)
+    page.close()

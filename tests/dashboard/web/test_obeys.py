@@ -1,0 +1,141 @@
+"""The operator's page and the real dispatcher: each action reaches it, with the caller's token."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dispatcher_daemon.api import token_hash
+from slipstream.bus import Router, free_port
+
+pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
+WITHIN_S = 180.0
+SCOPES = {"reader": ["read"], "operator": ["read", "orders", "control"]}
+"""A token of each name; its text is its name."""
+
+
+@pytest.fixture
+def started(tmp_path: Path) -> Iterator[Callable[..., None]]:
+    """Starts `slipstream NAME --config FILE`; the process ends with the test."""
+    running = []
+
+    def start(name: str, settings: str, *more: str) -> None:
+        file = tmp_path / f"{name}.toml"
+        file.write_text(settings)
+        command = [sys.executable, "-m", "slipstream_cli", name, "--config", str(file), *more]
+        running.append(subprocess.Popen(command, cwd=tmp_path))
+
+    yield start
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def _ask(port: int, path: str, body: Any = None, token: str = "operator") -> tuple[int, Any]:
+    """GET, or POST of a body."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+    try:
+        method = "GET" if body is None else "POST"
+        connection.request(method, path, None if body is None else json.dumps(body), headers)
+        answer = connection.getresponse()
+        return answer.status, json.loads(answer.read())
+    finally:
+        connection.close()
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + WITHIN_S
+    while time.monotonic() < deadline:
+        try:
+            if condition():
+                return
+        except OSError:
+            pass
+        time.sleep(0.2)
+    raise AssertionError("it did not come about in time")
+
+
+def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
+    router: Router, tmp_path: Path, started: Callable[..., None]
+) -> None:
+    """Pause, a cycle, resume, pin, release, cancel, acknowledge; a reader's token does nothing."""
+    api, page = free_port(), free_port()
+    (tmp_path / "tokens.toml").write_text(
+        "".join(
+            f'[[tokens]]\nname = "{name}"\nsha256 = "{token_hash(name.encode())}"\n'
+            f"scopes = {json.dumps(scopes)}\n"
+            for name, scopes in SCOPES.items()
+        )
+    )
+    common = (
+        f'database_url = "sqlite:///{tmp_path}/d.db"\n'
+        f"[bus]\nconnect = [{json.dumps(router.endpoint)}]\n"
+    )
+    started(
+        "dispatcher",
+        'solvers = ["exact"]\ninterval_s = 600.0\ndeadline_s = 2.0\n'
+        f'{common}[api]\nport = {api}\ntokens = "{tmp_path}/tokens.toml"\n',
+    )
+    started(
+        "dashboard",
+        f'port = {page}\nscene_port = {free_port()}\ndispatcher_api = "http://127.0.0.1:{api}"\n'
+        f"{common}",
+        "--allow-control",
+    )
+
+    def act(action: str, subject: str, **more: str) -> str:
+        body = {"action": action, "subject": subject, **more}
+        status, document = _ask(page, "/api/actions", body)
+        assert status == 200, document
+        return str(document["text"])
+
+    def order(name: str) -> dict[str, Any]:
+        found: dict[str, Any] = _ask(api, f"/v1/orders/{name}")[1]
+        return found
+
+    def paused() -> bool:
+        return bool(_ask(api, "/readyz")[1]["paused"])
+
+    def cycles() -> int:
+        return len(_ask(api, "/v1/cycles")[1]["cycles"])
+
+    def alarms() -> dict[str, dict[str, Any]]:
+        found = _ask(api, "/v1/alarms")[1]["alarms"]
+        return {alarm["kind"]: alarm for alarm in found if alarm["ended_ns"] is None}
+
+    _until(lambda: cycles() >= 1)
+    _until(lambda: _ask(page, "/api/config")[0] == 200)
+    pause = {"action": "pause", "subject": "dispatcher"}
+    assert _ask(page, "/api/actions", pause, "reader")[0] == 403
+    assert _ask(page, "/api/actions", pause, "nobody")[0] == 401
+    assert not paused()
+
+    before = cycles()
+    act("solve", "dispatcher")
+    _until(lambda: cycles() > before)
+    assert "paused" in act("pause", "dispatcher", reason="road works")
+    assert paused()
+    _until(lambda: "paused" in alarms())
+    act("acknowledge", f"alarm/{alarms()['paused']['id']}")
+    assert alarms()["paused"]["acknowledged_by"] == "operator"
+    act("resume", "dispatcher")
+    assert not paused()
+
+    vehicles = [row["id"] for row in _ask(api, "/v1/vehicles")[1]["vehicles"]]
+    stop = "o-1"
+    assert _ask(api, "/v1/orders", {"id": stop, "node": "c2"})[0] == 201
+    act("pin", f"order/{stop}", vehicle=vehicles[0])
+    assert order(stop)["pinned"] == vehicles[0]
+    act("release", f"order/{stop}")
+    assert order(stop)["pinned"] is None
+    act("cancel", f"order/{stop}")
+    assert order(stop)["state"] == "cancelled"

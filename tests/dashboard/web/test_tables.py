@@ -1,0 +1,135 @@
+"""The page's tables from moment to moment."""
+
+from __future__ import annotations
+
+import pytest
+
+from dashboard.live import Snapshot
+from dashboard.view.places import Places
+from dashboard.web.fleet_file import make_scene
+from dashboard.web.hub import Part, event
+from dashboard.web.rows import Scene
+from dashboard.web.tables import Limits, Tables
+from slipstream.errors import InputError
+from slipstream.messages import RsuHealth
+
+from .. import city as of
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def tables(world):
+    """Of the demo network."""
+    return Tables(Scene(Places(world.network)), Limits(5.0, 4.0))
+
+
+def _snapshot(world, now_ns, y_e=1, **changes):
+    state = world.state("avenue_east", now_ns, y_e=y_e)
+    plans = {van: world.plan(van, 3, now_ns) for van in ("van-a", "van-b")}
+    known = {
+        "states": {(state.segment, state.rsu): state},
+        "rsus": {state.rsu: world.health("avenue_east", now_ns)},
+        "plans": plans,
+        "cycles": (world.cycle(3, now_ns),),
+        "dispatcher": world.dispatcher(now_ns),
+    }
+    return Snapshot(**(known | changes))
+
+
+def _shared(moment, van):
+    return [index for index, together in moment["vehicles"][van]["route"] if together]
+
+
+def test_a_flag_that_closes_takes_its_platoon_off_at_once(tables, world, now_ns):
+    """Before the dispatcher's next cycle: with the first turbulent state, or when it is stale."""
+    east = tables._scene.places.index["avenue_east"]
+    tables.update(_snapshot(world, now_ns), now_ns)
+    assert _shared(tables.moment, "van-a") == _shared(tables.moment, "van-b") == [east]
+    delta = tables.update(_snapshot(world, now_ns + S, y_e=0), now_ns + S)
+    assert delta is not None
+    assert _shared(tables.moment, "van-a") == []
+    assert delta["set"]["roads"]["avenue_east"]["flag"] == "turbulent"
+    back = _snapshot(world, now_ns + 2 * S)
+    tables.update(back, now_ns + 2 * S)
+    assert _shared(tables.moment, "van-a") == [east]
+    tables.update(back, now_ns + 20 * S)
+    assert _shared(tables.moment, "van-a") == []
+    assert tables.moment["roads"]["avenue_east"]["level"] == "warn"
+
+
+def test_partners_are_named_where_a_platoon_drives(tables, world, now_ns):
+    """Both, each with its place, on the road that they share."""
+    plan = world.plan("van-a", 3, now_ns)
+    part = next(part for part in plan.segments if part.segment == "avenue_east")
+    middle_ns = (part.entry_ns + part.exit_ns) // 2
+    state = world.state("avenue_east", middle_ns)
+    snapshot = _snapshot(world, now_ns, states={(state.segment, state.rsu): state})
+    tables.update(snapshot, middle_ns)
+    row = tables.moment["vehicles"]["van-a"]
+    assert (row["platoon"], row["place"], row["with"]) == ("east-1", 0, ["van-b"])
+    assert (row["source"], row["state"], row["road"]) == ("planned", "driving", "avenue_east")
+
+
+def test_the_whole_fleet_is_listed_with_its_depots(world, now_ns, tmp_path):
+    """Also those that nobody has heard of; another file is one clear line."""
+    file = tmp_path / "fleet.toml"
+    file.write_text(
+        '[[depots]]\nid = "yard"\nnode = "depot"\n'
+        '[[vehicles]]\nid = "van-a"\n[[vehicles]]\nid = "van-z"\ncarrier = "north"\n'
+    )
+    scene = make_scene(world.network, file, ())
+    assert scene.depots == {"yard": "depot"}
+    tables = Tables(scene, Limits(5.0, 4.0))
+    tables.update(_snapshot(world, now_ns), now_ns)
+    rows = tables.moment["vehicles"]
+    assert sorted(rows) == ["van-a", "van-b", "van-z"]
+    unheard = rows["van-z"]
+    assert (unheard["state"], unheard["level"], unheard["carrier"]) == ("idle", "idle", "north")
+    assert unheard["x"] is None
+    file.write_text("depots = 3\n")
+    with pytest.raises(InputError, match="depots"):
+        make_scene(world.network, file, ())
+
+
+def test_an_idle_cycle_keeps_the_last_figures(tables, world, now_ns):
+    """Its energy is none, or zero."""
+    tables.update(_snapshot(world, now_ns), now_ns)
+    saved = tables.moment["energy"]["last_cycle"]
+    assert saved["saved_kwh"] == pytest.approx(0.071)
+    idle = world.cycle(4, now_ns + 30 * S).model_copy(update={"energy": None, "plans": 0})
+    cycles = (world.cycle(3, now_ns), idle)
+    tables.update(_snapshot(world, now_ns, cycles=cycles), now_ns + S)
+    assert tables.moment["energy"]["last_cycle"] == saved
+
+
+def test_a_second_of_a_city_is_a_few_kilobytes(world, now_ns):
+    """200 vans that drive and 600 roads whose speeds change by little: what changed, packed."""
+    network = of.grid_city()
+    tables = Tables(Scene(Places(network)), Limits(5.0, 4.0))
+    snapshot = of.snapshot(world, network, now_ns)
+    tables.update(snapshot, now_ns)
+    later_ns = now_ns + S
+    states = {
+        key: state.model_copy(update={"time_ns": later_ns})
+        for key, state in snapshot.states.items()
+    }
+    rsus: dict[str, RsuHealth] = {
+        name: health.model_copy(update={"time_ns": later_ns})
+        for name, health in snapshot.rsus.items()
+    }
+    after = of.snapshot(world, network, now_ns)
+    moved = Snapshot(
+        states=states,
+        rsus=rsus,
+        plans=snapshot.plans,
+        cycles=snapshot.cycles,
+        dispatcher=after.dispatcher,
+    )
+    delta = tables.update(moved, later_ns)
+    assert delta is not None
+    assert "roads" not in delta["set"]
+    assert "rsus" not in delta["set"]
+    assert len(delta["set"]["vehicles"]) > 100
+    assert all("route" not in row for row in delta["set"]["vehicles"].values())
+    assert len(Part(event("delta", delta)).gzip) < 8000

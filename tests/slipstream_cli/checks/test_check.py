@@ -1,0 +1,165 @@
+"""`slipstream check` on the files of one site: all faults, also those between files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from slipstream.config import read_toml
+from slipstream_cli.main import main
+
+Site = dict[str, Path]
+
+
+@pytest.fixture
+def site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Site:
+    """Files that fit each other, by their stem."""
+    assert main(["init", str(tmp_path / "site")]) == 0
+    capsys.readouterr()
+    return {path.stem: path for path in (tmp_path / "site").glob("*.toml")}
+
+
+def change(path: Path, **values: Any) -> None:
+    """Set keys at the top of a file."""
+    path.write_text(tomli_w.dumps(read_toml(path) | values))
+
+
+def checked(
+    capsys: pytest.CaptureFixture[str], site: Site, *more: str
+) -> tuple[int, list[str], list[str]]:
+    """(exit status, lines of the valid files, lines of faults)."""
+    status = main(["check", *map(str, sorted(site.values())), *more])
+    said = capsys.readouterr()
+    return status, said.out.splitlines(), said.err.splitlines()
+
+
+def test_files_that_fit_are_valid(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line each, with what each is."""
+    status, out, err = checked(capsys, site)
+    assert (status, err) == (0, [])
+    kinds = {
+        line.split(": valid ")[0].rpartition("/")[2]: line.split(": valid ")[1] for line in out
+    }
+    assert kinds == {
+        "agents.toml": "agent settings",
+        "camera-rsu-1.toml": "camera",
+        "dashboard.toml": "dashboard settings",
+        "dispatcher.toml": "dispatcher settings",
+        "edge-rsu-1.toml": "edge settings",
+        "fleet.toml": "fleet",
+    }
+
+
+def test_a_kind_is_told_by_content_whatever_the_name(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Names say nothing, or the wrong thing; a key that no other daemon has decides."""
+    change(site["dispatcher"], interval_s=30.0)
+    moved = {
+        stem: path.rename(path.with_name(f"dashboard-{number}.toml"))
+        for number, (stem, path) in enumerate(sorted(site.items()))
+        if stem in ("agents", "dispatcher")
+    }
+    status, out, _ = checked(capsys, {**site, **moved})
+    assert status == 0
+    assert f"{moved['dispatcher']}: valid dispatcher settings" in out
+    assert f"{moved['agents']}: valid agent settings" in out
+
+
+def test_a_segment_that_the_net_lacks_is_refused(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The camera's file, the segment, and whose network it is."""
+    camera = read_toml(site["camera-rsu-1"])
+    camera["segments"][0]["id"] = "nowhere"  # type: ignore[index]
+    site["camera-rsu-1"].write_text(tomli_w.dumps(camera))
+    status, _, err = checked(capsys, site)
+    assert status == 2
+    lacks = f"{site['camera-rsu-1']}: segments.nowhere: the network of {site['dispatcher']} has no"
+    assert any(lacks in line for line in err)
+    only_camera = {"camera": site["camera-rsu-1"]}
+    assert checked(capsys, only_camera)[0] == 0
+    assert checked(capsys, only_camera, "--network", "demo")[0] == 2
+
+
+def test_faults_between_files_are_all_told(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    """RSU names twice, ports taken twice, roads that are watched by others, an agent too many."""
+    second = site["edge-rsu-1"].with_name("edge-rsu-2.toml")
+    second.write_text(site["edge-rsu-1"].read_text())
+    other = site["fleet"].with_name("other.txt")
+    other.write_text(site["fleet"].read_text())
+    rsus = {"rsu-1": ["avenue_east"]}
+    change(site["dashboard"], port=9465, scene_port=9467, rsus=rsus, fleet=str(other))
+    change(site["agents"], vehicles=[{"id": "van-1"}, {"id": "van-9"}])
+    status, out, err = checked(capsys, {**site, "edge-rsu-2": second})
+    assert status == 2
+    assert len(out) == 7
+    assert all(line.startswith("slipstream: ") for line in err)
+    for said in (
+        f"{second}: rsu: 'rsu-1' is also the name in {site['edge-rsu-1']}",
+        f"{second}: service.metrics_port: port 9464 is taken by service.metrics_port",
+        f"{site['dispatcher']}: service.metrics_port: port 9465 is taken by port of",
+        f"{site['dashboard']}: scene_port: port 9467 is taken by service.metrics_port of",
+        f"{site['dashboard']}: rsus: not the same as in {site['dispatcher']}",
+        f"{site['dashboard']}: fleet: not the same as in {site['dispatcher']}",
+        f"{site['agents']}: vehicles.van-9: no fleet file has this vehicle",
+    ):
+        assert any(said in line for line in err), said
+    assert len(err) == 7
+
+
+def test_an_rsu_that_the_dispatcher_does_not_admit_is_told(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its name, or the segment that it may not speak of."""
+    for path in (site["dispatcher"], site["dashboard"]):
+        change(path, rsus={"rsu-1": ["avenue_east"]})
+    _, _, err = checked(capsys, site)
+    assert any("does not list it for 'rsu-1'" in line for line in err)
+    for path in (site["dispatcher"], site["dashboard"]):
+        change(path, rsus={"rsu-7": ["avenue_east"]})
+    _, _, err = checked(capsys, site)
+    assert any(f"{site['edge-rsu-1']}: rsu: " in line for line in err)
+
+
+def test_all_faults_of_one_file_are_told_once(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Depots off the net and a misspelt key, though two files name the fleet."""
+    fleet = read_toml(site["fleet"])
+    fleet["depots"] = [{"id": "depot", "node": "mars"}, {"id": "second", "node": "venus"}]
+    site["fleet"].write_text(tomli_w.dumps(fleet))
+    change(site["agents"], stale_afer_s=4.0, state=3)
+    status, _, err = checked(capsys, site)
+    assert status == 2
+    assert sum("unknown node 'mars'" in line for line in err) == 1
+    assert sum("unknown node 'venus'" in line for line in err) == 1
+    assert any("stale_afer_s: unknown key; did you mean stale_after_s?" in line for line in err)
+    assert any(": state: " in line for line in err)
+
+
+def test_a_fleet_that_the_dashboard_lacks_is_told(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It would not start."""
+    change(site["dashboard"], fleet="gone.toml")
+    status, _, err = checked(capsys, site)
+    assert status == 2
+    (line,) = err
+    assert "gone.toml: no such file" in line
+
+
+def test_json_has_files_and_faults(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    """One object, exit status 2 as without."""
+    change(site["dashboard"], network="other.net.xml")
+    status, out, err = checked(capsys, site, "--json")
+    answer = json.loads("\n".join(out))
+    assert (status, err) == (2, [])
+    assert {Path(row["file"]).stem for row in answer["valid"]} == set(site) - {"dashboard"}
+    (fault,) = answer["faults"]
+    assert fault.keys() == {"file", "key", "problem", "mend"}
+    assert "other.net.xml" in fault["file"]

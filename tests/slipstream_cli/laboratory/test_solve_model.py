@@ -1,0 +1,96 @@
+"""`slipstream solve --model`."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slipstream_cli.main import main
+
+MILP = "min\n obj: x + 2 y\nst\n c: x + y >= 1\ngeneral\n x y\nend\n"
+
+
+@pytest.fixture
+def qubo(tmp_path: Path) -> tuple[Path, float]:
+    """A QUBO of six variables with weights up to a million, and its least value."""
+    rng = np.random.default_rng(4)
+    upper = np.triu(rng.integers(-(10**6), 10**6, size=(6, 6)))
+    path = tmp_path / "a.coo"
+    entries = [f"{i} {j} {upper[i, j]}" for i in range(6) for j in range(i, 6)]
+    path.write_text("\n".join(["# vartype=BINARY offset=-7", *entries]) + "\n")
+    least = min(float(x @ upper @ x) for x in map(np.array, product((0, 1), repeat=6)))
+    return path, least - 7
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_all_solvers_answer_in_the_models_units(
+    qubo: tuple[Path, float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The least of all states, by each; circuits beside what needs no circuit."""
+    path, least = qubo
+    names = ["exact", "tabu", "annealing", "lc-qaoa", "qaoa"]
+    assert main(["solve", "--model", str(path), "--solver", *names, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["solvers"]
+    assert [row["solver"] for row in rows] == names
+    assert [row["objective"] for row in rows] == pytest.approx([least] * 5)
+    assert rows[0]["status"] == "optimal"
+    for row in rows[3:]:
+        assert row["optimal_cost"] == pytest.approx(least, rel=1e-9)
+        assert row["optimum_proven"]
+        assert "uniform bits" in row["controls"]
+    assert "marginals" in rows[3]["controls"]
+
+
+def test_a_milp_is_solved_by_highs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And its values are told."""
+    path = tmp_path / "a.lp"
+    path.write_text(MILP)
+    assert main(["solve", "--model", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "exact: optimal, objective 1, bound 1" in out
+    assert "  x = 1" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["--solver", "tabu"], "tabu solves QUBOs"),
+        (["--instance", "arc06-valley"], "not for --model"),
+        (["--form", "arc"], "not for --model"),
+        (["--gamma", "3"], "not for --model"),
+    ],
+    ids=["constraints", "instance", "form", "gamma"],
+)
+def test_what_does_not_fit_is_refused(
+    arguments: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line, exit status 2."""
+    path = tmp_path / "a.lp"
+    path.write_text(MILP)
+    assert main(["solve", "--model", str(path), *arguments]) == 2
+    assert problem in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["--solver", "insertion"], "insertion takes no model"),
+        (["--solver", "lc-qaoa", "--variant", "one-hot"], "needs route options"),
+        (["--solver", "lc-qaoa", "--backend", "aer:FakeNowhere"], "FakeNowhere"),
+    ],
+    ids=["insertion", "one-hot", "backend"],
+)
+def test_solvers_that_need_routes_are_refused(
+    arguments: list[str],
+    problem: str,
+    qubo: tuple[Path, float],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Before anything takes time."""
+    assert main(["solve", "--model", str(qubo[0]), *arguments]) == 2
+    assert problem in capsys.readouterr().err

@@ -1,0 +1,111 @@
+"""Segments and junctions are found by street name and by place."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import simulation
+from slipstream_cli.main import main
+from slipstream_cli.place.net import compass
+
+TROY = str(Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
+
+
+def found(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
+    """What `net find --json` prints."""
+    assert main(["net", "find", *words, "--json"]) == 0
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return answer
+
+
+@pytest.mark.parametrize("query", ["Hoosick St", "hoosick street", "HOOSICK ST.", "hosick st"])
+def test_a_street_is_found_by_a_name_that_is_not_exact(
+    query: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Case, points, short words and a slip of the pen."""
+    answer = found(capsys, query, "--net", TROY, "--limit", "100")
+    assert answer["streets"][0].startswith("Hoosick St")
+    first = answer["segments"][0]
+    assert first.keys() == {
+        *("id", "street", "length_m", "speed_limit_kmh", "lanes", "direction", "start", "end"),
+    }
+    assert first["length_m"] > 0
+    assert {j["id"] for j in answer["junctions"]} == {
+        end for row in answer["segments"] for end in (row["start"], row["end"])
+    }
+    assert all(42 < j["lat"] < 43 and -74 < j["lon"] < -73 for j in answer["junctions"])
+
+
+def test_the_nearest_segments_of_a_place_come_first(capsys: pytest.CaptureFixture[str]) -> None:
+    """At a junction's own coordinates the nearest road touches it."""
+    answer = found(capsys, "Hoosick St", "--net", TROY, "--limit", "1")
+    junction = answer["junctions"][0]
+    place = f"{junction['lat']},{junction['lon']}"
+    near = found(capsys, place, "--net", TROY, "--limit", "3")["segments"]
+    distances = [row["distance_m"] for row in near]
+    assert len(near) == 3
+    assert distances == sorted(distances)
+    assert junction["id"] in (near[0]["start"], near[0]["end"])
+    assert distances[0] < 30
+
+
+def test_a_net_without_a_projection_takes_metres(capsys: pytest.CaptureFixture[str]) -> None:
+    """The demo's: x and y."""
+    answer = found(capsys, "0,0", "--limit", "1")
+    assert answer["segments"][0]["distance_m"] >= 0
+    assert "lat" not in answer["junctions"][0]
+
+
+def test_what_is_cut_off_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    """No silent limit."""
+    assert main(["net", "find", "Hoosick St", "--net", TROY, "--limit", "1"]) == 0
+    assert "more: --limit " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        ("Champs-Élysées", "no street is called so; the nearest is"),
+        ("99,200", "no latitude and longitude"),
+    ],
+)
+def test_what_is_nowhere_is_one_line(
+    query: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit status 2."""
+    assert main(["net", "find", query, "--net", TROY]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_net_without_names_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    """It is not that the name is wrong."""
+    assert main(["net", "find", "Main Street"]) == 2
+    assert "the net has no street names" in capsys.readouterr().err
+
+
+def test_the_summary_counts_what_the_net_has(capsys: pytest.CaptureFixture[str]) -> None:
+    """Troy's."""
+    assert main(["net", "show", "--net", TROY, "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["segments"], summary["junctions"], summary["signals"]) == (470, 178, 66)
+    south, west = summary["south_west"]
+    assert (42 < south < 43, -74 < west < -73) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("dx", "dy", "word"),
+    [
+        (1, 0, "east"),
+        (0, 1, "north"),
+        (-1, 0, "west"),
+        (-1, -1, "south-west"),
+        (1, -1, "south-east"),
+    ],
+)
+def test_directions_are_told_as_on_a_map(dx: float, dy: float, word: str) -> None:
+    """x is east, y is north."""
+    assert compass(dx, dy) == word

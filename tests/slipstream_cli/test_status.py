@@ -1,0 +1,200 @@
+"""`slipstream status`: what runs, worst first, and the exit status."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slipstream.bus import Bus, Publisher, Router, free_port
+from slipstream.config import BusSettings, ServiceSettings
+from slipstream.messages import (
+    DISPATCHER_HEALTH_KEY,
+    DispatcherHealth,
+    Message,
+    RsuHealth,
+    rsu_health_key,
+)
+from slipstream_cli import running
+from slipstream_cli.main import main
+from slipstream_cli.running import Running, command_of
+from slipstream_cli.status import Finding, Heard, of_bus, of_units
+from vehicle_agent.settings import AgentSettings
+
+
+def rsu(**values: Any) -> RsuHealth:
+    """A healthy RSU's message."""
+    now = time.time_ns()
+    base: dict[str, Any] = {
+        "rsu": "rsu-1",
+        "time_ns": now,
+        "started_ns": now,
+        "source": "rtsp",
+        "segments": ("a",),
+        "status": "ok",
+        "frames": 9,
+        "frames_skipped": 0,
+        "decode_errors": 0,
+        "reconnects": 0,
+        "states": 3,
+        "fps": 14.9,
+        "latency_ms_p50": 20.0,
+        "latency_ms_p95": 30.0,
+        "vehicles_in_view": 2,
+        "rss_mb": 300.0,
+    }
+    return RsuHealth(**base | values)
+
+
+def dispatcher(**values: Any) -> DispatcherHealth:
+    """A healthy dispatcher's message."""
+    now = time.time_ns()
+    base: dict[str, Any] = {
+        "time_ns": now,
+        "started_ns": now,
+        "cycles": 7,
+        "cycles_failed": 0,
+        "states_received": 1,
+        "bad_messages": 0,
+        "next_cycle_ns": None,
+        "rss_mb": 200.0,
+    }
+    return DispatcherHealth(**base | values)
+
+
+def publish(bus: Bus, messages: dict[str, Message]) -> list[Publisher]:
+    """Publish each on its key; as long as the publishers are held, who comes late gets it too."""
+    publishers = []
+    for key, message in messages.items():
+        publisher = bus.publisher(key, history=1)
+        publisher.put(message)
+        publishers.append(publisher)
+    return publishers
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch: pytest.MonkeyPatch) -> list[Running]:
+    """A machine on which nothing runs but what a test adds."""
+    found: list[Running] = []
+    monkeypatch.setattr(running, "processes", lambda: found)
+    monkeypatch.setattr(running, "units", lambda: iter(()))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("/opt/bin/python /opt/bin/slipstream edge --config e.toml", ("edge", "--config e.toml")),
+        ("python -m slipstream_cli dispatcher --config=d.toml", ("dispatcher", "--config=d.toml")),
+        ("python /opt/slipstream/share/router.py r.json5", ("router", "r.json5")),
+        ("vim slipstream", None),
+        ("slipstream check edge", None),
+        ("slipstream_cli edge", None),
+        ("", None),
+    ],
+)
+def test_daemons_are_known_by_their_command_lines(
+    line: str, expected: tuple[str, str] | None
+) -> None:
+    """However they are started; other programs are none."""
+    found = command_of(line.split())
+    assert (None if found is None else (found[0], " ".join(found[1]))) == expected
+
+
+def test_nothing_that_runs_is_a_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit status 1, one line."""
+    assert main(["status", "--seconds", "0.1"]) == 1
+    assert capsys.readouterr().out == "FAULT  slipstream  nothing of it runs on this machine\n"
+
+
+@pytest.mark.slow
+def test_what_is_wrong_comes_first(router: Router, capsys: pytest.CaptureFixture[str]) -> None:
+    """A camera without a signal, before the dispatcher and the RSU that are well."""
+    with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
+        sent = {rsu_health_key(h.rsu): h for h in (rsu(), rsu(rsu="rsu-2", status="no_signal"))}
+        kept = publish(bus, {**sent, DISPATCHER_HEALTH_KEY: dispatcher()})
+        assert main(["status", "--bus", router.endpoint, "--seconds", "3", "--json"]) == 1
+        assert len(kept) == 3
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["well"] is False
+    first, *others = answer["findings"]
+    assert (first["name"], first["text"]) == ("RSU rsu-2", "no signal from its camera")
+    assert {f["name"] for f in others} == {"bus", "RSU rsu-1", "dispatcher (bus)"}
+    assert all(f["well"] for f in others)
+
+
+@pytest.mark.slow(long=True)
+def test_all_well_is_exit_status_0(router: Router, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line each."""
+    with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
+        kept = publish(bus, {DISPATCHER_HEALTH_KEY: dispatcher()})
+        assert main(["status", "--bus", router.endpoint, "--seconds", "3"]) == 0
+        assert len(kept) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert all(line.startswith("ok ") for line in lines)
+
+
+def test_a_daemon_is_asked_for_its_health(
+    alone: list[Running], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A metrics port that nobody answers, and a router that is not there."""
+    port = free_port()
+    settings = AgentSettings.model_validate(
+        {
+            "vehicles": [{"id": "v"}],
+            "service": ServiceSettings(metrics_port=port),
+            "bus": {"connect": [f"tcp/127.0.0.1:{port}"]},
+        }
+    )
+    alone.append(Running("agent", os.getpid(), time.time(), Path("/x/a.toml"), settings))
+    assert main(["status", "--seconds", "0.2"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert any("health: no answer" in line for line in lines)
+    assert any("no router answers" in line for line in lines)
+
+
+def _found(heard: Heard, *expected: str) -> dict[str, Finding]:
+    found = of_bus(heard, BusSettings(), {*expected}, time.time_ns(), needed=True)
+    return {finding.name: finding for finding in found}
+
+
+def test_what_the_bus_tells_is_judged_by_age_and_content() -> None:
+    """Silence, a camera's fault, an RSU that was never heard, a damaged database."""
+    old = time.time_ns() - 60 * 10**9
+    heard = Heard(
+        True,
+        {
+            "a": rsu(rsu="a", time_ns=old),
+            "b": rsu(rsu="b", fault="camera_moved"),
+            "c": rsu(rsu="c", status="ended"),
+            "d": rsu(rsu="d"),
+        },
+        dispatcher(database_set_aside="x.db"),
+    )
+    found = _found(heard, "d", "e")
+    assert "silent for 6" in found["RSU a"].text
+    assert "camera moved" in found["RSU b"].text
+    assert "ended" in found["RSU c"].text
+    assert "nothing heard" in found["RSU e"].text
+    assert "x.db" in found["dispatcher (bus)"].text
+    assert {name for name, finding in found.items() if finding.well} == {"bus", "RSU d"}
+    silent = _found(Heard(True, {}, dispatcher(time_ns=old)))["dispatcher (bus)"]
+    assert (silent.well, "silent for 6" in silent.text) == (False, True)
+
+
+def test_units_are_told_unless_nobody_wants_them() -> None:
+    """Failed ones, enabled ones that do not run; disabled ones are left out."""
+    units = [
+        {"Id": "slipstream-a", "ActiveState": "active", "SubState": "running"},
+        {"Id": "slipstream-b", "ActiveState": "failed", "SubState": "failed", "Result": "oom"},
+        {"Id": "slipstream-c", "ActiveState": "inactive", "UnitFileState": "enabled"},
+        {"Id": "slipstream-d", "ActiveState": "inactive", "UnitFileState": "disabled"},
+    ]
+    found = {finding.name[-1]: finding.well for finding in of_units(units)}
+    assert found == {"a": True, "b": False, "c": False}
