@@ -47,7 +47,7 @@ def test_a_missed_aim_is_one() -> None:
 
 
 @pytest.mark.process
-@pytest.mark.slow
+@pytest.mark.slow(long=True)
 def test_the_short_form_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Real processes; on a loaded machine aims may be missed, but nothing is left out."""
     status = command.main(["--short", "--json", "--out", str(tmp_path)])

@@ -51,6 +51,10 @@ SETTINGS = DispatcherSettings(
     ),
 )
 SOLVE = solve_in_process([ExactSolver()])
+MANY_SEEDS = [
+    *range(6),
+    *(pytest.param(n, marks=pytest.mark.slow(long=True)) for n in range(6, 24)),
+]
 
 
 def cycle_of(problem: RoutingProblem, snapshot: TrafficSnapshot) -> Cycle:
@@ -275,7 +279,7 @@ def check(problem: RoutingProblem, snapshot: TrafficSnapshot) -> CycleResult:
     return result
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", MANY_SEEDS)
 def test_random_fleets_keep_their_stops_and_nobody_loses(town: Town, seed: int) -> None:
     """See `check`. Of every other fleet platoons count as expected."""
     problem, snapshot = random_fleet(seed, town)
