@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from sqlalchemy import BigInteger, Column, Double, String, Table, delete, func, literal, select
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from slipstream.energy_ledger import FIGURES, HOUR_NS, EnergyHour, EnergySum, merged
 from storage.models import Base
+from storage.sums import add_sums
 
 SumBy = Literal["hour", "day", "all"]
 DAY_NS: Final = 24 * HOUR_NS
@@ -33,17 +32,7 @@ _T: Final = energy_ledger.c
 
 def add(session: Session, parts: Iterable[EnergyHour]) -> None:
     """Add parts to the rows of their hours and vehicles; the first one makes the row."""
-    rows = [asdict(part) for part in merged(parts)]
-    if not rows:
-        return
-    assert session.bind is not None
-    dialect = postgresql if session.bind.dialect.name == "postgresql" else sqlite
-    statement: Any = dialect.insert(energy_ledger)
-    statement = statement.on_conflict_do_update(
-        index_elements=["hour_ns", "vehicle"],
-        set_={name: _T[name] + statement.excluded[name] for name in FIGURES},
-    )
-    session.execute(statement, rows)
+    add_sums(session, energy_ledger, merged(parts))
 
 
 def hours(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
-from typing import Any, Final
+from typing import Any, Final, cast
 
-from sqlalchemy import and_, delete, func, insert, or_, select, update
+from sqlalchemy import Table, and_, delete, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from slipstream.messages import OrderState, VehiclePosition
@@ -32,6 +32,7 @@ from storage.models import (
     VehicleRow,
 )
 from storage.rows import plan_energy, vehicle_plan
+from storage.sums import add_sums
 
 REMEMBERED_S: Final = 86_400.0
 """For so long a dispatcher knows an ended order that the fleet's file no longer has, s."""
@@ -62,12 +63,8 @@ def save(session: Session, records: FleetRecords) -> None:
     energy_ledger.add(session, records.driven)
     for vehicle in records.vehicles:
         session.merge(VehicleRow(**_vehicle_values(vehicle)))
-    for movement in records.movements:
-        key = movement.segment, movement.following, movement.hour
-        _add(session, MovementRow, key, movement, ("count", "loss_kwh", "seconds", "stops"))
-    columns = ("count", "speed_mps", "states", "calm")
-    for speed in records.speeds:
-        _add(session, SpeedRow, (speed.segment, speed.hour), speed, columns)
+    add_sums(session, cast(Table, MovementRow.__table__), records.movements)
+    add_sums(session, cast(Table, SpeedRow.__table__), records.speeds)
 
 
 def _chunks(names: Sequence[str]) -> Iterator[Sequence[str]]:
@@ -77,22 +74,6 @@ def _chunks(names: Sequence[str]) -> Iterator[Sequence[str]]:
 
 def _rows(session: Session, names: Sequence[str]) -> Sequence[OrderRow]:
     return session.scalars(select(OrderRow).where(OrderRow.order.in_(names))).all()
-
-
-def _add(
-    session: Session,
-    model: type[MovementRow | SpeedRow],
-    key: tuple[object, ...],
-    sums: MovementSum | SpeedSum,
-    columns: Sequence[str],
-) -> None:
-    """Add sums to the row of a key; the first ones are the row."""
-    known = session.get(model, key)
-    if known is None:
-        session.add(model(**asdict(sums)))
-        return
-    for name in columns:
-        setattr(known, name, getattr(known, name) + getattr(sums, name))
 
 
 def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:

@@ -1,0 +1,31 @@
+"""Rows of sums that grow: parts are added to what is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import Table
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.orm import Session
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+def add_sums(session: Session, table: Table, parts: Iterable[DataclassInstance]) -> None:
+    """Add parts to the rows of their keys, in one statement for all; the first one makes the row.
+
+    Args:
+        table: its columns are the fields of a part; all beside the primary key are sums.
+    """
+    rows = [asdict(part) for part in parts]
+    if not rows:
+        return
+    assert session.bind is not None
+    dialect = postgresql if session.bind.dialect.name == "postgresql" else sqlite
+    statement: Any = dialect.insert(table)
+    key = list(table.primary_key.columns)
+    summed = {c.name: c + statement.excluded[c.name] for c in table.columns if c not in set(key)}
+    session.execute(statement.on_conflict_do_update(index_elements=key, set_=summed), rows)
