@@ -68,7 +68,8 @@ class LatestStates:
         future_tolerance_s: float = FUTURE_TOLERANCE_S,
     ) -> None:
         self._network = network
-        self._rsus = rsus
+        # RSUs may watch hundreds of segments.
+        self._rsus = None if rsus is None else {k: frozenset(ids) for k, ids in rsus.items()}
         self._forgotten_after_s = FORGOTTEN_AFTER * stale_after_s
         self._future_tolerance_s = future_tolerance_s
         self.reception = ReceptionTable()

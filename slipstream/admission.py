@@ -5,7 +5,7 @@ The dispatcher's gates and the dashboard's map admit the same states.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Final, Literal, NamedTuple
 
@@ -73,7 +73,7 @@ class Refusal(NamedTuple):
 def refusal(
     message: SegmentState | StoppedVehicles,
     network: RoadNetwork,
-    rsus: Mapping[str, tuple[str, ...]] | None,
+    rsus: Mapping[str, Collection[str]] | None,
 ) -> Refusal | None:
     """Why a state, or the vehicles that stand, are not admitted; None if they are.
 

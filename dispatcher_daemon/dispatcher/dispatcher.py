@@ -105,8 +105,7 @@ class Dispatcher:
             settings.orders.plan_ahead_s,
         )
         self.fleet_watch.fleet = fleet
-        vehicles = () if fleet is None else (vehicle.id for vehicle in fleet.vehicles)
-        self.delivery = PlanDelivery(bus, store, self.fleet_watch, announce, vehicles)
+        self.delivery = PlanDelivery(bus, store, self.fleet_watch, announce)
         self._insertion = OrderInsertion(
             settings, network, self.fleet_watch, self.receiver, self.delivery
         )

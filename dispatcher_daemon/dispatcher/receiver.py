@@ -61,6 +61,7 @@ class StateReceiver:
             future_tolerance_s=settings.future_tolerance_s,
         )
         metrics.RECEPTION.figures = self.latest.reception.figures
+        self._counts = {verdict: metrics.STATES.labels(verdict.value) for verdict in Verdict}
         self._rollups = RollUpBuffer()
         self._limiter = LogLimiter()
         self.received = 0
@@ -80,7 +81,7 @@ class StateReceiver:
         now_ns = time.time_ns()
         with sparse_span("receive", rsu=state.rsu, segment=state.segment, sequence=state.sequence):
             verdict = self.latest.accept(state, now_ns)
-        metrics.STATES.labels(verdict.value).inc()
+        self._counts[verdict].inc()
         if verdict is Verdict.ACCEPTED:
             metrics.STATE_AGE.observe(max(0.0, age_s(state.time_ns, now_ns)))
             self._announce("state", state)
