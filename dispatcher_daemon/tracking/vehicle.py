@@ -38,6 +38,7 @@ class TrackedVehicle:
         left_out_until: cycle from which on it is planned again.
         booked: up to where the accepted plan is in the energy ledger, in segments of its way.
         rested_ns: when its last break ended, UTC; 0: it has had none.
+        rested_break: number of that break; None: not known, as it was stored by a version before.
     """
 
     definition: Vehicle
@@ -57,6 +58,7 @@ class TrackedVehicle:
     left_out_until: int = 0
     booked: float = 0.0
     rested_ns: int = 0
+    rested_break: int | None = None
 
     @property
     def id(self) -> str:
@@ -85,16 +87,23 @@ class TrackedVehicle:
         return given.model_copy(update={"charge_kwh": charge_kwh})
 
     def plannable(self, reference_ns: int) -> Vehicle:
-        """`charged`, without the breaks that it has had.
+        """`charged`, with the breaks that it has had as breaks that are over. They are taken in
+        their order, so that those behind the last one are still to come.
 
         Args:
             reference_ns: UTC that its times count from.
         """
         vehicle = self.charged()
-        due = [b for b in vehicle.breaks if reference_ns + 1e9 * b.earliest_s >= self.rested_ns]
-        if len(due) == len(vehicle.breaks):
-            return vehicle
-        return vehicle.model_copy(update={"breaks": tuple(due)})
+        last = len(vehicle.breaks) if self.rested_break is None else self.rested_break
+        breaks = tuple(
+            own.over
+            if number <= last and reference_ns + 1e9 * own.earliest_s < self.rested_ns
+            else own
+            for number, own in enumerate(vehicle.breaks)
+        )
+        return (
+            vehicle if breaks == vehicle.breaks else vehicle.model_copy(update={"breaks": breaks})
+        )
 
     @property
     def keeps_its_plan(self) -> bool:
@@ -140,6 +149,7 @@ class TrackedVehicle:
             left_out_until=self.left_out_until,
             booked=self.booked,
             rested_ns=self.rested_ns,
+            rested_break=self.rested_break,
         )
 
 
@@ -155,6 +165,7 @@ def loaded(record: VehicleRecord) -> TrackedVehicle:
         left_out_until=record.left_out_until,
         booked=record.booked,
         rested_ns=record.rested_ns,
+        rested_break=record.rested_break,
     )
 
 
