@@ -153,6 +153,7 @@ class PlanLife:
         if vehicle.offered is not None:
             self.drop_offer(vehicle, "superseded", now_ns, "its vehicle is back")
         vehicle.accepted, vehicle.left, vehicle.leg = None, False, 0
+        vehicle.back_ns = now_ns
         self._book.release(vehicle.id, now_ns, f"{vehicle.id} came back with it", loaded=True)
 
     def take_back(self, vehicles: Iterable[TrackedVehicle], cycle: int, now_ns: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from dispatcher_daemon.fleet import Depot, Vehicle
+from dispatcher_daemon.fleet import Break, Depot, Vehicle
 from slipstream.messages import VehiclePosition, VehicleProgress
 from slipstream.orders import PlanRecord, PlanStatus, VehicleRecord
 
@@ -39,6 +39,7 @@ class TrackedVehicle:
         booked: up to where the accepted plan is in the energy ledger, in segments of its way.
         rested_ns: when its last break ended, UTC; 0: it has had none.
         rested_break: number of that break; None: not known, as it was stored by a version before.
+        back_ns: when its last tour ended, UTC; 0: none has since the start.
     """
 
     definition: Vehicle
@@ -59,6 +60,7 @@ class TrackedVehicle:
     booked: float = 0.0
     rested_ns: int = 0
     rested_break: int | None = None
+    back_ns: int = 0
 
     @property
     def id(self) -> str:
@@ -88,19 +90,24 @@ class TrackedVehicle:
 
     def plannable(self, reference_ns: int) -> Vehicle:
         """`charged`, with the breaks that it has had as breaks that are over. They are taken in
-        their order, so that those behind the last one are still to come.
+        their order, so that those behind the last one are still to come. At its depot it can have
+        had none before its last tour ended.
 
         Args:
             reference_ns: UTC that its times count from.
         """
         vehicle = self.charged()
         last = len(vehicle.breaks) if self.rested_break is None else self.rested_break
-        breaks = tuple(
-            own.over
-            if number <= last and reference_ns + 1e9 * own.earliest_s < self.rested_ns
-            else own
-            for number, own in enumerate(vehicle.breaks)
-        )
+        back_s = 1e-9 * (self.back_ns - reference_ns)
+
+        def due(number: int, own: Break) -> Break:
+            if number <= last and reference_ns + 1e9 * own.earliest_s < self.rested_ns:
+                return own.over
+            if own.earliest_s < back_s <= own.latest_s:
+                return own.model_copy(update={"earliest_s": back_s})
+            return own
+
+        breaks = tuple(due(number, own) for number, own in enumerate(vehicle.breaks))
         return (
             vehicle if breaks == vehicle.breaks else vehicle.model_copy(update={"breaks": breaks})
         )

@@ -72,3 +72,18 @@ def test_of_two_breaks_in_one_window_each_is_had_once(last: int | None, over: li
     due = tracked.plannable(10**18).breaks
     assert [own == own.over for own in due] == over
     assert tracked.plannable(10**18 + 86_400 * S).breaks == vehicle.breaks
+
+
+def test_the_time_of_a_tour_is_no_break_at_the_depot() -> None:
+    """Back in the middle of the window, a vehicle has its break from then on, on its next tour or
+    before it; where it came back after the window, that is over.
+    """
+    window = {"duration_s": 600.0, "earliest_s": -1200.0, "latest_s": 1200.0}
+    vehicle = Vehicle.model_validate({"id": "van", "breaks": [window]})
+    now_ns = 10**18
+    tracked = TrackedVehicle(vehicle, Depot(id="d", node="00"), back_ns=now_ns - 60 * S)
+    back = tracked.plannable(now_ns)
+    assert vehicle.breaks_at_depot(100.0, 5000.0) == {0}
+    assert back.breaks_at_depot(100.0, 5000.0) == set()
+    assert back.breaks_at_depot(540.0, 5000.0) == {0}
+    assert tracked.plannable(now_ns - 3600 * S).breaks == vehicle.breaks
