@@ -32,7 +32,11 @@ PRUNE_EVERY_S = 3600.0
 PRUNE_BATCH = 50
 """Maximum number of cycles deleted at once; a backlog is deleted in several cycles."""
 TIDY_S = 0.05
-"""Time after which no further step of deleting old traffic begins after a cycle, s."""
+"""Time after which no further step of one call that deletes begins, s."""
+CATCH_UP_S = 1.0
+"""Time after which no further call begins after a cycle, s. What is new in a cycle goes in one or
+two; a machine on which a step takes long needs more, or old traffic piles up. Others write between
+steps."""
 CHECK_LIMIT_S = 3600.0
 """How long the check of the database may hold up the start, s; it takes some seconds a GB."""
 TURN_PERIOD_S = 1.0
@@ -92,8 +96,10 @@ class CycleStore(Protocol):
         """Store what was reported of segments, by minute."""
         ...
 
-    def tidy(self, now_ns: int, *, budget_s: float) -> None:
-        """Delete states, roll-ups and gates that are too old, in small steps."""
+    def tidy(self, now_ns: int, *, budget_s: float) -> bool:
+        """Delete states, roll-ups and gates that are too old, in small steps; whether there may be
+        more.
+        """
         ...
 
 
@@ -103,6 +109,23 @@ def database_fault(reader: Reader) -> str | None:
         return None if reader.exists() else "there is none yet"
     except StorageError as error:
         return str(error)
+
+
+class TrafficStore(Protocol):
+    """What deleting old traffic needs."""
+
+    def tidy(self, now_ns: int, *, budget_s: float) -> bool:
+        """As `CycleStore.tidy`."""
+        ...
+
+
+def delete_old_traffic(store: TrafficStore, now_ns: int) -> None:
+    """Delete traffic that is too old after a cycle: until there is none, for `CATCH_UP_S` at most,
+    in calls of `TIDY_S`.
+    """
+    ends = time.monotonic() + CATCH_UP_S
+    while store.tidy(now_ns, budget_s=TIDY_S) and time.monotonic() < ends:
+        pass
 
 
 class CyclePruner:
@@ -131,7 +154,7 @@ class CyclePruner:
                 log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
             # Before what is tidied: a row that cannot be read would keep all cycles for ever.
             self._prune(now_ns)
-            self._store.tidy(now_ns, budget_s=TIDY_S)
+            delete_old_traffic(self._store, now_ns)
             self._clock_trusted = True
             metrics.CLOCK_UNTRUSTED.set(0)
         except UntrustedClockError as error:

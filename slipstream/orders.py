@@ -123,6 +123,7 @@ class VehicleRecord:
         booked: up to where the plan that it has acknowledged is in the energy ledger, in segments
             of its way; see `slipstream.energy_ledger`.
         rested_ns: when its last break ended, UTC; 0: it has had none.
+        rested_break: number of that break among its own, from 0; None: not known.
     """
 
     vehicle: str
@@ -134,6 +135,7 @@ class VehicleRecord:
     left_out_until: int = 0
     booked: float = 0.0
     rested_ns: int = 0
+    rested_break: int | None = None
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ store a new field of a message, add a column to `storage.models` and a migration
 
 from slipstream.energy_ledger import EnergyHour, EnergySum
 from storage.database import Database, open_database
-from storage.engine import StorageError
+from storage.engine import OrderKnownError, StorageError
 from storage.events import Event
 from storage.inputs import CycleInputs, Part
 from storage.integrity import CheckReport, check
@@ -33,6 +33,7 @@ __all__ = [
     "Event",
     "LedgerState",
     "OrderEnd",
+    "OrderKnownError",
     "OwnedError",
     "Part",
     "QuantumJob",

@@ -13,7 +13,7 @@ from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords, OrderRecord
 from storage import events, fleet, inputs, jobs, retention
-from storage.engine import display_name, parse_url, sqlite_path
+from storage.engine import OrderKnownError, display_name, parse_url, sqlite_path
 from storage.events import Event
 from storage.inputs import CycleInputs
 from storage.jobs import QuantumJob
@@ -142,6 +142,19 @@ class Database(Upkeep):
         """
         with self._write_session(TURN_WITHIN_S) as session:
             fleet.save(session, records)
+
+    def add_orders(self, records: FleetRecords) -> None:
+        """Store orders that are new, and their changes, at least one of each.
+
+        Raises:
+            OrderKnownError: the id of one is stored already.
+            StorageError: the database cannot be written, or was busy for `TURN_WITHIN_S`.
+        """
+        try:
+            with self._write_session(TURN_WITHIN_S) as session:
+                fleet.add_orders(session, records)
+        except IntegrityError as error:
+            raise OrderKnownError(f"{self._source}: {error.orig}") from None
 
     def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
         """Those of some orders that are stored, however long ago they ended.

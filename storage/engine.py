@@ -44,6 +44,10 @@ class StorageError(OSError):
         super().__init__(" ".join(line.split()))
 
 
+class OrderKnownError(StorageError):
+    """Orders were to be added, and some of their ids are stored already; none was added."""
+
+
 def parse_url(url: str) -> URL:
     """Read a database URL.
 

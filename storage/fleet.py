@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any, Final, cast
@@ -65,6 +65,19 @@ def save(session: Session, records: FleetRecords) -> None:
         session.merge(VehicleRow(**_vehicle_values(vehicle)))
     add_sums(session, cast(Table, MovementRow.__table__), records.movements)
     add_sums(session, cast(Table, SpeedRow.__table__), records.speeds)
+
+
+def add_orders(session: Session, records: FleetRecords) -> None:
+    """Store orders that are not stored yet, with their first changes: nothing is looked up, as a
+    caller waits. An id that is stored already is an IntegrityError.
+    """
+    session.execute(insert(OrderRow), [asdict(order) for order in records.orders])
+    number: Counter[str] = Counter()
+    rows = []
+    for change in records.changes:
+        rows.append({**asdict(change), "number": number[change.order]})
+        number[change.order] += 1
+    session.execute(insert(OrderChangeRow), rows)
 
 
 def _chunks(names: Sequence[str]) -> Iterator[Sequence[str]]:

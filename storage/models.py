@@ -234,6 +234,7 @@ class VehicleRow(Base):
     left_out_until: Mapped[int]
     booked: Mapped[float] = mapped_column(server_default="0")
     rested_ns: Mapped[int] = mapped_column(server_default="0")
+    rested_break: Mapped[int | None]
 
 
 class MovementRow(Base):

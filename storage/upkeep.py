@@ -184,7 +184,7 @@ class Upkeep(Writer):
         self._give_all_back()
         return None
 
-    def tidy(self, now_ns: int, *, budget_s: float | None = None) -> None:
+    def tidy(self, now_ns: int, *, budget_s: float | None = None) -> bool:
         """Delete traffic that is too old, in small transactions.
 
         States as they came go after `STATES_KEPT_H`, minutes after `MINUTES_KEPT_H`, hours and
@@ -195,6 +195,9 @@ class Upkeep(Writer):
             now_ns: UTC.
             budget_s: no step but the first begins after this time, and the next call goes on with
                 the kind of step after the last one; None: until all is done.
+
+        Returns:
+            Whether the time was over before all that is too old was found deleted.
 
         Raises:
             UntrustedClockError: ``now_ns`` is too far ahead of the cycles; nothing is deleted.
@@ -214,7 +217,7 @@ class Upkeep(Writer):
             lambda session: inputs.prune(session, inputs_ns) == inputs.BATCH,
             lambda session: conversion.convert_oldest(session, states_ns),
         )
-        first, began = self._step, False
+        first, began, unfinished = self._step, False, False
         for place in range(first, first + len(steps)):
             more = True
             while more and (not began or time.monotonic() < ends):
@@ -223,6 +226,8 @@ class Upkeep(Writer):
                 self._step = (place + 1) % len(steps)
                 with self._write_session() as session:
                     more = steps[place % len(steps)](session)
+            unfinished = unfinished or more
+        return unfinished
 
     def _prune_gates(self, session: Session) -> bool:
         """Delete what is too old of some segments; False after the last ones.

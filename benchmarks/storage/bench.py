@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Final
@@ -13,7 +14,7 @@ from typing import Final
 import storage
 from benchmarks.aims import Check, check_table
 from benchmarks.storage.city import CYCLE_S, START_NS, City, StoredCycle
-from dispatcher_daemon.store import PRUNE_BATCH, TIDY_S
+from dispatcher_daemon.store import PRUNE_BATCH, TIDY_S, delete_old_traffic
 from slipstream.messages import VehiclePlan
 from slipstream.orders import FleetRecords, PlanRecord
 
@@ -42,7 +43,8 @@ class Figures:
         gb_a_day: growth in the second half.
         record_ms: to store a cycle with its plans and states: median and longest.
         rollup_ms: to store its minutes, after the plans have gone out: likewise.
-        purge_ms: what is deleted after a cycle: likewise.
+        purge_ms: what is deleted after a cycle: median, and the longest of its calls, between
+            which others write.
         backlog_ms: longest call that deletes cycles of half the time, up to 50 each.
         queries_ms: median by query.
         purge_cpu_ms: processor time of the deletion after a cycle in this process, where SQLite
@@ -89,7 +91,7 @@ def measure(
     city = City(segments)
     record, rollup, purge, purge_cpu = [], [], [], []
     cycles = days * CYCLES_A_DAY
-    half = 0
+    half, longest_ms = 0, 0.0
     before: Sequence[VehiclePlan] = ()
     with storage.open_database(url, owned=True) as database:
         for number in range(1, cycles + 1):
@@ -105,13 +107,14 @@ def measure(
             record.append(_ms(store))
             rollup.append(_ms(lambda c=cycle: database.add_rollups(c.minutes)))  # type: ignore[misc]
 
-            def clean(now_ns: int = now_ns) -> None:
-                database.trim(_KEEP_MB, limit=PRUNE_BATCH)
-                database.tidy(now_ns, budget_s=TIDY_S)
-                database.prune(_KEEP_DAYS, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S)
-
             began_cpu = time.thread_time()
-            purge.append(_ms(clean))
+            steps = _Steps(database)
+            steps.ms.append(_ms(lambda: database.trim(_KEEP_MB, limit=PRUNE_BATCH)))
+            delete_old_traffic(steps, now_ns)
+            prune = partial(database.prune, limit=PRUNE_BATCH, budget_s=TIDY_S)
+            steps.ms.append(_ms(lambda: prune(_KEEP_DAYS, now_ns)))  # noqa: B023 - called here
+            purge.append(sum(steps.ms))
+            longest_ms = max(longest_ms, *steps.ms)
             purge_cpu.append(1e3 * (time.thread_time() - began_cpu))
             if number == cycles // 2:
                 half = size()
@@ -131,12 +134,27 @@ def measure(
         (whole - half) / 1e9 / (days / 2),
         (median(record), max(record)),
         (median(rollup), max(rollup)),
-        (median(purge), max(purge)),
+        (median(purge), longest_ms),
         max(backlog),
         queries,
         (median(purge_cpu), max(purge_cpu)),
         queries_cpu,
     )
+
+
+class _Steps:
+    """Deletes old traffic and notes how long each call takes."""
+
+    def __init__(self, database: storage.Database) -> None:
+        self._database = database
+        self.ms: list[float] = []
+
+    def tidy(self, now_ns: int, *, budget_s: float) -> bool:
+        """As `storage.Database.tidy`."""
+        began = time.monotonic()
+        more = self._database.tidy(now_ns, budget_s=budget_s)
+        self.ms.append(1e3 * (time.monotonic() - began))
+        return more
 
 
 def _queries(url: str, segment: str, now_ns: int) -> tuple[dict[str, float], dict[str, float]]:

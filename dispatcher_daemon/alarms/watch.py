@@ -6,11 +6,12 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
 from typing import Final, Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.alarms.book import TOLD_S, AlarmBook
-from dispatcher_daemon.alarms.conditions import Condition
+from dispatcher_daemon.alarms.conditions import KINDS, Condition
 from slipstream.messages import SEVERITIES, Alarm, Alarms
 from slipstream.service import LogLimiter
 from storage import Event, StorageError
@@ -63,10 +64,16 @@ class AlarmWatch:
     ) -> None:
         self._store, self._publish = store, publish
         self._announce, self._wake = announce, wake
-        stored = store.load_alarms(time.time_ns() - round(1e9 * TOLD_S))
+        now_ns = time.time_ns()
+        stored = store.load_alarms(now_ns - round(1e9 * TOLD_S))
         self._book = AlarmBook(map(alarm_of, stored), time.monotonic())
         self._lock = threading.Lock()
-        self._unsaved: dict[str, Alarm] = {}
+        # Nothing finds these any more, so that nothing would end them.
+        self._unsaved = {
+            str(event.alarm): _of_unknown_kind(event, now_ns)
+            for event in stored
+            if event.ended_ns is None and event.kind not in KINDS
+        }
         self._save_from_s = 0.0
         self._told_s = -TELL_EVERY_S
         self._limiter = LogLimiter()
@@ -158,6 +165,13 @@ class AlarmWatch:
         for severity, count in counts.items():
             metrics.ALARMS.labels(severity).set(count)
         self._publish(alarms)
+
+
+def _of_unknown_kind(event: Event, now_ns: int) -> Alarm:
+    """An alarm in force that another version has raised, ended."""
+    log.warning("alarm over, %s %s: this version does not know it", event.subject, event.kind)
+    text = f"{event.text} (ended at a start: this version does not know the kind)"
+    return alarm_of(replace(event, text=text, ended_ns=max(now_ns, event.time_ns)))
 
 
 def event_of(alarm: Alarm) -> Event:

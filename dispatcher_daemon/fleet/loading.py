@@ -5,10 +5,13 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
-from dispatcher_daemon.fleet.clock import given_twice
+from dispatcher_daemon.fleet.clock import given_twice, parse
 from dispatcher_daemon.fleet.models import DEPOT, Break, Fleet, Stop, Vehicle
 from dispatcher_daemon.fleet.places import distances, located, with_unknown_nodes
 from slipstream.config import check, read_data
@@ -172,6 +175,7 @@ def _faults(
                 key=f"{key}.first_stop",
             )
         yield from _check_type(fleet, vehicle, source, key)
+        yield from _break_faults(fleet, vehicle, source, key)
     yield from _check_carriers(fleet, source, prefix)
     first = [v.first_stop for v in fleet.vehicles if v.first_stop is not None]
     mend = "give each vehicle a stop of its own"
@@ -241,3 +245,20 @@ def _no_duplicates(
         if count > 1:
             what = table.rpartition(".")[2]
             yield InputError(source, f"{count} {what} with {key} {value!r}", mend, key=table)
+
+
+def _break_faults(
+    fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str
+) -> Iterator[InputError]:
+    """Breaks whose windows overlap and have no room for both, one after the other."""
+    zone = ZoneInfo(fleet.time_zone)
+    for number, (first, second) in enumerate(pairwise(vehicle.breaks), 1):
+        clocks = (*first.clocks.values(), *second.clocks.values())
+        if any(text is not None and isinstance(parse(text), datetime) for text in clocks):
+            continue  # Their distance is another one each day.
+        one, other = first.at(zone, 0), second.at(zone, 0)
+        apart = one.latest_s < other.earliest_s or other.latest_s < one.earliest_s
+        if not apart and one.earliest_s + one.duration_s > other.latest_s:
+            problem = "it cannot begin in its window after the break before, which overlaps it"
+            mend = "list it before that one, give it a later window, or make one break of both"
+            yield InputError(source, problem, mend, key=f"{key}.breaks.{number}")

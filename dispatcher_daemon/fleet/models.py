@@ -190,10 +190,10 @@ class Break(Settings):
         times = {f"{name}_s": min(max(s, -_DAY_S), _DAY_S) for name, s in after.items()}
         return self.model_copy(update=times) if times else self
 
-    def is_outside(self, leaves_s: float, back_s: float) -> bool:
-        """Whether a tour leaves it to the time at the depot: after it, before it, or both."""
-        before = leaves_s >= self.earliest_s + self.duration_s or leaves_s > self.latest_s
-        return before or back_s <= self.latest_s
+    @property
+    def over(self) -> Break:
+        """The break in a window that closed long ago: it keeps its place among the others."""
+        return self.model_copy(update={"earliest_s": -_DAY_S, "latest_s": -_DAY_S})
 
 
 class Vehicle(Settings):
@@ -267,6 +267,30 @@ class Vehicle(Settings):
             number: of the break, from 0.
         """
         return f"{self.id} break {number + 1}"
+
+    def breaks_at_depot(self, leaves_s: float, back_s: float) -> frozenset[int]:
+        """Numbers of the breaks that a tour leaves to the time at the depot, before it or after it.
+
+        They follow one another there too, so that each takes a time of its own.
+
+        Args:
+            leaves_s: when the tour begins, s as all times of the fleet.
+            back_s: when it ends.
+        """
+        before, ended_s = 0, -math.inf
+        for own in self.breaks:
+            begins_s = max(own.earliest_s, ended_s)
+            if begins_s + own.duration_s > leaves_s and own.latest_s >= leaves_s:
+                break
+            before, ended_s = before + 1, begins_s + own.duration_s
+        # The last ones, as many as have room after it.
+        after, begins_by_s = len(self.breaks), math.inf
+        for own in reversed(self.breaks[before:]):
+            begins_by_s = min(own.latest_s, begins_by_s - own.duration_s)
+            if begins_by_s < max(back_s, own.earliest_s):
+                break
+            after -= 1
+        return frozenset((*range(before), *range(after, len(self.breaks))))
 
     @property
     def clocks(self) -> dict[str, str | None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Final, Protocol, TypeVar
 
 from dispatcher_daemon import metrics
@@ -31,6 +31,7 @@ from slipstream.messages import (
 )
 from slipstream.orders import ORDER_STATES, FleetRecords, OrderChange, OrderRecord, OrderRefused
 from slipstream.roads import RoadNetwork
+from storage import OrderKnownError
 
 T = TypeVar("T")
 
@@ -43,6 +44,10 @@ class OrderStore(Protocol):
 
     def save_fleet(self, records: FleetRecords) -> None:
         """Store durably, or raise."""
+        ...
+
+    def add_orders(self, records: FleetRecords) -> None:
+        """Store new ones durably, or raise; `OrderKnownError`: some are stored already."""
         ...
 
     def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
@@ -109,9 +114,32 @@ class OrderIntake:
         Raises:
             OrdersRefused: some cannot be taken.
         """
-        known = self._watch.read(lambda tracker: set(tracker.book.orders))
-        new = [request for request in requests if request.id not in known]
-        past = {order.order: order for order in self._store.find_orders({r.id for r in new})}
+        try:
+            try:
+                found = self._submit(requests, {})
+            except (OrderKnownError, OrdersRefused) as error:
+                # Some may have ended so long ago that the tracker has forgotten them. Looked up
+                # only here: mostly all are new, and their caller waits.
+                names = {request.id for request in requests}
+                past = {order.order: order for order in self._store.find_orders(names)}
+                if not past and isinstance(error, OrdersRefused):
+                    raise
+                found = self._submit(requests, past)
+        except OrdersRefused as refused:
+            for refusal in refused.refusals:
+                metrics.ORDERS_REFUSED.labels(refusal.kind).inc()
+            raise
+        new = [receipt.order for receipt, is_new in found if is_new]
+        if new:
+            metrics.ORDERS_TAKEN.inc(len(new))
+            self._taken(new)
+        return found
+
+    def _submit(
+        self, requests: Sequence[OrderRequest], past: Mapping[str, OrderRecord]
+    ) -> list[tuple[OrderReceipt, bool]]:
+        ids = {request.id for request in requests}
+        known = self._watch.read(lambda tracker: ids.intersection(tracker.book.orders))
         now_ns, area = self._clock(), self._service_area()
         nodes: dict[str, str] = {}
         refusals: dict[int, OrderRefusal] = {}
@@ -142,17 +170,7 @@ class OrderIntake:
                 raise OrdersRefused([refusals[number] for number in sorted(refusals)])
             return taken
 
-        try:
-            found = self._edit(take)
-        except OrdersRefused as refused:
-            for refusal in refused.refusals:
-                metrics.ORDERS_REFUSED.labels(refusal.kind).inc()
-            raise
-        names = [receipt.order for receipt, is_new in found if is_new]
-        if names:
-            metrics.ORDERS_TAKEN.inc(len(names))
-            self._taken(names)
-        return found
+        return self._edit(take, self._store.add_orders)
 
     def show(self, name: str) -> OrderHistory:
         """An order with its life. Raises OrderRefused: it is not known."""
@@ -275,11 +293,16 @@ class OrderIntake:
 
         return self._edit(release)
 
-    def _edit(self, edit: Callable[[FleetTracker], T]) -> T:
+    def _edit(
+        self,
+        edit: Callable[[FleetTracker], T],
+        store: Callable[[FleetRecords], None] | None = None,
+    ) -> T:
         began = time.monotonic()
+        store = store or self._store.save_fleet
 
         def save(records: FleetRecords) -> None:
-            self._store.save_fleet(records)
+            store(records)
             # Under the fleet's lock, so that nobody is told of a later change before.
             for change in records.changes:
                 self._announce(change)

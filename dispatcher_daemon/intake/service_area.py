@@ -14,6 +14,9 @@ from slipstream.roads import RoadNetwork
 from slipstream.snapping import Snapper
 from slipstream.vehicle_types import RoutingProfile
 
+_Rule = tuple[str, Callable[[Vehicle], bool], str, str]
+"""Key of the order, whether a vehicle keeps it, what is wrong where none does, and the mend."""
+
 
 class ServiceArea:
     """The places and loads that some vehicle of a fleet can serve, whatever the traffic.
@@ -70,51 +73,65 @@ class ServiceArea:
             OrderRefused: none could, with the field that is in the way.
         """
         fleet = self._fleet
-        left = () if fleet is None else fleet.vehicles
-
-        def narrowed(key: str, keep: Callable[[Vehicle], bool], problem: str, mend: str) -> None:
-            nonlocal left
+        if fleet is None:
+            if vehicle is not None:
+                mend = "name one of the fleet's vehicles"
+                raise _refused(stop, "vehicle", f"no vehicle {vehicle!r}", mend)
+            return
+        rules = self._rules(fleet, stop, vehicle)
+        # Mostly one of the first vehicles will do.
+        if any(all(keep(v) for _, keep, _, _ in rules) for v in fleet.vehicles):
+            return
+        left = fleet.vehicles
+        for key, keep, problem, mend in rules:
             kept = tuple(v for v in left if keep(v))
             if not kept:
-                raise OrderRefused("invalid", problem, mend, order=stop.id, key=key)
+                if key == "demand":
+                    largest = max((v.capacity or 0 for v in left), default=0)
+                    problem = f"{problem} (largest: {largest})"
+                raise _refused(stop, key, problem, mend)
             left = kept
 
-        if vehicle is not None:
-            mend = "name one of the fleet's vehicles"
-            narrowed("vehicle", lambda v: v.id == vehicle, f"no vehicle {vehicle!r}", mend)
+    def _rules(self, fleet: Fleet, stop: Stop, vehicle: str | None) -> tuple[_Rule, ...]:
+        """What a vehicle has to keep to serve a stop, in the order in which it is told."""
         whose = "vehicle" if vehicle is None else f"vehicle {vehicle!r}"
-        if fleet is None:
-            return
-        narrowed(
-            "carrier",
-            lambda v: stop.carrier in (None, v.carrier),
-            f"no {whose} is of carrier {stop.carrier!r}",
-            "give a carrier of the fleet, or none",
-        )
-        narrowed(
-            "skills",
-            lambda v: set(stop.skills) <= set(v.skills),
-            f"no {whose} has all the skills {', '.join(stop.skills)}",
-            "ask for less, or give a vehicle the skills",
-        )
-        largest = max((v.capacity or 0 for v in left), default=0)
-        narrowed(
-            "demand",
-            lambda v: v.capacity is None or stop.demand <= v.capacity,
-            f"{stop.demand} is above every capacity (largest: {largest})",
-            "split the order",
-        )
-        narrowed(
-            "mass_kg",
-            lambda v: fleet.overload(v, [stop]) is None,
-            f"{stop.mass_kg:g} kg are above every payload",
-            "split the order",
-        )
-        narrowed(
-            "node",
-            lambda v: self._is_reached(v, stop.node),
-            f"no {whose} gets from its depot to {stop.node!r} and back",
-            "give a place on roads that the vehicles may use",
+        return (
+            (
+                "vehicle",
+                lambda v: vehicle in (None, v.id),
+                f"no vehicle {vehicle!r}",
+                "name one of the fleet's vehicles",
+            ),
+            (
+                "carrier",
+                lambda v: stop.carrier in (None, v.carrier),
+                f"no {whose} is of carrier {stop.carrier!r}",
+                "give a carrier of the fleet, or none",
+            ),
+            (
+                "skills",
+                lambda v: set(stop.skills) <= set(v.skills),
+                f"no {whose} has all the skills {', '.join(stop.skills)}",
+                "ask for less, or give a vehicle the skills",
+            ),
+            (
+                "demand",
+                lambda v: v.capacity is None or stop.demand <= v.capacity,
+                f"{stop.demand} is above every capacity",
+                "split the order",
+            ),
+            (
+                "mass_kg",
+                lambda v: fleet.overload(v, [stop]) is None,
+                f"{stop.mass_kg:g} kg are above every payload",
+                "split the order",
+            ),
+            (
+                "node",
+                lambda v: self._is_reached(v, stop.node),
+                f"no {whose} gets from its depot to {stop.node!r} and back",
+                "give a place on roads that the vehicles may use",
+            ),
         )
 
     def _node(self, request: OrderRequest) -> str:
@@ -181,6 +198,10 @@ class ServiceArea:
                 out[segment.start].append(segment.end)
                 back[segment.end].append(segment.start)
         return out, back
+
+
+def _refused(stop: Stop, key: str, problem: str, mend: str) -> OrderRefused:
+    return OrderRefused("invalid", problem, mend, order=stop.id, key=key)
 
 
 def _is_place(fleet: Fleet, name: str) -> bool:

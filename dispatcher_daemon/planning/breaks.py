@@ -32,11 +32,12 @@ def with_breaks(
             route.visits[0].departure_s - reference_s,
             route.visits[-1].arrival_s - reference_s,
         )
-        if own.is_outside(leaves_s, back_s):
+        if number in vehicle.breaks_at_depot(leaves_s, back_s):
             continue
-        # Where the vehicle has come by then, and each place before it.
         name, best = vehicle.break_id(number), None
-        for at in range(first, len(found)):
+        # At once after the break before only where no place behind it is better.
+        places = (*range(first + 1, len(found)), first) if first > 1 else range(1, len(found))
+        for at in places:
             place = found[at].start
             pause = replace(empty_leg(place, name), pause=own)
             tried = [*found[:at], pause, *found[at:]]
@@ -45,7 +46,7 @@ def with_breaks(
             if best is None or judged < best[0]:
                 best = judged, at, tried
         if best is not None:
-            found, first = best[2], best[1] + 2
+            found, first = best[2], best[1] + 1
     return found
 
 

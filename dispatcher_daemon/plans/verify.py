@@ -158,10 +158,11 @@ def _break_faults(
     begin_ns = plan.issued_ns + round(reference_s * 1e9)
     tolerance_s = 1e-9 * _TOLERANCE_NS
     taken = [stop for stop in plan.stops if stop.kind == "break"]
-    for pause in vehicle.breaks:
-        leaves_s = 1e-9 * (plan.depart_ns - begin_ns)
-        back_s = 1e-9 * (plan.stops[-1].arrival_ns - begin_ns)
-        for stop in taken:
+    leaves_s = 1e-9 * (plan.depart_ns - begin_ns) + tolerance_s
+    back_s = 1e-9 * (plan.stops[-1].arrival_ns - begin_ns) - tolerance_s
+    at_depot = vehicle.breaks_at_depot(leaves_s, back_s)
+    for number, pause in enumerate(vehicle.breaks):
+        for stop in [stop for stop in taken if stop.stop == vehicle.break_id(number)]:
             earliest_s = max(pause.earliest_s, 1e-9 * (stop.arrival_ns - begin_ns))
             ends_s = 1e-9 * (stop.departure_ns - begin_ns)
             whole = ends_s - earliest_s >= pause.duration_s - tolerance_s
@@ -170,8 +171,7 @@ def _break_faults(
                 taken.remove(stop)
                 break
         else:
-            late_s = back_s - pause.latest_s
-            if not pause.is_outside(leaves_s, back_s) and late_s > tolerance_s:
+            if number not in at_depot:
                 yield f"has no break of {pause.duration_s:g} s in its window"
     yield from (f"takes a break that it does not have, {stop.stop}" for stop in taken)
 

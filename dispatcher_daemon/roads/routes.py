@@ -274,16 +274,20 @@ def _late_for_breaks_s(vehicle: Vehicle, route: Route, reference_s: float) -> It
     """By how much each break of a vehicle begins too late on its route: those that it has none for,
     and that the time at the depot does not take, by the whole tour.
     """
-    taken = {leg.pause: visit for leg, visit in zip(route.legs, route.visits[1:], strict=True)}
+    legs = zip(route.legs, route.visits[1:], strict=True)
+    taken = {leg.end: visit for leg, visit in legs if leg.pause is not None}
     leaves_s = route.visits[0].departure_s - reference_s
     back_s = route.visits[-1].arrival_s - reference_s
-    for own in vehicle.breaks:
-        visit = taken.get(own)
+    at_depot = vehicle.breaks_at_depot(leaves_s, back_s)
+    for number, own in enumerate(vehicle.breaks):
+        visit = taken.get(vehicle.break_id(number))
         if visit is not None:
             begins_s = visit.departure_s - visit.wait_s - own.duration_s - reference_s
             yield begins_s - own.latest_s
-        elif not own.is_outside(leaves_s, back_s):
-            yield back_s - own.latest_s
+        elif number not in at_depot:
+            # It ends its window late by the whole of what it lacks, even where only a part of it
+            # has no room beside the other breaks.
+            yield max(back_s - own.latest_s, own.duration_s)
 
 
 def _places(problem: RoutingProblem, vehicle: Vehicle, stops: Sequence[str]) -> list[str]:

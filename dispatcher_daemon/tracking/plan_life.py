@@ -114,6 +114,10 @@ class PlanLife:
         breaks = [stop for stop in left if stop.kind == "break"]
         if breaks and vehicle.rested_ns < breaks[-1].arrival_ns:
             vehicle.rested_ns = now_ns
+            own = vehicle.definition
+            names = [own.break_id(number) for number in range(len(own.breaks))]
+            last = breaks[-1].stop
+            vehicle.rested_break = names.index(last) if last in names else None
         if vehicle.position.on_road or vehicle.leg > 0:
             self.leave(vehicle, now_ns)
         if not vehicle.reports_progress and vehicle.left:
@@ -149,6 +153,7 @@ class PlanLife:
         if vehicle.offered is not None:
             self.drop_offer(vehicle, "superseded", now_ns, "its vehicle is back")
         vehicle.accepted, vehicle.left, vehicle.leg = None, False, 0
+        vehicle.back_ns = now_ns
         self._book.release(vehicle.id, now_ns, f"{vehicle.id} came back with it", loaded=True)
 
     def take_back(self, vehicles: Iterable[TrackedVehicle], cycle: int, now_ns: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from dispatcher_daemon.fleet import Depot, Vehicle
+from dispatcher_daemon.fleet import Break, Depot, Vehicle
 from slipstream.messages import VehiclePosition, VehicleProgress
 from slipstream.orders import PlanRecord, PlanStatus, VehicleRecord
 
@@ -38,6 +38,8 @@ class TrackedVehicle:
         left_out_until: cycle from which on it is planned again.
         booked: up to where the accepted plan is in the energy ledger, in segments of its way.
         rested_ns: when its last break ended, UTC; 0: it has had none.
+        rested_break: number of that break; None: not known, as it was stored by a version before.
+        back_ns: when its last tour ended, UTC; 0: none has since the start.
     """
 
     definition: Vehicle
@@ -57,6 +59,8 @@ class TrackedVehicle:
     left_out_until: int = 0
     booked: float = 0.0
     rested_ns: int = 0
+    rested_break: int | None = None
+    back_ns: int = 0
 
     @property
     def id(self) -> str:
@@ -85,16 +89,28 @@ class TrackedVehicle:
         return given.model_copy(update={"charge_kwh": charge_kwh})
 
     def plannable(self, reference_ns: int) -> Vehicle:
-        """`charged`, without the breaks that it has had.
+        """`charged`, with the breaks that it has had as breaks that are over. They are taken in
+        their order, so that those behind the last one are still to come. At its depot it can have
+        had none before its last tour ended.
 
         Args:
             reference_ns: UTC that its times count from.
         """
         vehicle = self.charged()
-        due = [b for b in vehicle.breaks if reference_ns + 1e9 * b.earliest_s >= self.rested_ns]
-        if len(due) == len(vehicle.breaks):
-            return vehicle
-        return vehicle.model_copy(update={"breaks": tuple(due)})
+        last = len(vehicle.breaks) if self.rested_break is None else self.rested_break
+        back_s = 1e-9 * (self.back_ns - reference_ns)
+
+        def due(number: int, own: Break) -> Break:
+            if number <= last and reference_ns + 1e9 * own.earliest_s < self.rested_ns:
+                return own.over
+            if own.earliest_s < back_s <= own.latest_s:
+                return own.model_copy(update={"earliest_s": back_s})
+            return own
+
+        breaks = tuple(due(number, own) for number, own in enumerate(vehicle.breaks))
+        return (
+            vehicle if breaks == vehicle.breaks else vehicle.model_copy(update={"breaks": breaks})
+        )
 
     @property
     def keeps_its_plan(self) -> bool:
@@ -140,6 +156,7 @@ class TrackedVehicle:
             left_out_until=self.left_out_until,
             booked=self.booked,
             rested_ns=self.rested_ns,
+            rested_break=self.rested_break,
         )
 
 
@@ -155,6 +172,7 @@ def loaded(record: VehicleRecord) -> TrackedVehicle:
         left_out_until=record.left_out_until,
         booked=record.booked,
         rested_ns=record.rested_ns,
+        rested_break=record.rested_break,
     )
 
 

@@ -135,6 +135,7 @@ class Tours:
         spare = [
             self._orders[stop.stop].latest_s - stop.arrival_ns / 1e9 - shift
             for stop in own.plan.stops[own.leg + 1 : -1]
+            if stop.stop in self._orders
         ]
         return max(0.0, min(spare, default=0.0))
 
@@ -154,7 +155,12 @@ class Tours:
             del self._under_way[vehicle]
             self.idle[vehicle] = now_s
             return
-        order = self._orders[own.plan.stops[own.leg].stop]
+        stop = own.plan.stops[own.leg]
+        if stop.kind == "break":
+            ended_s = max(now_s + stop.break_s, stop.departure_ns / 1e9)
+            yield from self._next(vehicle, ended_s, ended_s)
+            return
+        order = self._orders[stop.stop]
         self._served[order.id] = now_s
         done_s = now_s + order.service_s
         yield from self._next(vehicle, done_s, done_s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from itertools import takewhile
 from typing import Final, Protocol
 
 import libsumo
@@ -216,6 +217,7 @@ class FleetWorld:
         due_s = self._time_s(plan.depart_ns) if begins else van.ready_s
         if not begins and plan.stops[leg].wait_s > 0:
             due_s = max(due_s, self._time_s(plan.stops[leg].departure_ns))
+        due_s = max(due_s, van.ready_s + _breaks_s(plan, leg))
         path = tuple(segment.segment for segment in planned)
         van.way = Way(plan, leg, planned, path, due_s, free_s(planned))
         van.serves, van.entering = None, True
@@ -354,6 +356,12 @@ class FleetWorld:
     def _time_s(self, time_ns: int) -> float:
         """The simulation's time of a moment, s."""
         return self._session.time_s + (time_ns - self._clock_ns()) / 1e9
+
+
+def _breaks_s(plan: VehiclePlan, leg: int) -> float:
+    """Length of the breaks that are taken since the last stop before a leg, s."""
+    breaks = takewhile(lambda stop: stop.kind == "break", reversed(plan.stops[: leg + 1]))
+    return sum(stop.break_s for stop in breaks)
 
 
 def _is_placed(sumo: str) -> bool:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+from sqlalchemy import create_engine, text
 
 from dispatcher_daemon.store import open_in_turn
 from slipstream.bus import Router
@@ -21,6 +22,8 @@ from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 from slipstream.service import Service
 from storage import StorageError, open_database, open_reader
+from storage.engine import parse_url
+from storage.ownership import _ADVISORY_LOCK
 
 MAX_TAKEOVER_S = 10.0
 
@@ -129,3 +132,66 @@ def test_a_standby_takes_over(
     assert "Traceback" not in log.read_text()
     figure(f"{kind}: the first cycle {took_s:.1f} s after the death, at one cycle in 2 s")
     assert took_s < (MAX_TAKEOVER_S if full_size else 60.0)
+
+
+_LOCK_HOLDER = text(
+    "SELECT pid FROM pg_locks WHERE locktype = 'advisory' AND granted AND objsubid = 1"
+    " AND (classid::bigint << 32 | objid::bigint) = :key"
+)
+
+
+def cut_lock(url: str) -> int:
+    """End the session that holds a database's lock; the server's process that it was."""
+    engine = create_engine(parse_url(url))
+    try:
+        with engine.begin() as connection:
+            (process,) = connection.scalars(_LOCK_HOLDER, {"key": _ADVISORY_LOCK}).all()
+            assert connection.scalar(text("SELECT pg_terminate_backend(:pid)"), {"pid": process})
+    finally:
+        engine.dispose()
+    return int(process)
+
+
+@pytest.mark.attack
+@pytest.mark.process
+@pytest.mark.slow(long=True)
+def test_a_dispatcher_that_lost_its_lock_ends_and_writes_nothing_more(
+    tmp_path: Path, postgres_url: str
+) -> None:
+    """Its session is ended by the server, it lives on: the standby takes the lock, and what the
+    first one plans then is neither stored nor sent.
+    """
+    config = tmp_path / "dispatcher.toml"
+    with Router() as router:
+        config.write_text(
+            tomli_w.dumps(
+                {
+                    "bus": {"connect": [router.endpoint]},
+                    "database_url": postgres_url,
+                    "solvers": ["exact"],
+                    "interval_s": 10.0,
+                    "deadline_s": 1.0,
+                }
+            )
+        )
+        first, second = tmp_path / "dispatcher.log", tmp_path / "dispatcher--standby.log"
+        with dispatcher(config) as active, dispatcher(config, "--standby") as standby:
+            wait_until(lambda: "standby: waiting" in second.read_text())
+            wait_until(lambda: bool(numbers(postgres_url)))
+            before = len(numbers(postgres_url))
+            # Right after a cycle: the standby asks each second, the next cycle is 10 s away.
+            wait_until(lambda: len(numbers(postgres_url)) > before)
+            before = len(numbers(postgres_url))
+            wait_until(lambda: first.read_text().count(" plans by ") == before)
+            cut_lock(postgres_url)
+            wait_until(lambda: "active one now" in second.read_text())
+            assert active.wait(60) != 0
+            wait_until(lambda: len(numbers(postgres_url)) >= before + 2)
+            standby.terminate()
+            assert standby.wait(60) == 0
+    after = numbers(postgres_url)
+    assert after == list(range(1, len(after) + 1))
+    lines = first.read_text()
+    assert "another dispatcher has taken over; this one ends" in lines
+    assert lines.count(" plans by ") == before
+    assert second.read_text().count(" plans by ") == len(after) - before

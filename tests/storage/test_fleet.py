@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 import storage
 from slipstream.messages import VehiclePosition
 from slipstream.orders import (
@@ -130,6 +132,26 @@ def test_the_life_of_an_order_is_kept(any_url):
         assert reader.order_changes("s2") == ()
         assert reader.orders() == (steps[-1],)
         assert reader.orders(("open", "planned")) == ()
+
+
+def test_new_orders_are_added_all_or_none(any_url):
+    """Without a look at what is there: an id that is stored already refuses them all."""
+    orders = [replace(make_order(f"s{i}"), request={"id": f"s{i}", "n": 1}) for i in range(3)]
+
+    def records(*some):
+        return FleetRecords(some, tuple(map(change_of, some)))
+
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        database.add_orders(records(*orders[:2]))
+        with pytest.raises(storage.OrderKnownError):
+            database.add_orders(records(orders[2], orders[1]))
+        assert reader.orders() == tuple(orders[:2])
+        assert reader.order_changes("s2") == ()
+        later = replace(orders[0], state="planned", since_ns=NOW_NS + 9)
+        database.save_fleet(records(later))
+        assert reader.order_changes("s0") == (change_of(orders[0]), change_of(later))
+        database.add_orders(records(orders[2]))
+        assert len(reader.orders()) == 3
 
 
 def test_an_ended_order_is_forgotten_only_when_no_file_has_it(any_url, make_cycle):

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import storage
+from dispatcher_daemon import store
 from slipstream.messages import Estimate
 from storage import RollUpBuffer, upkeep
 from storage.traffic import rollup_table
@@ -292,6 +293,32 @@ def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle, monkeypatch):
             database.tidy(START_NS + 3 * DAY_NS, budget_s=0.0)
         assert reader.states(1) == ()
         assert len(reader.rollups("a", 0, 2**62)) == 29
+
+
+@pytest.mark.parametrize(("catch_up_s", "left"), [(0.0, 40), (1.0, 9)], ids=["once", "in calls"])
+def test_deletion_keeps_up_where_a_call_has_time_for_one_step(
+    url, make_cycle, monkeypatch, catch_up_s, left
+):
+    """On a machine on which each step takes all the time of a call, three minutes go in a step,
+    one kind of six in a call, and five minutes come in each cycle.
+    """
+    monkeypatch.setattr(rollup_table, "ROWS_A_STEP", 3)
+    monkeypatch.setattr(upkeep, "MINUTES_KEPT_H", 1 / 15)
+    monkeypatch.setattr(store, "TIDY_S", 0.0)
+    monkeypatch.setattr(store, "CATCH_UP_S", catch_up_s)
+    cycle = make_cycle(1)
+    with storage.open_database(url) as database, storage.open_reader(url) as reader:
+        buffer = RollUpBuffer()
+        for number in range(1, 11):
+            now_ns = START_NS + 5 * number * MINUTE_NS
+            for minute in range(5):
+                buffer.add(_state(cycle, "a", now_ns + (minute - 5) * MINUTE_NS, 9.0))
+            database.add_rollups(buffer.take())
+            database.record_cycle(*_cycle(cycle, number, now_ns, {"a": True}))
+            store.delete_old_traffic(database, now_ns)
+        minutes = len(reader.rollups("a", 0, 2**62))
+        assert minutes >= left if catch_up_s == 0.0 else minutes <= left
+        assert not database.tidy(now_ns)
 
 
 def _store_as_before(url, cycle) -> None:

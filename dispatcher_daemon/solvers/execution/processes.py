@@ -18,9 +18,13 @@ from slipstream.service import die_with_parent
 
 log = logging.getLogger(__name__)
 
+_NICENESS = 5
+"""Of workers: whoever waits for this process, which does little itself, comes before a search."""
+
 
 def start_worker(parent: int) -> None:
-    """End the worker when its parent ends; leave Ctrl-C to the parent."""
+    """End the worker when its parent ends; leave Ctrl-C to the parent, and other work its turn."""
+    os.nice(_NICENESS)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
     # when the creating thread ends: SolverPool makes workers in threads that live as long as it.

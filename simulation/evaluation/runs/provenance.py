@@ -77,7 +77,7 @@ def provenance_of(
         _digest(scenario.net.read_bytes()),
         _digest(_together([*background, *(path.read_bytes() for path in scenario.additional)])),
         "" if rsus is None else _digest(json.dumps([_rsu_data(rsu) for rsu in rsus]).encode()),
-        _digest(scenario.fleet.model_dump_json().encode()),
+        _digest(scenario.fleet.digest_text().encode()),
         _digest(measured_errors().model_dump_json().encode()),
         signals,
         *span_s,

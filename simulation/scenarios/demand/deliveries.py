@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
+from dispatcher_daemon.fleet import Break, Depot, Fleet, Stop, Vehicle
 from simulation.scenarios.demand.trips import (
     Array,
     Hours,
@@ -29,6 +29,7 @@ from slipstream.roads import RoadNetwork
 
 _STREAM: Final = 2000
 _PLACES: Final = 2
+_DAY_S: Final = 86_400.0
 _DAY_CURVE: Final = (
     *(0.4, 0.2, 0.2, 0.4, 1.0, 2.4, 4.6, 6.4, 7.2, 7.4, 7.2, 6.8),
     *(6.2, 6.4, 6.6, 6.8, 6.8, 6.4, 5.6, 4.4, 3.2, 2.0, 1.2, 0.6),
@@ -71,9 +72,23 @@ class FleetSettings(Settings):
     last_release_s: Seconds = Field(
         default=79200.0, description="Nothing is released later, so that all are home by midnight."
     )
+    breaks: Annotated[tuple[Break, ...], Field(max_length=10)] = Field(
+        default=(),
+        description="Of each vehicle, in their order; `earliest_s` and `latest_s` since midnight.",
+    )
     cycle_s: Annotated[float, Field(gt=0, le=3600)] = Field(
         default=300.0, description="Time between dispatch cycles."
     )
+
+    @model_validator(mode="after")
+    def _breaks_have_seconds(self) -> Self:
+        if any(text is not None for own in self.breaks for text in own.clocks.values()):
+            raise ValueError("a simulated day has no clock times: give earliest_s and latest_s")
+        return self
+
+    def digest_text(self) -> str:
+        """JSON for digests, which stored arms hold; without breaks as before there were any."""
+        return self.model_dump_json(exclude=None if self.breaks else {"breaks"})
 
 
 @dataclass(frozen=True)
@@ -181,6 +196,15 @@ def fleet_at(
         )
         for order in orders
     )
+    breaks = tuple(
+        own.model_copy(
+            update={
+                "earliest_s": max(own.earliest_s - now_s, -_DAY_S),
+                "latest_s": max(own.latest_s - now_s, -_DAY_S),
+            }
+        )
+        for own in settings.breaks
+    )
     vehicles = tuple(
         Vehicle(
             id=name,
@@ -188,6 +212,7 @@ def fleet_at(
             capacity=settings.capacity,
             ready_s=max(0.0, idle[name] - now_s),
             depart_by_s=max(0.0, idle[name] - now_s) + settings.depart_within_s,
+            breaks=breaks,
         )
         for name in sorted(idle)
     )

@@ -35,7 +35,7 @@ from slipstream.messages import (
     progress_key,
 )
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, OrderRefused
-from storage import Database, StorageError, open_database, open_reader
+from storage import Database, OrderKnownError, StorageError, open_database, open_reader
 from tests.dispatcher_daemon.test_fleet_watch import Bus, accept
 
 from .conftest import SETTINGS, request
@@ -282,6 +282,12 @@ class Memory:
         self.orders.update({order.order: order for order in records.orders})
         self.changes += records.changes
 
+    def add_orders(self, records: FleetRecords) -> None:
+        """As `Database.add_orders`."""
+        if any(order.order in self.orders for order in records.orders):
+            raise OrderKnownError("a.db: known")
+        self.save_fleet(records)
+
     def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
         """As `Reader.find_orders`."""
         return tuple(self.orders[name] for name in names if name in self.orders)
@@ -289,6 +295,33 @@ class Memory:
     def order_changes(self, order: str) -> tuple[OrderChange, ...]:
         """As `Reader.order_changes`."""
         return tuple(change for change in self.changes if change.order == order)
+
+
+def test_an_order_that_the_tracker_has_forgotten_has_its_first_receipt(
+    district: RoutingProblem,
+) -> None:
+    """Its window has closed long ago, by which a new one is refused; beside new ones too."""
+    now_ns = [1_800_000_000 * S]
+    memory = Memory()
+
+    def start() -> OrderIntake:
+        watch = FleetWatch(district.network, FleetRecords(), 0, lambda: now_ns[0], print)
+        watch.fleet = district.fleet
+        return OrderIntake(watch, memory, memory, district.network, lambda: now_ns[0])
+
+    old = OrderRequest(id="old", node="11", latest=now_ns[0] + 60 * S)
+    ((receipt, is_new),) = start().submit([old])
+    assert is_new
+    now_ns[0] += 3 * 86_400 * S
+    again = start()
+    assert again.submit([old]) == [(receipt, False)]
+    found = again.submit([OrderRequest(id="new", node="22"), old])
+    assert [(r.order, is_new) for r, is_new in found] == [("new", True), ("old", False)]
+    without = OrderRequest(id="old", node="11")
+    with pytest.raises(OrdersRefused) as refused:
+        again.submit([OrderRequest(id="third", node="22"), without])
+    assert [r.kind for r in refused.value.refusals] == ["conflict"]
+    assert set(memory.orders) == {"old", "new"}
 
 
 CONTENTS = [{"node": "11"}, {"node": "22"}, {"node": "11", "demand": 1}, {"node": "p"}]

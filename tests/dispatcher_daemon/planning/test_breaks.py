@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.cycle import CycleResult, form_of, run_cycle
-from dispatcher_daemon.fleet import Break, Fleet, fleet_from
+from dispatcher_daemon.fleet import Break, Fleet, Vehicle, fleet_from
 from dispatcher_daemon.plans import Cycle, verify_plans
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
@@ -81,6 +81,54 @@ def test_two_breaks_come_in_their_order(plan_for: Callable[..., Any]) -> None:
     assert [stop.break_s for stop in breaks_of(plan)] == [30.0, 45.0]
     # The first stop by the search's route is too far for the first break: another order is not.
     assert result.report.unserved == ()
+
+
+def test_two_breaks_in_one_window_are_two(plan_for: Callable[..., Any]) -> None:
+    """Equal ones too; a plan without either of them does not leave."""
+    window = {"duration_s": 30.0, "earliest_s": 40.0, "latest_s": 250.0}
+    (problem, _), result = plan_for([window, window])
+    (plan,) = result.plans
+    (van,) = problem.fleet.vehicles
+    taken = breaks_of(plan)
+    assert [stop.stop for stop in taken] == [van.break_id(0), van.break_id(1)]
+    assert taken[0].departure_ns <= taken[1].arrival_ns
+    assert result.report.unserved == ()
+    roads, reference_s = problem.network, SETTINGS.deadline_s
+    for missing in taken:
+        stops = [s.model_copy(update={"break_s": 0.0}) if s == missing else s for s in plan.stops]
+        spoilt = plan.model_copy(update={"stops": tuple(stops)})
+        found = verify_plans((spoilt,), roads, problem.fleet, (), 4.0, reference_s=reference_s)
+        assert any("no break of 30 s" in fault for fault in found)
+
+
+@pytest.mark.parametrize(
+    ("leaves_s", "back_s", "at_depot"),
+    [
+        (50.0, 500.0, set()),
+        (70.0, 500.0, {0}),
+        (130.0, 500.0, {0, 1}),
+        (0.0, 80.0, {1}),
+        (0.0, 30.0, {0, 1}),
+        (70.0, 80.0, {0, 1}),
+    ],
+)
+def test_the_depot_has_time_for_one_break_after_the_other(
+    leaves_s: float, back_s: float, at_depot: set[int]
+) -> None:
+    """Two of a minute, both to begin within 100 s."""
+    window = {"duration_s": 60.0, "earliest_s": 0.0, "latest_s": 100.0}
+    van = Vehicle.model_validate({"id": "van", "breaks": [window, window]})
+    assert van.breaks_at_depot(leaves_s, back_s) == at_depot
+
+
+def test_a_tour_with_one_stop_has_room_for_two_breaks(town: Callable[..., Town]) -> None:
+    """One after the other, at the only place where it stands."""
+    window = {"duration_s": 30.0, "earliest_s": 0.0, "latest_s": 210.0}
+    stops = [{"id": "s0", "node": "22", "service_s": 20.0}]
+    problem, snapshot = town(stops, [{"breaks": [window, window]}])
+    result = run_cycle(Cycle(problem, snapshot, SETTINGS, 1, snapshot.now_ns, 1), SOLVE)
+    (plan,) = result.plans
+    assert [stop.kind for stop in plan.stops[1:-1]] == ["stop", "break", "break"]
 
 
 @pytest.mark.parametrize(
@@ -185,3 +233,9 @@ def test_breaks_in_a_fleet_file(town: Callable[..., Town]) -> None:
         ]
         with pytest.raises(InputError, match=key):
             read()
+    data["vehicles"][0]["breaks"] = [pause, {**pause, "latest": "11:50"}]
+    with pytest.raises(InputError, match=r"breaks\.1: it cannot begin in its window") as refused:
+        read()
+    assert "list it before that one" in refused.value.mend
+    data["vehicles"][0]["breaks"].reverse()
+    assert len(read().vehicles[0].breaks) == 2

@@ -121,3 +121,41 @@ def test_an_arm_that_cannot_be_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="elsewhere"):
         run_arm(ArmSpec("troy", (routes,), (), 1, Policy("B"), end_s=60.0))
+
+
+def test_vans_stand_for_their_breaks(tmp_path: Path) -> None:
+    """Five minutes to begin within five, of each van: on its tour, at a stop, or at its depot."""
+    scenario = load_scenario("troy")
+    earliest_s, latest_s, length_s = BEGIN_S + 600.0, BEGIN_S + 900.0, 300.0
+    fleet = tmp_path / "fleet.toml"
+    shipped = (scenario.net.parent / "fleet.toml").read_text(encoding="utf-8")
+    window = f"earliest_s = {earliest_s}\nlatest_s = {latest_s}\n"
+    fleet.write_text(f"{shipped}\n[[breaks]]\nduration_s = {length_s}\n{window}")
+    end_s = BEGIN_S + 2400.0
+    background = prepare(scenario, 1, tmp_path)
+    result = run_arm(
+        ArmSpec(
+            "troy",
+            background.files,
+            background.rsus,
+            1,
+            Policy("B"),
+            fleet=fleet,
+            begin_s=BEGIN_S,
+            end_s=end_s,
+        )
+    )
+    on_tour = 0
+    for vehicle in {leg.vehicle for leg in result.legs}:
+        legs = [leg for leg in result.legs if leg.vehicle == vehicle]
+        stands = [(BEGIN_S, legs[0].departed_s, False), (legs[-1].arrived_s, end_s, False)]
+        stands += [(a.arrived_s, b.departed_s, b.leg > 0) for a, b in pairwise(legs)]
+        longest = [
+            (min(to_s, latest_s + length_s) - max(from_s, earliest_s), is_on_tour)
+            for from_s, to_s, is_on_tour in stands
+        ]
+        stood_s, is_on_tour = max(longest)
+        assert stood_s >= length_s - 1.0, vehicle
+        on_tour += is_on_tour
+    assert on_tour > 0
+    assert (result.served_again, result.collisions) == (0, 0)

@@ -186,3 +186,37 @@ def test_a_fleet_has_its_pace(files: tuple[Path, Path], pace: float) -> None:
         town.until(lambda: bool(town.legs))
         (leg,) = town.legs
     assert leg.arrived_s - leg.departed_s == pytest.approx(leg.free_s / pace, rel=0.1)
+
+
+@pytest.mark.parametrize(("planned_until_s", "stands_s"), [(0.0, 120.0), (400.0, None)])
+def test_a_vehicle_stands_for_its_breaks(
+    town: Running, planned_until_s: float, stands_s: float | None
+) -> None:
+    """Two in a row, whole although it comes late, and until the planned time where it is early;
+    that time counts as planned, not as lost.
+    """
+    tour = plan([*segments("a", 0), *segments("bc", 3)], "one", "van break 1", "van break 2")
+    first, second = (
+        stop.model_copy(
+            update={
+                "is_hub": True,
+                "break_s": 60.0,
+                "wait_s": 60.0,
+                "departure_ns": ns(planned_until_s) + n * 60 * 10**9,
+            }
+        )
+        for n, stop in enumerate(tour.stops[2:4])
+    )
+    stops = (*tour.stops[:2], first, second, tour.stops[4])
+    town.exchange.send_plan(tour.model_copy(update={"stops": stops}))
+    town.until(lambda: town.world.tours_finished == 1)
+    there, home = town.legs
+    assert [leg.path for leg in town.legs] == [("a",), ("b", "c")]
+    served_s = there.arrived_s + SERVICE_S
+    until_s = planned_until_s + 60.0 if stands_s is None else served_s + stands_s
+    assert until_s - 1.0 <= home.departed_s <= until_s + 3.0
+    assert home.due_s == pytest.approx(until_s, abs=1.0)
+    assert town.world.begun_s == {"one": there.arrived_s}
+    assert town.world.again == []
+    told = [message for message in town.sent if isinstance(message, VehicleProgress)][-1]
+    assert [(visit.stop, visit.status) for visit in told.visits] == [("one", "served")]

@@ -7,7 +7,7 @@ import pytest
 
 from dispatcher_daemon.fleet import check_fleet
 from simulation.ground_truth import TrueWindow
-from simulation.scenarios.demand.deliveries import draw_deliveries, fleet_at
+from simulation.scenarios.demand.deliveries import FleetSettings, draw_deliveries, fleet_at
 from simulation.scenarios.demand.trips import Zone
 from simulation.scenarios.perception.observer import Observation
 from simulation.scenarios.perception.reporter import FEATURES, Reporter, fit_errors, measured_errors
@@ -57,6 +57,23 @@ def test_a_cycles_fleet_holds_what_is_open_then(troy: Scenario) -> None:
     assert first.depot != second.depot
     assert fleet_at(day, now, {}, ()) is None
     assert fleet_at(day, 0.0, {"van-01": 0.0}, {order.id for order in day.orders}) is None
+
+
+def test_breaks_of_a_day_count_from_each_cycle(troy: Scenario) -> None:
+    """Each van has them; clock times are refused, and days without breaks are those of before."""
+    pause = {"duration_s": 1800.0, "earliest_s": 41400.0, "latest_s": 46800.0}
+    settings = FleetSettings.model_validate({**troy.fleet.model_dump(), "breaks": [pause]})
+    day = draw_deliveries(settings, troy.network, 1)
+    assert day.orders == draw_deliveries(troy.fleet, troy.network, 1).orders
+    fleet = fleet_at(day, 43200.0, dict.fromkeys(day.vehicles, 43200.0), ())
+    assert fleet is not None
+    assert {(own.earliest_s, own.latest_s) for van in fleet.vehicles for own in van.breaks} == {
+        (-1800.0, 3600.0)
+    }
+    assert "breaks" not in troy.fleet.digest_text()
+    assert "breaks" in settings.digest_text()
+    with pytest.raises(ValueError, match="no clock times"):
+        FleetSettings.model_validate({"breaks": [{"duration_s": 1.0, "earliest": "11:30"}]})
 
 
 def test_size_of_a_small_day_is_that_of_its_rounds(troy: Scenario) -> None:

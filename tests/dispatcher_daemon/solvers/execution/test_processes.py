@@ -33,6 +33,12 @@ def test_calls_run_in_other_processes(workers: WorkerExecutor) -> None:
         workers.submit(math.sqrt, -1.0).result(30)
 
 
+def test_workers_leave_other_work_its_turn(workers: WorkerExecutor) -> None:
+    """Their priority is below that of the process that answers callers."""
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    assert workers.submit(os.getpriority, os.PRIO_PROCESS, 0).result(30) == min(19, own + 5)
+
+
 def test_a_killed_worker_costs_its_own_job_only(workers: WorkerExecutor) -> None:
     """A job whose process is killed raises; the one beside it and those after it are answered."""
     beside = workers.submit(time.sleep, 0.5)
