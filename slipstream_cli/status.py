@@ -218,6 +218,8 @@ def of_bus(
     elif health.database_set_aside is not None:
         text = f"started with a new database; the damaged one is {health.database_set_aside}"
         yield Finding("dispatcher (bus)", False, text)
+    elif health.paused:
+        yield Finding("dispatcher (bus)", False, f"paused: no cycle runs; {text}")
     else:
         yield Finding("dispatcher (bus)", True, text)
 

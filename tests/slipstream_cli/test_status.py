@@ -186,6 +186,8 @@ def test_what_the_bus_tells_is_judged_by_age_and_content() -> None:
     assert {name for name, finding in found.items() if finding.well} == {"bus", "RSU d"}
     silent = _found(Heard(True, {}, dispatcher(time_ns=old)))["dispatcher (bus)"]
     assert (silent.well, "silent for 6" in silent.text) == (False, True)
+    paused = _found(Heard(True, {}, dispatcher(paused=True)))["dispatcher (bus)"]
+    assert (paused.well, paused.text.partition(";")[0]) == (False, "paused: no cycle runs")
 
 
 def test_units_are_told_unless_nobody_wants_them() -> None:
